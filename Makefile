@@ -1,5 +1,6 @@
 # make demo    compile the bundled recipe, show the plan, run it
 # make test    the test suite          make lint    ruff, mypy --strict, import contracts
+# make test-long   tests that take minutes each and tell more of what shorter ones tell; all random examples
 # make mutants the kernel broken on purpose, and what notices            make coverage   branches that no test takes
 # make bench   measurements            make seeds   the bundled recipe in 30 worlds that are not as the map says
 # make maps    the reachability maps of the bundled robots, after a change of their URDF or of how maps are made
@@ -25,7 +26,7 @@ FUZZ_SECONDS ?= 60
 FUZZ_SEED ?= 0
 PYTEST_ARGS ?=
 
-.PHONY: help demo test lint counts bench bench-locations coverage mutants seeds processors fuzz maps clean
+.PHONY: help demo test test-long lint counts bench bench-locations coverage mutants seeds processors fuzz maps clean
 
 help:
 	@sed -n 's/^# //p' Makefile
@@ -67,6 +68,10 @@ demo: $(VENV)/.run-stamp
 
 test: $(VENV)/.dev-stamp
 	$(BIN)/python -m pytest --numprocesses auto --dist loadfile $(PYTEST_ARGS)
+
+test-long: $(VENV)/.dev-stamp
+	$(BIN)/python -m pytest -m long $(PYTEST_ARGS)
+	PLANLANG_EXAMPLES=5000 $(BIN)/python -m pytest -m hypothesis tests/planlang $(PYTEST_ARGS)
 
 lint: $(VENV)/.dev-stamp
 	$(BIN)/ruff check .

@@ -19,9 +19,11 @@ from numpy.typing import NDArray
 
 from executive.belief.scene_collisions import CELL as FLOOR_CELL
 from executive.belief.scene_collisions import HAIR, Field, Floor
-from executive.locations.grasp_candidates import CLASSES, GraspCandidates
+from executive.locations.columns import Columns
+from executive.locations.grasp_candidates import CLASSES, GraspCandidates, Hand
 from executive.locations.reachability import CELL, YAWS, GraspClass, ReachabilityMap, carried, exact_places, is_bound
 from executive.locations.reachability_maps import reachability_map
+from executive.locations.rejections import NO_ROOM, NOT_VISIBLE
 from executive.robots.arms import ArmModel
 from planlang.geometry import Array
 
@@ -36,8 +38,8 @@ Indices = NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Rows:
-    """Rows of a map that a way can use at its height, best first."""
+class Rows(Columns):
+    """Rows of a map that grasp candidates of one height and roll can use, best first."""
 
     v: Array
     """(n, 2) [m]."""
@@ -47,21 +49,12 @@ class Rows:
     torso: Array
     squares: Indices
     """Number of the square of side :data:`SPREAD` that v is in."""
-    torsos: tuple[float, ...]
+    torsos: tuple[float, ...] = ()
     """Torso positions, lowest first."""
-
-    def first(self, count: int) -> Rows:
-        """So many of them."""
-        v, yaw, score, row = self.v[:count], self.yaw[:count], self.score[:count], self.row[:count]
-        return Rows(v, yaw, score, row, self.torso[:count], self.squares[:count], self.torsos)
 
     def of(self, torsos: tuple[float, ...]) -> Rows:
         """Return the rows for some torso positions."""
-        if torsos == self.torsos:
-            return self
-        kept = np.isin(self.torso, torsos)
-        v, yaw, score = self.v[kept], self.yaw[kept], self.score[kept]
-        return Rows(v, yaw, score, self.row[kept], self.torso[kept], self.squares[kept], torsos)
+        return self if torsos == self.torsos else replace(self.chosen(np.isin(self.torso, torsos)), torsos=torsos)
 
 
 class InverseMap:
@@ -88,28 +81,20 @@ class InverseMap:
 
     def _find(self, z: float, roll: int, least: float, most: int) -> Rows:
         forward = self.forward
-        parts, torsos = [self._level(forward.lowest_level - 1, roll)], [np.zeros(0)]
+        parts = [self._level(forward.lowest_level - 1, roll)]  # which has no rows: there is always a part
         for torso in forward.heights(z):
             rise = float(forward.lift.rise(torso)) if forward.lift is not None else 0.0
             level = self._level(round((z - rise) / CELL), roll)
             count = min(int(np.searchsorted(-level.score, -least, side="right")), most)
-            parts.append(level.first(count))
-            torsos.append(np.full(count, torso))
-        score = np.concatenate([part.score for part in parts])
-        heights = np.concatenate(torsos)
-        order = np.argsort(-score, kind="stable")
-        v, yaw, row, squares = (
-            np.concatenate([getattr(part, name) for part in parts])[order] for name in ("v", "yaw", "row", "squares")
-        )
-        return Rows(v, yaw, score[order], row, heights[order], squares, tuple(np.unique(heights).tolist()))
+            parts.append(replace(level.chosen(np.arange(count)), torso=np.full(count, torso)))
+        found = Rows.joined(parts)
+        found = found.chosen(np.argsort(-found.score, kind="stable"))
+        return replace(found, torsos=tuple(np.unique(found.torso).tolist()))
 
     def _level(self, level: int, roll: int) -> Rows:
         """Return the rows of a level that a roll can use, at no torso position, best first."""
-        if (level, roll) not in self._levels:
-            self._levels[level, roll] = self._prepared(level, roll)
-        return self._levels[level, roll]
-
-    def _prepared(self, level: int, roll: int) -> Rows:
+        if (level, roll) in self._levels:
+            return self._levels[level, roll]
         forward = self.forward
         flipped = forward.grasp is GraspClass.TOP and roll == -1
         number = level - forward.lowest_level
@@ -132,7 +117,8 @@ class InverseMap:
         cells = np.rint(v / SPREAD).astype(np.intp)
         half = 1 << (SQUARE_BITS // 2 - 1)
         squares = (cells[:, 0] + half) * 2 * half + cells[:, 1] + half
-        return Rows(v, yaw, score, first + index, np.zeros(len(index)), squares, ())
+        self._levels[level, roll] = Rows(v, yaw, score, first + index, np.zeros(len(index)), squares)
+        return self._levels[level, roll]
 
 
 _prepared: dict[tuple[object, ...], InverseMap] = {}
@@ -186,8 +172,8 @@ Misses = Callable[[Array], NDArray[np.bool_]]
 """Bases (m, 3) -> whether something is surely not seen from there (m,)."""
 
 
-@dataclass(slots=True)
-class BaseCandidates:
+@dataclass(frozen=True, slots=True, eq=False)
+class BaseCandidates(Columns):
     """m base poses, each for one arm and one of its grasp candidates."""
 
     bases: Array = field(default_factory=lambda: np.zeros((0, 3)))
@@ -200,30 +186,9 @@ class BaseCandidates:
     torsos: Array = field(default_factory=lambda: np.zeros(0))
     ranks: Indices = field(default_factory=lambda: np.zeros(0, np.intp))
     """The number of better ones of the same candidate."""
-    crowded: list[tuple[float, Array]] = field(default_factory=list)
-    """Promising base poses without room, with their scores."""
-    without_room: int = 0
-    """Base poses without room, up to so many of each candidate."""
-    unwanted: Counter[str] = field(default_factory=Counter)
-    """Base poses with room of which another conjunct says that they will not do, counted likewise by its reason."""
-    unseen: int = 0
-    """Base poses that are left and from which the robot would not see what it has to, counted likewise."""
 
     def __len__(self) -> int:
         return len(self.scores)
-
-    def chosen(self, index: Indices) -> BaseCandidates:
-        """Return some of them."""
-        return replace(
-            self,
-            bases=self.bases[index],
-            scores=self.scores[index],
-            arms=self.arms[index],
-            candidates=self.candidates[index],
-            rows=self.rows[index],
-            torsos=self.torsos[index],
-            ranks=self.ranks[index],
-        )
 
     def order(self, weigh: Weigh, most: int) -> Indices:
         """Return indices round-robin over the candidates, the best of each first, at most ``most``."""
@@ -233,142 +198,94 @@ class BaseCandidates:
         return some[np.lexsort((-worth.round(6), self.ranks[some]))[:most]]
 
 
-def invert(
-    hands: Sequence[tuple[ArmModel, GraspCandidates]],
-    inverse: InverseMaps,
-    room: Field,
-    conjuncts: Sequence[Conjunct],
-    lifted: Callable[[ArmModel, Sequence[float]], tuple[float, ...]],
-    *,
-    misses: Misses | None = None,
-    least: float,
-    rows: int,
-    each: int,
-) -> BaseCandidates:
-    """Return base poses for some arms and their candidates.
+@dataclass(slots=True, eq=False)
+class Inversion:
+    """The inversion of maps for some hands, and what it refused on the way."""
 
-    Of each candidate those ``each`` with the best score are kept, well spread. ``conjuncts`` are the others.
-    ``lifted`` tells where the torso may be with the rest of the robot as it is, ``misses`` from where the robot would
-    not see what it has to. ``least`` and ``rows`` bound the rows of the maps by score, and by number for each torso
-    position.
-    """
-    found = BaseCandidates()
-    parts: list[_Part] = []
-    for number, (arm, candidates) in enumerate(hands):
-        alike: dict[tuple[float, int, int], list[int]] = {}
-        heights = candidates.points[:, 2].round(6).tolist()
-        for candidate, kind in enumerate(
-            zip(heights, candidates.grasps.tolist(), candidates.rolls.tolist(), strict=True)
-        ):
-            alike.setdefault(kind, []).append(candidate)
-        for (z, grasp, roll), mine in alike.items():
-            chosen = inverse(arm, CLASSES[grasp]).rows(z, roll, least, rows)
-            chosen = chosen.of(lifted(arm, chosen.torsos))
-            if not len(chosen.row):
-                continue
-            for some in blocks(len(mine), max(1, AT_ONCE // len(chosen.row))):
-                part = _Part.of(
-                    candidates, np.array(mine[some], np.intp), chosen, room, conjuncts, misses, each, number
-                )
-                parts.append(part)
-    found.without_room = sum(part.without_room for part in parts)
-    for part in parts:
-        found.unwanted.update(part.unwanted)
-    found.unseen = sum(part.unseen for part in parts)
-    crowded = [(part.number, *place) for part in parts for place in part.crowded]
-    found.crowded = [(score, base) for _, _, score, base in sorted(crowded, key=lambda place: place[:2])]
-    if not parts:
-        return found
-    arms = np.concatenate([np.full(len(part.candidates), part.number, np.intp) for part in parts])
-    whole = np.concatenate([part.candidates for part in parts])
-    order = np.lexsort((whole, arms))
-    found.arms, found.candidates = arms[order], whole[order]
-    found.bases = np.concatenate([part.bases for part in parts])[order]
-    found.scores = np.concatenate([part.scores for part in parts])[order]
-    found.rows = np.concatenate([part.rows for part in parts])[order]
-    found.torsos = np.concatenate([part.torsos for part in parts])[order]
-    found.ranks = np.concatenate([part.ranks for part in parts])[order]
-    return found
+    room: Field
+    conjuncts: Sequence[Conjunct]
+    """What a location asks of the base beside the reach."""
+    misses: Misses | None
+    """From where the robot would not see what it has to."""
+    each: int
+    """Base poses of one grasp candidate that are kept: those with the best score, well spread."""
+    refused: Counter[str] = field(default_factory=Counter)
+    """Base poses that will not do, by reason: up to :data:`COUNTED` for each reason and grasp candidate."""
+    _crowded: list[tuple[int, int, float, Array]] = field(default_factory=list)
 
+    def crowded(self) -> list[tuple[float, Array]]:
+        """Return the score and the base pose of the best row of each grasp candidate without any that has room."""
+        return [(score, base) for *_, score, base in sorted(self._crowded, key=lambda place: place[:2])]
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Part:
-    """The best base poses of candidates of one arm, class, roll and height: they use the same rows of a map."""
-
-    number: int
-    """The arm's number."""
-    bases: Array
-    scores: Array
-    candidates: Indices
-    rows: Indices
-    torsos: Array
-    ranks: Indices
-    without_room: int
-    unwanted: Counter[str]
-    unseen: int
-    crowded: list[tuple[int, float, Array]]
-    """Candidates without any base pose that has room: their number, the score and base pose of the best row."""
-
-    @staticmethod
     def of(
-        candidates: GraspCandidates,
-        index: Indices,
-        chosen: Rows,
-        room: Field,
-        conjuncts: Sequence[Conjunct],
-        misses: Misses | None,
-        each: int,
-        number: int,
-    ) -> _Part:
-        """Return all rows (n) for all candidates (w) at once, looked up in the field in its own cells."""
-        factors = room.looked_up(candidates.points[index, :2], candidates.headings[index], chosen.v)
+        self,
+        hands: Sequence[Hand],
+        inverse: InverseMaps,
+        lifted: Callable[[ArmModel, Sequence[float]], tuple[float, ...]],
+        *,
+        least: float,
+        rows: int,
+    ) -> BaseCandidates:
+        """Return base poses for arms and their grasp candidates, in the order of these.
+
+        ``lifted`` tells where the torso may be with the rest of the robot as it is. ``least`` and ``rows`` bound the
+        rows of the maps by score, and by number for each torso position.
+        """
+        parts: list[BaseCandidates] = []
+        for number, (arm, candidates, _) in enumerate(hands):
+            # those of one class, roll and height use the same rows of a map
+            alike: dict[tuple[float, int, int], list[int]] = {}
+            heights = candidates.points[:, 2].round(6).tolist()
+            kinds = zip(heights, candidates.grasps.tolist(), candidates.rolls.tolist(), strict=True)
+            for candidate, kind in enumerate(kinds):
+                alike.setdefault(kind, []).append(candidate)
+            for (z, grasp, roll), mine in alike.items():
+                chosen = inverse(arm, CLASSES[grasp]).rows(z, roll, least, rows)
+                chosen = chosen.of(lifted(arm, chosen.torsos))
+                for some in blocks(len(mine), max(1, AT_ONCE // max(len(chosen.row), 1))) if len(chosen.row) else ():
+                    parts.append(self._inverted(number, candidates, np.array(mine[some], np.intp), chosen))
+        if not parts:
+            return BaseCandidates()
+        found = BaseCandidates.joined(parts)
+        return found.chosen(np.lexsort((found.candidates, found.arms)))
+
+    def _inverted(self, number: int, candidates: GraspCandidates, index: Indices, chosen: Rows) -> BaseCandidates:
+        """Return the best base poses of all rows (n) for all candidates (w), looked up in the field at once."""
+        factors = self.room.looked_up(candidates.points[index, :2], candidates.headings[index], chosen.v)
         free = np.count_nonzero(factors, axis=1)
-        without_room = int(np.minimum(factors.shape[1] - free, COUNTED).sum())
-        crowded = [
-            (
-                candidate,
-                float(candidates.weights[candidate]) * float(chosen.score[0]),
-                _bases(candidates, np.array([candidate]), chosen, np.zeros(1, int))[0],
-            )
-            for candidate in index[free == 0].tolist()
-        ]
+        self.refused[NO_ROOM] += int(np.minimum(factors.shape[1] - free, COUNTED).sum())
+        for candidate in index[free == 0].tolist():
+            score = float(candidates.weights[candidate]) * float(chosen.score[0])
+            base = _bases(candidates, np.array([candidate]), chosen, np.zeros(1, int))[0]
+            self._crowded.append((number, candidate, score, base))
         if not free.all():
             index, factors = index[free > 0], factors[free > 0]
         scores = factors * chosen.score
         scores *= candidates.weights[index, None]
-        unwanted = Counter[str]()
-        if conjuncts and len(index):
+        if self.conjuncts and len(index):
             candidate, row = np.nonzero(factors)
-            bases, weight, left = (
-                _bases(candidates, index[candidate], chosen, row),
-                np.ones(len(candidate)),
-                np.ones(len(candidate), bool),
-            )
-            for reason, weigh in conjuncts:
+            bases = _bases(candidates, index[candidate], chosen, row)
+            weight, left = np.ones(len(candidate)), np.ones(len(candidate), bool)
+            for reason, weigh in self.conjuncts:
                 weight *= weigh(bases)
                 refused = left & (weight <= 0)
                 left ^= refused
-                unwanted[reason] += _counted(candidate[refused])
+                self.refused[reason] += _counted(candidate[refused])
             scores[candidate, row] *= weight
-        unseen = 0
-        if misses is not None and len(index):
+        if self.misses is not None and len(index):
             candidate, row = np.nonzero(scores)
-            missed = misses(_bases(candidates, index[candidate], chosen, row))
+            missed = self.misses(_bases(candidates, index[candidate], chosen, row))
             scores[candidate[missed], row[missed]] = 0.0
-            unseen = _counted(candidate[missed])
-        candidate, row, ranks = _best(scores, chosen.squares, each)
-        return _Part(
-            number,
+            self.refused[NOT_VISIBLE] += _counted(candidate[missed])
+        candidate, row, ranks = _best(scores, chosen.squares, self.each)
+        return BaseCandidates(
             _bases(candidates, index[candidate], chosen, row),
             scores[candidate, row],
+            np.full(len(row), number, np.intp),
             index[candidate],
             chosen.row[row],
             chosen.torso[row],
             ranks,
-            without_room,
-            unwanted,
-            unseen,
-            crowded,
         )
 
 

@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 
 from executive.belief.believed_bodies import Block
 from executive.belief.planning_scene import PlanningScene, Unseen
-from executive.belief.scene_collisions import CELL, Floor
+from executive.belief.scene_collisions import CELL
 from executive.locations.areas import FACING, HAIR, Clear, Facing
 from executive.locations.demands import BaseDemand
-from executive.locations.rejections import Rejections
+from executive.locations.rejections import NO_ROOM, NOT_VISIBLE, Rejections
 from executive.locations.search import TRAVEL
 from executive.locations.validation import MOST_CROWDED, PLACES, BaseValidator, scored, unmet
 from planlang.geometry import Array
@@ -33,89 +33,85 @@ MOST_AREAS = 600
 """Places that are validated."""
 
 
-def search_floor(validator: BaseValidator, demand: BaseDemand, log: Rejections) -> Iterator[Solution]:
-    """Yield places without reach: around what they are about, and when there are no more of these, anywhere."""
-    found, looked_at = yield from _judged(validator, demand, sample_around(demand, validator.scene), MOST_AREAS, log)
-    if looked_at >= MOST_AREAS:
-        return
-    counts, blocking = log.counts.copy(), log.blocking.copy()
-    told = found or bool(blocking)  # where one would look first
-    yield from _judged(
-        validator, demand, sample_anywhere(demand, validator.scene), MOST_AREAS - looked_at, log, named=told
-    )
-    if told:
-        log.counts, log.blocking = counts, blocking
+Samples = tuple[Array, Array, NDArray[np.intp]]
+"""Bases (n, 3), the room around each (n,) [m], and the number of the square of 30 cm that each is in (n,)."""
 
 
-def _judged(
-    validator: BaseValidator,
-    demand: BaseDemand,
-    places: tuple[Array, Array, NDArray[np.intp]],
-    most: int,
-    log: Rejections,
-    *,
-    named: bool = False,
-) -> Generator[Solution, None, tuple[bool, int]]:
-    """Yield, of bases with the room around each and its square, those that will do; so many are looked at exactly.
+class FloorSearch:
+    """A search for base poses from which nothing has to be reached."""
 
-    ``named``: what takes the room is known. Returns whether there were any, and how many were looked at.
-    """
-    scene = validator.scene
-    terms = list(demand.areas)
-    bases, room, squares = places
-    score = np.ones(len(bases))
-    for term in terms:
-        score = score * scored(term, bases)
-        log.refuse(unmet(term), bases[scored(term, bases) <= 0])
-    for name in demand.seen:
-        score = score * sight_score(bases, scene.bodies.block(name), scene.visibility.camera_range())
-    roomy = room > 0
-    log.refuse("no room for the base", bases[~roomy & (score > 0)])
-    x, y, _ = scene.base()
-    travel = np.hypot(bases[:, 0] - x, bases[:, 1] - y)
-    total = score * (0.4 + np.clip(room, 0.0, 0.3)) * np.exp(-travel / TRAVEL)
-    crowded = np.flatnonzero(~roomy & (score > 0))
-    if not named and not (roomy & (score > 0)).any():
-        promising = crowded[np.argsort(-score[crowded].round(9), kind="stable")][:MOST_CROWDED]
-        validator.name_crowding([(float(score[index]), bases[index]) for index in promising], log)
-    good = np.flatnonzero(roomy & (score > 0))
-    log.scored.append((bases[good], total[good]))
-    order = good[np.argsort(-total[good].round(9), kind="stable")]
-    found, hidden = False, 0
-    rows = np.fromiter(islice(_spread(squares[order], order), most), np.intp)
-    for row, unseen in zip(rows.tolist(), _surely_unseen(validator, demand, bases[rows]), strict=True):
-        if unseen and (hidden := hidden + 1) > MOST_CROWDED:
-            log.add("not visible")
-            continue
-        place = bases[row].round(PLACES)
-        base = (float(place[0]), float(place[1]), math.remainder(float(place[2]), 2 * math.pi))
-        worth = float(total[row])
-        # there is room by the field: what is seen decides more often
-        if not validator.sees(base, worth, demand, log) or not validator.stands(base, worth, demand, log):
-            continue
-        answer = validator.answer(base, float(total[row]), {}, demand, log)
-        if answer is not None:
-            found = True
-            yield answer
-    return found, len(rows)
+    def __init__(self, validator: BaseValidator, demand: BaseDemand, log: Rejections) -> None:
+        self.validator, self.scene, self.demand, self.log = validator, validator.scene, demand, log
 
+    def places(self) -> Iterator[Solution]:
+        """Yield base poses: around what they are about, and when there are no more of these, anywhere."""
+        samples, log = FloorSamples(self.demand, self.scene), self.log
+        found, looked_at = yield from self._validated(samples.around(), MOST_AREAS)
+        if looked_at >= MOST_AREAS:
+            return
+        counts, blocking = log.counts.copy(), log.blocking.copy()
+        known = found or bool(blocking)  # what was rejected where one would look first says enough
+        yield from self._validated(samples.anywhere(), MOST_AREAS - looked_at, named=known)
+        if known:
+            log.counts, log.blocking = counts, blocking
 
-def _surely_unseen(validator: BaseValidator, demand: BaseDemand, bases: Array) -> Iterator[bool]:
-    """Yield for bases (n, 3) whether the robot itself, or the room, surely hides what has to be seen."""
-    scene = validator.scene
-    view = scene.visibility.own_view()
-    for first in range(0, len(bases), AT_ONCE):
-        part = bases[first : first + AT_ONCE]
-        # what is found at once needs no more than an exact look
-        if view is None or first == 0:
-            yield from (False for _ in part)
-            continue
-        unseen = np.zeros(len(part), bool)
-        for name in validator.to_see(demand):
-            block, solids = scene.bodies.block(name), scene.collisions.solids()
-            others = solids.only(np.array([body != name for body in solids.bodies], bool))
-            unseen |= Unseen(view, block)(part) | view.hidden_by(others, part, block)
-        yield from unseen.tolist()
+    def _validated(
+        self, samples: Samples, most: int, *, named: bool = False
+    ) -> Generator[Solution, None, tuple[bool, int]]:
+        """Yield those of the samples that will do; so many are looked at exactly.
+
+        ``named``: what takes the room is known. Returns whether there were any, and how many were looked at.
+        """
+        validator, scene, demand, log = self.validator, self.scene, self.demand, self.log
+        bases, room, squares = samples
+        score = np.ones(len(bases))
+        for term in demand.areas:
+            score = score * scored(term, bases)
+            log.refuse(unmet(term), bases[scored(term, bases) <= 0])
+        for name in demand.seen:
+            score = score * sight_score(bases, scene.bodies.block(name), scene.visibility.camera_range())
+        roomy = room > 0
+        log.refuse(NO_ROOM, bases[~roomy & (score > 0)])
+        x, y, _ = scene.base()
+        travel = np.hypot(bases[:, 0] - x, bases[:, 1] - y)
+        total = score * (0.4 + np.clip(room, 0.0, 0.3)) * np.exp(-travel / TRAVEL)
+        crowded = np.flatnonzero(~roomy & (score > 0))
+        good = np.flatnonzero(roomy & (score > 0))
+        if not named and not len(good):
+            promising = crowded[np.argsort(-score[crowded].round(9), kind="stable")][:MOST_CROWDED]
+            validator.name_crowding([(float(score[index]), bases[index]) for index in promising], log)
+        log.scored.append((bases[good], total[good]))
+        order = good[np.argsort(-total[good].round(9), kind="stable")]
+        found, hidden = False, 0
+        rows = np.fromiter(islice(_spread(squares[order], order), most), np.intp)
+        for row, unseen in zip(rows.tolist(), self._surely_unseen(bases[rows]), strict=True):
+            if unseen and (hidden := hidden + 1) > MOST_CROWDED:
+                log.add(NOT_VISIBLE)
+                continue
+            place = bases[row].round(PLACES)
+            base = (float(place[0]), float(place[1]), math.remainder(float(place[2]), 2 * math.pi))
+            worth = float(total[row])
+            # there is room by the field: what is seen decides more often
+            if not validator.sees(base, worth, demand, log) or not validator.stands(base, worth, demand, log):
+                continue
+            if (answer := validator.answer(base, worth, {}, demand, log)) is not None:
+                found = True
+                yield answer
+        return found, len(rows)
+
+    def _surely_unseen(self, bases: Array) -> Iterator[bool]:
+        """Yield for bases (n, 3) whether the robot itself, or the room, surely hides what has to be seen."""
+        bodies, view = self.scene.bodies, self.scene.visibility.own_view()
+        for first in range(0, len(bases), AT_ONCE):
+            part = bases[first : first + AT_ONCE]
+            unseen = np.zeros(len(part), bool)
+            for name in self.validator.to_see(self.demand):
+                if view is None or not first:  # what is found at once needs no more than an exact look
+                    break
+                block, solids = bodies.block(name), self.scene.collisions.solids()
+                others = solids.only(np.array([body != name for body in solids.bodies], bool))
+                unseen |= Unseen(view, block)(part) | view.hidden_by(others, part, block)
+            yield from unseen.tolist()
 
 
 def _spread(squares: NDArray[np.intp], order: NDArray[np.intp]) -> Iterator[int]:
@@ -136,48 +132,6 @@ COARSE = 2 * CELL
 """Distance of neighbouring points of the grid [m]; larger cells of the map are divided however many they are."""
 
 
-def sample_around(demand: BaseDemand, scene: PlanningScene) -> tuple[Array, Array, NDArray[np.intp]]:
-    """Return bases (n, 3) worth a look, the room around each (n,) [m], and the square of 30 cm that each is in (n,)."""
-    middle, yaw, radius, looked_at = _anchor(demand, scene)
-    half = math.ceil(radius / COARSE)
-    steps = np.arange(-half, half + 1) * COARSE
-    along, across = (grid.ravel() for grid in np.meshgrid(steps, steps, indexing="ij"))
-    c, s = math.cos(yaw), math.sin(yaw)
-    points = np.stack([middle[0] + c * along - s * across, middle[1] + s * along + c * across], axis=1)
-    room = scene.collisions.floor().at(points).round(9)
-    squares = np.add.outer(np.arange(2 * half + 1) // 3 * 100_000, np.arange(2 * half + 1) // 3).ravel()
-    inside = room > -np.inf
-    points, room, squares = points[inside], room[inside], squares[inside]
-    bearing = np.arctan2(looked_at[1] - points[:, 1], looked_at[0] - points[:, 0])
-    turned = [term.negated for term in demand.areas if isinstance(term, Facing)]
-    turns = TOWARDS if not turned else AWAY if all(turned) else (0.0,)
-    bases = np.concatenate([np.column_stack([points, bearing + turn]) for turn in turns])
-    return bases, np.tile(room, len(turns)), np.tile(squares, len(turns))
-
-
-def _anchor(demand: BaseDemand, scene: PlanningScene) -> tuple[tuple[float, float], float, float, tuple[float, float]]:
-    """Return middle, heading and radius [m] of where to look, and the point to face: of the conjunct that says most."""
-    found: list[tuple[float, tuple[float, float], float, Block]] = []
-    for name in demand.seen:
-        block = scene.bodies.block(name)
-        found.append((min(scene.visibility.camera_range()[1], 2.6), (block.x, block.y), block.yaw, block))
-    for term in demand.areas:
-        if isinstance(term, (Clear, Facing)) or term.negated or math.isinf(term.most):
-            continue
-        x, y, yaw, radius = term.anchor()
-        found.append((radius, (x, y), yaw, term.block))
-    facing = next((term.block for term in demand.areas if isinstance(term, Facing) and not term.negated), None)
-    if found:
-        radius, middle, yaw, block = min(found, key=lambda item: item[0])
-        facing = facing or block
-        return middle, yaw, radius, (facing.x, facing.y)
-    x_min, y_min, x_max, y_max = scene.collisions.floor().bounds
-    middle = ((x_min + x_max) / 2, (y_min + y_max) / 2)
-    radius = max(x_max - x_min, y_max - y_min) / 2
-    named = facing or next((term.block for term in demand.areas if term.block is not None), None)
-    return middle, 0.0, min(radius, 10.0), middle if named is None else (named.x, named.y)
-
-
 MOST_CELLS = 4096
 """Cells that are looked at in one go."""
 FIRST = 32
@@ -194,88 +148,129 @@ SQUARE = 0.3
 """Side of the squares by which places are spread [m]."""
 
 
-def sample_anywhere(demand: BaseDemand, scene: PlanningScene) -> tuple[Array, Array, NDArray[np.intp]]:
-    """Return bases (n, 3) at which all demands on the floor hold, with their room and squares as in the grid."""
-    floor = scene.collisions.floor()
-    points = _points(demand, floor, scene)
-    headings = _headings(demand, points, scene)
-    bases = np.column_stack([np.repeat(points, headings.shape[1], axis=0), headings.ravel()])
-    rows = np.repeat(np.arange(len(points)), headings.shape[1])
-    for term in demand.areas:
-        good = term.score(bases if isinstance(term, Facing) else bases[:, :2]) > 0
-        bases, rows = bases[good], rows[good]
-    room = floor.at(points).round(9)[rows]
-    if len(room) and room.max() <= 0:
-        tight = np.unique(np.linspace(0, len(room) - 1, min(MOST_TIGHT, len(room))).astype(np.intp))
-        room[tight[floor.holds(bases[tight])]] = FITS
-    x_min, y_min, *_ = floor.bounds
-    cells = ((bases[:, :2] - (x_min, y_min)) // SQUARE).astype(np.intp)
-    return bases, room, cells[:, 0] * (1 << 31) + cells[:, 1]
+class FloorSamples:
+    """Base poses worth a look for a demand on the floor."""
 
+    def __init__(self, demand: BaseDemand, scene: PlanningScene) -> None:
+        self.demand, self.scene, self.floor = demand, scene, scene.collisions.floor()
 
-def _points(demand: BaseDemand, floor: Floor, scene: PlanningScene) -> Array:
-    """Return places (n, 2) of which each is the middle of a cell in which the demand may hold."""
-    x_min, y_min, x_max, y_max = floor.bounds
-    side = max(x_max - x_min, y_max - y_min, FINEST) / FIRST
-    counts = [max(1, math.ceil(length / side)) for length in (x_max - x_min, y_max - y_min)]
-    size = np.array([(x_max - x_min) / counts[0], (y_max - y_min) / counts[1]])
-    steps = np.meshgrid(*(np.arange(count) + 0.5 for count in counts), indexing="ij")
-    points: Array = np.stack(steps, axis=-1).reshape(-1, 2) * size + (x_min, y_min)
-    while True:
-        points = points[_may_hold(demand, points, float(np.hypot(*size)) / 2, floor, scene)]
-        crowded = 4 * len(points) > MOST_CELLS
-        if size.max() <= FINEST or (crowded and size.max() <= COARSE):
-            return points
-        if crowded:
-            points = points[:: -(-4 * len(points) // MOST_CELLS)]
-        size = size / 2
-        quarters = np.array([(a, b) for a in (-0.5, 0.5) for b in (-0.5, 0.5)]) * size
-        points = np.asarray(points[:, None] + quarters).reshape(-1, 2)
+    def around(self) -> Samples:
+        """Return bases of a grid around what the location is about."""
+        middle, yaw, radius, looked_at = self._anchor()
+        half = math.ceil(radius / COARSE)
+        steps = np.arange(-half, half + 1) * COARSE
+        along, across = (grid.ravel() for grid in np.meshgrid(steps, steps, indexing="ij"))
+        c, s = math.cos(yaw), math.sin(yaw)
+        points = np.stack([middle[0] + c * along - s * across, middle[1] + s * along + c * across], axis=1)
+        room = self.floor.at(points).round(9)
+        squares = np.add.outer(np.arange(2 * half + 1) // 3 * 100_000, np.arange(2 * half + 1) // 3).ravel()
+        inside = room > -np.inf
+        points, room, squares = points[inside], room[inside], squares[inside]
+        bearing = np.arctan2(looked_at[1] - points[:, 1], looked_at[0] - points[:, 0])
+        turned = [term.negated for term in self.demand.areas if isinstance(term, Facing)]
+        turns = TOWARDS if not turned else AWAY if all(turned) else (0.0,)
+        bases = np.concatenate([np.column_stack([points, bearing + turn]) for turn in turns])
+        return bases, np.tile(room, len(turns)), np.tile(squares, len(turns))
 
+    def _anchor(self) -> tuple[tuple[float, float], float, float, tuple[float, float]]:
+        """Return middle, heading and radius [m] of where to look, and the point to face, of what says most."""
+        found: list[tuple[float, tuple[float, float], float, Block]] = []
+        for name in self.demand.seen:
+            block = self.scene.bodies.block(name)
+            found.append((min(self.scene.visibility.camera_range()[1], 2.6), (block.x, block.y), block.yaw, block))
+        for term in self.demand.areas:
+            if isinstance(term, (Clear, Facing)) or term.negated or math.isinf(term.most):
+                continue
+            x, y, yaw, radius = term.anchor()
+            found.append((radius, (x, y), yaw, term.block))
+        facing = next((term.block for term in self.demand.areas if isinstance(term, Facing) and not term.negated), None)
+        if found:
+            radius, middle, yaw, block = min(found, key=lambda item: item[0])
+            facing = facing or block
+            return middle, yaw, radius, (facing.x, facing.y)
+        x_min, y_min, x_max, y_max = self.floor.bounds
+        middle = ((x_min + x_max) / 2, (y_min + y_max) / 2)
+        radius = max(x_max - x_min, y_max - y_min) / 2
+        named = facing or next((term.block for term in self.demand.areas if term.block is not None), None)
+        return middle, 0.0, min(radius, 10.0), middle if named is None else (named.x, named.y)
 
-def _may_hold(
-    demand: BaseDemand, points: Array, within: float, floor: Floor, scene: PlanningScene
-) -> NDArray[np.bool_]:
-    """Return whether the demand may hold ``within`` [m] of points (n, 2), as far as distances say (n,)."""
-    good = np.ones(len(points), bool)
-    for term in demand.areas:
-        if not isinstance(term, Facing):
-            good[good] = term.nearly(points[good], within)
-    for name in demand.seen:
-        block = scene.bodies.block(name)
-        good &= np.hypot(points[:, 0] - block.x, points[:, 1] - block.y) <= scene.visibility.camera_range()[1] + within
-    faced = [term for term in demand.areas if isinstance(term, Facing) and not term.negated]
-    for one, other in itertools.combinations(faced, 2):
-        apart = np.abs(np.angle(np.exp(1j * (one.bearing(points) - other.bearing(points)))))
-        good &= apart <= 2 * FACING + _swing(one, points, within) + _swing(other, points, within)
-    good[good] = floor.nearly(points[good], within)
-    return good
+    def anywhere(self) -> Samples:
+        """Return bases on the whole map at which all demands on the floor hold."""
+        points = self._points()
+        headings = self._headings(points)
+        bases = np.column_stack([np.repeat(points, headings.shape[1], axis=0), headings.ravel()])
+        rows = np.repeat(np.arange(len(points)), headings.shape[1])
+        for term in self.demand.areas:
+            good = scored(term, bases) > 0
+            bases, rows = bases[good], rows[good]
+        room = self.floor.at(points).round(9)[rows]
+        if len(room) and room.max() <= 0:
+            tight = np.unique(np.linspace(0, len(room) - 1, min(MOST_TIGHT, len(room))).astype(np.intp))
+            room[tight[self.floor.holds(bases[tight])]] = FITS
+        x_min, y_min, *_ = self.floor.bounds
+        cells = ((bases[:, :2] - (x_min, y_min)) // SQUARE).astype(np.intp)
+        return bases, room, cells[:, 0] * (1 << 31) + cells[:, 1]
+
+    def _points(self) -> Array:
+        """Return places (n, 2) of which each is the middle of a cell in which the demand may hold."""
+        x_min, y_min, x_max, y_max = self.floor.bounds
+        side = max(x_max - x_min, y_max - y_min, FINEST) / FIRST
+        counts = [max(1, math.ceil(length / side)) for length in (x_max - x_min, y_max - y_min)]
+        size = np.array([(x_max - x_min) / counts[0], (y_max - y_min) / counts[1]])
+        steps = np.meshgrid(*(np.arange(count) + 0.5 for count in counts), indexing="ij")
+        points: Array = np.stack(steps, axis=-1).reshape(-1, 2) * size + (x_min, y_min)
+        while True:
+            points = points[self._may_hold(points, float(np.hypot(*size)) / 2)]
+            crowded = 4 * len(points) > MOST_CELLS
+            if size.max() <= FINEST or (crowded and size.max() <= COARSE):
+                return points
+            if crowded:
+                points = points[:: -(-4 * len(points) // MOST_CELLS)]
+            size = size / 2
+            quarters = np.array([(a, b) for a in (-0.5, 0.5) for b in (-0.5, 0.5)]) * size
+            points = np.asarray(points[:, None] + quarters).reshape(-1, 2)
+
+    def _may_hold(self, points: Array, within: float) -> NDArray[np.bool_]:
+        """Return whether the demand may hold ``within`` [m] of points (n, 2), as far as distances say (n,)."""
+        good = np.ones(len(points), bool)
+        for term in self.demand.areas:
+            if not isinstance(term, Facing):
+                good[good] = term.nearly(points[good], within)
+        for name in self.demand.seen:
+            block = self.scene.bodies.block(name)
+            away = np.hypot(points[:, 0] - block.x, points[:, 1] - block.y)
+            good &= away <= self.scene.visibility.camera_range()[1] + within
+        faced = [term for term in self.demand.areas if isinstance(term, Facing) and not term.negated]
+        for one, other in itertools.combinations(faced, 2):
+            apart = np.abs(np.angle(np.exp(1j * (one.bearing(points) - other.bearing(points)))))
+            good &= apart <= 2 * FACING + _swing(one, points, within) + _swing(other, points, within)
+        good[good] = self.floor.nearly(points[good], within)
+        return good
+
+    def _headings(self, points: Array) -> Array:
+        """Return headings (n, m) at points (n, 2), those towards what a place is about first.
+
+        They are the middles between the borders of what is faced; some more directions are borders as well.
+        """
+        facing = [term for term in self.demand.areas if isinstance(term, Facing)]
+        blocks = [*(term.block for term in facing), *(self.scene.bodies.block(name) for name in self.demand.seen)]
+        blocks += [term.block for term in self.demand.areas if term.block is not None]
+        bearing = np.zeros(len(points))
+        if blocks:
+            bearing = np.arctan2(blocks[0].y - points[:, 1], blocks[0].x - points[:, 0])
+        borders = [bearing + (turn + 0.5) * 2 * math.pi / HEADINGS for turn in range(HEADINGS)]
+        borders += [term.bearing(points) + side for term in facing for side in (-FACING - HAIR, FACING + HAIR)]
+        ordered = np.sort((np.stack(borders, axis=1) - bearing[:, None]) % (2 * math.pi), axis=1)
+        after = np.concatenate([ordered[:, 1:], ordered[:, :1] + 2 * math.pi], axis=1)
+        turns = np.mod((ordered + after) / 2 + math.pi, 2 * math.pi) - math.pi
+        ahead = np.argsort(np.abs(turns).round(9), axis=1, kind="stable")
+        return np.asarray(bearing[:, None] + np.take_along_axis(turns, ahead, axis=1))
 
 
 def _swing(term: Facing, points: Array, within: float) -> Array:
     """Return how much bearings change at most within so many metres of points (n, 2), (n,) [rad]."""
     away = np.hypot(points[:, 0] - term.block.x, points[:, 1] - term.block.y)
     return np.where(away > within, np.arcsin(np.minimum(within / np.maximum(away, 1e-9), 1.0)), math.pi)
-
-
-def _headings(demand: BaseDemand, points: Array, scene: PlanningScene) -> Array:
-    """Return headings (n, m) at points (n, 2), those towards what a place is about first.
-
-    They are the middles between the borders of what is faced; some directions are borders as well, that there are more.
-    """
-    facing = [term for term in demand.areas if isinstance(term, Facing)]
-    blocks = [*(term.block for term in facing), *(scene.bodies.block(name) for name in demand.seen)]
-    blocks += [term.block for term in demand.areas if term.block is not None]
-    bearing = np.zeros(len(points))
-    if blocks:
-        bearing = np.arctan2(blocks[0].y - points[:, 1], blocks[0].x - points[:, 0])
-    borders = [bearing + (turn + 0.5) * 2 * math.pi / HEADINGS for turn in range(HEADINGS)]
-    borders += [term.bearing(points) + side for term in facing for side in (-FACING - HAIR, FACING + HAIR)]
-    ordered = np.sort((np.stack(borders, axis=1) - bearing[:, None]) % (2 * math.pi), axis=1)
-    after = np.concatenate([ordered[:, 1:], ordered[:, :1] + 2 * math.pi], axis=1)
-    turns = np.mod((ordered + after) / 2 + math.pi, 2 * math.pi) - math.pi
-    ahead = np.argsort(np.abs(turns).round(9), axis=1, kind="stable")
-    return np.asarray(bearing[:, None] + np.take_along_axis(turns, ahead, axis=1))
 
 
 BEST, WIDTH = 1.2, 0.8

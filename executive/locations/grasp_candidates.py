@@ -10,15 +10,19 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from executive.belief.believed_bodies import Block, ComfortZone
+from executive.belief.believed_bodies import Block
+from executive.locations.columns import Columns
 from executive.locations.reachability import GraspClass
-from executive.robots.arms import HandFrame, Held
+from executive.motion import QuickCheck
+from executive.robots.arms import ArmModel, HandFrame, Held
 from planlang.geometry import Array
 from planlang.geometry.matrices import product, rotated
+from sim import ComfortZone
 
 APPROACH = 0.08
 """Distance of the pre-grasp back along the approach direction [m] (rules of `in_front_of`)."""
@@ -55,7 +59,7 @@ class HandPoses:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class GraspCandidates:
+class GraspCandidates(Columns):
     """n candidates; ``key`` is the number of the key pose in each series."""
 
     text: str
@@ -96,23 +100,17 @@ class GraspCandidates:
         label = f"{self.text}, {grasp}, heading {math.remainder(float(self.headings[index]), 2 * math.pi):.2f}"
         return HandPoses(label, self.poses([index])[0], self.touches, self.opened)
 
-    def chosen(self, index: ArrayLike) -> GraspCandidates:
-        """Return some of them, by indices or a mask."""
-        rows = np.asarray(index)
-        return replace(
-            self,
-            points=self.points[rows],
-            rotations=self.rotations[rows],
-            offsets=self.offsets[rows],
-            grasps=self.grasps[rows],
-            headings=self.headings[rows],
-            rolls=self.rolls[rows],
-            weights=self.weights[rows],
-        )
-
     def best(self, most: int) -> GraspCandidates:
         """Return the most natural ones, in that order."""
         return self.chosen(np.argsort(-self.weights.round(6), kind="stable")[:most])
+
+
+class Hand(NamedTuple):
+    """An arm with its grasp candidates, and the quick check of its postures."""
+
+    arm: ArmModel
+    candidates: GraspCandidates
+    check: QuickCheck
 
 
 @lru_cache(maxsize=8)  # arms of one kind have the same
@@ -142,7 +140,9 @@ def grasping(
         axis=1,
     )
     points = np.tile(block.centre, (count, 1))
-    return _ways(f"grasp {name}", points, offsets, 1, grasps, yaws, rolls, weights, frame, touches=name, opened=True)
+    return _oriented(
+        f"grasp {name}", points, offsets, 1, grasps, yaws, rolls, weights, frame, touches=name, opened=True
+    )
 
 
 def held_above(
@@ -172,7 +172,7 @@ def held_above(
         weights = np.exp(-((over[at, turn] / 0.3) ** 2)) * (1.0 if share == SHARES[0] else 0.8)
         points = np.column_stack([places[at], np.full(len(at), block.high + low + share * (high - low))])
         found.append(_level(f"above {name}", points, turns[turn], weights, frame, held, lowest))
-    return joined(found).best(1200 if fine else 64)
+    return GraspCandidates.joined(found).best(1200 if fine else 64)
 
 
 def _over_the_edge(block: Block, places: Array, headings: Array) -> Array:
@@ -193,7 +193,7 @@ def offering(name: str, zone: ComfortZone, frame: HandFrame, held: Held | None, 
     turns = np.array([0.0, 0.4, -0.4, 0.8, -0.8, 1.2, -1.2, 1.6, -1.6] if fine else [0.0, 0.8, -0.8])
     at, turn = (grid.ravel() for grid in np.meshgrid(np.arange(len(points)), np.arange(len(turns)), indexing="ij"))
     weights = (1.0 - 0.2 * np.abs(turns[turn])) * np.clip(zone.margins(points)[at] / COMFORTABLE, 0.05, 1.0)
-    headings = zone.facing + math.pi + turns[turn]
+    headings = zone.heading + math.pi + turns[turn]
     found = _level(f"offer to {name}", points[at], headings, weights, frame, held)
     return found.best(1200 if fine else 64)
 
@@ -254,21 +254,6 @@ def _raised_and_back(approaches: Array, rise: Array | float) -> Array:
     return back
 
 
-def joined(parts: list[GraspCandidates]) -> GraspCandidates:
-    """Return candidates of one kind together."""
-    first = parts[0]
-    return replace(
-        first,
-        points=np.concatenate([part.points for part in parts]),
-        rotations=np.concatenate([part.rotations for part in parts]),
-        offsets=np.concatenate([part.offsets for part in parts]),
-        grasps=np.concatenate([part.grasps for part in parts]),
-        headings=np.concatenate([part.headings for part in parts]),
-        rolls=np.concatenate([part.rolls for part in parts]),
-        weights=np.concatenate([part.weights for part in parts]),
-    )
-
-
 def classified(rotation: Array, frame: HandFrame) -> tuple[int, float, int]:
     """Return the nearest class of a tip rotation (3, 3): its index in CLASSES, the heading [rad] and the roll."""
     approach = rotated(rotation, np.asarray(frame.approach))
@@ -299,9 +284,9 @@ def _level(
     still = np.zeros((count, 1, 3))
     if held is None:
         side = [CLASSES.index(GraspClass.SIDE)] * count
-        candidates = joined(
+        candidates = GraspCandidates.joined(
             [
-                _ways(text, places, still, 0, side, list(headings), [roll] * count, list(weights), frame)
+                _oriented(text, places, still, 0, side, list(headings), [roll] * count, list(weights), frame)
                 for roll in (1, -1)
             ]
         )
@@ -348,7 +333,7 @@ def _directions(grasps: list[int], yaws: list[float]) -> Array:
     return np.stack([np.cos(yaw) * np.cos(pitch), np.sin(yaw) * np.cos(pitch), -np.sin(pitch)], axis=-1).reshape(-1, 3)
 
 
-def _ways(
+def _oriented(
     text: str,
     points: Array,
     offsets: Array,

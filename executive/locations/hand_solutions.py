@@ -23,6 +23,7 @@ from executive.motion import QuickCheck, cartesian_path
 from executive.robots.arms import ArmModel
 from planlang.geometry import Array
 from planlang.geometry.matrices import inverse, product, rigid, rotated
+from planlang.protocols import Contact
 
 FARTHEST = 1.2
 """Largest move of a joint between neighbouring poses of a candidate [rad, m]."""
@@ -136,7 +137,7 @@ def _met(bodies: Sequence[str | None], count: int) -> list[str | None]:
 
 
 def _in_the_way(bodies: Iterable[str | None]) -> list[Reason | None]:
-    return [None if body is None else Reason(COLLISION, body) for body in bodies]
+    return [_in_collision(body) for body in bodies]
 
 
 CHUNK = 48
@@ -152,85 +153,80 @@ class HandSolution:
     plan: HandPoses
     joints: Array
 
+    def is_among(self, candidates: GraspCandidates) -> bool:
+        """Return True if its poses are the poses of one of some candidates."""
+        poses = candidates.poses(np.arange(len(candidates)))
+        if poses.shape[1:] != self.plan.poses.shape:
+            return False
+        return bool((np.abs(poses - self.plan.poses).max(axis=(1, 2, 3)) < 1e-6).any())
 
-def is_among(known: HandSolution, candidates: GraspCandidates) -> bool:
-    """Return True if a candidate's poses are the poses of one of some candidates."""
-    poses = candidates.poses(np.arange(len(candidates)))
-    if poses.shape[1:] != known.plan.poses.shape:
-        return False
-    return bool((np.abs(poses - known.plan.poses).max(axis=(1, 2, 3)) < 1e-6).any())
 
-
-def stopped_by(
-    solution: HandSolution, base: BasePose, scene: PlanningScene, check: QuickCheck | None = None
-) -> Reason | None:
-    """Return why an arm cannot do what a solution says, validated exactly; None if it can.
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """A solution looked at exactly in the planning scene, with the base at a pose.
 
     ``check``, of the arm: where it is sure that nothing is hit nothing is looked at.
     """
-    body = touched_at(solution.joints, solution, base, scene, check)
-    return _in_collision(body) or stopped_on_the_way(solution, base, scene, check)
 
+    solution: HandSolution
+    base: BasePose
+    scene: PlanningScene
+    check: QuickCheck | None = None
 
-def stopped_on_the_way(
-    solution: HandSolution, base: BasePose, scene: PlanningScene, check: QuickCheck | None = None
-) -> Reason | None:
-    """Return why an arm cannot go from pose to pose, or the fingers cannot close on a thing; None if they can."""
-    line = straight(solution, base)
-    if line is None:
-        return OUT_OF_REACH
-    body = touched_at(line, solution, base, scene, check)
-    if body is None and solution.reach.kind is ReachKind.GRASP:
-        body = scene.collisions.stops_closing(base, solution.arm, solution.joints[1], solution.reach.body)
-    return _in_collision(body)
+    def stopped(self) -> Reason | None:
+        """Return why the arm cannot do what the solution says; None if it can."""
+        return _in_collision(self.touched(self.solution.joints)) or self.stopped_on_the_way()
 
+    def stopped_on_the_way(self) -> Reason | None:
+        """Return why the arm cannot go from pose to pose, or the fingers cannot close on a thing; None if they can."""
+        line = self._straight()
+        if line is None:
+            return OUT_OF_REACH
+        return _in_collision(self.touched(line) or self._stops_closing())
 
-def straight(solution: HandSolution, base: BasePose) -> Array | None:
-    """Return joint values (n, d) with the tip on the lines from pose to pose, as it will move; None if it cannot.
+    def hand_is_stopped(self) -> bool:
+        """Return whether the hand itself is in something on the way, or when it closes: wherever the base stands."""
+        hand, bodies, line = self.solution.arm.hand_links, self.scene.bodies.names(), self._straight()
+        rows = self.solution.joints if line is None else np.concatenate([self.solution.joints, line])
+        met = (contact for contacts in self._contacts(rows) for contact in contacts)
+        return any(one.part in hand and one.body in bodies for one in met) or self._stops_closing() is not None
 
-    Without those at the first pose, where the lines begin.
-    """
-    poses = product(inverse(base_matrices(np.array([base]))[0]), solution.plan.poses)
-    q, rows = solution.joints[0], [solution.joints[:0]]
-    for one, other in pairwise(poses):
-        line = cartesian_path(solution.arm.solver, q, one, other, lambda _: True)
-        if line.waypoints is None:
+    def touched(self, rows: Array) -> str | None:
+        """Return the body that is in the way at some joint values (m, d); None if all are free."""
+        return next(map(first_body, self._contacts(rows)), None)
+
+    def _contacts(self, rows: Array) -> Iterator[Sequence[Contact]]:
+        """Yield the contacts at joint values (m, d), where there are some."""
+        plan, arm = self.solution.plan, self.solution.arm
+        if self.check is not None:
+            placed = base_matrices(np.array([self.base]))
+            rows = rows[~self.check.clear(np.repeat(placed, len(rows), axis=0), rows)]
+        for q in rows:
+            if contacts := self.scene.collisions.contacts(self.base, arm, q, plan.touches, plan.opened):
+                yield contacts
+
+    def _stops_closing(self) -> str | None:
+        """Return what keeps the fingers from closing on what is grasped."""
+        one = self.solution
+        if one.reach.kind is not ReachKind.GRASP:
             return None
-        rows.append(line.waypoints[1:])
-        q = line.waypoints[-1]
-    return np.concatenate(rows)
+        return self.scene.collisions.stops_closing(self.base, one.arm, one.joints[1], one.reach.body)
 
+    def _straight(self) -> Array | None:
+        """Return joint values (n, d) with the tip on the lines from pose to pose, as it will move; None if it cannot.
 
-def touched_at(
-    rows: Array, solution: HandSolution, base: BasePose, scene: PlanningScene, check: QuickCheck | None = None
-) -> str | None:
-    """Return the body that is in the way at some joint values (m, d) of a solution; None if all are free."""
-    plan = solution.plan
-    for q in rows if check is None else _unsure(rows, base, check):
-        if contacts := scene.collisions.contacts(base, solution.arm, q, plan.touches, plan.opened):
-            return first_body(contacts)
-    return None
-
-
-def _unsure(rows: Array, base: BasePose, check: QuickCheck) -> Array:
-    """Return the joint values (m, d) at which something may be hit, as far as a check of the arm shows."""
-    return rows[~check.clear(np.repeat(base_matrices(np.array([base])), len(rows), axis=0), rows)]
-
-
-def hand_is_stopped(solution: HandSolution, base: BasePose, scene: PlanningScene, check: QuickCheck) -> bool:
-    """Return whether the hand itself is in something on the way, or when it closes: wherever the base stands.
-
-    ``check``, of the arm: where it is sure that nothing is hit nothing is looked at.
-    """
-    plan, hand, bodies = solution.plan, solution.arm.hand_links, scene.bodies.names()
-    line = straight(solution, base)
-    for q in _unsure(solution.joints if line is None else np.concatenate([solution.joints, line]), base, check):
-        contacts = scene.collisions.contacts(base, solution.arm, q, plan.touches, plan.opened)
-        if any(contact.part in hand and contact.body in bodies for contact in contacts):
-            return True
-    if solution.reach.kind is not ReachKind.GRASP:
-        return False
-    return scene.collisions.stops_closing(base, solution.arm, solution.joints[1], solution.reach.body) is not None
+        Without those at the first pose, where the lines begin.
+        """
+        one = self.solution
+        poses = product(inverse(base_matrices(np.array([self.base]))[0]), one.plan.poses)
+        q, rows = one.joints[0], [one.joints[:0]]
+        for begin, end in pairwise(poses):
+            line = cartesian_path(one.arm.solver, q, begin, end, lambda _: True)
+            if line.waypoints is None:
+                return None
+            rows.append(line.waypoints[1:])
+            q = line.waypoints[-1]
+        return np.concatenate(rows)
 
 
 def _in_collision(body: str | None) -> Reason | None:
@@ -257,6 +253,7 @@ def from_base(
     there = np.array(base)
     placed = base_matrices(there[None])[0]
     check = scene.collisions.arm_check(arm, candidates.touches, opened=candidates.opened)
+    candidates = unblocked(candidates, check, rejections)
     index, scores, seeds = _looked_up(candidates, there, arm, inverse)
     order = np.argsort(-(scores * candidates.weights[index]).round(6), kind="stable")
     index, seeds = index[order], seeds[order]
@@ -286,7 +283,7 @@ def from_base(
                     continue
                 if reason is None:
                     solution = HandSolution(reach, arm, candidates.plan(number), joints)
-                    reason = stopped_by(solution, base, scene, check)
+                    reason = Trial(solution, base, scene, check).stopped()
                     if reason is None:
                         done.add(number)
                         yield solution

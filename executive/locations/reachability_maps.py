@@ -42,9 +42,9 @@ from executive.locations.reachability import (
 )
 from executive.motion import Chain, InverseKinematics
 from executive.robots.arms import ArmModel, HandFrame
-from planlang.cache import Cache, sealed, unsealed
-from planlang.files import Bundled
+from planlang.files import Bundled, Cache, sealed, unsealed
 from planlang.geometry import Array
+from planlang.kernel import unwatched
 
 SAMPLES = 20_000
 """Number of random postures that show where the tip can be at all."""
@@ -287,12 +287,14 @@ def reachability_map(
     """
     key = map_key(arm, grasp)
     content, why = _bundled_map(arm, grasp, robot, key)
+    kept = _cache_key(key, arm)
     if content is None:
-        content = _CACHE.load(key)
+        content = _CACHE.load(kept)
     if content is None:
         say(f"building the reachability map of arm {arm.name}, {grasp.value} grasps, once for this robot{why}")
-        content = packed(build_map(arm, grasp))
-        _CACHE.keep(key, content)
+        with unwatched():  # an arm with seven joints takes longer than code of a plan may
+            content = packed(build_map(arm, grasp))
+        _CACHE.keep(kept, content)
     return unpacked(content, arm, grasp)
 
 
@@ -303,12 +305,10 @@ def bundled_file(arm: ArmModel, grasp: GraspClass, robot: str) -> tuple[str, byt
 
 
 def _bundled_map(arm: ArmModel, grasp: GraspClass, robot: str, key: str) -> tuple[bytes | None, str]:
-    """Return a map that came with planlang; None if there is none, and for a bundled robot the reason."""
-    name = _file_name(arm, grasp, robot, key)
-    path = MAPS / name
-    if path.is_file():
+    """Return a map that came with planlang, whatever its robot is called; None if there is none, and a reason."""
+    for path in MAPS.glob(f"*{_suffix(key)}"):
         return unsealed(key, path.read_bytes()), f": {path} is damaged"
-    others = MAPS.glob(f"{name.removesuffix(_suffix(key))}-*.map")
+    others = MAPS.glob(f"{robot}-{arm.name}-{grasp.value}-*.map")
     return None, ": the URDF is not the one of which planlang has maps" if any(others) else ""
 
 
@@ -321,8 +321,13 @@ def _suffix(key: str) -> str:
 
 
 def map_key(arm: ArmModel, grasp: GraspClass) -> str:
-    """Return a digest of all that a map depends on; the same on all processors, so computed numbers are rounded."""
-    lift = None if arm.lift is None else (arm.lift.column, round(arm.lift.per_unit, 9))
+    """Return a digest of what a map is of; the same on all processors, so computed numbers are rounded.
+
+    The arm's postures, from which building begins, do not count: a map that came with planlang serves all robots with
+    such an arm.
+    """
+    lift = arm.lift
+    lifted = None if lift is None else (lift.column, round(lift.per_unit, 9), round(float(lift.rise(lift.highest)), 9))
     sampling = (POSTURES, SAMPLED_AT_ONCE) if is_bound(arm) else SAMPLING
     facts = (
         VERSION,
@@ -330,12 +335,16 @@ def map_key(arm: ArmModel, grasp: GraspClass) -> str:
         CELL,
         YAWS,
         carried(arm).digest,
-        lift,
+        lifted,
         grasp.value,
         (arm.frame.approach, arm.frame.closing),
-        (arm.seeds.round(9) + 0.0).tolist(),
     )
     return hashlib.sha256(repr(facts).encode()).hexdigest()
+
+
+def _cache_key(key: str, arm: ArmModel) -> str:
+    """Return the key in the cache, where the same robot has to find the same map whatever was run before."""
+    return hashlib.sha256(repr((key, (arm.seeds.round(9) + 0.0).tolist())).encode()).hexdigest()
 
 
 def packed(built: ReachabilityMap) -> bytes:

@@ -23,7 +23,7 @@ class Reason:
     body: str | None = None
 
 
-COLLISION, NO_ROOM = "in collision", "no room for the base"
+COLLISION, NO_ROOM, NOT_VISIBLE = "in collision", "no room for the base", "not visible"
 OUT_OF_REACH = Reason("out of reach")
 
 

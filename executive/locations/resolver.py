@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from dataclasses import replace
-from itertools import chain
+from itertools import chain, count
 from typing import Generic, TypeVar
 
 from executive.belief.planning_scene import PlanningScene
@@ -25,11 +25,10 @@ from executive.locations.demands import (
     meaningless,
     thing_demand,
 )
-from executive.locations.floor_search import search_floor
-from executive.locations.hand_predicates import Stage, candidates_of, hand_holds
-from executive.locations.hand_solutions import HandSolution, from_base, is_among, stopped_by, unblocked
+from executive.locations.floor_search import FloorSearch
+from executive.locations.hand_predicates import Placement, Stage, candidates_of, hand_holds
+from executive.locations.hand_solutions import HandSolution, from_base
 from executive.locations.rejections import COLLISION, Rejections
-from executive.locations.resting import thing_holds, thing_poses
 from executive.locations.search import BUDGETS, ReachSearch
 from executive.locations.validation import BaseValidator
 from executive.robots.arms import ArmModel
@@ -96,7 +95,7 @@ class Resolver:
             here = validator.at((x, y, math.remainder(yaw, 2 * math.pi)), 1.0, demand, arms, log)
             yield () if here is None else (here,)
             if not wanted:
-                yield search_floor(validator, demand, log)
+                yield FloorSearch(validator, demand, log).places()
                 return
             before, again = log.copy(), False
             for budget in BUDGETS:
@@ -159,30 +158,18 @@ class Resolver:
         reach = replace(hand_demand(location, scene, self._viewer(location)), arms=None)
         self._validator.check_hands(replace(reach, arms=(arm.name,)), location)
         base = scene.base()
-        known = {
-            replace(other, arms=None): candidate for other, candidate in self._validator.reached(arm.name, base).items()
-        }.get(reach)
+        known = self._validator.known(reach, arm, base)
         log = Rejections()
-        stated = None if known is None else candidates_of(reach, arm, scene, Rejections(), Stage.CLOSEST)
-        if (
-            known is not None
-            and stated is not None
-            and is_among(known, stated)
-            and stopped_by(known, base, scene) is None
-        ):
-            yield known  # still valid: what it is about has not moved since
+        if known is not None and self._validator.still_reaches(known, reach, base):
+            yield known  # what it is about has not moved since
         begun = seed if known is None else known.joints[min(1, len(known.joints) - 1)]
         for stage in Stage if reach.kind is ReachKind.GRASP else (Stage.NATURAL, Stage.ALL):
             counted = Rejections() if stage else log
             candidates = candidates_of(reach, arm, scene, counted, stage)
             found = False
             if candidates is not None:
-                candidates = unblocked(
-                    candidates, scene.collisions.arm_check(arm, candidates.touches, opened=candidates.opened), counted
-                )
-                for candidate in from_base(
-                    reach, base, arm, candidates, scene, self.maps, counted, seed=begun, generous=True
-                ):
+                hands = from_base(reach, base, arm, candidates, scene, self.maps, counted, seed=begun, generous=True)
+                for candidate in hands:
                     found = True
                     yield candidate
             if found:
@@ -195,15 +182,14 @@ class Resolver:
         """Yield poses of an object's box centre at a location, best first; raises LocationUnresolvable at the end."""
         scene, log = self.scene, log or Rejections()
         name = scene.bodies.bind(what)
-        size = scene.bodies.size(name)
         self._look(location)
         demand = thing_demand(location, name, scene, self._viewer(location))
         if demand.on is None and demand.inside is None and not any(inside for _, inside in demand.people):
             needed = (("on", "in_"), " or ", ("in_reach_of",), " a person")
             raise meaningless(location, location, f" does not say where {name} rests: it needs ", *needed)
-        found = 0
-        for pose in thing_poses(name, size, demand, scene, log):
-            if thing_holds(name, pose, size, demand, scene):
+        found, placement = 0, Placement(name, demand, scene)
+        for pose in placement.poses(log):
+            if placement.holds(pose):
                 found += 1
                 yield pose
         raise log.failure(location, after=found)
@@ -224,9 +210,8 @@ class Resolver:
         if isinstance(what, Device):
             return any(hand_holds(location, arm, scene, viewer) for arm in scene.arms.of(what))
         name = scene.bodies.bind(what)
-        size = scene.bodies.size(name)
         demand = thing_demand(location, name, scene, viewer)
-        return thing_holds(name, scene.bodies.pose(name), size, demand, scene)
+        return Placement(name, demand, scene).holds(scene.bodies.pose(name))
 
     def _look(self, location: Location) -> None:
         """Fix a location's left and right as seen from the present base pose, from now on."""
@@ -268,19 +253,16 @@ class _Kept(Generic[T]):
         self._end: PlanFailure | None = None
 
     def __iter__(self) -> Iterator[T]:
-        number = 0
-        while True:
-            while number >= len(self._found) and self._end is None:
+        for number in count():
+            while number >= len(self._found):
                 if not self._more():
                     return
-            if number >= len(self._found):
-                assert self._end is not None
-                raise self._end.with_traceback(None)
             yield self._found[number]
-            number += 1
 
     def _more(self) -> bool:
         """Find one more; False if there are no more."""
+        if self._end is not None:
+            raise self._end.with_traceback(None)
         if self._source is None:
             self._found, self._source = [], self._ask()
         try:
@@ -289,6 +271,7 @@ class _Kept(Generic[T]):
             return False
         except PlanFailure as problem:
             self._end = problem
+            raise
         except BaseException:
             self._source = None
             raise

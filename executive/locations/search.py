@@ -16,20 +16,20 @@ from numpy.typing import NDArray
 
 from executive.belief.planning_scene import Unseen
 from executive.belief.scene_collisions import BasePose
-from executive.locations.base_candidates import BaseCandidates, Conjunct, Misses, invert, moved_to_room
+from executive.locations.base_candidates import BaseCandidates, Conjunct, Inversion, Misses, moved_to_room
 from executive.locations.demands import BaseDemand, Reach
-from executive.locations.grasp_candidates import CLASSES, GraspCandidates
+from executive.locations.grasp_candidates import CLASSES, Hand
 from executive.locations.hand_predicates import Stage, candidates_of
 from executive.locations.hand_solutions import (
     OFF_LATTICE,
     ON_LATTICE,
     HandSolution,
+    Trial,
     arms_have_room,
-    hand_is_stopped,
     solve,
     unblocked,
 )
-from executive.locations.rejections import Rejections
+from executive.locations.rejections import NO_ROOM, OUT_OF_REACH, Rejections
 from executive.locations.validation import PLACES, BaseValidator, SelfOcclusion, scored, unmet
 from executive.motion import QuickCheck
 from executive.robots.arms import ArmModel
@@ -115,60 +115,43 @@ class ReachSearch:
             self.inverse(arm, CLASSES[g]).reach for arm, candidates in possible for g in set(candidates.grasps.tolist())
         )
         near = _sphere([candidates.points for _, candidates in possible], reach)
-        hands, checks = [], []
+        hands: list[Hand] = []
         for arm, candidates in possible:
             check = scene.collisions.arm_check(arm, candidates.touches, opened=candidates.opened, near=near)
             if len(free := unblocked(candidates, check, log)):
-                hands.append((arm, free))
-                checks.append(check)
+                hands.append(Hand(arm, free, check))
         if not hands:
             return
-        middle = np.mean([candidates.points.mean(axis=0) for _, candidates in hands], axis=0)
-        spread = max(
-            float(np.linalg.norm(candidates.points[:, :2] - middle[:2], axis=1).max()) for _, candidates in hands
-        )
-        floor = scene.collisions.floor()
-        room = floor.field((float(middle[0]), float(middle[1])), scene.bodies.block(first.body).yaw, spread + reach)
+        middle = np.mean([hand.candidates.points.mean(axis=0) for hand in hands], axis=0)
+        aside = [np.linalg.norm(hand.candidates.points[:, :2] - middle[:2], axis=1).max() for hand in hands]
+        floor, block = scene.collisions.floor(), scene.bodies.block(first.body)
+        room = floor.field((float(middle[0]), float(middle[1])), block.yaw, float(max(aside)) + reach)
         bands = [(reach.body, validator.band(reach, self.arms)) for reach in self.wanted[1:]]
         conjuncts: list[Conjunct] = [(f"not in reach of {body}", partial(_within, *band)) for body, band in bands]
         conjuncts += [(unmet(term), partial(scored, term)) for term in self.demand.areas]
-        found = invert(
-            hands,
-            self.inverse,
-            room,
-            conjuncts,
-            scene.collisions.lifted,
-            misses=self._unseen() if budget.fine else None,
-            least=budget.least,
-            rows=budget.rows,
-            each=budget.each,
-        )
+        inversion = Inversion(room, conjuncts, self._unseen() if budget.fine else None, budget.each)
+        lifted = scene.collisions.lifted
+        found = inversion.of(hands, self.inverse, lifted, least=budget.least, rows=budget.rows)
         log.scored.append((found.bases, found.scores))
-        log.add("no room for the base", found.without_room)
-        for reason, number in found.unwanted.items():
+        for reason, number in inversion.refused.items():
             log.add(reason, number)
-        log.add("not visible", found.unseen)
-        if not len(found) and not found.without_room and not found.unwanted.total() and not found.unseen:
-            log.add("out of reach", sum(len(candidates) for _, candidates in hands))
+        if not len(found) and not inversion.refused.total():
+            log.add(OUT_OF_REACH.text, sum(len(hand.candidates) for hand in hands))
         if log.explained:
-            validator.name_crowding(found.crowded, log)
+            validator.name_crowding(inversion.crowded(), log)
         if len(found):
             some, stance = False, scene.collisions.stance_check(near)
-            for solution in self._in_blocks(found, hands, checks, middle, stance):
+            for solution in self._in_blocks(found, hands, middle, stance):
                 some = True
                 yield solution
             if budget.then is not None and not some and self.is_taken is None:
                 moved = moved_to_room(found, floor, middle[:2], room.yaw, budget.most)
-                then = self._between(budget.then)
-                yield from then._in_blocks(moved, hands, checks, middle, stance, self._unseen()) if len(moved) else ()
+                # the same candidates were looked at already: they are not counted again
+                uncounted = Rejections(log.explained, places=log.places, scored=log.scored, refused=log.refused)
+                then = ReachSearch(validator, self.wanted, self.demand, self.arms, budget.then, uncounted)
+                yield from then._in_blocks(moved, hands, middle, stance, self._unseen()) if len(moved) else ()
         if not log.explained:
-            validator.name_crowding(found.crowded, log)
-
-    def _between(self, budget: SearchBudget) -> ReachSearch:
-        """Return the same search for candidates that were looked at elsewhere: they are not counted again."""
-        log = self.log
-        log = Rejections(log.explained, places=log.places, scored=log.scored, refused=log.refused)
-        return ReachSearch(self.validator, self.wanted, self.demand, self.arms, budget, log)
+            validator.name_crowding(inversion.crowded(), log)
 
     def _unseen(self) -> Misses | None:
         """Return a test of the bases from which the robot itself hides what has to be seen."""
@@ -182,8 +165,7 @@ class ReachSearch:
     def _in_blocks(
         self,
         found: BaseCandidates,
-        hands: Sequence[tuple[ArmModel, GraspCandidates]],
-        checks: Sequence[QuickCheck],
+        hands: Sequence[Hand],
         middle: Array,
         stance: QuickCheck,
         misses: Misses | None = None,
@@ -194,7 +176,7 @@ class ReachSearch:
         found = found.chosen(order)
         bases = np.column_stack([found.bases[:, :2], np.arctan2(np.sin(found.bases[:, 2]), np.cos(found.bases[:, 2]))])
         bases = bases.round(PLACES)  # as they are told
-        floor, judged, undecided = scene.collisions.floor(), 0, np.ones(len(found), bool)
+        floor, validated, undecided = scene.collisions.floor(), 0, np.ones(len(found), bool)
         occlusion = SelfOcclusion(middle[:2], strict=budget.fine)
         failed = _Failed()
         failures: dict[tuple[int, int], tuple[HandSolution, BasePose]] = {}
@@ -206,7 +188,7 @@ class ReachSearch:
             """Return whether the hand itself is in something: then no base pose of a candidate that failed will do."""
             key = (number, candidate)
             if key in failures and key not in stopped:
-                stopped[key] = hand_is_stopped(*failures[key], scene, checks[number])
+                stopped[key] = Trial(*failures[key], scene, hands[number].check).hand_is_stopped()
             return stopped.get(key, False)
 
         def standing() -> Iterator[NDArray[np.intp]]:
@@ -216,7 +198,7 @@ class ReachSearch:
                 rows = np.arange(first, min(first + size, len(found)))
                 first, size = first + size, min(2 * size, AT_ONCE)
                 roomy = floor.holds(bases[rows])
-                log.add("no room for the base", int((~roomy).sum()))
+                log.add(NO_ROOM, int((~roomy).sum()))
                 undecided[rows] = roomy
                 rows = rows[roomy]
                 undecided[rows] = arms_have_room(bases[rows], stance, log)
@@ -230,17 +212,15 @@ class ReachSearch:
             for rows in standing():
                 undecided[rows] = [not is_stopped(int(found.arms[row]), int(found.candidates[row])) for row in rows]
                 rows = rows[undecided[rows]]
-                undecided[rows], joints = self._solved(found, rows, bases, hands, checks)
+                undecided[rows], joints = self._solved(found, rows, bases, hands)
                 rows = rows[undecided[rows]]
                 if misses is not None and len(rows):
                     undecided[rows] = ~misses(bases[rows])
                     rows = rows[undecided[rows]]
                 for row in rows.tolist():
-                    arm, candidates = hands[int(found.arms[row])]
-                    solution = HandSolution(
-                        self.wanted[0], arm, candidates.plan(int(found.candidates[row])), joints[row]
-                    )
-                    yield row, solution, True
+                    arm, candidates, _ = hands[int(found.arms[row])]
+                    plan = candidates.plan(int(found.candidates[row]))
+                    yield row, HandSolution(self.wanted[0], arm, plan, joints[row]), True
             if budget.fine:
                 for row, solution in postponed:
                     yield row, solution, False
@@ -249,61 +229,45 @@ class ReachSearch:
             number, candidate = int(found.arms[row]), int(found.candidates[row])
             base = bases[row]
             place = (float(base[0]), float(base[1]), float(base[2]))
-            heading = float(hands[number][1].headings[candidate])
+            heading = float(hands[number].candidates.headings[candidate])
             if (self.is_taken is not None and self.is_taken(place)) or is_stopped(number, candidate):
                 undecided[row] = False
                 continue
             if first and (failed.near(number, base, heading) or occlusion.covers(base)):
                 postponed.append((row, solution))
                 continue
-            if judged >= budget.exact:
+            if validated >= budget.exact:
                 log.add("not looked at", int(undecided.sum()))
                 return
             undecided[row] = False
             score = float(found.scores[row])
             answer = self.validator.complete(
-                place, score, solution, self.wanted, self.demand, occlusion, log, checks[number]
+                place, score, solution, self.wanted, self.demand, occlusion, log, hands[number].check
             )
             if isinstance(answer, Solution):
                 yield answer
                 continue
-            judged += 1
+            validated += 1
             failed.add(number, base, heading)
             if answer in bodies_around:
                 failures.setdefault((number, candidate), (solution, place))
 
     def _solved(
-        self,
-        found: BaseCandidates,
-        rows: NDArray[np.intp],
-        bases: Array,
-        hands: Sequence[tuple[ArmModel, GraspCandidates]],
-        checks: Sequence[QuickCheck],
+        self, found: BaseCandidates, rows: NDArray[np.intp], bases: Array, hands: Sequence[Hand]
     ) -> tuple[NDArray[np.bool_], dict[int, Array]]:
         """Return which candidates (rows) have joint values as far as spheres tell, and these (k, d) by row."""
         ok = np.zeros(len(rows), bool)
         joints: dict[int, Array] = {}
-        for number, (arm, candidates) in enumerate(hands):
-            for grasp in np.unique(candidates.grasps):
-                mine = np.flatnonzero(
-                    (found.arms[rows] == number)
-                    & (candidates.grasps[found.candidates[rows] % len(candidates)] == grasp)
-                )
-                if not len(mine):
-                    continue
+        for number, (arm, candidates, check) in enumerate(hands):
+            of_arm = np.flatnonzero(found.arms[rows] == number)
+            grasps = candidates.grasps[found.candidates[rows[of_arm]]]
+            for grasp in np.unique(grasps):
+                mine = of_arm[grasps == grasp]
                 chosen = rows[mine]
-                forward = self.inverse(arm, CLASSES[int(grasp)]).forward
-                seeds = forward.seeds(found.rows[chosen], found.torsos[chosen])
+                index, forward = found.candidates[chosen], self.inverse(arm, CLASSES[int(grasp)]).forward
+                seeds = forward.seeds(found.rows[chosen], found.torsos[chosen])[:, None]
                 slack = OFF_LATTICE if arm.lift is None else ON_LATTICE
-                solved = solve(
-                    candidates,
-                    found.candidates[chosen],
-                    bases[chosen],
-                    arm,
-                    seeds[:, None],
-                    checks[number],
-                    slack=slack,
-                )
+                solved = solve(candidates, index, bases[chosen], arm, seeds, check, slack=slack)
                 self.log.count(solved.reasons)
                 ok[mine] = [reason is None for reason in solved.reasons]
                 joints |= zip(chosen.tolist(), solved.joints, strict=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,16 +14,8 @@ from executive.locations.areas import Area, Clear, Facing
 from executive.locations.base_candidates import InverseMaps
 from executive.locations.demands import ORDER, BaseDemand, Reach, ReachKind, sides
 from executive.locations.hand_predicates import Stage, candidates_of
-from executive.locations.hand_solutions import (
-    HandSolution,
-    from_base,
-    is_among,
-    stopped_by,
-    stopped_on_the_way,
-    touched_at,
-    unblocked,
-)
-from executive.locations.rejections import COLLISION, Reason, Rejections, first_body
+from executive.locations.hand_solutions import HandSolution, Trial, from_base
+from executive.locations.rejections import COLLISION, NO_ROOM, NOT_VISIBLE, OUT_OF_REACH, Reason, Rejections, first_body
 from executive.motion import QuickCheck
 from executive.robots.arms import ArmModel
 from planlang.designators import Location
@@ -133,7 +126,7 @@ class BaseValidator:
                 reached[reach] = candidate
             else:
                 return self.answer(base, score, reached, demand, log)
-        log.remember(base, score, "out of reach")
+        log.remember(base, score, OUT_OF_REACH.text)
         return None
 
     def complete(
@@ -152,12 +145,13 @@ class BaseValidator:
         If it will not do because the arm meets something, the name of that.
         """
         # the arm first, where it takes hold: it is what most often meets something
-        body = touched_at(np.roll(solution.joints, -1, axis=0), solution, base, self.scene, check)
+        trial = Trial(solution, base, self.scene, check)
+        body = trial.touched(np.roll(solution.joints, -1, axis=0))
         reason = None if body is None else Reason(COLLISION, body)
         if reason is None:
             if not self.stands(base, score, demand, log) or not self.sees(base, score, demand, log, occlusion):
                 return None
-            reason = stopped_on_the_way(solution, base, self.scene, check)
+            reason = trial.stopped_on_the_way()
         if reason is not None:
             log.count([reason])
             log.remember(base, score, reason.text, reason.body)
@@ -166,7 +160,7 @@ class BaseValidator:
         for reach in wanted[1:]:
             options = self.arms_for(reach, [solution.arm])
             if (candidate := self._first(reach, base, options, log)) is None:
-                log.remember(base, score, "out of reach")
+                log.remember(base, score, OUT_OF_REACH.text)
                 return None
             reached[reach] = candidate
         return self.answer(base, score, reached, demand, log)
@@ -181,7 +175,7 @@ class BaseValidator:
         if contacts := scene.collisions.contacts(base):
             body = first_body(contacts)
             log.crowded(body)
-            log.remember(base, score, "no room for the base", body)
+            log.remember(base, score, NO_ROOM, body)
             return False
         return True
 
@@ -196,12 +190,12 @@ class BaseValidator:
         for name in self.to_see(demand):
             occluder = scene.visibility.hidden(base, name)
             if occluder is not None:
-                log.add("not visible")
+                log.add(NOT_VISIBLE)
                 if occluder:
                     log.blocking[occluder] += 1
                 if occluder and occlusion is not None and occluder not in scene.bodies.names():
                     occlusion.add(base)
-                log.remember(base, score, "not visible", occluder or None)
+                log.remember(base, score, NOT_VISIBLE, occluder or None)
                 return False
         for name in demand.unseen:
             if scene.visibility.hidden(base, name) is None:
@@ -248,23 +242,27 @@ class BaseValidator:
                 candidates = candidates_of(reach, arm, self.scene, counted, stage)
                 if candidates is None:
                     continue
-                check = self.scene.collisions.arm_check(arm, candidates.touches, opened=candidates.opened)
-                candidates = unblocked(candidates, check, counted)
                 candidate = next(from_base(reach, base, arm, candidates, self.scene, self.inverse, counted), None)
-                candidate = candidate or self._known(reach, base, arm)
+                known = self.known(reach, arm, base) if candidate is None else None
+                if known is not None and self.still_reaches(known, reach, base):  # it can do little else from there
+                    candidate = known
                 if candidate is not None:
                     log.include(counted)
                     return candidate
             log.include(counted)  # all candidates: the natural ones are among them
         return None
 
-    def _known(self, reach: Reach, base: BasePose, arm: ArmModel) -> HandSolution | None:
-        """Return how an arm that can do little else from a base reaches from there, if it is known and still does."""
-        known = self.reached(arm.name, base).get(reach)
-        candidates = None if known is None else candidates_of(reach, arm, self.scene, Rejections(), Stage.CLOSEST)
-        if known is None or candidates is None or not is_among(known, candidates):
-            return None
-        return known if stopped_by(known, base, self.scene) is None else None
+    def known(self, reach: Reach, arm: ArmModel, base: BasePose) -> HandSolution | None:
+        """Return how an arm reaches from a base pose that was accepted, whatever arms may do it; None if unknown."""
+        known = self._reached.get((arm.name, rounded(base)), {})
+        return next((one for other, one in reversed(known.items()) if replace(other, arms=reach.arms) == reach), None)
+
+    def still_reaches(self, known: HandSolution, reach: Reach, base: BasePose) -> bool:
+        """Return whether a solution still is one of a reach from a base pose, validated exactly."""
+        candidates = candidates_of(reach, known.arm, self.scene, Rejections(), Stage.CLOSEST)
+        return (
+            candidates is not None and known.is_among(candidates) and Trial(known, base, self.scene).stopped() is None
+        )
 
     def band(self, reach: Reach, arms: Sequence[ArmModel]) -> tuple[tuple[float, float], float, float]:
         """Return a circle around what a reach is about, outside of which no base can satisfy it: middle, radii [m]."""
@@ -286,15 +284,11 @@ class BaseValidator:
             body = first_body(contacts) if (contacts := self.scene.collisions.contacts(base)) else None
             if body is not None:
                 log.blocking[body] += 1
-            log.remember(base, score, "no room for the base", body)
+            log.remember(base, score, NO_ROOM, body)
 
     def reached_from(self, base: BasePose) -> Mapping[tuple[str, BasePose], Mapping[Reach, HandSolution]]:
         """Return how arms reach from the last base pose that was found what it was found for."""
         return {key: candidates for key, candidates in self._reached.items() if key[1] == rounded(base)}
-
-    def reached(self, arm: str, base: BasePose) -> Mapping[Reach, HandSolution]:
-        """Return how an arm can reach from a base pose."""
-        return self._reached.get((arm, rounded(base)), {})
 
     def remember(self, reached: Mapping[tuple[str, BasePose], Iterable[HandSolution]]) -> None:
         """Restore the result of :meth:`reached_from`; nothing else is remembered then."""

@@ -23,11 +23,9 @@ from typing import Any, Protocol, TypeVar
 
 from planlang.failures import PlanFailure
 from planlang.kernel.errors import PlanStructureError
-from planlang.kernel.hosts import Host, Inbox, LiveHost
-from planlang.kernel.observer import Observer, Recorded
+from planlang.kernel.hosts import Host, Inbox, LiveHost, Timer, TimerQueue
 from planlang.kernel.signals import BaseFluent
-from planlang.kernel.timers import Timer, TimerQueue
-from planlang.kernel.tree import SUCCEEDED, Node, Status
+from planlang.kernel.tree import SUCCEEDED, Node, Observer, Recorded, Status
 from planlang.misuse import Usage, amount, contrast
 
 S = TypeVar("S")
@@ -242,7 +240,7 @@ class Scheduler:
         self.awaits_threads = False
         """Some task waits for a call in a thread; on any host the inbox is then looked into."""
         self.idle = False
-        """True while the host lets time pass or threads are waited for: no code of the plan runs."""
+        """True while the host lets time pass, threads are waited for, or something takes long that may."""
 
         self.draining = False
         self.over = False

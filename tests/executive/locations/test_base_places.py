@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from executive.belief.scene_collisions import BasePose
 from executive.locations.demands import base_demand
-from executive.locations.floor_search import HEADINGS, MOST_CELLS, sample_anywhere
+from executive.locations.floor_search import HEADINGS, MOST_CELLS, FloorSamples
 from planlang.designators import Location, Relation, a_device, a_location, a_person, an_object
 from planlang.failures import LocationUnresolvable
 from planlang.geometry import Array, Pose
@@ -316,5 +316,5 @@ def test_a_place_in_a_large_room_is_found_with_work_that_does_not_grow_with_it(
     location = Location((Relation("near", THE_BOTTLE, most, least),))
     x, y, _ = next(stage.resolver.bases(location)).base
     assert least - 2e-3 <= math.hypot(x - 1.5, y) - 0.0325 - 0.333 <= most + 2e-3
-    bases, _, _ = sample_anywhere(base_demand(location, stage.platform.scene, (0.0, 0.0)), stage.platform.scene)
+    bases, _, _ = FloorSamples(base_demand(location, stage.platform.scene, (0.0, 0.0)), stage.platform.scene).anywhere()
     assert 0 < len(bases) <= HEADINGS * MOST_CELLS

@@ -204,6 +204,10 @@ def test_maps_are_kept_and_those_of_another_arm_are_not_taken_for_them(
     assert not again[GraspClass.SIDE].rows.flags.writeable
     other = arm_of(tmp_path, torso="lift")
     assert map_key(other, GraspClass.TOP) == map_key(arm, GraspClass.TOP)
+    assert map_key(replace(other, seeds=other.seeds + 0.1), GraspClass.TOP) == map_key(arm, GraspClass.TOP)
+    assert other.lift
+    higher = replace(other, lift=replace(other.lift, highest=other.lift.highest + 0.1))
+    assert map_key(higher, GraspClass.TOP) != map_key(arm, GraspClass.TOP), "rows begin at the floor"
     turned = replace(other, frame=HandFrame((0.0, 1.0, 0.0), (1.0, 0.0, 0.0)))
     assert map_key(turned, GraspClass.TOP) != map_key(arm, GraspClass.TOP)
     text = (tmp_path / "arm.urdf").read_text().replace("0.12 0 0", "0.13 0 0")
@@ -250,9 +254,11 @@ def test_a_map_that_came_along_is_taken_and_one_that_did_not_is_built_with_the_r
 
     def rows_of_a_new_home(home: str, robot: str = "gantry") -> list[tuple[float, ...]]:
         monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / home))
-        return list(reachability_map(arm, GraspClass.SIDE, robot, said.append).rows.tolist())
+        own = arm if robot == "gantry" else replace(arm, seeds=arm.seeds[:1])
+        return list(reachability_map(own, GraspClass.SIDE, robot, said.append).rows.tolist())
 
     rows = rows_of_a_new_home("first")
+    assert rows_of_a_new_home("zeroth", "another") == rows
     assert not said
     (tmp_path / name).write_bytes(content[:-1] + b"?")
     assert rows_of_a_new_home("second") == rows

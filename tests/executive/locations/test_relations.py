@@ -164,7 +164,7 @@ def test_what_holds_is_judged_as_candidates_are(ward: Stage) -> None:
     ("pose", "said"),
     [
         (Pose((math.nan, 0.0, 0.9)), "at no place"),
-        (Pose((1.5, 0.0, 0.9), (0.0, 0.0, 0.0, 2.0)), "no rotation"),
+        (Pose((1.5, 0.0, 0.9), (0.0, 0.0, 0.0, 2.0)), "not a rotation"),
     ],
 )
 def test_a_thing_at_an_impossible_pose_is_named(pose: Pose, said: str, make_stage: MakeStage) -> None:

@@ -16,7 +16,8 @@ from typing import Any
 import pytest
 
 from planlang import *
-from planlang.kernel import environment as dog
+from planlang.kernel import runner as dog
+from planlang.kernel import unwatched
 from planlang.kernel.errors import Overdue
 from planlang.kernel.hosts import WATCHDOG
 from planlang.runs import with_paths
@@ -135,6 +136,22 @@ def test_slow_worlds_and_calls_in_threads_are_not_the_plans_fault() -> None:
     gate = threading.Event()
     run(partial(par, partial(in_thread, slow), partial(sleep, 1 / 240)), host=VirtualHost(watchdog=SHORT))
     run(partial(sleep, 1 / 240), host=SimulationHost(World(slow), watchdog=SHORT))
+
+
+def test_what_may_take_long_is_not_counted_and_what_follows_is() -> None:
+    async def patient() -> None:
+        with unwatched():
+            spin(4 * SHORT)
+
+    async def impatient() -> None:
+        await patient()
+        spin()
+
+    run(patient, host=VirtualHost(watchdog=SHORT))
+    with pytest.raises(NoProgress):
+        run(impatient, host=VirtualHost(watchdog=SHORT))
+    with unwatched():
+        assert True, "nothing runs here"
 
 
 def test_the_watchdog_barks_after_ten_seconds_unless_told_otherwise() -> None:

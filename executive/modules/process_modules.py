@@ -1,0 +1,438 @@
+"""The process modules that come with planlang: of base, arms, grippers and handovers, of the head and of perception.
+
+The base is planned in the planning scene, driven in the true world, and learns from contacts. Arms go to named
+postures, before things, around them, over them, and to people; a handover waits until the person takes what an arm
+holds. The head points the camera at things, perception looks for them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from itertools import islice
+
+import numpy as np
+
+from executive.belief.scene_collisions import BasePose
+from executive.locations import HandSolution, ReachKind
+from executive.locations.demands import asks_for
+from executive.modules.platform import Platform
+from executive.motion import GoalInCollision, MotionError, StartInCollision
+from executive.robots.arms import ArmModel
+from planlang import perform, wait_for
+from planlang.designators import Action, Device, Location, Object, Person, Relation, action
+from planlang.failures import (
+    ActionUnresolvable,
+    CommunicationFailure,
+    DesignatorFailure,
+    GraspMissed,
+    GripperFailure,
+    GripperGoalNotReached,
+    HandoverNotTaken,
+    LocationUnresolvable,
+    LookingFailure,
+    LookingGoalUnreachable,
+    ManipulationFailure,
+    ManipulationGoalInCollision,
+    ManipulationPoseUnreachable,
+    MissingCapability,
+    NavigationFailure,
+    NavigationGoalInCollision,
+    NavigationGoalNotReached,
+    NavigationPoseUnreachable,
+    ObjectNotFound,
+    PerceptionFailure,
+)
+from planlang.geometry import Array, Pose
+from planlang.modules import process_module
+from planlang.protocols import MotionState, Trajectory
+from planlang.relations import Sense
+
+REPLANS = 3
+"""Paths that are planned around obstacles that were not believed to be there: then the plan decides."""
+
+
+@process_module
+class Navigation:
+    """Moves the base to a pose, or to the best base pose of a location."""
+
+    name = "navigation"
+    actions = ("Translation-LocationChange",)
+    failures = (NavigationFailure, DesignatorFailure)
+
+    def __init__(self, platform: Platform) -> None:
+        self.platform = platform
+
+    def resources(self, action: Action) -> tuple[str, ...]:
+        """Return the base."""
+        return ("base",)
+
+    async def execute(self, action: Action) -> None:
+        """Drive to ``x``, ``y``, ``yaw``, or to a base pose that satisfies ``to_location``."""
+        goal = self._goal(action)
+        blocked_by: str | None = None
+        for _ in range(REPLANS):
+            if _close(goal, self.platform.base()):
+                return
+            motion = await self.platform.follow("base", self._path(goal))
+            self.platform.drive.moved()
+            if motion.state is MotionState.DONE:
+                return
+            blocked_by = motion.blocked_by
+            self.platform.sensing.bump(blocked_by)
+        raise NavigationGoalNotReached(target=goal, blocked_by=blocked_by)
+
+    def _goal(self, action: Action) -> BasePose:
+        match action.get("x"), action.get("y"), action.get("yaw"), action.get("to_location"):
+            case float(x), float(y), float(yaw), None:
+                return x, y, yaw
+            case None, None, None, Location() as location:
+                return next(self.platform.resolver.bases(location)).base
+        raise ActionUnresolvable("a base motion needs to_location, or x, y and yaw", designator=str(action))
+
+    def _path(self, goal: BasePose) -> Trajectory:
+        try:
+            return self.platform.drive.path(goal)
+        except GoalInCollision as problem:
+            raise NavigationGoalInCollision(target=goal, blocked_by=_blocking(problem)) from problem
+        except StartInCollision as problem:
+            stuck = _blocking(problem)
+            raise NavigationGoalNotReached("the base is stuck", target=goal, blocked_by=stuck) from problem
+        except MotionError as problem:
+            raise NavigationPoseUnreachable(target=goal) from problem
+
+
+def _blocking(problem: GoalInCollision | StartInCollision) -> str | None:
+    return next((body for _, body in problem.pairs), None)
+
+
+def _close(one: BasePose, other: BasePose) -> bool:
+    turn = math.remainder(one[2] - other[2], 2 * math.pi)
+    return math.dist(one[:2], other[:2]) < 1e-3 and abs(turn) < 1e-3
+
+
+MOST_SOLUTIONS = 6
+"""Hand poses of one location for which a path is planned: further ones differ little and fail alike."""
+
+
+@process_module
+class Reaching:
+    """Brings a hand to a location, after a look at things not seen since the base last moved."""
+
+    name = "arm"
+    actions = ("Reaching",)
+    failures = (ManipulationFailure, PerceptionFailure, LookingFailure, DesignatorFailure)
+
+    def __init__(self, platform: Platform) -> None:
+        self.platform = platform
+
+    def resources(self, action: Action) -> tuple[str, ...]:
+        """Return the arms that the action may mean, and the torso if it moves with them."""
+        arms = self._arms(action)
+        torso = [] if all(self.platform.robot.torso not in arm.joints for arm in arms) else ["torso"]
+        return (*(arm.name for arm in arms), *torso)
+
+    async def execute(self, action: Action) -> None:
+        """Reach; raises a failure of the classes in ``failures``."""
+        location = action.get("to_location")
+        if not isinstance(location, Location):
+            raise ActionUnresolvable("reaching needs to_location", designator=str(action))
+        arms = self._arms(action)
+        if not arms:
+            raise ActionUnresolvable("the robot has no arm that this may mean", designator=str(action))
+        if not location.relations:
+            await self._to_posture(arms[0], location.name or "")
+            return
+        await self._look_first(location)
+        problem: ManipulationFailure | LocationUnresolvable | None = None
+        for arm in arms:
+            try:
+                await self._reach(arm, location)
+                return
+            except (ManipulationPoseUnreachable, LocationUnresolvable) as failure:
+                problem = problem or failure
+        if isinstance(problem, LocationUnresolvable):
+            blocking = next(iter(problem.blocking), None)
+            kind = ManipulationGoalInCollision if blocking else ManipulationPoseUnreachable
+            raise kind(arm=arms[0].name, what=str(location), blocked_by=blocking) from problem
+        raise problem or ManipulationPoseUnreachable(arm=arms[0].name, what=str(location))
+
+    def _arms(self, action: Action) -> list[ArmModel]:
+        """Return the arms to try: of the device; else one that holds something; else the one chosen before; else all.
+
+        To grasp, free arms come first; to reach a person, arms that hold something.
+        """
+        scene, arms = self.platform.scene, self.platform.arms
+        device, location = action.get("device_used"), action.get("to_location")
+        named = scene.arms.of(device) if isinstance(device, Device) else scene.arms.all
+        if isinstance(location, Location) and self.platform.resolver.is_grasp(location) and (free := arms.free(named)):
+            return free
+        if isinstance(device, Device):
+            meant = arms.in_order(named)
+            offering = [arm for arm in meant if scene.arms.held(arm.name)] if self._is_for_person(action) else []
+            return offering or meant
+        return arms.holding(scene.arms.all) or arms.in_order(scene.arms.all)
+
+    def _is_for_person(self, action: Action) -> bool:
+        """Return whether the hand is to go to where a person reaches it."""
+        location, scene = action.get("to_location"), self.platform.scene
+        return isinstance(location, Location) and any(
+            isinstance(relation.reference, Object) and scene.bodies.is_person(scene.bodies.bind(relation.reference))
+            for relation in location.relations
+        )
+
+    async def _look_first(self, location: Location) -> None:
+        for relation in location.relations:
+            match relation:
+                case Relation(_, Object() as what) if self.platform.sensing.must_look(what):
+                    await perform(action("LookingForSomething", object_acted_on=what))
+
+    async def _to_posture(self, arm: ArmModel, name: str) -> None:
+        await self._joint_path(arm, self.platform.arms.posture(arm, name), None, name)
+
+    async def _reach(self, arm: ArmModel, location: Location) -> None:
+        """Try hand poses that satisfy the location until one has a path."""
+        problem: ManipulationPoseUnreachable | None = None
+        for solution in islice(self._solutions(arm, location), MOST_SOLUTIONS):
+            try:
+                await self._go(solution, location)
+            except ManipulationPoseUnreachable as failure:
+                problem = problem or failure
+                continue
+            self.platform.arms.use(arm, solution)
+            return
+        raise problem or ManipulationPoseUnreachable(arm=arm.name, what=str(location))
+
+    def _solutions(self, arm: ArmModel, location: Location) -> Iterator[HandSolution]:
+        """Yield the grasp that was begun, so that it goes on from its pre-grasp; then all others."""
+        begun = self.platform.arms.begun_grasp(arm, location)
+        if begun is not None:
+            yield begun
+        yield from self.platform.resolver.hands(location, arm, self.platform.arm_joints(arm))
+
+    async def _go(self, solution: HandSolution, location: Location) -> None:
+        match solution.reach.kind:
+            case ReachKind.RETREAT:
+                await self._straight(solution, solution.joints)
+            case ReachKind.GRASP if asks_for(location, "hand", Sense.GRASP_POINT):
+                if not self.platform.arms.is_at(solution.arm, solution.joints[0]):
+                    await self._joint_path(solution.arm, solution.joints[0], None, solution.plan.label)
+                await self._straight(solution, solution.joints[1:2])
+            case _:
+                await self._joint_path(solution.arm, solution.joints[0], None, solution.plan.label)
+
+    async def _joint_path(self, arm: ArmModel, goal: Array, touches: str | None, label: str) -> None:
+        try:
+            trajectory = self.platform.arms.path(arm, goal, touches)
+        except MotionError as problem:
+            raise ManipulationPoseUnreachable(arm=arm.name, what=label) from problem
+        await self._follow(arm, trajectory, label)
+
+    async def _straight(self, solution: HandSolution, joints: Array) -> None:
+        """Move along straight lines of the tip to the last poses of a solution."""
+        poses = (
+            solution.plan.poses[-len(joints) :]
+            if solution.reach.kind is ReachKind.RETREAT
+            else solution.plan.poses[1 : 1 + len(joints)]
+        )
+        for pose, q in zip(poses, joints, strict=True):
+            try:
+                trajectory = self.platform.arms.straight_path(solution.arm, pose, q, solution.plan.touches)
+            except MotionError as problem:
+                raise ManipulationPoseUnreachable(arm=solution.arm.name, what=solution.plan.label) from problem
+            await self._follow(solution.arm, trajectory, solution.plan.label)
+
+    async def _follow(self, arm: ArmModel, trajectory: Trajectory, label: str) -> None:
+        motion = await self.platform.follow(arm.name, trajectory)
+        if motion.state is not MotionState.DONE:
+            self.platform.sensing.bump(motion.blocked_by)
+            raise ManipulationGoalInCollision(arm=arm.name, what=label, blocked_by=motion.blocked_by)
+
+
+@process_module
+class Grasping:
+    """Opens and closes grippers: one module for both, so that requests to one gripper queue up."""
+
+    name = "gripper"
+    actions = ("OpeningAGripper", "ClosingAGripper")
+    failures = (GripperFailure, DesignatorFailure)
+
+    def __init__(self, platform: Platform) -> None:
+        self.platform = platform
+
+    def resources(self, action: Action) -> tuple[str, ...]:
+        """Return the arm that carries the gripper: it must not move meanwhile."""
+        return tuple(arm.name for arm in self._arms(action)[:1])
+
+    async def execute(self, action: Action) -> str | None:
+        """Open or close; return the name of what was grasped or let go."""
+        arms = self._arms(action)
+        if not arms:
+            raise MissingCapability(designator=str(action), missing=("GripperMotionCapability",))
+        if "ClosingAGripper" in self.platform.ancestors(action.type):
+            return await self._close(arms[0], action)
+        return await self._open(arms[0])
+
+    def _arms(self, action: Action) -> list[ArmModel]:
+        """Return the arms that the action may mean: of the device; else one that holds something; else the chosen one.
+
+        For a thing that is in no hand, free arms come first.
+        """
+        scene, arms, hands = self.platform.scene, self.platform.arms, self.platform.hands
+        device, what = action.get("device_used"), action.get("object_acted_on")
+        candidates = scene.arms.of(device) if isinstance(device, Device) else scene.arms.all
+        found = arms.holding(candidates) or arms.in_order(candidates)
+        if isinstance(what, Object) and not hands.hold(what):
+            found = arms.free(candidates) or found
+        return [arm for arm in found if hands.gripper(arm) is not None]
+
+    async def _close(self, arm: ArmModel, action: Action) -> str:
+        hands = self.platform.hands
+        motion = await hands.move(arm, closed=True)
+        name = hands.between_fingers(arm)
+        if name is None:
+            what = action.get("object_acted_on")
+            wanted = str(what) if isinstance(what, Object) else None
+            raise GraspMissed(arm=arm.name, what=wanted, blocked_by=motion.blocked_by)
+        hands.grasp(arm, name)
+        return name
+
+    async def _open(self, arm: ArmModel) -> str | None:
+        hands, held = self.platform.hands, self.platform.scene.arms.held(arm.name)
+        if held is not None:
+            hands.let_go(held.name)
+        motion = await hands.move(arm, closed=False)
+        if motion.state is not MotionState.DONE:
+            raise GripperGoalNotReached(arm=arm.name, blocked_by=motion.blocked_by)
+        if held is None:
+            return None
+        await hands.settled(held.name)
+        return held.name
+
+
+PATIENCE = 15.0
+"""How long an object is offered [s]: long enough to notice it and to reach out."""
+
+
+@process_module
+class Handover:
+    """Offers what an arm holds until somebody takes it."""
+
+    name = "handover"
+    actions = ("HandingOverAnObject",)
+    failures = (CommunicationFailure, GripperFailure, DesignatorFailure)
+
+    def __init__(self, platform: Platform) -> None:
+        self.platform = platform
+
+    def resources(self, action: Action) -> tuple[str, ...]:
+        """Return the arm that holds the object."""
+        return tuple(arm.name for arm in self._arm(action))
+
+    async def execute(self, action: Action) -> str:
+        """Hand over ``object_acted_on`` (default: what is held); return the name of the person who took it."""
+        arms = self._arm(action)
+        if not arms:
+            raise ActionUnresolvable("no arm holds what is to be handed over", designator=str(action))
+        platform, arm = self.platform, arms[0]
+        held = platform.scene.arms.held(arm.name)
+        assert held is not None
+        recipient = action.get("recipient")
+        wanted = str(recipient) if isinstance(recipient, Person) else None
+        person = await wait_for(platform.hands.taken(held.name), timeout=PATIENCE)
+        if person is None:
+            raise HandoverNotTaken(what=held.name, recipient=wanted)
+        if isinstance(recipient, Person) and platform.scene.bodies.bind(recipient) != person:
+            raise HandoverNotTaken(f"{person} takes {held.name} instead of {wanted}", what=held.name, recipient=wanted)
+        platform.hands.let_go(held.name, to=person)
+        await platform.hands.move(arm, closed=False)
+        return str(person)
+
+    def _arm(self, action: Action) -> list[ArmModel]:
+        platform = self.platform
+        what = action.get("object_acted_on")
+        name = platform.scene.bodies.bind(what) if isinstance(what, Object) else None
+        found = []
+        for arm in platform.scene.arms.all:
+            held = platform.scene.arms.held(arm.name)
+            if held is not None and name in (None, held.name):
+                found.append(arm)
+        return found[:1]
+
+
+@process_module
+class Head:
+    """Turns the neck so that an object is in the middle of the picture."""
+
+    name = "head"
+    actions = ("LookingAtSomething",)
+    failures = (LookingFailure, DesignatorFailure)
+
+    def __init__(self, platform: Platform) -> None:
+        self.platform = platform
+
+    def resources(self, action: Action) -> tuple[str, ...]:
+        """Return the head."""
+        return ("head",)
+
+    async def execute(self, action: Action) -> None:
+        """Look at ``object_acted_on``; raises LookingGoalUnreachable beyond the neck's limits."""
+        what = action.get("object_acted_on")
+        if not isinstance(what, Object):
+            raise ActionUnresolvable("looking at something needs object_acted_on", designator=str(action))
+        scene = self.platform.scene
+        name = scene.bodies.bind(what)
+        await self.platform.sensing.look_at(scene.bodies.block(name).centre, name)
+
+
+MOST_GAZES = 6
+"""Directions that are looked into before an object counts as not found; 0.3 m apart they cover 0.6 m by 0.9 m."""
+
+
+@process_module
+class Perception:
+    """Turns the head and asks the camera; everything seen changes the belief."""
+
+    name = "perception"
+    actions = ("Perceiving",)
+    failures = (PerceptionFailure, LookingFailure, DesignatorFailure)
+
+    def __init__(self, platform: Platform) -> None:
+        self.platform = platform
+
+    def resources(self, action: Action) -> tuple[str, ...]:
+        """Return the head."""
+        return ("head",)
+
+    async def execute(self, action: Action) -> Pose:
+        """Look for ``object_acted_on``; return its pose as seen, or raise ObjectNotFound."""
+        what = action.get("object_acted_on")
+        if not isinstance(what, Object):
+            raise ActionUnresolvable("perceiving needs object_acted_on", designator=str(action))
+        platform = self.platform
+        name = platform.scene.bodies.bind(what)
+        beyond: LookingGoalUnreachable | None = None
+        for count, point in enumerate(self._gazes(name)):
+            if count == MOST_GAZES:
+                break
+            try:
+                await platform.sensing.look_at(point, name)
+            except LookingGoalUnreachable as failure:
+                beyond = beyond or failure
+                continue
+            if name in platform.sensing.see():
+                return platform.belief.pose(name)
+        platform.sensing.not_seen(name)
+        raise ObjectNotFound(what=name) from beyond
+
+    def _gazes(self, name: str) -> Iterator[Array]:
+        """Yield points (3,) to look at: the believed place, then over its support, nearest to that place first."""
+        block = self.platform.scene.bodies.block(name)
+        yield block.centre
+        support = self.platform.sensing.support_of(name)
+        if support is None:
+            return
+        points = support.grid(0.3, 0.1)
+        away = np.hypot(points[:, 0] - block.x, points[:, 1] - block.y)
+        for point in points[np.argsort(away, kind="stable")]:
+            yield np.array([point[0], point[1], support.high + (block.high - block.low) / 2])

@@ -1,0 +1,101 @@
+"""Convert a file from one syntax to the same graph in another, and list what is lost."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+
+from planlang.designators import local_name
+from planlang.diagnostics import Diagnostic, Span, note, warning
+from planlang.ontology.canonical import differences, labelled
+from planlang.ontology.checks import malformed, repair
+from planlang.ontology.documents import read_bytes, read_syntax
+from planlang.ontology.manchester_writer import manchester
+from planlang.ontology.nested_writers import ntriples, rdfxml, turtle
+from planlang.ontology.terms import OWL, RDF, BNode, Term, Triple
+
+
+class Target(Enum):
+    """The syntaxes that are written."""
+
+    MANCHESTER = "manchester"
+    TURTLE = "turtle"
+    NTRIPLES = "ntriples"
+    RDFXML = "rdfxml"
+
+
+@dataclass(frozen=True, slots=True)
+class Converted:
+    """A text, what it was made from, and what there is to say about both."""
+
+    text: str
+    triples: tuple[Triple, ...]
+    diagnostics: tuple[Diagnostic, ...]
+
+
+def write(triples: Iterable[Triple], target: Target, prefixes: Mapping[str, str]) -> tuple[str, list[Triple]]:
+    """Return the text of a graph, and the triples that the syntax cannot express; deterministic for equal graphs."""
+    given = list(triples)
+    own = next((t.subject for t in given if t.predicate == RDF.type and t.object == OWL.Ontology), None)
+    name = own if isinstance(own, str) else None
+    match target:
+        case Target.MANCHESTER:
+            return manchester(given, prefixes)
+        case Target.TURTLE:
+            return turtle(given, prefixes, name), []
+        case Target.NTRIPLES:
+            return ntriples(labelled(given)), []
+        case Target.RDFXML:
+            return rdfxml(given, prefixes, name)
+
+
+def convert(path: Path, target: Target) -> Converted:
+    """Read a file in any syntax and write it in another; its imports are left as they are.
+
+    The text is read again and compared: what is lost, or said otherwise, is told. Mistakes that were repaired on
+    reading are repaired in the text, too, and told. Raises BadInput if the file cannot be read.
+    """
+    file = str(path)
+    base = f"file:///{path.name}"
+    parsed = read_syntax(read_bytes(path), file, base=base, label="b")
+    triples, repairs = parsed.triples, repair(parsed.triples)
+    text, lost = write(triples, target, parsed.prefixes)
+    again = read_syntax(text.encode(), "the text", base=base, label="b").triples if text.strip() else ()
+    compared = _compared(triples, lost, again, target, Span(file))
+    return Converted(text, tuple(triples), (*parsed.diagnostics, *repairs, *malformed(triples), *compared))
+
+
+def _compared(
+    triples: Sequence[Triple], lost: Sequence[Triple], again: Sequence[Triple], target: Target, span: Span
+) -> list[Diagnostic]:
+    found = []
+    name = {Target.MANCHESTER: "Manchester syntax", Target.RDFXML: "RDF/XML"}.get(target, target.value)
+    if lost:
+        first = min(lost, key=lambda triple: triple.span)
+        what = f"{len(lost)} statements are lost, as {name} cannot say them" if len(lost) > 1 else "a statement is lost"
+        advice = "turtle and ntriples can say everything"
+        found.append(warning("O050", f"{what}; the first: {_shown(first)}", first.span, advice))
+    missing = set(lost)
+    gone, new = differences([triple for triple in labelled(triples) if triple not in missing], again)
+    declared = [t for t in new if t.predicate == RDF.type and isinstance(t.object, str) and isinstance(t.subject, str)]
+    if declared:
+        names = ", ".join(dict.fromkeys(local_name(str(triple.subject)) for triple in declared[:3]))
+        more = f" and {len(declared) - 3} more" if len(declared) > 3 else ""
+        message = f"{name} declares what the file does not: {names}{more}"
+        found.append(note("O051", message, span))
+    if gone:
+        first = min(gone, key=lambda triple: triple.span)
+        found.append(warning("O052", f"{name} says it in another way: {_shown(first)}", first.span))
+    return found
+
+
+def _shown(triple: Triple) -> str:
+    return " ".join(_name(term) for term in (triple.subject, triple.predicate, triple.object))
+
+
+def _name(term: Term) -> str:
+    if isinstance(term, BNode):
+        return "..."
+    return (local_name(term) or term if isinstance(term, str) else str(term))[:60]

@@ -1,0 +1,261 @@
+"""Class expressions and data ranges: from triples back to expressions, and these as text in Manchester syntax."""
+
+from __future__ import annotations
+
+import re
+
+from planlang.diagnostics import Span
+from planlang.ontology.canonical import CannotSay, Graph, Names
+from planlang.ontology.expressions import FACETS, Expression
+from planlang.ontology.ontology import Ontology
+from planlang.ontology.terms import OWL, RDF, RDFS, XSD, BNode, Literal, Term, Triple, shorten
+
+DEEPEST = 90
+"""Expressions inside each other; the reader takes a few more."""
+
+FORMS = {
+    OWL.intersectionOf: "and",
+    OWL.unionOf: "or",
+    OWL.oneOf: "one of",
+    OWL.complementOf: "not",
+    OWL.datatypeComplementOf: "not",
+}
+_FILLERS = {OWL.someValuesFrom: "some", OWL.allValuesFrom: "only", OWL.hasValue: "value",
+            OWL.hasSelf: "Self"}  # fmt: skip
+_NUMBERS = {OWL + prefix + "ardinality": word
+            for word, prefixes in (("min", ("minC", "minQualifiedC")), ("max", ("maxC", "maxQualifiedC")),
+                                   ("exactly", ("c", "qualifiedC")))
+            for prefix in prefixes}  # fmt: skip
+_FACETS = {XSD + name: word for word, name in FACETS.items()} | {RDF.langRange: "langRange"}
+
+_RESERVED = """not o or and that inverse some only value Self min max exactly true false integer decimal float string
+ length minLength maxLength pattern langRange Functional InverseFunctional Reflexive Irreflexive Asymmetric Symmetric
+ Transitive"""
+
+RESERVED = frozenset(_RESERVED.split())
+"""Names that are words of the language where they could stand."""
+
+_IRI = re.compile(r'[^<>"{}|^`\\\s]+')
+_BARE = {
+    XSD.integer: re.compile(r"[+-]?[0-9]+"),
+    XSD.decimal: re.compile(r"[+-]?[0-9]+\.[0-9]+"),
+    XSD.float: re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]+)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"),
+}
+_UNSAYABLE = re.compile("[\x00\ud800-\udfff]")
+
+
+class Words:
+    """Terms and expressions as text. Raises CannotSay for what has no text."""
+
+    def __init__(self, names: Names) -> None:
+        self._names = names
+
+    def name(self, iri: str) -> str:
+        found = self._names.split(iri)
+        if found is None:
+            if not _IRI.fullmatch(iri):
+                raise CannotSay(f"{iri!r:.80} is no IRI")
+            return f"<{iri}>"
+        prefix, local = found
+        return local if not prefix and local not in RESERVED and not local[0].isdigit() else f"{prefix}:{local}"
+
+    def term(self, term: Term) -> str:
+        match term:
+            case BNode(label):
+                return f"_:{label}"
+            case Literal():
+                return self.literal(term)
+            case _:
+                return self.name(term)
+
+    def literal(self, literal: Literal) -> str:
+        if _UNSAYABLE.search(literal.value):
+            raise CannotSay("a text with a character that no file may have")
+        form = _BARE.get(literal.datatype or "")
+        if form is not None and form.fullmatch(literal.value):
+            return literal.value + ("f" if literal.datatype == XSD.float else "")
+        quoted = '"' + literal.value.replace("\\", "\\\\").replace('"', '\\"') + '"'
+        if literal.language:
+            return f"{quoted}@{literal.language}"
+        return f"{quoted}^^{self.name(literal.datatype)}" if literal.datatype else quoted
+
+    def text(self, expression: Expression, *, inside: bool = False) -> str:
+        """Return the text of an expression; ``inside`` another one in brackets unless it is a name or has its own."""
+        kind, parts = expression.kind, expression.parts
+        match kind:
+            case "name":
+                assert expression.term is not None
+                return self.term(expression.term)
+            case "one of":
+                return "{" + ", ".join(map(self.text, parts)) + "}"
+            case "facets":
+                facets = (f"{_FACETS[name]} {self.literal(value)}" for name, value in expression.facets)
+                return f"{self.text(parts[0])}[{', '.join(facets)}]"
+            case "inverse":
+                return f"inverse {self.text(parts[0])}"
+            case "and" | "or":
+                written = f" {kind} ".join(self.text(part, inside=True) for part in parts)
+            case "not":
+                negated = self.text(parts[0], inside=True)
+                return f"not ({negated})" if parts[0].kind == "not" else f"not {negated}"
+            case "Self":
+                written = f"{self.text(parts[0])} Self"
+            case "some" | "only" | "value":
+                written = f"{self.text(parts[0])} {kind} {self.text(parts[1], inside=True)}"
+            case _:
+                fillers = "".join(f" {self.text(part, inside=True)}" for part in parts[1:])
+                written = f"{self.text(parts[0])} {kind} {expression.number}{fillers}"
+        return f"({written})" if inside else written
+
+
+class Expressions:
+    """Reads expressions out of a graph. Raises CannotSay for what is none."""
+
+    def __init__(self, graph: Graph) -> None:
+        self._graph = graph
+
+    def of(self, triple: Triple) -> tuple[Expression, list[Triple]]:
+        """Return the expression that is a triple's object, and the triples that it is made of, including this one."""
+        used = [triple]
+        return self._read(triple.object, triple, used, DEEPEST), used
+
+    def about(self, subject: str | BNode, at: Triple) -> tuple[Expression, list[Triple]]:
+        """Return the expression stated of a subject, and the triples that it is made of."""
+        used: list[Triple] = []
+        return self._node(subject, at, used, DEEPEST), used
+
+    def _read(self, term: Term, at: Triple, used: list[Triple], depth: int) -> Expression:
+        if not isinstance(term, BNode):
+            return Expression("name", at.span, term)
+        if len(self._graph.uses(term)) != 1:
+            raise CannotSay("an expression that is used twice")
+        return self._node(term, at, used, depth)
+
+    def _node(self, node: str | BNode, at: Triple, used: list[Triple], depth: int) -> Expression:
+        if depth == 0:
+            raise CannotSay("expressions too deep inside each other")
+        graph = self._graph
+        if (prop := graph.one(node, OWL.onProperty)) is not None:
+            used += (prop, *self._types(node, (OWL.Restriction,)))
+            return self._restriction(node, self._read(prop.object, prop, used, depth - 1), at, used, depth)
+        if (base := graph.one(node, OWL.inverseOf)) is not None and isinstance(base.object, str):
+            used.append(base)
+            return Expression("inverse", at.span, parts=(Expression("name", at.span, base.object),))
+        if (base := graph.one(node, OWL.onDatatype)) is not None and isinstance(base.object, str):
+            used += (base, *self._types(node, (RDFS.Datatype,)))
+            return self._facets(node, base.object, at, used)
+        forms = [(kind, triple) for form, kind in FORMS.items() for triple in graph.about(node, form)]
+        if len(forms) != 1:
+            raise CannotSay("a nameless thing that is no expression")
+        kind, triple = forms[0]
+        used += (triple, *self._types(node, (OWL.Class, RDFS.Datatype)))
+        if kind == "not":
+            return Expression(kind, at.span, parts=(self._read(triple.object, triple, used, depth - 1),))
+        items, cells = graph.items(triple)
+        used += cells
+        if not items:
+            raise CannotSay(f"no members of {kind}")
+        if len(items) == 1 and kind != "one of":
+            return self._item(items[0], at, used, depth, kind)  # means the same
+        parts = tuple(self._item(item, at, used, depth, kind) for item in items)
+        return Expression(kind, at.span, parts=parts)
+
+    def _item(self, item: Term, at: Triple, used: list[Triple], depth: int, kind: str) -> Expression:
+        if kind == "one of":
+            return Expression("name", at.span, item)
+        if isinstance(item, Literal):
+            raise CannotSay("a value among classes")
+        return self._read(item, at, used, depth - 1)
+
+    def _types(self, node: str | BNode, kinds: tuple[str, ...]) -> list[Triple]:
+        """Return the triples that state what kind of expression a nameless node is."""
+        if not isinstance(node, BNode):
+            return []
+        return [triple for triple in self._graph.about(node, RDF.type) if triple.object in kinds][:1]
+
+    def _restriction(
+        self, node: str | BNode, prop: Expression, at: Triple, used: list[Triple], depth: int
+    ) -> Expression:
+        graph = self._graph
+        fillers = [t for t in graph.about(node) if t.predicate in _FILLERS]
+        numbers = [t for t in graph.about(node) if t.predicate in _NUMBERS]
+        if len(fillers) + len(numbers) != 1 or prop.kind not in ("name", "inverse"):
+            raise CannotSay("a restriction with no filler, or with several")
+        used += fillers + numbers
+        if fillers:
+            (triple,) = fillers
+            kind = _FILLERS[triple.predicate]
+            if kind == "Self":
+                if triple.object != Literal("true", XSD.boolean):
+                    raise CannotSay("hasSelf that is not true")
+                return Expression(kind, at.span, parts=(prop,))
+            if kind == "value":
+                return Expression(kind, at.span, parts=(prop, Expression("name", at.span, triple.object)))
+            if isinstance(triple.object, Literal):
+                raise CannotSay("a value where a class belongs")
+            return Expression(kind, at.span, parts=(prop, self._read(triple.object, triple, used, depth - 1)))
+        (triple,) = numbers
+        text = triple.object.value if isinstance(triple.object, Literal) else ""
+        if not re.fullmatch(r"[0-9]{1,9}", text):
+            raise CannotSay("a cardinality that is no number")
+        parts = [prop]
+        qualifiers = [t for name in ("onClass", "onDataRange") for t in graph.about(node, OWL + name)]
+        if ("ualified" in triple.predicate) != (len(qualifiers) == 1):
+            raise CannotSay("a cardinality with no class, or with several")
+        for qualifier in qualifiers:
+            used.append(qualifier)
+            parts.append(self._read(qualifier.object, qualifier, used, depth - 1))
+        return Expression(_NUMBERS[triple.predicate], at.span, parts=tuple(parts), number=int(text))
+
+    def _facets(self, node: str | BNode, base: str, at: Triple, used: list[Triple]) -> Expression:
+        graph = self._graph
+        listed = graph.one(node, OWL.withRestrictions)
+        if listed is None:
+            raise CannotSay("a datatype without its restrictions")
+        used.append(listed)
+        items, cells = graph.items(listed)
+        used += cells
+        facets: list[tuple[str, Literal]] = []
+        for item in items:
+            said = graph.about(item) if isinstance(item, BNode) else []
+            if len(said) != 1 or said[0].predicate not in _FACETS or not isinstance(said[0].object, Literal):
+                raise CannotSay("a facet that is none")
+            used += said
+            facets.append((said[0].predicate, said[0].object))
+        if not facets:
+            raise CannotSay("a datatype without restrictions")
+        return Expression("facets", at.span, parts=(Expression("name", at.span, base),), facets=tuple(facets))
+
+
+_ROOT, _IS = "urn:expression", "urn:is"
+
+
+def expression_of(ontology: Ontology, term: Term, span: Span) -> Expression | None:
+    """Return the class expression or data range that a term is, at ``span``; None if it is none or is cyclic."""
+    if not isinstance(term, BNode):
+        return Expression("name", span, term)
+    triples = [Triple(_ROOT, _IS, term, span)]
+    seen: set[BNode] = {term}
+    queue = [term]
+    for node in queue:
+        for triple in ontology.triples(s=node):
+            triples.append(triple)
+            if isinstance(triple.object, BNode) and triple.object not in seen:
+                seen.add(triple.object)
+                queue.append(triple.object)
+    graph = Graph(triples)
+    try:
+        (root,) = graph.about(_ROOT)
+        return Expressions(graph).of(root)[0]
+    except CannotSay:
+        return None
+
+
+def text_of(expression: Expression) -> str:
+    """Return an expression in Manchester syntax; names of the vocabulary without prefix."""
+    return _Short(Names({})).text(expression)
+
+
+class _Short(Words):
+    def name(self, iri: str) -> str:
+        return shorten(iri).rpartition("#")[2] or iri

@@ -1,0 +1,467 @@
+"""Manchester syntax: the frames of a graph, sorted, whatever the order of its triples."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+
+from planlang.ontology.canonical import ANNOTATION, AXIOM, CannotSay, Graph, Names
+from planlang.ontology.expression_text import FORMS, Expressions, Words
+from planlang.ontology.terms import OWL, RDF, RDFS, XSD, BNode, Literal, Term, Triple
+
+
+def manchester(triples: Iterable[Triple], prefixes: Mapping[str, str]) -> tuple[str, list[Triple]]:
+    """Return the text of a graph, and the triples that Manchester syntax cannot express.
+
+    The same graph gives the same text. What is nowhere declared is given a frame, which declares it.
+    """
+    graph = Graph(triples)
+    return _Writer(graph, prefixes).text(), list(graph.rest())
+
+
+class _Writer:
+    def __init__(self, graph: Graph, prefixes: Mapping[str, str]) -> None:
+        self._graph = graph
+        self._ontology = next(
+            (
+                t
+                for t in graph.triples
+                if t.predicate == RDF.type and t.object == OWL.Ontology and isinstance(t.subject, str)
+            ),
+            next((t for t in graph.triples if t.predicate == RDF.type and t.object == OWL.Ontology), None),
+        )
+        own = self._ontology.subject if self._ontology is not None else None
+        self._names = Names(prefixes, own if isinstance(own, str) else None)
+        self._words = Words(self._names)
+        self._expressions = Expressions(graph)
+        self._frames: dict[tuple[str, str | BNode], Frame] = {}
+        self._pairs: list[str] = []
+
+    def text(self) -> str:
+        header = self._header()
+        subjects = self._graph.subjects()
+        for subject in subjects:
+            if isinstance(subject, str) and (self._ontology is None or subject != self._ontology.subject):
+                self._entity(subject)
+        found = [self._axiom(node) for node in subjects if isinstance(node, BNode)]
+        for subject in subjects:
+            if isinstance(subject, BNode) and (self._ontology is None or subject != self._ontology.subject):
+                self._nameless(subject)
+        frames = [self._frames[key].text() for key in sorted(self._frames, key=self._place)]
+        several = sorted(text for text in (*found, *self._pairs) if text)
+        parts = [self._prefixes(), header, *frames, *several]
+        return "\n".join(part for part in parts if part)
+
+    def _place(self, key: tuple[str, str | BNode]) -> tuple[int, bool, str]:
+        word, subject = key
+        return list(FRAMES.values()).index(word), isinstance(subject, BNode), str(subject)
+
+    def _prefixes(self) -> str:
+        return "".join(f"Prefix: {name}: <{space}>\n" for name, space in self._names.used())
+
+    # the ontology
+
+    def _header(self) -> str:
+        if self._ontology is None:
+            return ""
+        subject = self._ontology.subject
+        line, written = "Ontology:", [self._ontology]
+        versions = self._graph.about(subject, OWL.versionIRI)
+        if isinstance(subject, str):
+            line += f" <{subject}>"
+            if len(versions) == 1 and isinstance(versions[0].object, str):
+                line += f" <{versions[0].object}>"
+                written += versions
+        self._graph.write(*written)
+        lines = [line]
+        for triple in self._graph.about(subject, OWL.imports):
+            if isinstance(triple.object, str):
+                lines += self._said([triple], partial(_import, triple))
+        notes = [
+            note
+            for triple in self._graph.about(subject)
+            if triple.predicate not in (RDF.type, OWL.imports, OWL.versionIRI)
+            for text in self._said([triple], partial(self._joined, triple))
+            for note in text.split("\0")
+        ]
+        if notes:
+            lines.append(section("Annotations", notes))
+        return "\n".join(lines) + "\n"
+
+    def _said(self, triples: list[Triple], write: Callable[[], str]) -> Iterator[str]:
+        """Yield the text of triples, which then count as written; nothing if the syntax cannot express them."""
+        before = len(self._graph.written)
+        try:
+            text = write()
+        except CannotSay:
+            self._graph.unwrite(before)
+            return
+        self._graph.write(*triples)
+        yield text
+
+    # annotations
+
+    def _annotation(self, triple: Triple, kind: str = ANNOTATION) -> list[str]:
+        """``property value``, once for each annotation that it has in turn, or once without."""
+        words = f"{self._words.name(triple.predicate)} {self._words.term(triple.object)}"
+        return [note + words for note in self._notes(triple, kind)] or [words]
+
+    def _joined(self, triple: Triple) -> str:
+        return "\0".join(self._annotation(triple))
+
+    def _notes(self, triple: Triple, kind: str = AXIOM) -> list[str]:
+        """``Annotations: ...`` for each node that annotates a triple."""
+        found = []
+        for node in self._graph.annotations(triple):
+            said, frame = self._graph.notes(node)
+            if said and self._graph.has(node, RDF.type, kind):
+                found.append(self._noted(said))
+                self._graph.write(*said, *frame)
+        return found
+
+    def _noted(self, notes: list[Triple]) -> str:
+        """``Annotations: ...`` and a blank; nothing if there are none."""
+        texts = [text for note in notes for text in self._annotation(note)]
+        return f"Annotations: {', '.join(texts)} " if texts else ""
+
+    def _annotated(self, triple: Triple, item: str) -> list[str]:
+        """Return an item once for each annotation that it has, or once without."""
+        return [note + item for note in self._notes(triple)] or [item]
+
+    # things that have names
+
+    def _frame(self, word: str, subject: str | BNode) -> Frame:
+        key = (word, subject)
+        if key not in self._frames:
+            self._frames[key] = Frame(word, [self._words.term(subject)])
+        return self._frames[key]
+
+    def _entity(self, subject: str) -> None:
+        try:
+            self._words.name(subject)
+        except CannotSay:
+            return
+        said = self._graph.about(subject)
+        if not any(t.predicate == RDF.type and t.object in FRAMES for t in said):  # a frame would declare it
+            for triple in said:
+                if triple.predicate in PAIRS:
+                    self._pairs += self._said([triple], partial(self._pair, subject, triple))
+            said = [triple for triple in said if triple not in self._graph.written]
+            if not said:
+                return
+        words = self._words_of(subject, said)
+        for triple in said:
+            word = (
+                FRAMES.get(triple.object) if triple.predicate == RDF.type and isinstance(triple.object, str) else None
+            )
+            if word is not None:
+                frame = self._frame(word, subject)
+                for noted in self._said([triple], partial(self._head, triple)):
+                    frame.heads = noted.split("\0")
+        for word in words:
+            self._frame(word, subject)
+        for triple in said:
+            if triple not in self._graph.written:
+                self._statement(triple, words)
+
+    def _head(self, triple: Triple) -> str:
+        return "\0".join(self._annotated(triple, self._words.term(triple.subject)))
+
+    def _words_of(self, subject: str | BNode, said: list[Triple]) -> tuple[str, ...]:
+        """Return the words for the frames of a subject: from its declarations, else from the statements about it."""
+        if isinstance(subject, BNode):
+            return ("Individual",)
+        declared = {FRAMES[t.object] for t in said if t.predicate == RDF.type and t.object in FRAMES}
+        needed: set[str] = set(declared)
+        for triple in said:
+            if triple.predicate == RDF.type:
+                if triple.object in CHARACTERISTICS:
+                    places: tuple[str, ...] = PROPERTIES
+                else:
+                    places = () if triple.object in FRAMES or self._is_language(triple.object) else ("Individual",)
+            elif triple.predicate in SECTIONS:
+                places = SECTIONS[triple.predicate][1]
+            elif triple.predicate in LISTS:
+                places = (LISTS[triple.predicate][1],)
+            else:
+                places = ("Class",) if triple.predicate in FORMS else ()
+            if places and not needed.intersection(places):
+                needed.add(places[0])
+        return tuple(word for word in FRAMES.values() if word in (needed or {"Individual"}))
+
+    @staticmethod
+    def _is_language(term: Term) -> bool:
+        return isinstance(term, str) and term.startswith(LANGUAGES) and term not in (OWL.Thing, OWL.Nothing)
+
+    def _statement(self, triple: Triple, words: tuple[str, ...]) -> None:
+        """Put what a triple states into a section of one of the subject's frames."""
+        predicate = triple.predicate
+        if predicate == RDF.type:
+            if triple.object in CHARACTERISTICS:
+                name = CHARACTERISTICS[str(triple.object)]
+                self._put(triple, words, PROPERTIES, "Characteristics", lambda: self._annotated(triple, name))
+            elif not self._is_language(triple.object):
+                self._put(triple, words, ("Individual",), "Types", lambda: self._expression(triple))
+        elif predicate in SECTIONS:
+            name, places = SECTIONS[predicate]
+            self._put(triple, words, places, name, lambda: self._expression(triple))
+        elif predicate in LISTS:
+            name, place, between = LISTS[predicate]
+            self._put(triple, words, (place,), name, lambda: self._list(triple, between))
+        elif predicate in FORMS:
+            self._put(triple, words, ("Class",), "EquivalentTo", lambda: self._direct(triple))
+        elif not predicate.startswith(LANGUAGES) or predicate in ANNOTATING:
+            self._value(triple, words)
+
+    def _value(self, triple: Triple, words: tuple[str, ...]) -> None:
+        """Write a fact of an individual, or an annotation; both state the same triple."""
+        is_fact = "Individual" in words and triple.predicate not in ANNOTATING
+        if is_fact and not self._is_annotation_property(triple.predicate):
+            self._put(triple, words, ("Individual",), "Facts", lambda: self._fact(triple))
+        else:
+            self._put(triple, words, words, "Annotations", lambda: self._annotation(triple, AXIOM))
+
+    def _is_annotation_property(self, prop: str) -> bool:
+        return self._graph.has(prop, RDF.type, OWL.AnnotationProperty)
+
+    def _put(
+        self,
+        triple: Triple,
+        words: tuple[str, ...],
+        places: tuple[str, ...],
+        section: str,
+        write: Callable[[], list[str]],
+    ) -> None:
+        word = next((word for word in words if word in places), None)
+        if word is None:
+            return
+        for text in self._said([triple], lambda: "\0".join(write())):
+            self._frame(word, triple.subject).sections.setdefault(section, []).extend(text.split("\0"))
+
+    def _expression(self, triple: Triple) -> list[str]:
+        text = self._plain(triple)
+        return self._annotated(triple, text)
+
+    def _plain(self, triple: Triple) -> str:
+        """Return the name or expression that is a triple's object."""
+        if isinstance(triple.object, BNode) and triple.predicate in (OWL.sameAs, OWL.differentFrom):
+            return self._words.term(triple.object)
+        if isinstance(triple.object, Literal):
+            raise CannotSay("a value where a name belongs")
+        expression, used = self._expressions.of(triple)
+        text = self._words.text(expression)
+        self._graph.write(*used)
+        return text
+
+    def _direct(self, triple: Triple) -> list[str]:
+        """``owl:intersectionOf`` and the like, said of a class itself as in OWL 1."""
+        expression, used = self._expressions.about(triple.subject, triple)
+        text = self._words.text(expression)
+        self._graph.write(*used)
+        return self._annotated(triple, text)
+
+    def _list(self, triple: Triple, between: str) -> list[str]:
+        return self._annotated(triple, self._members(triple, between, at_least=2 if between == " o " else 1))
+
+    def _members(self, triple: Triple, between: str, *, at_least: int) -> str:
+        items, cells = self._graph.items(triple)
+        if len(items) < at_least:
+            raise CannotSay("too few items")
+        written = []
+        for cell in cells:
+            if cell.predicate == RDF.first:
+                if isinstance(cell.object, Literal):
+                    raise CannotSay("a value where a name belongs")
+                expression, used = self._expressions.of(cell)
+                written.append(self._words.text(expression))
+                self._graph.write(*used)
+        self._graph.write(*cells)
+        return between.join(written)
+
+    def _fact(self, triple: Triple) -> list[str]:
+        fact = f"{self._words.name(triple.predicate)} {self._words.term(triple.object)}"
+        return self._annotated(triple, fact)
+
+    # things that have none
+
+    def _axiom(self, node: BNode) -> str | None:
+        """Return an axiom about several things, or about two of which the first is an expression.
+
+        A negative fact goes to the frame of its individual instead.
+        """
+        graph = self._graph
+        if graph.has(node, RDF.type, OWL.NegativePropertyAssertion):
+            self._negative(node)
+            return None
+        for kind, word in SEVERAL.items():
+            for typed in graph.about(node, RDF.type):
+                if typed.object == OWL + kind:
+                    return next(self._said([typed], partial(self._several, typed, word)), None)
+        said = [triple for triple in graph.about(node) if triple.predicate in PAIRS]
+        if not said or graph.uses(node):
+            return None
+        return next(self._said(said[:1], partial(self._pair, node, said[0])), None)
+
+    def _several(self, typed: Triple, word: str) -> str:
+        members = [t for t in self._graph.about(typed.subject) if t.predicate in (OWL.members, OWL.distinctMembers)]
+        if len(members) != 1:
+            raise CannotSay("no members, or several lists of them")
+        names = self._individuals if word == "DifferentIndividuals" else self._members
+        items = names(members[0], ", ", at_least=2)
+        notes = [t for t in self._graph.about(typed.subject) if t not in (typed, members[0])]
+        self._graph.write(members[0], *notes)
+        return f"{word}: {self._noted(notes)}{items}\n"
+
+    def _individuals(self, triple: Triple, between: str, *, at_least: int) -> str:
+        items, cells = self._graph.items(triple)
+        if len(items) < at_least or any(isinstance(item, Literal) for item in items):
+            raise CannotSay("too few items, or values among them")
+        self._graph.write(*cells)
+        return between.join(map(self._words.term, items))
+
+    def _pair(self, subject: str | BNode, triple: Triple) -> str:
+        """Two things that are alike or different; the first is a name or an expression."""
+        if isinstance(subject, str):
+            first = self._words.name(subject)
+        elif triple.predicate in (OWL.sameAs, OWL.differentFrom):
+            raise CannotSay("an individual has a frame")
+        else:
+            expression, used = self._expressions.about(subject, triple)
+            first = self._words.text(expression)
+            self._graph.write(*used)
+        item = self._plain(triple)
+        notes = self._notes(triple) or [""]
+        return "\n".join(f"{PAIRS[triple.predicate]}: {note}{first}, {item}\n" for note in notes)
+
+    def _negative(self, node: BNode) -> None:
+        graph = self._graph
+        said = graph.about(node)
+
+        def write() -> list[str]:
+            prop = graph.one(node, OWL.assertionProperty)
+            targets = [t for name in ("targetIndividual", "targetValue") for t in graph.about(node, OWL + name)]
+            if prop is None or not isinstance(prop.object, str) or len(targets) != 1:
+                raise CannotSay("a negative fact that is not whole")
+            core = (RDF.type, OWL.sourceIndividual, prop.predicate, targets[0].predicate)
+            notes = [t for t in said if t.predicate not in core]
+            graph.write(*said)
+            words = f"not {self._words.name(prop.object)} {self._words.term(targets[0].object)}"
+            return [self._noted(notes) + words]
+
+        sources = graph.about(node, OWL.sourceIndividual)
+        if len(sources) == 1 and not isinstance(sources[0].object, Literal):
+            subject = sources[0].object
+            for text in self._said(said, lambda: "\0".join(write())):
+                self._frame("Individual", subject).sections.setdefault("Facts", []).extend(text.split("\0"))
+
+    def _nameless(self, node: BNode) -> None:
+        for triple in self._graph.about(node):
+            if triple not in self._graph.written:
+                self._statement(triple, ("Individual",))
+
+
+def _import(triple: Triple) -> str:
+    address = triple.object
+    if not isinstance(address, str) or set(address) & set(' <>"{}|^`\\\n\r\t'):
+        raise CannotSay("an address with characters that none has")
+    return f"    Import: <{address}>"
+
+
+WIDTH = 120
+"""Characters of a line that holds more than one item."""
+
+FRAMES = {
+    OWL.AnnotationProperty: "AnnotationProperty",
+    RDFS.Datatype: "Datatype",
+    OWL.ObjectProperty: "ObjectProperty",
+    OWL.DatatypeProperty: "DataProperty",
+    OWL.Class: "Class",
+    OWL.NamedIndividual: "Individual",
+}
+"""Kind of thing -> the word that begins its frame, in the order of the file."""
+
+PROPERTIES = ("ObjectProperty", "DataProperty", "AnnotationProperty")
+SECTIONS: dict[str, tuple[str, tuple[str, ...]]] = {
+    OWL.equivalentClass: ("EquivalentTo", ("Class", "Datatype")),
+    RDFS.subClassOf: ("SubClassOf", ("Class",)),
+    OWL.disjointWith: ("DisjointWith", ("Class",)),
+    RDFS.subPropertyOf: ("SubPropertyOf", PROPERTIES),
+    OWL.equivalentProperty: ("EquivalentTo", ("ObjectProperty", "DataProperty")),
+    OWL.propertyDisjointWith: ("DisjointWith", ("ObjectProperty", "DataProperty")),
+    OWL.inverseOf: ("InverseOf", ("ObjectProperty",)),
+    RDFS.domain: ("Domain", PROPERTIES),
+    RDFS.range: ("Range", PROPERTIES),
+    OWL.sameAs: ("SameAs", ("Individual",)),
+    OWL.differentFrom: ("DifferentFrom", ("Individual",)),
+}
+"""Property -> the section that states it, and the frames that have it; the value is an expression or a name."""
+
+LISTS: dict[str, tuple[str, str, str]] = {
+    OWL.disjointUnionOf: ("DisjointUnionOf", "Class", ", "),
+    OWL.hasKey: ("HasKey", "Class", " "),
+    OWL.propertyChainAxiom: ("SubPropertyChain", "ObjectProperty", " o "),
+}
+"""Property -> its section, its frame, and what stands between the items of its list."""
+
+CHARACTERISTICS = {
+    f"{OWL}{name}Property": name
+    for name in ("Functional", "InverseFunctional", "Reflexive", "Irreflexive", "Symmetric", "Asymmetric", "Transitive")
+}
+ORDER = ("Annotations", "Types", "Facts", "Characteristics", "SubClassOf", "EquivalentTo", "DisjointWith",
+         "DisjointUnionOf", "HasKey", "SubPropertyOf", "SubPropertyChain", "InverseOf", "Domain", "Range", "SameAs",
+         "DifferentFrom")  # fmt: skip
+"""Sections in the order of a frame."""
+
+SINGLE = ("DisjointUnionOf", "HasKey", "SubPropertyChain")
+"""Sections of one item each; a datatype's EquivalentTo is another."""
+
+SEVERAL = {
+    "AllDisjointClasses": "DisjointClasses",
+    "AllDisjointProperties": "DisjointProperties",
+    "AllDifferent": "DifferentIndividuals",
+}
+PAIRS = {
+    OWL.sameAs: "SameIndividual",
+    OWL.differentFrom: "DifferentIndividuals",
+    OWL.equivalentClass: "EquivalentClasses",
+    OWL.disjointWith: "DisjointClasses",
+    OWL.equivalentProperty: "EquivalentProperties",
+    OWL.propertyDisjointWith: "DisjointProperties",
+}
+ANNOTATING = frozenset(
+    (*(RDFS + name for name in ("label", "comment", "seeAlso", "isDefinedBy")),
+     *(OWL + name for name in ("versionInfo", "deprecated", "priorVersion", "backwardCompatibleWith",
+                               "incompatibleWith")))
+)  # fmt: skip
+LANGUAGES = (OWL, RDF, RDFS, XSD)
+
+
+@dataclass(slots=True)
+class Frame:
+    """One frame: its heading, and the items of its sections; an annotated item has a section of its own.
+
+    The Note lets it stand in the middle of others; not every reader does.
+    """
+
+    word: str
+    heads: list[str]
+    sections: dict[str, list[str]] = field(default_factory=dict)
+
+    def text(self) -> str:
+        lines = [f"{self.word}: {head}" for head in self.heads]
+        for name in ORDER:
+            if items := sorted(self.sections.get(name, ()), key=lambda item: (" " in item, item)):
+                single = name in SINGLE or (self.word, name) == ("Datatype", "EquivalentTo")
+                alone = [item for item in items if single or item.startswith("Annotations: ")]
+                together = [item for item in items if item not in alone]
+                lines += [section(name, group) for group in (together, *([item] for item in alone)) if group]
+        return "\n".join(lines) + "\n"
+
+
+def section(name: str, items: list[str]) -> str:
+    """Return a section on one line if it fits or has one item, else with a line for each item."""
+    line = f"    {name}: {', '.join(items)}"
+    if not items[1:] or (len(line) <= WIDTH and "\n" not in line):
+        return line
+    return f"    {name}:\n        " + ",\n        ".join(items)
