@@ -12,7 +12,7 @@ from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
-from planlang.compiler.names import Names, snake_case
+from planlang.compiler.expressions import Names, snake_case
 from planlang.compiler.tree import Case, Event, Gate, Handle, Machine, Node, Parallel, PartialOrder, Series, State
 from planlang.designators import local_name
 from planlang.failures import ObjectNotFound, PlanFailure
