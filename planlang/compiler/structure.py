@@ -135,10 +135,15 @@ def _modules(order: Precedence[_N], inside: int) -> list[int]:
     for _ in range(MOST_ROUNDS):
         known = len(groups)
         mask = sum(map(order.bit, groups))
-        first: dict[tuple[int, int], _N] = {}
+        # by their hashes: the sets themselves take 1 KB a node where there are 10,000
+        known_with: dict[int, list[_N]] = {}
         for node in list(groups):
-            same = first.setdefault((order.earlier(node) & mask, order.later(node) & mask), node)
-            if same != node:
+            around = order.earlier(node) & mask, order.later(node) & mask
+            alike = known_with.setdefault(hash(around), [])
+            same = next((one for one in alike if (order.earlier(one) & mask, order.later(one) & mask) == around), None)
+            if same is None:
+                alike.append(node)
+            else:
                 groups[same] |= groups.pop(node)
         mask = sum(map(order.bit, groups))
         for node in reversed(list(groups)):  # the last first, so that a chain becomes one in a single round
