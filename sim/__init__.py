@@ -7,7 +7,7 @@ answer questions, ``falling.py`` and ``people.py`` move things, ``snapshots.py``
 imports PyBullet.
 """
 
-from sim.people import Reach
+from sim.people import ComfortZone
 from sim.planning_world import PlanningWorld, Solid
 from sim.scene import Body, BodyShape, CameraModel, RobotBody, Scene, perturb
 from sim.world import PyBulletWorld
@@ -16,9 +16,9 @@ __all__ = [
     "Body",
     "BodyShape",
     "CameraModel",
+    "ComfortZone",
     "PlanningWorld",
     "PyBulletWorld",
-    "Reach",
     "RobotBody",
     "Scene",
     "Solid",

@@ -34,6 +34,8 @@ _FAR = 60.0
 """Where pictures end [m]: as wide as the ground of a scene without a room."""
 _SIDES = 12
 """Points around a round shape: its outline is then 5 % smaller than the circle, less than cameras are trusted with."""
+_PATCHES = 5
+"""Patches along each side of a face, and along a cylinder, of which it is looked at whether they are visible."""
 _UNSEEN = (BodyShape.MARKER, BodyShape.ROOM)
 Picture = NDArray[np.uint8]
 
@@ -96,9 +98,7 @@ class Camera:
         size = piece.part.size
         if piece.part.kind == SolidKind.BOX:
             return corners(place, size)
-        angles = np.arange(_SIDES) * (2 * math.pi / _SIDES)
-        radius = max(size[:2]) / 2
-        ring = np.column_stack([np.cos(angles) * radius, np.sin(angles) * radius, np.zeros(_SIDES)])
+        ring = _ring(max(size[:2]) / 2)
         if piece.part.kind == SolidKind.CYLINDER:
             rings = [np.add(ring, (0.0, 0.0, height)) for height in (-size[2] / 2, size[2] / 2)]
         else:
@@ -195,48 +195,40 @@ def _framed(offset: Array, model: CameraModel, axes: tuple[Array, Array, Array])
 
 
 @lru_cache(maxsize=256)
-def _surface(kind: SolidKind, size: tuple[float, float, float], per_side: int = 5) -> tuple[Array, Array, Array]:
+def _surface(kind: SolidKind, size: tuple[float, float, float]) -> tuple[Array, Array, Array]:
     """Return points, outward normals and areas of patches of a primitive's surface, in its frame."""
-    grid = (np.arange(per_side) + 0.5) / per_side - 0.5
-    points: list[Array] = []
-    normals: list[Array] = []
-    areas: list[Array] = []
+    patches: list[tuple[Array, Array, float]] = []
+    """Points and normals (n, 3) of equal patches, and the area of one."""
+    grid = (np.arange(_PATCHES) + 0.5) / _PATCHES - 0.5
+    radius, height = max(size[:2]) / 2, size[2]
+    ring = _ring(1.0)
     if kind == SolidKind.BOX:
+        across = np.stack(np.meshgrid(grid, grid, indexing="ij"), axis=-1).reshape(-1, 2)
         for axis in range(3):
-            first, second = [k for k in range(3) if k != axis]
+            sides = [k for k in range(3) if k != axis]
             for sign in (-1.0, 1.0):
-                for u in grid:
-                    for v in grid:
-                        point, normal = np.zeros(3), np.zeros(3)
-                        point[axis], point[first], point[second] = (
-                            sign * size[axis] / 2,
-                            u * size[first],
-                            v * size[second],
-                        )
-                        normal[axis] = sign
-                        points.append(point)
-                        normals.append(normal)
-                        areas.append(np.array([size[first] * size[second] / per_side**2]))
-        return np.array(points), np.array(normals), np.concatenate(areas)
-    radius = max(size[:2]) / 2
-    around = np.arange(_SIDES) * (2 * math.pi / _SIDES)
-    ring = np.column_stack([np.cos(around), np.sin(around), np.zeros(_SIDES)])
-    if kind == SolidKind.CYLINDER:
-        for height in grid:
-            points.append(ring * radius + [0.0, 0.0, height * size[2]])
-            normals.append(ring)
-            areas.append(np.full(_SIDES, 2 * math.pi * radius * size[2] / _SIDES / per_side))
+                points, normals = np.full((len(across), 3), sign * size[axis] / 2), np.zeros((len(across), 3))
+                points[:, sides] = across * np.array(size)[sides]
+                normals[:, axis] = sign
+                patches.append((points, normals, size[sides[0]] * size[sides[1]] / _PATCHES**2))
+    elif kind == SolidKind.CYLINDER:
+        side = 2 * math.pi * radius * height / _SIDES / _PATCHES
+        patches += [(ring * radius + [0.0, 0.0, share * height], ring, side) for share in grid]
         for sign in (-1.0, 1.0):
-            points.append(ring * radius * 0.6 + [0.0, 0.0, sign * size[2] / 2])
-            normals.append(np.tile([0.0, 0.0, sign], (_SIDES, 1)))
-            areas.append(np.full(_SIDES, math.pi * radius**2 / _SIDES))
+            end = ring * radius * 0.6 + [0.0, 0.0, sign * height / 2]
+            patches.append((end, np.tile([0.0, 0.0, sign], (_SIDES, 1)), math.pi * radius**2 / _SIDES))
     else:
         for sine in (-0.8, -0.4, 0.0, 0.4, 0.8):  # bands of equal height have equal areas (Archimedes)
             direction = ring * math.sqrt(1 - sine * sine) + [0.0, 0.0, sine]
-            points.append(direction * radius)
-            normals.append(direction)
-            areas.append(np.full(_SIDES, 4 * math.pi * radius**2 / 5 / _SIDES))
-    return np.vstack(points), np.vstack(normals), np.concatenate(areas)
+            patches.append((direction * radius, direction, 4 * math.pi * radius**2 / 5 / _SIDES))
+    areas = [np.full(len(points), area) for points, _, area in patches]
+    return np.vstack([one[0] for one in patches]), np.vstack([one[1] for one in patches]), np.concatenate(areas)
+
+
+def _ring(radius: float) -> Array:
+    """Return points (n, 3) on a level circle around the origin."""
+    angles = np.arange(_SIDES) * (2 * math.pi / _SIDES)
+    return np.column_stack([np.cos(angles) * radius, np.sin(angles) * radius, np.zeros(_SIDES)])
 
 
 _EVERYTHING, _NOT_ROBOT = -1, ~64

@@ -36,7 +36,6 @@ class Playback:
 
     trajectory: Trajectory
     strands: list[Strand]
-    grip: bool
     row: int = 0
     halted: bool = False
 
@@ -85,7 +84,7 @@ def begin(robot: Robot, find: Find, now: Configuration, trajectory: Trajectory) 
         )
         before = {(contact.part, contact.body): contact.depth for contact in find(now, query)}
         strands.append(Strand(chosen, query, before))
-    return Playback(trajectory, strands, grip)
+    return Playback(trajectory, strands)
 
 
 def _check(robot: Robot, now: Configuration, trajectory: Trajectory) -> None:
@@ -268,7 +267,7 @@ class PyBulletWorld(KinematicScene):
         super().restore_state(state)
         # motions that are over: groups keep their order, in which motions are played
         over = Trajectory((), np.zeros((1, 0)))
-        self._motions = {group: Playback(over, [], grip=False) for group in groups}
+        self._motions = {group: Playback(over, []) for group in groups}
         self.steps = steps
 
 

@@ -2,7 +2,7 @@
 
 General layout: ``lowering`` turns recipes into the ``tree`` of a plan, with ``structure`` (how steps follow each other)
 and ``terms`` (what they are about, and which resources they hold); ``compile`` is the way in, and writes the tree as
-source with ``names``, ``bodies`` (of functions), ``expressions`` and ``layout`` (lines); ``drawing`` draws what was
+source with ``bodies`` (of functions), ``expressions`` (and names) and ``layout`` (lines); ``drawing`` draws what was
 compiled.
 """
 

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import TypeVar
 
 from planlang.compiler.bodies import BodyWriter
+from planlang.compiler.expressions import Symbols, is_iri, quoted
 from planlang.compiler.layout import INDENT, WIDTH, Expression, Text, assignment, call, sequence, signature, statement
 from planlang.compiler.lowering import Lowering, check_recoveries
-from planlang.compiler.names import Symbols, is_iri, quoted
 from planlang.compiler.tree import Function, PlanTree
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, has_errors
@@ -258,8 +258,9 @@ def _compiled(
     diagnostics = (*reading.diagnostics, *check_recoveries(reading.actions.recoveries))
     if reading.recipes is None or has_errors(diagnostics):
         raise BadInput(diagnostics)
-    recipes = canonical(reading.recipes, data_flow=data_flow)
-    lowering = Lowering(ontology, recipes, reading.actions, scopes=scopes)
+    recipes, actions = canonical(reading.recipes, data_flow=data_flow), reading.actions
+    del reading  # and with it the order of the recipe as it was read: as large as that of the canonical one
+    lowering = Lowering(ontology, recipes, actions, scopes=scopes)
     tree = lowering.tree()
     left_out = ((NO_SCOPES, not scopes), (NO_DATA_FLOW, not data_flow))
     options = tuple(option for option, is_left_out in left_out if is_left_out)
@@ -321,8 +322,11 @@ def _recipe(recipe: Recipe, *, data_flow: bool) -> Recipe:
 
     rank = {iri: number for number, iri in enumerate(sorted(keys, key=keys.__getitem__))}
 
+    constraint = Reason.CONSTRAINT.value  # looked up once: most orderings of a large recipe have this reason
+
     def order(ordering: Ordering) -> tuple[int, int, str, str]:
-        return rank[ordering.before], rank[ordering.after], ordering.reason.value, ordering.iri or ""
+        before, after, iri, reason, _ = ordering
+        return rank[before], rank[after], constraint if reason is Reason.CONSTRAINT else reason.value, iri or ""
 
     machine = recipe.machine
     if machine is not None:

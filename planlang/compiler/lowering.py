@@ -7,7 +7,7 @@ from collections.abc import Set as AbstractSet
 from difflib import get_close_matches
 
 from planlang import failures
-from planlang.compiler.names import snake_case
+from planlang.compiler.expressions import snake_case
 from planlang.compiler.structure import Overlaps, machine, structured
 from planlang.compiler.terms import HandUse, Renaming, Roles, Terms, callees_first
 from planlang.compiler.tree import (

@@ -31,7 +31,7 @@ from typing import Any
 from planlang.kernel.cancel import evaporate
 from planlang.kernel.core import Scheduler, Task, running
 from planlang.kernel.errors import NoProgress, Overdue, PlanStructureError
-from planlang.kernel.event_loop import adopt, keep, loop, rest
+from planlang.kernel.event_loop import ORIGINS, adopt, keep, loop, rest
 from planlang.kernel.hosts import WATCHDOG
 from planlang.kernel.listing import is_own
 from planlang.kernel.tree import name_of
@@ -75,8 +75,6 @@ def signals(on_interrupt: Callable[[FrameType | None], None]) -> Iterator[bool]:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
-ORIGINS = 2
-"""Frames of its making that a coroutine remembers: the call of a ``@plan`` function passes through one of ours."""
 _WARNING = re.compile(r"coroutine '(.+)' was never awaited")
 _MADE_AT = re.compile(r'^  File "(.+)", line (\d+), in .*(?:\n    (.*))?$', re.MULTILINE)
 

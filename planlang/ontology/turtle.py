@@ -19,9 +19,9 @@ import pyoxigraph
 from pyoxigraph import BlankNode, NamedNode, RdfFormat
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
+from planlang.files import decode, offset_of, position_of
 from planlang.ontology.terms import PREFIXES, XSD, BNode, Literal
 from planlang.ontology.triples import MOST_TRIPLES, Parsed, Triples
-from planlang.ontology.xml_text import decode, offset_of, position_of
 
 DEEPEST = 100
 """Nameless nodes and lists inside each other."""

@@ -28,8 +28,7 @@ from planlang.recipe.checks.parameters import repaired
 from planlang.recipe.fillers import action_class, nearest_in_vocabulary, read_filler, read_parameters
 from planlang.recipe.model import Description, Ordering, Parameter, Reason, Recipe, RecipeSet, Source, Step
 from planlang.recipe.order import implied_by_overlaps
-from planlang.recipe.readers import loose_parts, tasks_of
-from planlang.recipe.readers.data_flow import made
+from planlang.recipe.readers import loose_parts, made, tasks_of
 from planlang.recipe.statements import KINDS, Statements, SubAction, facts, is_word
 
 _TYPE = "http://www.w3.org/1999/02/22-rdf-syntax-ns#type"

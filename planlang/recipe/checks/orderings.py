@@ -9,13 +9,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
+from functools import cache
 from itertools import combinations, pairwise
 
 import networkx as nx
 
 from planlang.designators import local_name, told_apart
 from planlang.diagnostics import Diagnostic, Order, Span, error, note, warning
-from planlang.ontology import Ontology, shorten
+from planlang.ontology import Ontology, expand
 from planlang.recipe.actions import Actions
 from planlang.recipe.checks import CheckedRecipe, check
 from planlang.recipe.checks.misspellings import guess
@@ -320,9 +321,16 @@ def _why(first: _Facts, second: _Facts, all_roles: list[str], *, grasps: bool) -
     return None
 
 
+@cache
+def _roles_by_class() -> dict[str, tuple[str, ...]]:
+    """Return the roles that steps of a class (IRI) have."""
+    classes = {name for names in ROLES.values() for name in names}
+    return {expand(cls): tuple(role for role, names in ROLES.items() if cls in names) for cls in classes}
+
+
 def _facts(actions: Actions, step: Step) -> _Facts:
-    above = {shorten(ancestor) for ancestor in actions.ontology.ancestors(step.action_class)}
-    roles = {role for role, classes in ROLES.items() if not above.isdisjoint(classes)}
+    known = _roles_by_class()
+    roles = {role for ancestor in actions.ontology.ancestors(step.action_class) for role in known.get(ancestor, ())}
     if actions.is_base_motion(step):
         roles.add("moves the base")
     about: set[str] = set()

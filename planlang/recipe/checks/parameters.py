@@ -45,7 +45,7 @@ from planlang.recipe.fillers import (
     unread_references,
 )
 from planlang.recipe.model import Kind, Name, Parameter, Place, Recipe, RecipeSet, Step, Thing
-from planlang.recipe.readers.data_flow import OUTPUTS, made
+from planlang.recipe.readers import OUTPUTS, made
 from planlang.recipe.readers.workflow import is_interval_relation
 from planlang.recipe.statements import Filling, is_word
 from planlang.relations import RELATIONS, owl_properties

@@ -10,9 +10,9 @@ from itertools import chain
 from pathlib import Path
 
 from planlang.diagnostics import BadInput, Diagnostic, Severity, Span, error
+from planlang.files import decode
 from planlang.ontology import load
 from planlang.ontology.documents import Syntax, read_bytes, syntax_of
-from planlang.ontology.xml_text import decode
 from planlang.recipe.actions import Actions
 from planlang.recipe.fixes import CannotEdit, Edit, Editable, Fix
 from planlang.recipe.fixes.manchester_text import ManchesterText

@@ -19,8 +19,8 @@ from hypothesis import strategies as st
 from planlang import Action, Condition, Location, PlanFailure, VirtualHost, run, sleep
 from planlang.compiler import compile_recipe
 from planlang.compiler.compile import canonical, emit
+from planlang.compiler.expressions import snake_case
 from planlang.compiler.lowering import Lowering
-from planlang.compiler.names import snake_case
 from planlang.designators import local_name
 from planlang.ontology import Ontology, load
 from planlang.protocols import Solution

@@ -15,12 +15,12 @@ from rdf_graphs import graph_of, same
 from planlang.diagnostics import BadInput, Diagnostic
 from planlang.files import bundled
 from planlang.ontology import BNode, Literal, Term, Triple
+from planlang.ontology.canonical import differences, statements
+from planlang.ontology.convert import Target, write
 from planlang.ontology.manchester import read_manchester
 from planlang.ontology.rdfxml import read_rdfxml
 from planlang.ontology.terms import OWL, RDF, RDFS, XSD
 from planlang.ontology.turtle import read_turtle
-from planlang.ontology.writing.canonical import differences, statements
-from planlang.ontology.writing.convert import Target, write
 
 HEAD = """Prefix: : <http://example.org/t#>
 Prefix: xsd: <http://www.w3.org/2001/XMLSchema#>

@@ -11,10 +11,10 @@ from rdf_graphs import graph_of, read_by_rdflib, same
 
 from planlang.diagnostics import BadInput, Diagnostic, Span
 from planlang.ontology import Literal, Triple, load
+from planlang.ontology.convert import Target, write
 from planlang.ontology.rdfxml import read_rdfxml
 from planlang.ontology.terms import RDF, XSD
 from planlang.ontology.turtle import read_turtle
-from planlang.ontology.writing.convert import Target, write
 
 BASE = "http://example.org/folder/base.ttl"
 HEAD = "@prefix : <http://example.org/t#> .\n@prefix xsd: <http://www.w3.org/2001/XMLSchema#> .\n"

@@ -16,12 +16,12 @@ from executive.cli.app import app
 from planlang.diagnostics import Span
 from planlang.files import bundled
 from planlang.ontology import BNode, Literal, Term, Triple
+from planlang.ontology.canonical import differences, labelled
+from planlang.ontology.convert import Target, convert, write
 from planlang.ontology.documents import Syntax, read_syntax, syntax_of
 from planlang.ontology.manchester import read_manchester
 from planlang.ontology.terms import RDF, XSD
 from planlang.ontology.triples import Parsed
-from planlang.ontology.writing.canonical import differences, labelled
-from planlang.ontology.writing.convert import Target, convert, write
 
 OURS = sorted([*bundled("ontologies").rglob("*.omn"), *bundled("recipes").rglob("*.omn")])
 RDF_TARGETS = [Target.TURTLE, Target.NTRIPLES, Target.RDFXML]
