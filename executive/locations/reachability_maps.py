@@ -42,7 +42,8 @@ from executive.locations.reachability import (
 )
 from executive.motion import Chain, InverseKinematics
 from executive.robots.arms import ArmModel, HandFrame
-from planlang.files import Bundled, Cache, sealed, unsealed
+from planlang.cache import Cache, sealed, unsealed
+from planlang.files import Bundled
 from planlang.geometry import Array
 from planlang.kernel import unwatched
 

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from planlang.files import Cache
+from planlang.cache import Cache
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import moved, product, rotated
 from planlang.geometry.shapes import ConvexSolid, SolidKind, convex_solid

@@ -15,8 +15,9 @@ from functools import cache
 from pathlib import Path
 from urllib.parse import unquote
 
+from planlang.cache import Cache
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
-from planlang.files import LARGEST_ONTOLOGY, Cache, bundled, decode, read_file
+from planlang.files import LARGEST_ONTOLOGY, bundled, decode, read_file
 from planlang.ontology.checks import HOST, OLD_HOST, canonical, malformed, repair, use_canonical_names
 from planlang.ontology.terms import OWL, RDF, RDFS, VOCABULARIES, BNode, Triple
 from planlang.ontology.triples import Parsed, Triples
