@@ -1,5 +1,6 @@
 """The plan language: the names a plan author imports, nothing else."""
 
+from importlib import import_module
 from typing import TYPE_CHECKING
 
 from planlang.designators import (
@@ -62,8 +63,7 @@ from planlang.language.budgets import budget, timeout
 from planlang.language.conditions import Policy, achieve, holds, whenever, with_policies
 from planlang.language.executive import Executive, ProcessModule
 from planlang.language.location import at_location
-from planlang.language.ordering import given, partial_order
-from planlang.language.performing import Request, monitor, perform, perform_async, perform_or, with_requests
+from planlang.language.performing import Request, monitor, perform, perform_async, perform_or, using, with_requests
 from planlang.language.plans import (
     Handle,
     Plan,
@@ -88,10 +88,7 @@ from planlang.language.recovery import (
     with_failure_handling,
 )
 from planlang.language.recovery_strategies import ignore, look_and_repeat, look_from_another_place, recovery_strategy
-from planlang.language.resources import using
 from planlang.language.running import run
-from planlang.language.state_machine import state_machine
-from planlang.language.tasktree import TaskNode, TaskTree
 from planlang.runs import Trace
 
 __all__ = [
@@ -196,11 +193,24 @@ __all__ = [
 
 
 if TYPE_CHECKING:
+    from planlang.language.ordering import given, partial_order
+    from planlang.language.state_machine import state_machine
+    from planlang.language.tasktree import TaskNode, TaskTree
+
     __version__: str
 else:  # for mypy every name would be one of planlang's
+    _LATER = {
+        "TaskNode": "tasktree",
+        "TaskTree": "tasktree",
+        "given": "ordering",
+        "partial_order": "ordering",
+        "state_machine": "state_machine",
+    }
 
-    def __getattr__(name: str) -> str:
-        """Look up ``__version__`` when it is asked for: that reads files, which ``import planlang`` need not."""
+    def __getattr__(name: str) -> object:
+        """Look up what few plans need when it is asked for: constructs for some orders, task trees, the version."""
+        if name in _LATER:
+            return getattr(import_module(f"planlang.language.{_LATER[name]}"), name)
         if name != "__version__":
             raise AttributeError(f"module 'planlang' has no attribute {name!r}")
         from importlib.metadata import version

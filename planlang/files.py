@@ -1,14 +1,26 @@
 """Files that are read: those that a user names (regular and bounded in size), and those that come with planlang.
 
 Bundled files are beside the packages in a checkout, inside planlang in a wheel.
+
+A :class:`Cache` keeps what is costly to compute and follows from its inputs alone, in the user's cache folder. An entry
+is named by a key that its user makes of everything it depends on, so it never needs to be invalidated, and it begins
+with a digest of its key and content: whatever is damaged, incomplete or another entry's counts as not kept and is
+computed anew. An entry is written under a temporary name and then renamed, so that other processes see all of it or
+nothing. Without a writable folder nothing is kept.
 """
 
 from __future__ import annotations
 
+import codecs
 import errno
+import hashlib
 import os
 import re
+import shutil
 import stat
+import tempfile
+from contextlib import suppress
+from dataclasses import dataclass
 from difflib import get_close_matches
 from enum import Enum
 from pathlib import Path
@@ -79,6 +91,66 @@ def from_printable(name: str) -> str:
     return os.fsdecode(unquote_to_bytes(name))
 
 
+LARGEST_ONTOLOGY = 64_000_000
+"""Bytes of an ontology: room for 100,000 orderings in RDF/XML; the largest of its kind in use has 0.7 MB."""
+
+_DECLARATION = re.compile(rb"<\?xml[^>]*?encoding\s*=\s*[\"']([A-Za-z0-9._-]+)[\"']")
+_SOMETHING = re.compile(rb"[^ \t\r\n\xef\xbb\xbf\xff\xfe\x00]")
+_ENCODINGS = ("utf-8", "utf-16", "utf-16-le", "utf-16-be", "ascii", "iso8859-1", "iso8859-15", "cp1252")
+
+
+def decode(content: bytes | str, file: str) -> str:
+    """Return the text of an XML or Manchester file, line ends unchanged. Raises BadInput if it cannot be decoded.
+
+    The encoding is told by a byte order mark, else by the XML declaration, else it is UTF-8.
+    """
+    if isinstance(content, str):
+        return content
+    if len(content) > LARGEST_ONTOLOGY:
+        raise BadInput([error("O003", f"the file is larger than {LARGEST_ONTOLOGY // 1_000_000} MB", Span(file))])
+    if not _SOMETHING.search(content):
+        raise BadInput([error("O002", "the file is empty", Span(file))])
+    name = "utf-8-sig"
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        name = "utf-16"
+    elif match := _DECLARATION.match(content):
+        name = match[1].decode("ascii")
+    try:
+        codec = codecs.lookup(name).name
+        if codec not in (*_ENCODINGS, "utf-8-sig"):
+            raise LookupError(name)
+    except LookupError:
+        advice = "save the file as UTF-8"
+        raise BadInput([error("O004", f"unknown encoding {name!r}", Span(file), advice)]) from None
+    try:
+        text = content.decode("utf-8-sig" if codec == "utf-8" else codec)
+    except UnicodeDecodeError as problem:
+        before = content[: problem.start]
+        line = before.count(b"\n") + 1
+        column = len(before[before.rfind(b"\n") + 1 :].decode(codec, errors="replace")) + 1
+        message = f"this is not {name.removesuffix('-sig').upper()} text: {problem.reason}"
+        raise BadInput([error("O004", message, Span(file, line, column), "save the file as UTF-8")]) from None
+    if (position := text.find("\x00")) >= 0:
+        raise BadInput([error("O004", "this is a binary file", position_of(text, position, file))])
+    return text
+
+
+def position_of(text: str, offset: int, file: str) -> Span:
+    """Return the position of a character."""
+    line = text.count("\n", 0, offset) + 1
+    return Span(file, line, offset - text.rfind("\n", 0, offset))
+
+
+def offset_of(text: str, span: Span) -> int:
+    """Return the offset of a position, at most the length of the text."""
+    offset = 0
+    for _ in range(span.line - 1):
+        offset = text.find("\n", offset) + 1
+        if offset == 0:
+            return len(text)
+    return min(offset + span.column - 1, len(text))
+
+
 SUFFIXES = (".omn", ".owl", ".ttl", ".owl.in", ".toml")
 """Suffixes that a bundled file may have; a user's own file may have any."""
 
@@ -139,3 +211,113 @@ class Bundled(Enum):
     def _advice(self) -> str:
         known = ", ".join(self.names()) or "none"
         return f"give the path of a file, or the name of a bundled {self.value}: {known}"
+
+
+_DIGEST_BYTES = 64
+"""Length of the digest, in hexadecimal digits, in front of the content; arrays behind it are aligned."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cache:
+    """The kept entries of one kind, in a folder of their own.
+
+    ``most`` is how many entries are kept, the most recent ones; one of more than ``largest`` bytes is not of this kind.
+    """
+
+    kind: str
+    most: int
+    largest: int = 64_000_000
+
+    def load(self, key: str) -> bytes | None:
+        """Return what was kept under a key; None if nothing was, or if it is not exactly that any more."""
+        entry = self._entry(key)
+        if entry is None or not _is_ours_alone(entry.parent):
+            return None
+        try:
+            with open_regular(entry) as file:
+                if os.fstat(file.fileno()).st_size > self.largest + _DIGEST_BYTES:
+                    return None
+                content = file.read(self.largest + _DIGEST_BYTES)
+        except OSError:
+            return None
+        return unsealed(key, content)
+
+    def keep(self, key: str, content: bytes) -> bool:
+        """Keep content under a key, in the place of whatever is there; False if that cannot be done."""
+        entry = self._entry(key)
+        if entry is None or len(content) > self.largest:
+            return False
+        temporary: str | None = None
+        try:
+            entry.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+            _close_to_others(entry.parent)
+            if not _is_ours_alone(entry.parent):
+                return False
+            handle, temporary = tempfile.mkstemp(prefix=".", dir=entry.parent)
+            with os.fdopen(handle, "wb") as file:
+                file.write(sealed(key, content))
+            if entry.is_dir() and not entry.is_symlink():
+                shutil.rmtree(entry)
+            os.replace(temporary, entry)
+        except OSError:
+            return False
+        finally:
+            if temporary is not None:
+                with suppress(OSError):
+                    os.unlink(temporary)
+        self._forget_oldest(entry)
+        return True
+
+    def _entry(self, key: str) -> Path | None:
+        folder = cache_folder(self.kind)
+        return None if folder is None else folder / hashlib.sha256(key.encode()).hexdigest()
+
+    def _forget_oldest(self, newest: Path) -> None:
+        found = []
+        for path in newest.parent.iterdir():
+            with suppress(OSError):  # another process forgot it
+                found.append((path.lstat().st_mtime, path))
+        for _, path in sorted(found)[: max(0, len(found) - self.most)]:
+            if path != newest:
+                with suppress(OSError):
+                    path.unlink()
+
+
+def sealed(key: str, content: bytes) -> bytes:
+    """Return content behind a digest of it and of its key."""
+    return hashlib.sha256(f"{key}\n".encode() + content).hexdigest().encode() + content
+
+
+def unsealed(key: str, content: bytes) -> bytes | None:
+    """Return what was sealed with a key; None if that is damaged, or was sealed with another."""
+    inner = content[_DIGEST_BYTES:]
+    return inner if content == sealed(key, inner) else None
+
+
+def cache_folder(kind: str) -> Path | None:
+    """Where entries of a kind are kept, whether the folder exists or not; None if the user has no home."""
+    root = os.environ.get("XDG_CACHE_HOME")
+    if root and Path(root).is_absolute():
+        return Path(root) / "planlang" / kind
+    try:
+        return Path.home() / ".cache" / "planlang" / kind
+    except RuntimeError:
+        return None
+
+
+def _is_ours_alone(folder: Path) -> bool:
+    """Return True for this user's folder in which nobody else may write: digests do not help against planted files."""
+    try:
+        found = folder.stat()
+    except OSError:
+        return False
+    return found.st_uid == os.getuid() and not found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+
+
+def _close_to_others(folder: Path) -> None:
+    """Take back a folder of this user that others may write, as a lax umask made it, without what they could plant."""
+    found = folder.stat()
+    if found.st_uid == os.getuid() and found.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
+        folder.chmod(0o700)
+        for path in folder.iterdir():
+            path.unlink()

@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planlang.geometry import Array, Pose
-from planlang.geometry.box import half_extents, overlaps
-from planlang.geometry.solid import SolidKind
+from planlang.geometry.shapes import SolidKind, half_extents, overlaps
 from sim.engine import bullet
 from sim.scene import Body, BodyShape, Scene
 

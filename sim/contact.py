@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planlang.geometry import Array, Pose
-from planlang.geometry.box import overlaps
+from planlang.geometry.shapes import overlaps
 from planlang.protocols import Configuration, Contact
 from sim.bodies import Bodies
 from sim.engine import bullet

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import copy
 import hashlib
+import math
 import tempfile
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator, Mapping, Sequence
@@ -22,8 +23,7 @@ from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
 from planlang.geometry import Array
 from planlang.geometry.matrices import angles_of, product, rotation_of
 from planlang.geometry.mesh import BadMesh, mesh_content, mesh_of, mesh_places
-from planlang.geometry.urdf import Joint, extents_of, numbers, read_urdf
-from planlang.geometry.xml_tree import Element, tree_of
+from planlang.geometry.urdf import Element, Joint, extents_of, numbers, read_urdf, tree_of
 
 MOST_JOINTS = 127
 """PyBullet gives the poses of this many links."""
@@ -35,6 +35,12 @@ THINNEST = 0.002
 LIGHTEST = 30.0
 """Density of foam [kg/m3]. Inertias of lighter boxes were filled in, not measured: in real URDFs measured ones come to
 300 and more, the frequent 0.1 kg with 0.01 kg m2 comes to 0.2."""
+
+
+SWEEPS = 6
+"""Rounds of Jacobi's rotations: each squares the error, and four are enough for three axes."""
+ROUNDED = 1e-12
+"""Product of inertia that counts as none [kg m^2]: of equal moments it would turn the axes anyhow."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,19 +194,24 @@ def checked_mesh(path: Path) -> tuple[str, bytes]:
 
 def _looks_touched(path: Path, robot: Element) -> Diagnostic:
     """Let what is seen of the links be what touches."""
-    found = 0
     for link in robot.findall("link"):
-        for visual in link.findall("visual"):
-            collision = ElementTree.SubElement(link, "collision")
-            collision.extend(copy.deepcopy(part) for part in visual if part.tag in ("origin", "geometry"))
-            found += 1
+        link.extend(_shapes_as(link, "visual", "collision"))
     span = Span(str(path), robot.line)
-    if not found:
-        return warning(
-            "B015", "no link has a shape (<collision> or <visual>)", span, "give the robot's body at least one"
-        )
+    if robot.find("link/collision") is None:
+        advice = "give the robot's body at least one"
+        return warning("B015", "no link has a shape (<collision> or <visual>)", span, advice)
     message = "no link has a shape for contacts (<collision>); those for looks (<visual>) are used"
     return warning("B015", message, span)
+
+
+def _shapes_as(link: ElementTree.Element, kind: str, other: str) -> list[ElementTree.Element]:
+    """Return the link's shapes of one kind (collision, visual) as shapes of the other."""
+    shapes = []
+    for shape in link.findall(kind):
+        copied = ElementTree.Element(other)
+        copied.extend(copy.deepcopy(part) for part in shape if part.tag in ("origin", "geometry"))
+        shapes.append(copied)
+    return shapes
 
 
 def _replace_meshes(robot: Element, meshes: _Meshes) -> list[str]:
@@ -220,7 +231,7 @@ def _replace_meshes(robot: Element, meshes: _Meshes) -> list[str]:
             if link.find("collision") is None:
                 bare.append(link.get("name", ""))
         if visuals:
-            link.extend(_looks_of(link))
+            link.extend(_shapes_as(link, "collision", "visual"))
     for texture_holder in robot.iter("material"):
         for texture in texture_holder.findall("texture"):
             texture_holder.remove(texture)
@@ -251,12 +262,7 @@ def inertia_box(mass: float, inertia: Array) -> tuple[Array, Array] | None:
     From m / 12 (b^2 + c^2) and so on for the principal moments. None without mass or moments, and for a box lighter
     than foam (:data:`LIGHTEST`). What no body can have (a moment larger than the others' sum) gives the thinnest box.
     """
-    if not np.allclose(inertia, np.diag(np.diag(inertia)), rtol=0.0, atol=1e-12):
-        moments, axes = np.linalg.eigh(inertia)
-        if np.linalg.det(axes) < 0:
-            axes[:, 2] *= -1
-    else:
-        moments, axes = np.diag(inertia), np.eye(3)
+    moments, axes = _principal(inertia)
     if mass <= 0 or moments.max() <= 0:
         return None
     squares = 6.0 / mass * (moments.sum() - 2.0 * moments)
@@ -264,14 +270,24 @@ def inertia_box(mass: float, inertia: Array) -> tuple[Array, Array] | None:
     return (extents, axes) if mass >= LIGHTEST * float(np.prod(extents)) else None
 
 
-def _looks_of(link: ElementTree.Element) -> list[ElementTree.Element]:
-    """Return the link's collision elements as visual ones."""
-    looks = []
-    for shape in link.findall("collision"):
-        visual = ElementTree.Element("visual")
-        visual.extend(copy.deepcopy(part) for part in shape if part.tag in ("origin", "geometry"))
-        looks.append(visual)
-    return looks
+def _principal(inertia: Array) -> tuple[Array, Array]:
+    """Return the principal moments (3,) and axes (3, 3), as columns, right-handed, near the given axes.
+
+    Jacobi's rotations (G. H. Golub and C. F. Van Loan, Matrix Computations, 8.5), the same on every machine: LAPACK's
+    eigenvectors differ in their last digits between processors, and a robot's shapes would with them.
+    """
+    moments, axes = inertia, np.eye(3)
+    for p, q in SWEEPS * ((0, 1), (0, 2), (1, 2)):
+        if abs(moments[p, q]) <= ROUNDED:
+            continue
+        theta = (moments[q, q] - moments[p, p]) / (2 * moments[p, q])
+        tangent = math.copysign(1.0, theta) / (abs(theta) + math.sqrt(theta**2 + 1))  # the smaller of two angles
+        cosine = 1 / math.sqrt(tangent**2 + 1)
+        turn = np.eye(3)
+        turn[p, p] = turn[q, q] = cosine
+        turn[p, q], turn[q, p] = tangent * cosine, -tangent * cosine
+        moments, axes = product(product(turn.T, moments), turn), product(axes, turn)
+    return np.diag(moments), axes
 
 
 def _origin(element: ElementTree.Element | None) -> tuple[tuple[float, ...], Array]:

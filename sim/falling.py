@@ -8,8 +8,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from planlang.geometry import Array, Pose
-from planlang.geometry.box import half_extents
-from planlang.geometry.outline import footprint, inside, outline_of
+from planlang.geometry.shapes import footprint, half_extents, inside, outline_of
 from sim.bodies import Bodies
 from sim.camera import Rays
 from sim.scene import BodyShape

@@ -12,12 +12,11 @@ from planlang.geometry import Pose
 from planlang.protocols import Configuration, Contact
 from sim import snapshots
 from sim.bodies import Bodies, Part
-from sim.camera import Camera, Picture, Rays
+from sim.camera import Camera, Painter, Picture, Rays, View
 from sim.contact import PARTED, Contacts, Held, Query
 from sim.engine import bullet, connect
 from sim.falling import Falling
-from sim.people import People, Reach, parts_of
-from sim.picture import Painter, View
+from sim.people import ComfortZone, People, parts_of
 from sim.robot import Robot
 from sim.scene import BodyShape, CameraModel, RobotBody, Scene
 
@@ -179,7 +178,7 @@ class KinematicScene:
         rest, support = self._falling.rest(name)
         return self._bodies.poses[name].position[2] - rest.position[2] if support else float("inf")
 
-    def person(self, name: str) -> Reach:
+    def person(self, name: str) -> ComfortZone:
         """Return shoulders, arm length and facing direction of a person, to check which points are comfortable."""
         return self._people.reach(name)
 

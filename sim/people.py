@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -9,10 +10,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from planlang.geometry import Array, Pose
-from planlang.geometry.box import half_extents
-from planlang.geometry.matrices import moved, rotated
-from planlang.geometry.pose import facing
-from planlang.geometry.solid import SolidKind
+from planlang.geometry.matrices import facing, moved, rotated
+from planlang.geometry.shapes import SolidKind, half_extents
 from sim.bodies import Bodies, Part
 from sim.scene import Body, BodyShape
 
@@ -24,6 +23,12 @@ TAKING_TIME = 1.0
 """Time for which an object must have been offered within that distance [s]."""
 COMFORT_ANGLE = math.radians(60)
 """Half opening angle of the cone in front of a shoulder in which a person likes to take things."""
+NEAREST = 0.25
+"""Least distance from the shoulder at which a person likes to take things, as a share of the arm's length."""
+SHARES, RISES, TURNS = (0.7, 0.55, 0.85), (0.0, -0.12, 0.12), (0.0, 0.35, -0.35, 0.7, -0.7, 0.95, -0.95)
+"""Points that stand for the zone: shares of the arm's length, heights over the shoulder [m], and turns from where the
+person faces [rad], the most comfortable first.
+"""
 
 _SKIN = (0.86, 0.68, 0.56, 1.0)
 _CLOTHES = (0.45, 0.62, 0.78, 1.0)
@@ -31,16 +36,23 @@ _UPPER, _FORE, _HAND = 0.30, 0.27, 0.09
 
 
 @dataclass(frozen=True, slots=True)
-class Reach:
-    """The reach of a person: shoulders in the map, arm length to the palm [m], horizontal direction they face."""
+class ComfortZone:
+    """Where a person takes things: in front of a shoulder, within the length of the arm."""
 
     shoulders: tuple[tuple[float, float, float], tuple[float, float, float]]
-    """Right, left."""
+    """Right, left, in the map."""
     arm_length: float
+    """From the shoulder to the palm [m]."""
     facing: tuple[float, float, float]
+    """Horizontal direction in which the person looks."""
 
-    def arm_for(self, point: Sequence[float]) -> int | None:
-        """0 (right) or 1 (left): the arm that has the point in its comfort zone, the nearer one of two; else None.
+    @property
+    def heading(self) -> float:
+        """Return the heading of the person [rad]."""
+        return math.atan2(self.facing[1], self.facing[0])
+
+    def arm_for(self, point: Sequence[float] | Array) -> int | None:
+        """0 (right) or 1 (left): the arm that has the point in its zone, the nearer one of two; else None.
 
         The zone: from a quarter to all of the arm length, within 60 degrees of where the person faces.
         """
@@ -48,7 +60,7 @@ class Reach:
         for k, shoulder in enumerate(self.shoulders):
             offset = np.asarray(point, dtype=float) - np.asarray(shoulder)
             distance = float(np.linalg.norm(offset))
-            if not 0.25 * self.arm_length <= distance <= self.arm_length:
+            if not NEAREST * self.arm_length <= distance <= self.arm_length:
                 continue
             if float(offset @ np.asarray(self.facing)) < distance * math.cos(COMFORT_ANGLE):
                 continue
@@ -56,9 +68,31 @@ class Reach:
                 best = (distance, k)
         return None if best is None else best[1]
 
-    def comfortable(self, point: Sequence[float]) -> bool:
+    def contains(self, point: Sequence[float] | Array) -> bool:
         """Return whether the person would take something at this point of the map."""
         return self.arm_for(point) is not None
+
+    def points(self) -> Array:
+        """Return points of the zone, most comfortable first, (n, 3); sparse."""
+        found: dict[tuple[float, float, float], None] = {}
+        for share, rise, turn in itertools.product(SHARES, RISES, TURNS):
+            for x, y, z in self.shoulders:
+                step, heading = share * self.arm_length, self.heading + turn
+                point = (x + step * math.cos(heading), y + step * math.sin(heading), z + rise)
+                if self.contains(point):
+                    found[point] = None
+        return np.array(list(found)).reshape(-1, 3)
+
+    def margins(self, points: Array) -> Array:
+        """Return how far inside the zone points (n, 3) are, (n,): as a share of the arm, or of the cosine.
+
+        The person may sit a little otherwise than believed: what is at the border may not be taken.
+        """
+        offsets = points[:, None] - np.array(self.shoulders)
+        away = np.linalg.norm(offsets, axis=2)
+        ahead = offsets[..., 0] * math.cos(self.heading) + offsets[..., 1] * math.sin(self.heading)
+        share, cosine = away / self.arm_length, ahead / np.maximum(away, 1e-9)
+        return np.asarray(np.minimum(np.minimum(1.0 - share, share - NEAREST), cosine - 0.5).max(axis=1))
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,14 +178,14 @@ def _triple(vector: Array) -> tuple[float, float, float]:
     return (float(vector[0]), float(vector[1]), float(vector[2]))
 
 
-def reach_from(figure: Figure, pose: Pose) -> Reach:
+def reach_from(figure: Figure, pose: Pose) -> ComfortZone:
     """Return the reach of a figure whose body is at a pose."""
     matrix = pose.matrix()
     shoulders = [moved(matrix, shoulder) for shoulder in figure.shoulders]
     ahead = rotated(matrix[:3, :3], figure.turn.rotation[:, 0])
     ahead[2] = 0.0
     ahead /= max(float(np.linalg.norm(ahead)), 1e-9)
-    return Reach((_triple(shoulders[0]), _triple(shoulders[1])), figure.arm_length, _triple(ahead))
+    return ComfortZone((_triple(shoulders[0]), _triple(shoulders[1])), figure.arm_length, _triple(ahead))
 
 
 def parts_of(body: Body) -> tuple[Part, ...]:
@@ -259,9 +293,9 @@ class People:
         self.persons = {name: Person.of(b) for name, b in bodies.bodies.items() if b.shape is BodyShape.PERSON}
         self.still: dict[str, tuple[Pose, int]] = {}
         """Thing in the robot's hand -> where it is, and for how many steps it has been at rest there."""
-        self._reach: dict[str, tuple[Pose, Reach]] = {}
+        self._reach: dict[str, tuple[Pose, ComfortZone]] = {}
 
-    def reach(self, name: str) -> Reach:
+    def reach(self, name: str) -> ComfortZone:
         """Return what a person reaches now; ``KeyError`` when that is no person."""
         if name not in self.persons:
             raise KeyError(f"{name!r} is not a person; the persons are {', '.join(self.persons) or 'none'}")

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import rotations
-from planlang.geometry.outline import outline_of
-from planlang.geometry.solid import SolidKind
+from planlang.geometry.shapes import SolidKind, outline_of
 from planlang.protocols import Configuration, Contact
-from sim.bodies import Bodies
-from sim.contact import Held, Ignored, Query
+from sim.contact import GROUND, Ignored, Query
 from sim.kinematic import KinematicScene
-from sim.robot import BASE, Robot
+from sim.robot import BASE
 
 Size = tuple[float, float, float]
 
@@ -30,17 +28,6 @@ class Solid:
     pose: Pose
     limb: bool
     """Part of a person's arm that has left its rest, which hands may touch."""
-
-
-def solids(bodies: Bodies, left_out: Iterable[str]) -> Iterator[Solid]:
-    """Yield the pieces of all bodies, floors and some bodies left out."""
-    for index, piece in enumerate(bodies.pieces):
-        if piece.body in left_out or piece.body in bodies.removed or bodies.upper[index, 2] < 1e-3:
-            continue
-        x, y, z = piece.part.size
-        if piece.part.kind != SolidKind.BOX:
-            x = y = max(x, y)
-        yield Solid(piece.body, piece.part.kind, (x, y, z), piece.pose, piece.yields)
 
 
 Band = tuple[float, float, float]
@@ -61,42 +48,6 @@ class Shape:
 MOST_SHAPES = 64
 """Postures of which the shape is kept."""
 _shapes: dict[object, Shape] = {}
-
-
-def shape_of(robot: Robot, joints: Mapping[str, float], without: Collection[str], show: Callable[[], None]) -> Shape:
-    """Return a robot at joint values, without links that a joint of ``without`` moves; worked out once in a process.
-
-    ``show`` is called if it has to be: it shows the robot there, with its base at the origin of the map.
-    """
-    posture = tuple((name, value) for name, value in joints.items() if name not in without)
-    key = robot.key, tuple(sorted(without)), posture
-    if key not in _shapes:
-        show()
-        while len(_shapes) >= MOST_SHAPES:
-            del _shapes[next(iter(_shapes))]
-        _shapes[key] = _shown(robot, frozenset[int]().union(*(robot.moved_by(name) for name in without)))
-    return _shapes[key]
-
-
-def _shown(robot: Robot, left_out: frozenset[int]) -> Shape:
-    numbers = [number for number in range(len(robot.solid)) if number not in left_out]
-    lower, upper = (corners[:, 2].round(9).tolist() for corners in robot.boxes_of(numbers))
-    radii = [round(robot.spread(number), 9) for number in numbers]
-    polygons = [outline_of(points[:, :2].round(9)) for points in robot.points(numbers)]
-    return Shape(tuple(zip(lower, upper, radii, strict=True)), tuple(zip(lower, upper, polygons, strict=True)))
-
-
-def held_bands(robot: Robot, bodies: Bodies, held: Mapping[str, Held], without: Collection[str]) -> Iterator[Band]:
-    """Yield the bands of held bodies, without what links hold that a joint of ``without`` moves.
-
-    The robot must be shown with its base at the origin of the map.
-    """
-    left_out = frozenset[int]().union(*(robot.moved_by(name) for name in without))
-    for name, grip in held.items():
-        if not robot.carrier(grip.link) & left_out:
-            low, high = bodies.box_of(name)
-            radius = float(np.hypot(*np.maximum(np.abs(low[:2]), np.abs(high[:2]))))
-            yield float(low[2]), float(high[2]), radius
 
 
 class PlanningWorld(KinematicScene):
@@ -142,7 +93,7 @@ class PlanningWorld(KinematicScene):
             return ()
         links, itself, apart = None, True, None
         if moving is not None:
-            links = frozenset[int]().union(*(self._robot.moved_by(name) for name in moving))
+            links = self._moved(moving)
             itself = not set(moving) <= {*BASE, "base"}
             apart = self._robot.moved_apart(frozenset(moving)) if itself else None
         return self._find(configuration or self._now, Query(links, apart, ignore, itself=itself, among=among))
@@ -162,7 +113,7 @@ class PlanningWorld(KinematicScene):
         ``start``: the configuration at the beginning; ``steps``: the joints' values, one after another.
         """
         self._show(start)
-        links = frozenset[int]().union(*(self.robot.moved_by(name) for step in steps for name in step))
+        links = self._moved(name for step in steps for name in step)
         lower, upper = self.robot.boxes_along(sorted(links), steps)
         near = self._bodies.near(lower, upper).any(axis=0)
         return frozenset(self._bodies.pieces[index].body for index in np.flatnonzero(near).tolist())
@@ -173,12 +124,15 @@ class PlanningWorld(KinematicScene):
         Bands (z_low, z_high, radius) [m] around the vertical through the base, one for each solid link and held object;
         what a joint of ``without`` moves is left out.
         """
-        found = self._shape(without).bands
-        if self._held:
-            self._at_origin()
-            found = (*found, *held_bands(self.robot, self._bodies, self._held, without))
+        found, left_out = list(self._shape(without).bands), self._moved(without)
+        for name, held in self._held.items():
+            if not self.robot.carrier(held.link) & left_out:
+                self._show(self._at_origin())
+                low, high = self._bodies.box_of(name)
+                radius = float(np.hypot(*np.maximum(np.abs(low[:2]), np.abs(high[:2]))))
+                found.append((float(low[2]), float(high[2]), radius))
         self._here()
-        return found
+        return tuple(found)
 
     def outlines(self, without: Collection[str] = ()) -> tuple[Outline, ...]:
         """Return the robot from above in its present posture: z_low, z_high [m] and a polygon for each solid link.
@@ -191,15 +145,42 @@ class PlanningWorld(KinematicScene):
         return found
 
     def _shape(self, without: Collection[str]) -> Shape:
-        return shape_of(self.robot, self._now.joints, without, self._at_origin)
+        """Return the robot in its posture, without links that a joint of ``without`` moves; once in a process."""
+        robot = self.robot
+        posture = tuple((name, value) for name, value in self._now.joints.items() if name not in without)
+        key = robot.key, tuple(sorted(without)), posture
+        if key not in _shapes:
+            self._show(self._at_origin())
+            left_out = self._moved(without)
+            numbers = [number for number in range(len(robot.solid)) if number not in left_out]
+            lower, upper = (corners[:, 2].round(9).tolist() for corners in robot.boxes_of(numbers))
+            radii = [round(robot.spread(number), 9) for number in numbers]
+            polygons = [outline_of(points[:, :2].round(9)) for points in robot.points(numbers)]
+            while len(_shapes) >= MOST_SHAPES:
+                del _shapes[next(iter(_shapes))]
+            bands, outlines = zip(lower, upper, radii, strict=True), zip(lower, upper, polygons, strict=True)
+            _shapes[key] = Shape(tuple(bands), tuple(outlines))
+        return _shapes[key]
 
-    def _at_origin(self) -> None:
-        self._show(Configuration((0.0, 0.0, 0.0), self._now.joints))
+    def _moved(self, names: Iterable[str]) -> frozenset[int]:
+        """Return the numbers of the solid links that one of some joints, or coordinates of the base, moves."""
+        return frozenset[int]().union(*map(self.robot.moved_by, names))
+
+    def _at_origin(self) -> Configuration:
+        return Configuration((0.0, 0.0, 0.0), self._now.joints)
 
     def solids(self) -> tuple[Solid, ...]:
         """Return the convex pieces of all bodies not held, where they are, floors left out."""
         self._here()
-        return tuple(solids(self._bodies, self._held))
+        found = []
+        for piece, height in zip(self._bodies.pieces, self._bodies.upper[:, 2].tolist(), strict=True):
+            if piece.body in self._held or piece.body in self._bodies.removed or height < GROUND:
+                continue
+            x, y, z = piece.part.size
+            if piece.part.kind != SolidKind.BOX:
+                x = y = max(x, y)
+            found.append(Solid(piece.body, piece.part.kind, (x, y, z), piece.pose, piece.yields))
+        return tuple(found)
 
     def touched_since_grasp(self, name: str) -> frozenset[str]:
         """Return bodies that a held one has touched ever since it was grasped: it may go on touching them a little."""

@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from planlang.diagnostics import BadInput, Span, error
 from planlang.geometry import Array, Pose
-from planlang.geometry.box import corners
 from planlang.geometry.matrices import moved, product, rigid, rotated, rotations
-from planlang.geometry.solid import ConvexSolid, SolidKind, convex_solid
+from planlang.geometry.shapes import ConvexSolid, SolidKind, convex_solid, corners
 from planlang.protocols import Configuration
 from sim.description import Follower, loadable, read_description
 from sim.engine import bullet, quiet
@@ -312,17 +311,17 @@ class Robot:
 
     def carrier(self, link: str) -> frozenset[int]:
         """Return the numbers of the nearest solid link upwards from a link: it moves when the link does."""
-        index = self.links[link]
-        while index not in self.solid and index != -1:
-            index = self.parent[index]
+        index = self._solid_above(link)
         return frozenset({self.solid.index(index)}) if index in self.solid else frozenset()
 
     def hand_of(self, link: str) -> frozenset[int]:
         """Return the numbers of the solid links of the hand at a link: the next solid link upwards and all below it."""
-        index = self.links[link]
-        while index not in self.solid and index != -1:
-            index = self.parent[index]
-        return self._below(index)
+        return self._below(self._solid_above(link))
+
+    def _solid_above(self, link: str) -> int:
+        """Return the index of the nearest solid link upwards from a link, or of the root."""
+        above = self.ancestors(self.links[link])
+        return next((index for index in above if index in self.solid), above[-1])
 
     def spread(self, number: int) -> float:
         """Return how far a solid link reaches from the map's z axis, in its present place [m]."""

@@ -1,4 +1,4 @@
-"""Descriptions of a world: bodies of simple shape, a robot's body, a camera's optics. Pure data.
+"""Descriptions of a world: bodies of simple shape, a robot's body, a camera's optics; and how the truth differs.
 
 Lengths in metres, angles in radians; the map has z up and the floor at z = 0.
 """
@@ -6,12 +6,16 @@ Lengths in metres, angles in radians; the map has z up and the floor at z = 0.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from pathlib import Path
 
-from planlang.geometry import Pose
+import numpy as np
+
+from planlang.geometry import Array, Pose
+from planlang.geometry.matrices import rotated
+from planlang.geometry.shapes import footprint, half_extents, inside
 
 
 class BodyShape(StrEnum):
@@ -45,7 +49,7 @@ class Body:
     type: str = ""
     """Class of the thing, local name or IRI."""
     movable: bool = False
-    """True for what may stand elsewhere than in the map: see :func:`sim.perturb.perturb`."""
+    """True for what may stand elsewhere than in the map: see :func:`sim.scene.perturb`."""
     color: tuple[float, float, float, float] | None = None
 
     def __post_init__(self) -> None:
@@ -130,3 +134,157 @@ class RobotBody:
     """Initial joint positions; joints not named are at zero, or at the limit nearest to it."""
     moving: Collection[str] | None = None
     """Joints that are commanded; the others never move, except when they mimic these. None: all may."""
+
+
+OBJECT_DISTANCE = 0.3
+"""Largest distance of a graspable object from where the map has it [m]."""
+FURNITURE_DISTANCE = 0.2
+"""Largest distance of movable furniture from where the map has it [m]; it turns by up to 0.2 rad."""
+START_DISTANCE = 0.3
+"""Largest distance of the robot's start from the given one [m]; it turns by up to 0.5 rad."""
+
+_TRIES = 60
+"""Draws for each thing; in a crowded room most things stay after fewer."""
+_CLEARANCE = 0.01
+"""Distance kept between things [m]: more than contacts tolerate."""
+_RIM = 0.005
+"""Distance of a thing from the edge of its support [m]: it must not fall."""
+_SUPPORTED = 0.025
+"""Gap or penetration between a thing and its support in real maps [m]."""
+
+
+def perturb(scene: Scene, seed: int, *, radius: float = 0.45, height: float = 1.6) -> Scene:
+    """Return the scene as it might really be; seed 0 leaves it unchanged, equal seeds give equal scenes.
+
+    ``radius`` and ``height`` [m] are the size of a standing cylinder around the robot. Movable furniture goes first and
+    takes along what stands on it, then graspable objects move on their support and turn, then the robot's start.
+    Whatever would touch something, leave its support or the scene's bounds, stays.
+    """
+    if seed == 0:
+        return scene
+    room = _Room(scene, np.random.default_rng(seed))
+    for body in scene.bodies:
+        if body.movable and not body.graspable and body.shape in (BodyShape.BOX, BodyShape.CYLINDER):
+            room.move_furniture(body)
+    for body in scene.bodies:
+        if body.graspable and body.name not in room.supports.values():
+            room.move_object(body)
+    start = room.moved_start(radius, height)
+    return Scene(scene.with_poses(room.poses).bodies, scene.bounds, start)
+
+
+class _Room:
+    """The poses of all bodies while they are moved, one after another."""
+
+    def __init__(self, scene: Scene, generator: np.random.Generator) -> None:
+        self.scene, self.generator = scene, generator
+        self.supports = {body.name: _support(body, scene.bodies) for body in scene.bodies}
+        self.bodies = {body.name: body for body in scene.bodies}
+        self.poses = {body.name: body.pose for body in scene.bodies}
+
+    def move_furniture(self, body: Body) -> None:
+        """Move a body with what stands on it."""
+        group = [body.name]
+        for member in group:
+            group += [other for other, support in self.supports.items() if support == member and other not in group]
+        x_min, y_min, x_max, y_max = self.scene.bounds
+        for shift in self._shifts(FURNITURE_DISTANCE, 0.2):
+            moved = {name: _shifted(self.poses[name], shift, self.poses[body.name]) for name in group}
+            outline = footprint(moved[body.name], body.size)
+            within = (outline >= (x_min, y_min)).all() and (outline <= (x_max, y_max)).all()
+            if within and all(self._is_free(self.bodies[name], pose, group) for name, pose in moved.items()):
+                self.poses.update(moved)
+                return
+
+    def move_object(self, body: Body) -> None:
+        """Move a body on its support."""
+        support = self.supports[body.name]
+        if support is None:
+            return
+        surface = _outline(self.bodies[support], self.poses[support])
+        for shift in self._shifts(OBJECT_DISTANCE, math.pi):
+            pose = _shifted(self.poses[body.name], shift, self.poses[body.name])
+            stands = all(inside(surface, point, _RIM) for point in _outline(body, pose))
+            if stands and self._is_free(body, pose, (body.name, support)):
+                self.poses[body.name] = pose
+                return
+
+    def moved_start(self, radius: float, height: float) -> tuple[float, float, float]:
+        """Return where a standing cylinder of this radius and height is free."""
+        x_min, y_min, x_max, y_max = self.scene.bounds
+        start = self.scene.start
+        for dx, dy, turn in self._shifts(START_DISTANCE, 0.5):
+            x, y = start[0] + dx, start[1] + dy
+            pose = Pose((x, y, height / 2 + 0.02))
+            robot = Body("the robot", pose, (2 * radius, 2 * radius, height), BodyShape.CYLINDER)
+            within = x_min + radius <= x <= x_max - radius and y_min + radius <= y <= y_max - radius
+            if within and self._is_free(robot, pose, ()):
+                return (x, y, start[2] + turn)
+        return start
+
+    def _shifts(self, distance: float, turn: float) -> Iterator[tuple[float, float, float]]:
+        """Yield shifts uniform in a disc, with turns uniform in an interval."""
+        uniform = self.generator.uniform
+        for _ in range(_TRIES):
+            angle, radius = uniform(0, 2 * math.pi), distance * math.sqrt(uniform(0, 1))
+            yield radius * math.cos(angle), radius * math.sin(angle), float(uniform(-turn, turn))
+
+    def _is_free(self, body: Body, pose: Pose, group: Sequence[str]) -> bool:
+        """Return whether a body at a pose keeps clear of all bodies outside its group, supports below it apart."""
+        return not any(
+            _overlap(body, pose, other, self.poses[other.name])
+            for other in self.scene.bodies
+            if other.name not in group and other.name != body.name and other.shape is not BodyShape.MARKER
+        )
+
+
+def _outline(body: Body, pose: Pose) -> Array:
+    return footprint(pose, body.size, cylinder=body.shape is BodyShape.CYLINDER)
+
+
+def _support(body: Body, bodies: Sequence[Body]) -> str | None:
+    """Return what a body stands on or in: the one whose top is at its bottom, or that contains its centre."""
+    if body.shape in (BodyShape.ROOM, BodyShape.MARKER):
+        return None
+    bottom = body.pose.position[2] - _half_height(body.pose, body)
+    for other in bodies:
+        if other is body or other.shape in (BodyShape.ROOM, BodyShape.MARKER, BodyShape.PERSON):
+            continue
+        top = other.pose.position[2] + _half_height(other.pose, other)
+        if not inside(_outline(other, other.pose), body.pose.position):
+            continue
+        if abs(top - bottom) <= _SUPPORTED or abs(other.pose.position[2] - body.pose.position[2]) < top / 2 > bottom:
+            return other.name
+    return None
+
+
+def _half_height(pose: Pose, body: Body) -> float:
+    return float(half_extents(pose, body.size)[2])
+
+
+def _shifted(pose: Pose, shift: tuple[float, float, float], about: Pose) -> Pose:
+    """Turn about the vertical through another pose's position and shift."""
+    dx, dy, turn = shift
+    here, there = Pose(about.position), Pose.planar(0.0, 0.0, turn)
+    turned = here @ there @ here.inverse() @ pose
+    x, y, z = turned.position
+    return Pose((x + dx, y + dy, z), turned.orientation)
+
+
+def _overlap(a: Body, a_pose: Pose, b: Body, b_pose: Pose) -> bool:
+    if b.shape is BodyShape.ROOM:
+        local = rotated(b_pose.rotation[:2, :2].T, footprint(a_pose, a.size) - np.asarray(b_pose.position[:2]))
+        return bool((np.abs(local) > np.asarray(b.size[:2]) / 2 - _CLEARANCE).any())
+    heights = _half_height(a_pose, a) + _half_height(b_pose, b)
+    if abs(a_pose.position[2] - b_pose.position[2]) >= heights - 0.02:  # standing on each other, or far apart
+        return False
+    first, second = _outline(a, a_pose), _outline(b, b_pose)
+    return not _separated(first, second) and not _separated(second, first)
+
+
+def _separated(polygon: Array, other: Array) -> bool:
+    """Return whether an edge of a convex polygon has all of another outside, by the clearance (separating axis)."""
+    edges = np.roll(polygon, -1, axis=0) - polygon
+    normals = np.column_stack([edges[:, 1], -edges[:, 0]]) / np.linalg.norm(edges, axis=1)[:, None]
+    distances = np.einsum("ij,kij->ki", normals, other[:, None] - polygon[None])
+    return bool((distances.min(axis=0) >= _CLEARANCE).any())

@@ -11,9 +11,9 @@ import numpy as np
 
 from planlang.geometry import Array
 from planlang.protocols import Configuration, Contact, Detection, Motion, MotionState, Trajectory
+from sim.camera import save_png
 from sim.contact import Query
 from sim.kinematic import KinematicScene
-from sim.picture import save_png
 from sim.robot import BASE, Robot
 from sim.scene import RobotBody, Scene
 
@@ -36,7 +36,6 @@ class Playback:
 
     trajectory: Trajectory
     strands: list[Strand]
-    grip: bool
     row: int = 0
     halted: bool = False
 
@@ -85,7 +84,7 @@ def begin(robot: Robot, find: Find, now: Configuration, trajectory: Trajectory) 
         )
         before = {(contact.part, contact.body): contact.depth for contact in find(now, query)}
         strands.append(Strand(chosen, query, before))
-    return Playback(trajectory, strands, grip)
+    return Playback(trajectory, strands)
 
 
 def _check(robot: Robot, now: Configuration, trajectory: Trajectory) -> None:
@@ -268,7 +267,7 @@ class PyBulletWorld(KinematicScene):
         super().restore_state(state)
         # motions that are over: groups keep their order, in which motions are played
         over = Trajectory((), np.zeros((1, 0)))
-        self._motions = {group: Playback(over, [], grip=False) for group in groups}
+        self._motions = {group: Playback(over, []) for group in groups}
         self.steps = steps
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +13,7 @@ from planlang.designators import Object
 from planlang.failures import LocationUnresolvable
 from planlang.geometry import Array, Pose
 from planlang.ontology import expand
-from sim import PlanningWorld
+from sim import ComfortZone, PlanningWorld
 from sim.scene import BodyShape
 
 LEANING = 0.05
@@ -92,43 +92,6 @@ class Block:
 
 
 @dataclass(frozen=True, slots=True)
-class ComfortZone:
-    """Where a person takes things: in front of their shoulders, within the length of their arms."""
-
-    shoulders: tuple[tuple[float, float, float], ...]
-    facing: float
-    """Heading of the person [rad]."""
-    arm_length: float
-    contains: Callable[[Array], bool]
-    """Whether a map point (3,) is one at which the person would take something."""
-
-    def points(self) -> Array:
-        """Return points of the zone, most comfortable first, (n, 3); sparse."""
-        turns = (0.0, 0.35, -0.35, 0.7, -0.7, 0.95, -0.95)
-        found: dict[tuple[float, float, float], None] = {}
-        for share in (0.7, 0.55, 0.85):
-            for rise in (0.0, -0.12, 0.12):
-                for turn in turns:
-                    for x, y, z in self.shoulders:
-                        step, heading = share * self.arm_length, self.facing + turn
-                        point = (x + step * math.cos(heading), y + step * math.sin(heading), z + rise)
-                        if self.contains(np.array(point)):
-                            found[point] = None
-        return np.array(list(found)).reshape(-1, 3)
-
-    def margins(self, points: Array) -> Array:
-        """Return how far inside the zone points (n, 3) are, (n,): as a share of the arm, or of the cosine.
-
-        The person may sit a little otherwise than believed: what is at the border may not be taken.
-        """
-        offsets = points[:, None] - np.array(self.shoulders)
-        away = np.linalg.norm(offsets, axis=2)
-        ahead = offsets[..., 0] * math.cos(self.facing) + offsets[..., 1] * math.sin(self.facing)
-        share, cosine = away / self.arm_length, ahead / np.maximum(away, 1e-9)
-        return np.asarray(np.minimum(np.minimum(1.0 - share, share - 0.25), cosine - 0.5).max(axis=1))
-
-
-@dataclass(frozen=True, slots=True)
 class Door:
     """A leaf that turns about a vertical hinge: hinge and width [m], heading of the closed leaf from the hinge [rad].
 
@@ -199,11 +162,7 @@ class BelievedBodies:
 
     def zone(self, name: str) -> ComfortZone:
         """Return where the person takes things."""
-        person = self._world.person(name)
-        heading = math.atan2(person.facing[1], person.facing[0])
-        return ComfortZone(
-            person.shoulders, heading, person.arm_length, lambda point: person.comfortable(tuple(map(float, point)))
-        )
+        return self._world.person(name)
 
     def support(self, name: str) -> str | None:
         """Return what a body is believed to rest on."""
@@ -226,7 +185,7 @@ class BelievedBodies:
         """
         body = self._world.scene.body(name)
         if body.shape is BodyShape.PERSON:
-            return self.zone(name).facing
+            return self.zone(name).heading
         if body.graspable or body.shape in (BodyShape.CYLINDER, BodyShape.MARKER, BodyShape.ROOM):
             return None
         block = self.block(name)

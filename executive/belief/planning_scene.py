@@ -19,7 +19,7 @@ from executive.robots.arms import ArmModel, Held
 from planlang.designators import Device
 from planlang.geometry import Array
 from planlang.geometry.matrices import rotated
-from planlang.geometry.solid import SolidKind
+from planlang.geometry.shapes import SolidKind
 from planlang.protocols import Configuration
 from sim import PlanningWorld
 

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from executive.belief.semantic_map import MapObject, SemanticMap
 from planlang.diagnostics import Diagnostic, note, warning
 from planlang.geometry import Array, Pose
-from planlang.geometry.box import corners
-from planlang.geometry.outline import footprint, inside
+from planlang.geometry.shapes import corners, footprint, inside
 from planlang.ontology import expand, shorten
 from sim import Body, Scene
 from sim.scene import GRASPABLE_WIDTH, BodyShape

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -117,6 +118,22 @@ class Floor:
         return Field(centre[0], centre[1], yaw, half, np.pad(factors, 1).ravel())
 
 
+T = TypeVar("T")
+
+
+class Latest(Generic[T]):
+    """A value that is kept as long as the state for which it was worked out stays."""
+
+    def __init__(self) -> None:
+        self._known: tuple[object, T] | None = None
+
+    def of(self, state: object, work_out: Callable[[], T]) -> T:
+        """Return the value for a state."""
+        if self._known is None or self._known[0] != state:
+            self._known = state, work_out()
+        return self._known[1]
+
+
 CLOSING_STEPS = 24
 """In how many steps closing fingers are looked at: with Amigo's gripper, which opens 10 cm, about 2 mm each."""
 
@@ -126,8 +143,8 @@ class SceneCollisions:
 
     def __init__(self, world: PlanningWorld, robot: Robot, belief: Belief, arms: Sequence[ArmModel]) -> None:
         self._world, self._robot, self._belief, self._arms = world, robot, belief, tuple(arms)
-        self._bodies: tuple[object, Boxes, Solids] | None = None
-        self._floor: tuple[object, Floor] | None = None
+        self._bodies: Latest[tuple[Boxes, Solids]] = Latest()
+        self._floor: Latest[Floor] = Latest()
         self._links = frozenset(world.robot.solid_names)
         self._rest = {arm.name: self._links - self._own_links(arm) for arm in arms}
         links = links_of(world)
@@ -135,25 +152,25 @@ class SceneCollisions:
             arm.name: ArmShapes(world, links, arm.solver.chain, robot.base_link, robot.arm(arm.name).tip)
             for arm in arms
         }
-        self._checks: tuple[object, dict[object, QuickCheck]] = (None, {})
-        self._obstacles: tuple[Solids, Room] | None = None
-        self._near: tuple[Room, Array, float, Room] | None = None
-        self._touched: tuple[object, tuple[Contact, ...]] | None = None
-        self._lifts: tuple[object, dict[tuple[str, float], list[tuple[str, str]]]] = (None, {})
-        self._arm_bodies: dict[tuple[str, bool], tuple[object, ArmBodies]] = {}
+        self._checks: Latest[dict[object, QuickCheck]] = Latest()
+        self._obstacles: Latest[Room] = Latest()
+        self._near: Latest[Room] = Latest()
+        """The last, as several checks ask for the same."""
+        self._touched: Latest[tuple[Contact, ...]] = Latest()
+        self._lifts: Latest[dict[tuple[str, float], list[tuple[str, str]]]] = Latest()
+        self._arm_bodies: dict[tuple[str, bool], Latest[ArmBodies]] = {}
 
     # Room
 
     def floor(self) -> Floor:
         """Return the floor that is left to the base: with the robot's body, arms left out, as it is now."""
-        joints = tuple(self._world.configuration().joints.items())
-        state = (self._state(), joints)
-        if self._floor is None or self._floor[0] != state:
+
+        def work_out() -> Floor:
             arms = [name for arm in self._robot.arms for name in arm.joints]
             shapes = outlines(self._world.outlines(arms))
-            floor = Floor(self.obstacles(), self._world.silhouette(arms), shapes, self._world.scene.bounds)
-            self._floor = state, floor
-        return self._floor[1]
+            return Floor(self.obstacles(), self._world.silhouette(arms), shapes, self._world.scene.bounds)
+
+        return self._floor.of((self._state(), self._posture()), work_out)
 
     def obstacles(self) -> Boxes:
         """Return boxes around the pieces of all bodies that are not held, the floor left out."""
@@ -177,12 +194,17 @@ class SceneCollisions:
 
     def _of_bodies(self) -> tuple[Boxes, Solids]:
         """Return boxes around the pieces, and the pieces themselves."""
-        state = self._state()
-        if self._bodies is None or self._bodies[0] != state:
+
+        def work_out() -> tuple[Boxes, Solids]:
             pieces = self._world.solids()
             sizes = np.array([piece.size for piece in pieces]).reshape(-1, 3)
-            self._bodies = state, Boxes.around([piece.pose for piece in pieces], sizes), Solids.of(pieces)
-        return self._bodies[1:]
+            return Boxes.around([piece.pose for piece in pieces], sizes), Solids.of(pieces)
+
+        return self._bodies.of(self._state(), work_out)
+
+    def _posture(self) -> object:
+        """Return the joint values as a value that can be compared."""
+        return tuple(self._world.configuration().joints.items())
 
     def _state(self) -> object:
         """Return what the places of all bodies depend on."""
@@ -218,9 +240,8 @@ class SceneCollisions:
     def _own_contacts(self, joints: Mapping[str, float]) -> tuple[Contact, ...]:
         """Return where the robot, as it is, with what it holds, touches itself: wherever it stands."""
         state = tuple(joints.items()), tuple(self._world.attached())
-        if self._touched is None or self._touched[0] != state:
-            self._touched = state, self._world.self_contacts(Configuration(self._world.configuration().base, joints))
-        return self._touched[1]
+        there = Configuration(self._world.configuration().base, joints)
+        return self._touched.of(state, lambda: self._world.self_contacts(there))
 
     def stops_closing(self, base: BasePose, arm: ArmModel, q: Array, around: str) -> str | None:
         """Return the body that a finger, closing from open, meets before it meets ``around``; None if there is none.
@@ -259,10 +280,7 @@ class SceneCollisions:
         if arm.lift is None:
             return tuple(torsos)
         now = self._world.configuration()
-        state = tuple(now.joints.items())
-        if self._lifts[0] != state:
-            self._lifts = state, {}
-        known, joint, rest = self._lifts[1], arm.lift.joint, self._rest[arm.name]
+        known, joint, rest = self._lifts.of(self._posture(), dict), arm.lift.joint, self._rest[arm.name]
         for torso in torsos:
             if (joint, torso) not in known:
                 found = self._world.self_contacts(Configuration(now.base, {**now.joints, joint: torso}))
@@ -299,44 +317,31 @@ class SceneCollisions:
         self, key: object, near: tuple[Array, float] | None, bodies: Callable[[], ArmBodies], ignored: Ignored
     ) -> QuickCheck:
         """Return the check of some bodies against the room, kept as long as nothing moves."""
-        state = self._state(), tuple(self._world.configuration().joints.items()), tuple(self._belief.held.values())
-        if self._checks[0] != state:
-            self._checks = state, {}
+        kept = self._checks.of((self._state(), self._posture(), tuple(self._belief.held.values())), dict)
         whole = key, None if near is None else (near[0].tobytes(), near[1])
-        found = self._checks[1].get(whole)
-        if found is None:
-            found = self._checks[1][whole] = bodies().against(np.eye(4), self._room_near(near), ignored)
-        return found
+        if whole not in kept:
+            kept[whole] = bodies().against(np.eye(4), self._room_near(near), ignored)
+        return kept[whole]
 
     def _room_near(self, near: tuple[Array, float] | None) -> Room:
-        """Return the bodies that meet a sphere, or all; the last is remembered, as several checks ask for the same."""
+        """Return the bodies that meet a sphere, or all."""
         room = self._room()
-        if near is None:
-            return room
-        known = self._near
-        if known is None or known[0] is not room or known[2] != near[1] or not np.array_equal(known[1], near[0]):
-            known = self._near = room, *near, room.near(*near)
-        return known[3]
+        return room if near is None else self._near.of((room, near[0].tobytes(), near[1]), lambda: room.near(*near))
 
     def _room(self) -> Room:
         """Return all bodies as obstacles."""
         solids = self.solids()
-        if self._obstacles is None or self._obstacles[0] is not solids:
-            floor = next((body.name for body in self._world.scene.bodies if body.shape is BodyShape.ROOM), FLOOR)
-            self._obstacles = solids, Room.of(solids, floor)
-        return self._obstacles[1]
+        rooms = (body.name for body in self._world.scene.bodies if body.shape is BodyShape.ROOM)
+        return self._obstacles.of(solids, lambda: Room.of(solids, next(rooms, FLOOR)))
 
     def _bodies_of(self, arm: ArmModel, *, opened: bool) -> ArmBodies:
         """Return an arm with all that its joints move and may meet of the robot; its own joints may be anywhere."""
         joints = self._world.configuration().joints
         rest = tuple(item for item in joints.items() if item[0] not in arm.joints)
         opened = opened and any(joints.get(name) != value for name, value in self._fingers(arm).items())
-        state = rest, self._in_hands()
-        known = self._arm_bodies.get((arm.name, opened))
-        if known is None or known[0] != state:
-            found = self._chains[arm.name].now(self._world, self._fingers(arm) if opened else None)
-            known = self._arm_bodies[arm.name, opened] = state, found
-        return known[1]
+        chain, fingers = self._chains[arm.name], self._fingers(arm) if opened else None
+        kept = self._arm_bodies.setdefault((arm.name, opened), Latest())
+        return kept.of((rest, self._in_hands()), lambda: chain.now(self._world, fingers))
 
     def _in_hands(self) -> object:
         """Return what the bodies of arms depend on beside joints: with empty hands nothing."""

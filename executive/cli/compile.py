@@ -9,7 +9,6 @@ from executive.cli.arguments import CompileArguments
 from executive.cli.console import Answer
 from executive.cli.inputs import read_recipe_file, refuse
 from planlang.compiler import compile_recipe
-from planlang.compiler.drawing import FORMATS, task_graph
 from planlang.diagnostics import Diagnostic, error
 from planlang.outputs import check_outputs, write_plan, write_text
 
@@ -32,6 +31,8 @@ def command(arguments: CompileArguments) -> Answer:
     if output is not None:
         write_plan(output, plan.source, force=force)
     if graph is not None:
+        from planlang.compiler.drawing import FORMATS, task_graph  # most plans are not drawn
+
         write_text(graph, FORMATS[graph.suffix.lower()](task_graph(plan.recipes, plan.added, plan.recoveries)))
     data: dict[str, Any] = {"task": plan.task, "functions": list(plan.functions)}
     data |= {"graph": str(graph)} if graph is not None else {}
@@ -41,7 +42,11 @@ def command(arguments: CompileArguments) -> Answer:
 
 
 def _check_graph(path: Path | None) -> list[Diagnostic]:
-    if path is None or path.suffix.lower() in FORMATS:
+    if path is None:
+        return []
+    from planlang.compiler.drawing import FORMATS
+
+    if path.suffix.lower() in FORMATS:
         return []
     message = f"unknown graph format {path.suffix or path.name}; known: {', '.join(FORMATS)}"
     return [error("C014", message, help=f"name a file such as {path.stem or 'graph'}.svg")]

@@ -8,7 +8,7 @@ from executive.cli.arguments import ConvertArguments
 from executive.cli.console import Answer
 from executive.cli.inputs import refuse
 from planlang.files import Bundled
-from planlang.ontology.writing.convert import Target, convert
+from planlang.ontology.convert import Target, convert
 from planlang.outputs import check_outputs, write_text
 
 

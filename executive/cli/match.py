@@ -10,7 +10,7 @@ from executive.cli.console import Answer, ExitCode
 from executive.cli.inputs import check_files, chosen, read_recipe_file, refuse
 from executive.robots import Semantics, bind_robot, match, possessions_of
 from executive.robots.matching import Matcher, Possessions
-from executive.robots.self_model import claims_of, parts_of, read_self_model
+from executive.robots.robot import claims_of, parts_of, read_self_model
 from executive.robots.tasks import with_remedies
 from planlang.diagnostics import BadInput, Diagnostic, has_errors, note
 from planlang.files import Bundled

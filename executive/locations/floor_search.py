@@ -50,9 +50,9 @@ class FloorSearch:
         if looked_at >= MOST_AREAS:
             return
         counts, blocking = log.counts.copy(), log.blocking.copy()
-        told = found or bool(blocking)  # where one would look first
-        yield from self._validated(samples.anywhere(), MOST_AREAS - looked_at, named=told)
-        if told:
+        known = found or bool(blocking)  # what was rejected where one would look first says enough
+        yield from self._validated(samples.anywhere(), MOST_AREAS - looked_at, named=known)
+        if known:
             log.counts, log.blocking = counts, blocking
 
     def _validated(

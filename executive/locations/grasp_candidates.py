@@ -15,13 +15,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from executive.belief.believed_bodies import Block, ComfortZone
+from executive.belief.believed_bodies import Block
 from executive.locations.columns import Columns
 from executive.locations.reachability import GraspClass
 from executive.motion import QuickCheck
 from executive.robots.arms import ArmModel, HandFrame, Held
 from planlang.geometry import Array
 from planlang.geometry.matrices import product, rotated
+from sim import ComfortZone
 
 APPROACH = 0.08
 """Distance of the pre-grasp back along the approach direction [m] (rules of `in_front_of`)."""
@@ -192,7 +193,7 @@ def offering(name: str, zone: ComfortZone, frame: HandFrame, held: Held | None, 
     turns = np.array([0.0, 0.4, -0.4, 0.8, -0.8, 1.2, -1.2, 1.6, -1.6] if fine else [0.0, 0.8, -0.8])
     at, turn = (grid.ravel() for grid in np.meshgrid(np.arange(len(points)), np.arange(len(turns)), indexing="ij"))
     weights = (1.0 - 0.2 * np.abs(turns[turn])) * np.clip(zone.margins(points)[at] / COMFORTABLE, 0.05, 1.0)
-    headings = zone.facing + math.pi + turns[turn]
+    headings = zone.heading + math.pi + turns[turn]
     found = _level(f"offer to {name}", points[at], headings, weights, frame, held)
     return found.best(1200 if fine else 64)
 

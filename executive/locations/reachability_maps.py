@@ -42,8 +42,7 @@ from executive.locations.reachability import (
 )
 from executive.motion import Chain, InverseKinematics
 from executive.robots.arms import ArmModel, HandFrame
-from planlang.cache import Cache, sealed, unsealed
-from planlang.files import Bundled
+from planlang.files import Bundled, Cache, sealed, unsealed
 from planlang.geometry import Array
 from planlang.kernel import unwatched
 

@@ -26,10 +26,9 @@ from executive.locations.demands import (
     thing_demand,
 )
 from executive.locations.floor_search import FloorSearch
-from executive.locations.hand_predicates import Stage, candidates_of, hand_holds
+from executive.locations.hand_predicates import Placement, Stage, candidates_of, hand_holds
 from executive.locations.hand_solutions import HandSolution, from_base
 from executive.locations.rejections import COLLISION, Rejections
-from executive.locations.resting import Placement
 from executive.locations.search import BUDGETS, ReachSearch
 from executive.locations.validation import BaseValidator
 from executive.robots.arms import ArmModel

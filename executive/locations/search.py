@@ -176,7 +176,7 @@ class ReachSearch:
         found = found.chosen(order)
         bases = np.column_stack([found.bases[:, :2], np.arctan2(np.sin(found.bases[:, 2]), np.cos(found.bases[:, 2]))])
         bases = bases.round(PLACES)  # as they are told
-        floor, judged, undecided = scene.collisions.floor(), 0, np.ones(len(found), bool)
+        floor, validated, undecided = scene.collisions.floor(), 0, np.ones(len(found), bool)
         occlusion = SelfOcclusion(middle[:2], strict=budget.fine)
         failed = _Failed()
         failures: dict[tuple[int, int], tuple[HandSolution, BasePose]] = {}
@@ -236,7 +236,7 @@ class ReachSearch:
             if first and (failed.near(number, base, heading) or occlusion.covers(base)):
                 postponed.append((row, solution))
                 continue
-            if judged >= budget.exact:
+            if validated >= budget.exact:
                 log.add("not looked at", int(undecided.sum()))
                 return
             undecided[row] = False
@@ -247,7 +247,7 @@ class ReachSearch:
             if isinstance(answer, Solution):
                 yield answer
                 continue
-            judged += 1
+            validated += 1
             failed.add(number, base, heading)
             if answer in bodies_around:
                 failures.setdefault((number, candidate), (solution, place))

@@ -15,7 +15,7 @@ from executive.locations.base_candidates import InverseMaps
 from executive.locations.demands import ORDER, BaseDemand, Reach, ReachKind, sides
 from executive.locations.hand_predicates import Stage, candidates_of
 from executive.locations.hand_solutions import HandSolution, Trial, from_base
-from executive.locations.rejections import COLLISION, Reason, Rejections, first_body
+from executive.locations.rejections import COLLISION, NO_ROOM, NOT_VISIBLE, OUT_OF_REACH, Reason, Rejections, first_body
 from executive.motion import QuickCheck
 from executive.robots.arms import ArmModel
 from planlang.designators import Location
@@ -126,7 +126,7 @@ class BaseValidator:
                 reached[reach] = candidate
             else:
                 return self.answer(base, score, reached, demand, log)
-        log.remember(base, score, "out of reach")
+        log.remember(base, score, OUT_OF_REACH.text)
         return None
 
     def complete(
@@ -160,7 +160,7 @@ class BaseValidator:
         for reach in wanted[1:]:
             options = self.arms_for(reach, [solution.arm])
             if (candidate := self._first(reach, base, options, log)) is None:
-                log.remember(base, score, "out of reach")
+                log.remember(base, score, OUT_OF_REACH.text)
                 return None
             reached[reach] = candidate
         return self.answer(base, score, reached, demand, log)
@@ -175,7 +175,7 @@ class BaseValidator:
         if contacts := scene.collisions.contacts(base):
             body = first_body(contacts)
             log.crowded(body)
-            log.remember(base, score, "no room for the base", body)
+            log.remember(base, score, NO_ROOM, body)
             return False
         return True
 
@@ -190,12 +190,12 @@ class BaseValidator:
         for name in self.to_see(demand):
             occluder = scene.visibility.hidden(base, name)
             if occluder is not None:
-                log.add("not visible")
+                log.add(NOT_VISIBLE)
                 if occluder:
                     log.blocking[occluder] += 1
                 if occluder and occlusion is not None and occluder not in scene.bodies.names():
                     occlusion.add(base)
-                log.remember(base, score, "not visible", occluder or None)
+                log.remember(base, score, NOT_VISIBLE, occluder or None)
                 return False
         for name in demand.unseen:
             if scene.visibility.hidden(base, name) is None:
@@ -284,7 +284,7 @@ class BaseValidator:
             body = first_body(contacts) if (contacts := self.scene.collisions.contacts(base)) else None
             if body is not None:
                 log.blocking[body] += 1
-            log.remember(base, score, "no room for the base", body)
+            log.remember(base, score, NO_ROOM, body)
 
     def reached_from(self, base: BasePose) -> Mapping[tuple[str, BasePose], Mapping[Reach, HandSolution]]:
         """Return how arms reach from the last base pose that was found what it was found for."""

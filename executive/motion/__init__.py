@@ -3,8 +3,8 @@
 General layout: ``symbolic`` is the mathematics behind ``kinematics``.
 ``bodies`` are convex pieces and the spheres in them, ``arm_bodies`` puts a robot's links and a room together, and
 ``collision`` checks configurations and base poses by them, here and for ``executive.locations``.
-``arm_path`` searches a joint space with it, ``tip_line`` goes straight; ``base_path`` (on ``clearance``) drives.
-``timing`` turns waypoints into trajectories. Random generators are passed in; ``errors`` lists what is raised.
+``arm_path`` searches a joint space with it, ``base_path`` (on ``clearance``) drives. ``trajectories`` go straight, and
+turn waypoints into motions. Random generators are passed in; ``errors`` lists what is raised.
 """
 
 from executive.motion.arm_path import JointSpace, plan_path
@@ -19,8 +19,7 @@ from executive.motion.errors import (
     StartInCollision,
 )
 from executive.motion.kinematics import Chain, Gaze, InverseKinematics
-from executive.motion.timing import time_curve, time_path
-from executive.motion.tip_line import TipLine, cartesian_path, keeps_line
+from executive.motion.trajectories import TipLine, cartesian_path, keeps_line, time_curve, time_path
 
 __all__ = [
     "Boxes",

@@ -19,7 +19,7 @@ from executive.motion.collision import QuickCheck
 from executive.motion.kinematics import Chain
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import inverse, moved, product
-from planlang.geometry.solid import ConvexSolid, SolidKind, convex_solid
+from planlang.geometry.shapes import ConvexSolid, SolidKind, convex_solid
 from planlang.protocols import Configuration
 from sim import PlanningWorld, Solid
 from sim.contact import SUPPORT_DEPTH

@@ -17,10 +17,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from planlang.cache import Cache
+from planlang.files import Cache
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import moved, product, rotated
-from planlang.geometry.solid import ConvexSolid, SolidKind, convex_solid
+from planlang.geometry.shapes import ConvexSolid, SolidKind, convex_solid
 from sim import Solid
 
 MOST = 24

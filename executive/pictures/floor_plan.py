@@ -21,8 +21,7 @@ from executive.pictures.drawing import FAINT, FINE, INK, PAPER, Colour, Sheet, b
 from planlang.designators import Location
 from planlang.failures import LocationUnresolvable
 from planlang.geometry import Array
-from planlang.geometry.box import corners
-from planlang.geometry.outline import outline_of
+from planlang.geometry.shapes import corners, outline_of
 from sim.scene import BodyShape
 
 Bounds = tuple[float, float, float, float]

@@ -13,7 +13,7 @@ import numpy as np
 
 from planlang.diagnostics import BadInput, Diagnostic, error
 from planlang.geometry import Pose
-from planlang.geometry.solid import SolidKind
+from planlang.geometry.shapes import SolidKind
 
 if TYPE_CHECKING:
     import rerun

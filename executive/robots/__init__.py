@@ -1,7 +1,7 @@
 """Robots: a self-model bound to a URDF, and what a task requires of it.
 
-General layout: ``binding`` is the entrance; ``self_model`` reads SRDL, ``robot_file`` the numbers beside it and
-``mechanism`` the URDF, ``limbs`` brings them together into a ``robot``. ``requirements`` reads what classes of actions
+General layout: ``binding`` is the entrance; ``robot`` reads SRDL, ``robot_file`` the numbers beside it and
+``mechanism`` the URDF, ``limbs`` brings them together. ``requirements`` reads what classes of actions
 and capabilities require, ``matching`` compares that with a robot, ``tasks`` does so for a whole recipe. ``arms`` is the
 robot as planning asks it.
 """

@@ -9,7 +9,17 @@ import numpy as np
 
 from executive.robots.limbs import Limbs, renamed, with_camera_neck
 from executive.robots.mechanism import Mechanism, Naming
-from executive.robots.robot import Arm, JointLimits, Robot
+from executive.robots.robot import (
+    Arm,
+    JointLimits,
+    Part,
+    Robot,
+    SelfModel,
+    claims_of,
+    inherent,
+    parts_of,
+    read_self_model,
+)
 from executive.robots.robot_file import (
     DEFAULT_BASE,
     DEFAULT_LIMITS,
@@ -18,7 +28,6 @@ from executive.robots.robot_file import (
     looks_like_urdf,
     read_robot_file,
 )
-from executive.robots.self_model import Part, SelfModel, claims_of, inherent, parts_of, read_self_model
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors, note
 from planlang.files import Bundled

@@ -9,9 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from executive.robots.mechanism import Mechanism, Naming
-from executive.robots.robot import Arm, Axis, Gripper, side_of
+from executive.robots.robot import Arm, Axis, Composition, Gripper, SelfModel, side_of
 from executive.robots.robot_file import ArmNumbers, GripperNumbers, RobotFile
-from executive.robots.self_model import Composition, SelfModel
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, error, note, warning
 from planlang.geometry import Array

@@ -18,14 +18,13 @@ from executive.robots.requirements import (
     requirements_of,
     together,
 )
-from executive.robots.robot import Robot
-from executive.robots.self_model import Part, SelfModel
+from executive.robots.robot import Part, Robot, SelfModel
 from planlang.designators import local_name
 from planlang.diagnostics import Span
 from planlang.ontology import BNode, Literal, Ontology, Term, expand
+from planlang.ontology.expression_text import expression_of
 from planlang.ontology.expressions import Expression
 from planlang.ontology.terms import OWL, RDFS, XSD
-from planlang.ontology.writing.expression_text import expression_of
 
 DEEPEST = 30
 """Definitions inside definitions that are looked into."""
@@ -220,7 +219,7 @@ _SHAPE = ("srdl2-comp:ArmComponent", "srdl2-comp:GripperComponent", "srdl2-comp:
           "srdl2-comp:Camera", "srdl2-comp:MobileBase")  # fmt: skip
 """What the shape of a robot shows, so that without self-model it is missing rather than unknown."""
 _BY_CAMERA = frozenset(map(expand, ("srdl2-comp:ObjectRecognitionComponent", "knowrob:ObjectRecognitionModel")))
-"""What comes with a camera (:func:`executive.robots.self_model.inherent`), and so is missing without one."""
+"""What comes with a camera (:func:`executive.robots.robot.inherent`), and so is missing without one."""
 
 
 @dataclass(frozen=True)

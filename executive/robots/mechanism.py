@@ -15,14 +15,13 @@ from pathlib import Path
 
 import numpy as np
 
-from executive.robots.self_model import SelfModel
+from executive.robots.robot import SelfModel
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, note
 from planlang.geometry import Array
 from planlang.geometry.matrices import product
 from planlang.geometry.mesh import mesh_places
-from planlang.geometry.urdf import Joint, displacement, read_urdf
-from planlang.geometry.xml_tree import BadXml, Element, read_tree
+from planlang.geometry.urdf import BadXml, Element, Joint, displacement, read_tree, read_urdf
 
 BASE, MOUNT = "mobile_base", "mobile_base_mount"
 """Link and joint of a base that is added."""

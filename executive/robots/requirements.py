@@ -10,8 +10,8 @@ from typing import Any
 from planlang.designators import local_name
 from planlang.diagnostics import Span
 from planlang.ontology import BNode, Literal, Ontology, Term, expand
+from planlang.ontology.expression_text import expression_of, text_of
 from planlang.ontology.expressions import Expression
-from planlang.ontology.writing.expression_text import expression_of, text_of
 
 
 class Availability(Enum):

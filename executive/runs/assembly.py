@@ -22,7 +22,7 @@ from executive.belief.scene_collisions import BasePose
 from executive.locations import HandSolution, Reach, ReachKind, Resolver
 from executive.locations.demands import HandTerm
 from executive.locations.grasp_candidates import HandPoses
-from executive.modules import manipulation, navigation, perception
+from executive.modules import process_modules
 from executive.modules.platform import ArmChoices, Platform
 from executive.robots import CARRYING, Robot
 from executive.robots.arms import ArmModel, arm_models, gaze_of
@@ -135,15 +135,12 @@ def releasing(ontology: Ontology) -> frozenset[str]:
 class RobotExecutive:
     """Implements :class:`planlang.language.executive.Executive` for one platform."""
 
-    def __init__(
-        self, platform: Platform, modules: Iterable[Callable[[Platform], ProcessModule]] | None = None
-    ) -> None:
-        """``modules`` are classes of process modules, the bundled ones without it; of equal ones the first is used."""
+    def __init__(self, platform: Platform, modules: Iterable[Callable[[Platform], ProcessModule]]) -> None:
+        """``modules`` are classes of process modules; of several for one action the first is used."""
         self.platform = platform
         self.world_as_left = False
         """True if the user states that the world is as a snapshot left it: it is not restored then."""
-        chosen = bundled_modules() if modules is None else modules
-        self.modules: Sequence[ProcessModule] = tuple(create(platform) for create in chosen)
+        self.modules: Sequence[ProcessModule] = tuple(create(platform) for create in modules)
 
     def ancestors(self, action_type: str) -> Sequence[str]:
         """Return the class itself and its superclasses, nearest first; local names."""
@@ -318,17 +315,8 @@ def _base(state: Any) -> BasePose:
     return float(x), float(y), float(yaw)
 
 
-BUNDLED = (navigation, manipulation, perception)
-
-
 def bundled_registry() -> ModuleRegistry:
     """Return a registry with the process modules that come with planlang."""
     registry = ModuleRegistry()
-    for module in BUNDLED:
-        registry.add(module, "planlang", Rank.BUNDLED)
+    registry.add(process_modules, "planlang", Rank.BUNDLED)
     return registry
-
-
-def bundled_modules() -> tuple[Callable[[Any], ProcessModule], ...]:
-    """Return the classes of the process modules that come with planlang."""
-    return bundled_registry().resolve([])

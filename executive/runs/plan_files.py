@@ -127,7 +127,7 @@ def bound_parameters(
         thing = semantic_map.find(wanted)
         if thing is None or thing.pose is None:
             what = "is not in the map" if thing is None else "has no place in the map"
-            problems.append(error("X005", f"{wanted!r} {what}", help=_instead(wanted, name, default, semantic_map)))
+            problems.append(error("X005", f"{wanted!r} {what}", help=_fitting(name, default, semantic_map, wanted)))
             continue
         classes = ", ".join(shorten(cls) for cls in thing.types)
         if _is(semantic_map, thing, expand(default.type)):
@@ -155,40 +155,36 @@ def _is_alike(semantic_map: SemanticMap, thing: MapObject, default: Object) -> b
     return any(_is(semantic_map, thing, cls) for cls in semantic_map.ontology.parents(expand(default.type)))
 
 
-def _instead(wanted: str, name: str, default: Object, semantic_map: SemanticMap) -> str:
-    """Return what may have been meant by an absent thing, what would be valid, and where there is such a thing."""
-    fitting = _fitting_things(default, semantic_map)
-    placed = [thing.name for thing in semantic_map.objects if thing.pose is not None]
-    short = local_name(wanted)
+def _fitting(name: str, default: Object, semantic_map: SemanticMap, absent: str | None = None) -> str:
+    """Return to what a parameter may be bound: the things with a place that fit; if there are none, all.
+
+    ``absent``, a thing that the map lacks: also what may have been meant by it, and where there is such a thing.
+    """
+    placed = {thing.name: thing for thing in semantic_map.objects if thing.pose is not None}
+    cls = expand(default.type)
+    fitting = [
+        name for name, one in placed.items() if _is(semantic_map, one, cls) or _is_alike(semantic_map, one, default)
+    ]
+    said = f"nothing in the map is a {default.type}; things with a place: {_listed(list(placed))}"
+    if fitting:
+        said = f"{name} may be {_listed(fitting)}"
+    if absent is None:
+        return said
+    short = local_name(absent)
     similar = get_close_matches(short, fitting, n=1) or get_close_matches(short, placed, n=1)
-    parts = [f"did you mean {similar[0]}? "] if similar else []
-    parts.append(_fitting(name, default, semantic_map))
     others = [one for one in placed if one not in fitting]
+    if similar:
+        said = f"did you mean {similar[0]}? {said}"
     if fitting and others:
-        parts.append(f"; the map also has {_listed(others)}")
-    if there := environments_with((wanted,)):
-        parts.append(f"; {wanted} is in a bundled environment: --environment {' or '.join(there)}")
-    return "".join(parts)
+        said += f"; the map also has {_listed(others)}"
+    if there := environments_with((absent,)):
+        said += f"; {absent} is in a bundled environment: --environment {' or '.join(there)}"
+    return said
 
 
 def _listed(names: Sequence[str]) -> str:
     more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
     return ", ".join(names[:MOST_NAMES]) + more
-
-
-def _fitting_things(default: Object, semantic_map: SemanticMap) -> list[str]:
-    placed = [thing for thing in semantic_map.objects if thing.pose is not None]
-    cls = expand(default.type)
-    return [t.name for t in placed if _is(semantic_map, t, cls) or _is_alike(semantic_map, t, default)]
-
-
-def _fitting(name: str, default: Object, semantic_map: SemanticMap) -> str:
-    """Return what would be valid: the things with a place that a parameter may be bound to."""
-    fitting = _fitting_things(default, semantic_map)
-    if not fitting:
-        placed = [thing.name for thing in semantic_map.objects if thing.pose is not None]
-        return f"nothing in the map is a {default.type}; things with a place: {_listed(placed)}"
-    return f"{name} may be {_listed(fitting)}"
 
 
 MOVING = "Translation-LocationChange"

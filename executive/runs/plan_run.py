@@ -116,38 +116,31 @@ class Run:
         """Compile and import the plan and the process modules; raises BadInput."""
         self.options = options
         self.found: list[Diagnostic] = list(options.notes)
-        self._stack = ExitStack()
-        try:
-            self._load()
-        except BaseException:
-            self._stack.close()
-            raise
+        with ExitStack() as stack:  # closed at once if something is refused
+            self._requirements: Requirements | None = None
+            self.registry = bundled_registry()
+            self.registry.add_installed()
+            for file in options.modules:
+                self.registry.add_file(file)
+            self._modules = self.registry.resolve(self.found)
+            if options.plan is not None:
+                self.path = options.plan
+            else:
+                assert options.recipe is not None
+                recipe = load(options.recipe, folders=options.ontologies)
+                self.path, recipes = compiled_plan(
+                    recipe, stack, self.found, task=options.task, allow_abstract=options.allow_abstract
+                )
+                self._requirements = required(recipe, recipes)
+            self.source = import_plan(self.path)
+            self.plan: Plan[Any, Any] = main_plan(self.source, options.task if options.plan is not None else None)
+            self._stack = stack.pop_all()
 
     def __enter__(self) -> Run:
         return self
 
     def __exit__(self, *failure: object) -> None:
         self._stack.close()
-
-    def _load(self) -> None:
-        options = self.options
-        self._requirements: Requirements | None = None
-        self.registry = bundled_registry()
-        self.registry.add_installed()
-        for file in options.modules:
-            self.registry.add_file(file)
-        self._modules = self.registry.resolve(self.found)
-        if options.plan is not None:
-            self.path = options.plan
-        else:
-            assert options.recipe is not None
-            recipe = load(options.recipe, folders=options.ontologies)
-            self.path, recipes = compiled_plan(
-                recipe, self._stack, self.found, task=options.task, allow_abstract=options.allow_abstract
-            )
-            self._requirements = required(recipe, recipes)
-        self.source = import_plan(self.path)
-        self.plan: Plan[Any, Any] = main_plan(self.source, options.task if options.plan is not None else None)
 
     # Replaying
 
@@ -231,7 +224,13 @@ class Run:
             header["modules"] = self.registry.identity
         if assessment.infeasible:
             header["infeasible"] = [alternative.name for alternative, _ in assessment.infeasible]
-        body = self._body(bound, lambda: _bind_all(executive, bound))
+
+        def bind_all() -> None:
+            """Raise ObjectUnresolvable for a parameter that means nothing here, before anything moves."""
+            for what in bound.values():
+                platform.scene.bodies.bind(what)
+
+        body = self._body(bound, bind_all)
         if past is not None:
             known = run_header(body, SimulationHost(truth), options.seed, options.schedule)
             notes = check_same_run(past.recorded, {**header, **known})
@@ -328,20 +327,13 @@ class Run:
     def _users_line(self, problem: Exception) -> str | None:
         """Return the line of the plan, or of a user's process module, that raised; None if planlang did, below it."""
         files = [Path(frame.filename) for frame in traceback.extract_tb(problem.__traceback__)]
-        for path, what in [
-            (self.plan_file, "the plan"),
-            *((file, "the process modules") for file in self.options.modules),
-        ]:
+        plan = Path(str(inspect.getsourcefile(self.plan.function)))
+        for path, what in [(plan, "the plan"), *((file, "the process modules") for file in self.options.modules)]:
             line = line_in(problem, path)
             below = files[len(files) - files[::-1].index(path) :] if path in files else files
             if line is not None and not any(_is_own(file) for file in below):
                 return f"in {what}, {path.name}:{line}"
         return None
-
-    @property
-    def plan_file(self) -> Path:
-        """The file in which the plan's function stands."""
-        return Path(str(inspect.getsourcefile(self.plan.function)))
 
 
 def run_plan_file(options: RunOptions) -> RunResult:
@@ -360,12 +352,6 @@ class _FilmedWorld:
     def step(self) -> None:
         self.world.step()
         self.recording.frame(self.world.steps)
-
-
-def _bind_all(executive: RobotExecutive, bound: Mapping[str, Object]) -> None:
-    """Raise ObjectUnresolvable for a parameter that means nothing here, before anything moves."""
-    for what in bound.values():
-        executive.platform.scene.bodies.bind(what)
 
 
 def _is_own(file: Path) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import textwrap
 
-from planlang.compiler.expressions import Expressions, partial_call
+from planlang.compiler.expressions import Expressions, Names, Symbols, partial_call, quoted, snake_case
 from planlang.compiler.layout import (
     INDENT,
     WIDTH,
@@ -20,7 +20,6 @@ from planlang.compiler.layout import (
     statement,
 )
 from planlang.compiler.layout import Call as CallExpression
-from planlang.compiler.names import Names, Symbols, quoted, snake_case
 from planlang.compiler.structure import DONE, FALSE, TRUE
 from planlang.compiler.tree import (
     Achieve,

@@ -1,10 +1,19 @@
-"""The expressions of plans: actions, values, conditions, recoveries, calls as branches."""
+"""Names of a plan, and expressions made of them.
+
+Python names for OWL names are each given out once, and what a plan imports is noted. Expressions are actions, values,
+conditions, recoveries, calls as branches.
+"""
 
 from __future__ import annotations
 
+import builtins
+import keyword
+import re
+import unicodedata
+from collections.abc import Iterable
+
 from planlang.compiler.layout import Call as CallExpression
-from planlang.compiler.layout import Expression, Text, call, sequence
-from planlang.compiler.names import Symbols, is_iri, quoted
+from planlang.compiler.layout import Expression, Sum, Text, call, sequence
 from planlang.compiler.tree import (
     ActionTerm,
     Condition,
@@ -13,11 +22,187 @@ from planlang.compiler.tree import (
     Kept,
     Passed,
     PlaceUse,
+    PlanTree,
     Recover,
     Value,
 )
 from planlang.designators import local_name
-from planlang.recipe.model import Name, Thing
+from planlang.language.recovery_strategies import registered_strategies
+from planlang.recipe.model import Kind, Name, Place, RecipeSet, Thing
+
+PLANLANG = frozenset(
+    (
+        *("Any", "Condition", "Fluent", "Location", "Object", "Person", "Recovery"),
+        *("a_device", "a_location", "a_person", "a_posture", "a_situation", "action", "an_object", "holding"),
+        *("achieve", "at_location", "par", "partial", "partial_order", "perform", "perform_or", "plan"),
+        *("given", "state_machine", "try_in_order", "using", "wait_for", "with_failure_handling"),
+    )
+)
+"""Names that a plan may import, besides failures and strategies of recovery."""
+
+
+class Symbols:
+    """Gives every thing, place, function and namespace of a plan one name, and remembers what must be imported."""
+
+    def __init__(self, tree: PlanTree, recipes: RecipeSet) -> None:
+        functions = (one.origin[1] for one in registered_strategies() if one.origin is not None)
+        self._claimed: set[str] = {*PLANLANG, *functions}
+        self._names = Names(self._claimed)
+        self._imports: dict[str, set[str]] = {}
+        self._namespaces: dict[str, str] = {namespace(recipes.task): "RECIPE"}
+        self._things: dict[Thing, str] = {}
+        self._places: dict[str, tuple[Place, str]] = {}
+        self.devices = dict(tree.devices)
+        self.functions = {
+            function.iri: self._claim(snake_case(local_name(function.iri))) for function in tree.functions
+        }
+
+    def use(self, name: str, module: str = "planlang") -> str:
+        """Import the name from the module and return it."""
+        self._imports.setdefault(module, set()).add(name)
+        return name
+
+    def thing(self, thing: Thing) -> str:
+        """Return the parameter name of an object or person, the constant of a device."""
+        if thing not in self._things:
+            self._things[thing] = self._claim(without_digits(snake_case(thing.name)))
+        return self._things[thing].upper() if thing.kind is Kind.DEVICE else self._things[thing]
+
+    def constant(self, thing: Thing) -> str:
+        """Return the constant that describes a thing."""
+        return self.thing(thing).upper()
+
+    def place(self, place: Place) -> str:
+        """Return the function that describes a place, the constant of a posture."""
+        if place.iri not in self._places:
+            self._places[place.iri] = (place, self._claim(without_digits(snake_case(place.name))))
+        name = self._places[place.iri][1]
+        return name.upper() if place.is_posture else name
+
+    def iri(self, iri: str) -> Sum:
+        """Return an expression for an IRI: the constant of its namespace and its local name."""
+        start = namespace(iri)
+        if start not in self._namespaces:
+            self._namespaces[start] = self._claim(_stem(start)).upper()
+        return Sum(self._namespaces[start], quoted(iri[len(start) :]))
+
+    def local_names(self) -> Names:
+        """Return a scope inside a function, in which all names of the module are taken."""
+        return Names(self._claimed | set().union(*self._imports.values()))
+
+    def reserve(self, name: str) -> None:
+        """Keep a name that a function uses inside from becoming one of the module."""
+        self._names.reserve(name)
+
+    def things(self) -> tuple[Thing, ...]:
+        """Return all things named so far, by first use."""
+        return tuple(self._things)
+
+    def places(self) -> tuple[Place, ...]:
+        """Return all places named so far, by first use."""
+        return tuple(place for place, _ in self._places.values())
+
+    def namespaces(self) -> list[tuple[str, str]]:
+        """Return constants and the namespaces they stand for, that of the recipe first."""
+        return [(constant, start) for start, constant in self._namespaces.items()]
+
+    def imports(self) -> list[tuple[str, list[str]]]:
+        """Return modules and the names imported from them, sorted as a linter sorts them."""
+        return [(module, sorted(names, key=_import_order)) for module, names in sorted(self._imports.items())]
+
+    def _claim(self, wanted: str) -> str:
+        name = self._names.claim(wanted)
+        self._claimed.add(name)
+        return name
+
+
+def namespace(iri: str) -> str:
+    """Return everything of an IRI before its local name."""
+    return iri[: len(iri) - len(local_name(iri))]
+
+
+def quoted(text: str) -> str:
+    """Return a string literal, in double quotes unless they need more escapes."""
+    literal = repr(text)
+    if literal.startswith("'") and '"' not in text:
+        return f'"{literal[1:-1]}"'
+    return literal
+
+
+def is_iri(name: str) -> bool:
+    """Return True for an IRI, False for a local name of the vocabulary."""
+    return ":" in name
+
+
+def _stem(start: str) -> str:
+    name = start.rstrip("#/").rsplit("/", 1)[-1]
+    return without_digits(snake_case(name.removesuffix(".owl")))
+
+
+def _import_order(name: str) -> tuple[int, str]:
+    if name.isupper() and len(name) > 1:
+        return 0, name
+    return (1 if name[0].isupper() else 2), name
+
+
+def snake_case(name: str) -> str:
+    """Return ``MoveBaseToGraspPose`` as ``move_base_to_grasp_pose``; characters Python does not allow become ``_``.
+
+    Digits stay with the word before them (``bottle1``); a leading digit gets an underscore before it.
+    """
+    text = unicodedata.normalize("NFKC", name)
+    parts: list[str] = []
+    for index, character in enumerate(text):
+        if not f"a{character}".isidentifier():
+            parts.append("_")
+            continue
+        before, after = text[index - 1 : index] if index else "", text[index + 1 : index + 2]
+        if character.isupper() and (before.islower() or before.isdigit() or (before.isupper() and after.islower())):
+            parts.append("_")
+        parts.append(character.lower())
+    result = re.sub("_+", "_", unicodedata.normalize("NFKC", "".join(parts))).strip("_")
+    return result if result.isidentifier() else f"_{result}"
+
+
+def without_digits(name: str) -> str:
+    """Return a name without trailing digits and what joins them, ``bottle`` of ``bottle1``, unless it is all digits."""
+    return re.sub(r"[_\-]*\d+$", "", name) or name
+
+
+class Names:
+    """A scope of names, each given out once: the second ``bottle`` is ``bottle_2``."""
+
+    def __init__(self, taken: Iterable[str] = ()) -> None:
+        self._taken = set(taken)
+        self._last: dict[str, int] = {}
+        """The greatest number given out with a name, so that the next is not searched from the start."""
+
+    def claim(self, wanted: str, *, is_key: bool = False) -> str:
+        """Return ``wanted``, or the first of ``wanted_2``, ``wanted_3``, ... that is free and no word of the language.
+
+        With ``is_key`` the name is that of a branch: a keyword argument or a parameter, which may be called like a
+        builtin function but not ``name`` or ``limit``, which constructs have themselves.
+        """
+        name, number = wanted, self._last.get(wanted, 1)
+        is_fit = _is_branch_name if is_key else _is_free
+        while name in self._taken or not is_fit(name):
+            number += 1
+            name = f"{wanted}_{number}"
+        self._last[wanted] = number
+        self._taken.add(name)
+        return name
+
+    def reserve(self, name: str) -> None:
+        """Keep a name from being given out."""
+        self._taken.add(name)
+
+
+def _is_free(name: str) -> bool:
+    return not (keyword.iskeyword(name) or keyword.issoftkeyword(name) or hasattr(builtins, name))
+
+
+def _is_branch_name(name: str) -> bool:
+    return not keyword.iskeyword(name) and name not in ("name", "limit")
 
 
 class Expressions:

@@ -72,15 +72,16 @@ class Display:
 
     def flat(self) -> str:
         """Return the display on one line."""
-        inside = ", ".join(label + item.flat() for label, item in self.labelled())
+        inside = ", ".join([label + item.flat() for label, item in self.labelled()])
         if self.brackets == "()" and len(self.items) == 1:
             inside += ","
         return f"{self.brackets[0]}{inside}{self.brackets[1]}"
 
     def labelled(self) -> list[tuple[str, Expression]]:
         """Return the items, each with the text before it: ``"key": `` or nothing."""
-        labels = [f"{key.flat()}: " for key in self.keys] if self.keys else [""] * len(self.items)
-        return list(zip(labels, self.items, strict=True))
+        if not self.keys:
+            return [("", item) for item in self.items]
+        return [(f"{key.flat()}: ", item) for key, item in zip(self.keys, self.items, strict=True)]
 
 
 Expression = Text | Sum | Item | Call | Display
@@ -153,13 +154,13 @@ def signature(start: str, parameters: Sequence[str], returns: str, *, depth: int
 
 def _lines(expression: Expression, depth: int, before: str, after: str) -> list[str]:
     indent = INDENT * depth
+    if isinstance(expression, Text):
+        return [f"{indent}{before}{expression.text}{after}"]
     is_wide = _is_wide(expression)
     if not is_wide:
         line = f"{indent}{before}{expression.flat()}{after}"
-        is_whole = isinstance(expression, Text) or (isinstance(expression, Call) and not expression.arguments)
-        if is_whole or len(line) <= WIDTH:
+        if len(line) <= WIDTH or (isinstance(expression, Call) and not expression.arguments):
             return [line]
-    assert not isinstance(expression, Text)
     if isinstance(expression, Sum):
         return [f"{indent}{before}{expression.left}", f"{indent}+ {expression.right}{after}"]
     if isinstance(expression, Item):
@@ -200,7 +201,7 @@ def _is_wide(expression: Expression) -> bool:
     if isinstance(expression, (Text, Sum, Item)):
         return False
     parts = [part for _, part in expression.arguments] if isinstance(expression, Call) else expression.items
-    return 3 * len(parts) > WIDTH or any(map(_is_wide, parts))
+    return 3 * len(parts) > WIDTH or any(_is_wide(part) for part in parts if not isinstance(part, Text))
 
 
 def _labelled(keyword: str | None) -> str:

@@ -12,7 +12,7 @@ from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
-from planlang.compiler.names import Names, snake_case
+from planlang.compiler.expressions import Names, snake_case
 from planlang.compiler.tree import Case, Event, Gate, Handle, Machine, Node, Parallel, PartialOrder, Series, State
 from planlang.designators import local_name
 from planlang.failures import ObjectNotFound, PlanFailure
@@ -135,10 +135,15 @@ def _modules(order: Precedence[_N], inside: int) -> list[int]:
     for _ in range(MOST_ROUNDS):
         known = len(groups)
         mask = sum(map(order.bit, groups))
-        first: dict[tuple[int, int], _N] = {}
+        # by their hashes: the sets themselves take 1 KB a node where there are 10,000
+        known_with: dict[int, list[_N]] = {}
         for node in list(groups):
-            same = first.setdefault((order.earlier(node) & mask, order.later(node) & mask), node)
-            if same != node:
+            around = order.earlier(node) & mask, order.later(node) & mask
+            alike = known_with.setdefault(hash(around), [])
+            same = next((one for one in alike if (order.earlier(one) & mask, order.later(one) & mask) == around), None)
+            if same is None:
+                alike.append(node)
+            else:
                 groups[same] |= groups.pop(node)
         mask = sum(map(order.bit, groups))
         for node in reversed(list(groups)):  # the last first, so that a chain becomes one in a single round

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from keyword import kwlist
 
-from planlang.compiler.names import snake_case
+from planlang.compiler.expressions import snake_case
 from planlang.compiler.tree import ActionTerm, Described, Kept, Passed, PlaceUse, Value
 from planlang.designators import local_name
 from planlang.ontology import Ontology, shorten

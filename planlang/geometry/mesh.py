@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from planlang.files import open_regular
 from planlang.geometry.matrices import Array, cross_matrix, moved, product
-from planlang.geometry.xml_tree import BadXml, tree_of
+from planlang.geometry.urdf import BadXml, tree_of
 
 SUFFIXES = (".obj", ".stl", ".dae")
 LARGEST = 100_000_000

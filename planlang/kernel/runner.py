@@ -1,20 +1,311 @@
-"""Running a plan to its end, and the shutdown of a run that cannot go on."""
+"""Running a plan to its end, the shutdown of a run that cannot go on, and the process around a run.
+
+A coroutine that a plan makes and never awaits: Python warns of it when it is freed, and a run that went well otherwise
+fails for it. One that outlives the run, as in a global list, stays Python's warning.
+
+The watchdog interrupts code of a plan that reaches no checkpoint. It looks from a thread of its own, shared by all runs
+of the process, and interferes only when code has computed for as long as the host allows, or has waited for that long
+without computing, or when Ctrl-C was pressed twice and the plan's code does not come back to the scheduler. Computing
+is measured in the run's own processor time, so that a machine that is busy with other things does not decide how a plan
+ends. Nothing of it is written into a trace.
+"""
 
 from __future__ import annotations
 
+import ctypes
+import gc
+import os
+import re
+import signal
 import sys
-from collections.abc import Callable
+import threading
+import time
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from functools import partial
-from types import FrameType
+from queue import Empty, SimpleQueue
+from types import FrameType, TracebackType
 from typing import Any
 
 from planlang.kernel.cancel import evaporate
 from planlang.kernel.core import Scheduler, Task, running
-from planlang.kernel.environment import Watch, quiet_collector, signals, unawaited_are_errors, watchdog, where
 from planlang.kernel.errors import NoProgress, Overdue, PlanStructureError
-from planlang.kernel.event_loop import adopt, keep, loop, rest
+from planlang.kernel.event_loop import ORIGINS, adopt, keep, loop, rest
 from planlang.kernel.hosts import WATCHDOG
+from planlang.kernel.listing import is_own
 from planlang.kernel.tree import name_of
+from planlang.misuse import contrast
+
+YOUNG = 500_000
+"""Allocations before the collector looks: live tasks are no garbage, and looking at them costs more than they do.
+
+Enough for 100,000 tasks at a time; what refers to itself and is garbage waits as long."""
+
+
+@contextmanager
+def quiet_collector() -> Iterator[None]:
+    """Raise the collector's threshold, and restore it."""
+    before = gc.get_threshold()
+    if before[0] and before[0] < YOUNG:
+        gc.set_threshold(YOUNG, *before[1:])
+    try:
+        yield
+    finally:
+        gc.set_threshold(*before)
+
+
+@contextmanager
+def signals(on_interrupt: Callable[[FrameType | None], None]) -> Iterator[bool]:
+    """Call ``on_interrupt`` on Ctrl-C where Python's own handler is in place and this is the main thread.
+
+    The value is whether that is so.
+    """
+    ours = (
+        threading.current_thread() is threading.main_thread()
+        and signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    )
+    if not ours:
+        yield False
+        return
+    signal.signal(signal.SIGINT, lambda number, frame: on_interrupt(frame))
+    try:
+        yield True
+    finally:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+_WARNING = re.compile(r"coroutine '(.+)' was never awaited")
+_MADE_AT = re.compile(r'^  File "(.+)", line (\d+), in .*(?:\n    (.*))?$', re.MULTILINE)
+
+
+class _Found(threading.local):
+    errors: list[PlanStructureError] | None = None
+    """Of the run in this thread."""
+
+
+_found = _Found()
+_lock = threading.Lock()
+_runs = 0
+_before = warnings.catch_warnings()
+_show: Callable[..., Any] = warnings.showwarning
+
+
+def _showwarning(message: Warning | str, category: type[Warning], *where: Any, **more: Any) -> None:
+    error = _error(str(message)) if _found.errors is not None and category is RuntimeWarning else None
+    if error is None or _found.errors is None:
+        _show(message, category, *where, **more)
+    else:
+        _found.errors.append(error)
+
+
+def _error(message: str) -> PlanStructureError | None:
+    """Return the error for a warning; None if it is another one, or is about what was made before the run."""
+    warning = _WARNING.match(message)
+    places = [place for place in _MADE_AT.findall(message) if not is_own(place[0])]
+    if warning is None or not places:
+        return None
+    file, line, source = places[-1]  # the innermost
+    name = warning[1].rpartition(".")[2]
+    text = f"{os.path.basename(file)}:{line} calls {name}() without await, so nothing was done"
+    return PlanStructureError(contrast(text, source or f"{name}(...)", f"await {name}(...)"))
+
+
+@contextmanager
+def unawaited_are_errors() -> Iterator[None]:
+    """Raise PlanStructureError at the end of the block if it ends well, and a coroutine was made and not awaited.
+
+    Filters of warnings belong to the process: the first of the runs that go on in it changes them, the last one
+    restores them.
+    """
+    global _runs, _before, _show
+    with _lock:
+        _runs += 1
+        if _runs == 1:
+            _before = warnings.catch_warnings()
+            _before.__enter__()
+            _show, warnings.showwarning = warnings.showwarning, _showwarning
+            warnings.filterwarnings("always", _WARNING.pattern, RuntimeWarning)
+    depth = sys.get_coroutine_origin_tracking_depth()
+    sys.set_coroutine_origin_tracking_depth(ORIGINS)
+    errors = _found.errors = []
+    try:
+        yield
+    finally:
+        _found.errors = None
+        sys.set_coroutine_origin_tracking_depth(depth)
+        with _lock:
+            _runs -= 1
+            if not _runs:
+                _before.__exit__(None, None, None)
+    if errors:
+        first, *others = errors
+        for other in others:
+            first.add_note(f"so it is here: {str(other).partition(',')[0]}")
+        raise first
+
+
+# -- the watchdog
+
+GRACE = 0.1
+"""Seconds in which a plan has to come back to the scheduler after the second Ctrl-C."""
+INSIST = 0.02
+"""Seconds between attempts to interrupt: code of the scheduler itself is let through first."""
+WAITS = 0.01
+"""Code that gets less than this share of a processor waits for something."""
+_IDLE_LOOKS = 5
+_DEBUGGERS = ("bdb", "pdb", "pydevd", "_pydevd_bundle", "debugpy")
+
+
+class Watch:
+    """One run as the watchdog sees it."""
+
+    def __init__(self, scheduler: Scheduler, period: float | None, by_signal: bool = False) -> None:
+        self.scheduler = scheduler
+        self.period = period
+        self.by_signal = by_signal
+        """Ctrl-C is handled here, in the main thread: the run can be interrupted by a signal."""
+        self._thread = threading.get_ident()
+        self._mark: tuple[int, ...] = ()
+        self._computed = 0.0
+        """Processor time of the run when it last moved [s]."""
+        self._waiting = 0.0, 0.0
+        """Since when it has computed next to nothing, and its processor time then [s]."""
+        self._pressed: float | None = None
+        self._summons: tuple[type[BaseException], tuple[int, ...]] | None = None
+
+    def look(self, now: float) -> float:
+        """Look at the run at ``now`` [s], interrupt it if need be, and say how long to wait until the next look [s]."""
+        scheduler, period = self.scheduler, self.period
+        mark, computed = scheduler.progress(), self._processor_time()
+        if mark != self._mark or scheduler.idle:
+            self._mark, self._computed = mark, computed
+            self._waiting = now, computed
+        elif period is not None:
+            since, before = self._waiting
+            if computed - before >= WAITS * period:
+                self._waiting = since, _ = now, computed
+            if max(computed - self._computed, now - since) >= period:
+                self._summon(Overdue)
+                return INSIST
+        if scheduler.interrupts > 1 and scheduler.interrupted:
+            if self._pressed is None:
+                self._pressed = now
+            elif now - self._pressed >= GRACE:
+                self._summon(KeyboardInterrupt)
+            return INSIST
+        self._pressed = None
+        return 1.0 if period is None else min(1.0, period / 10)
+
+    def _processor_time(self) -> float:
+        """Return that of the run's thread [s]; 0 where it is unknown: then only time that passes counts."""
+        if not hasattr(time, "pthread_getcpuclockid"):
+            return 0.0
+        return time.clock_gettime(time.pthread_getcpuclockid(self._thread))  # it lives as long as it is watched
+
+    def _summon(self, kind: type[BaseException]) -> None:
+        frame = sys._current_frames().get(self._thread)
+        if frame is None or is_own(frame.f_code.co_filename) or (kind is Overdue and _debugged(frame)):
+            return
+        self._summons = kind, self._mark
+        if self.by_signal and hasattr(signal, "pthread_kill"):
+            signal.pthread_kill(self._thread, signal.SIGINT)
+        else:
+            ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(self._thread), ctypes.py_object(kind))
+
+    def answer(self, frame: FrameType | None) -> bool:
+        """In the signal handler: False if the signal is a Ctrl-C; else raise what was meant, if it still applies."""
+        if self._summons is None:
+            return False
+        (kind, mark), self._summons = self._summons, None
+        applies = self.scheduler.interrupted if kind is KeyboardInterrupt else mark == self.scheduler.progress()
+        if applies and frame is not None and not is_own(frame.f_code.co_filename):
+            raise kind
+        return True
+
+
+@contextmanager
+def unwatched() -> Iterator[None]:
+    """Let the block compute for as long as it takes: the watchdog does not count it, if a run goes on in this thread.
+
+    For what has an end but takes long, once, in code that cannot wait. In a plan: ``await in_thread(f)``.
+    """
+    scheduler = running.scheduler
+    if scheduler is None:
+        yield
+        return
+    scheduler.idle = True
+    try:
+        yield
+    finally:
+        scheduler.idle = False
+
+
+def _debugged(frame: FrameType | None) -> bool:
+    """Return whether the code stands in a debugger."""
+    while frame is not None:
+        if str(frame.f_globals.get("__name__")).partition(".")[0] in _DEBUGGERS:
+            return True
+        frame = frame.f_back
+    return False
+
+
+def where(traceback: TracebackType | None) -> str:
+    """``file.py:12`` of the innermost line that is not ours."""
+    place = "an unknown line"
+    while traceback is not None:
+        code = traceback.tb_frame.f_code
+        if not is_own(code.co_filename):
+            place = f"{code.co_filename.rpartition('/')[2]}:{traceback.tb_lineno}"
+        traceback = traceback.tb_next
+    return place
+
+
+class _Watchdog:
+    """The thread that looks. It ends by itself when there is no run for a few seconds."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._watches: dict[Watch, None] = {}
+        self._nudges: SimpleQueue[None] = SimpleQueue()
+        self._thread: threading.Thread | None = None
+        self._pace = 1.0
+
+    @contextmanager
+    def watching(self, watch: Watch) -> Iterator[None]:
+        """Look at a run while the block lasts."""
+        with self._lock:
+            self._watches[watch] = None
+            if self._thread is None or not self._thread.is_alive():
+                self._thread = threading.Thread(target=self._loop, name="planlang watchdog", daemon=True)
+                self._thread.start()
+        if watch.period is not None and watch.period / 10 < self._pace:
+            self.nudge()
+        try:
+            yield
+        finally:
+            with self._lock:
+                del self._watches[watch]
+
+    def nudge(self) -> None:
+        """Look now. Signal handlers may call this."""
+        self._nudges.put(None)
+
+    def _loop(self) -> None:
+        idle = 0
+        while True:
+            with suppress(Empty):
+                self._nudges.get(timeout=self._pace)
+            with self._lock:
+                now = time.monotonic()
+                self._pace = min((watch.look(now) for watch in self._watches), default=1.0)
+                idle = 0 if self._watches else idle + 1
+                if idle > _IDLE_LOOKS:
+                    self._thread = None
+                    return
+
+
+watchdog = _Watchdog()
 
 
 def run_plan(scheduler: Scheduler, branch: Callable[[], Any]) -> Any:

@@ -16,7 +16,7 @@ from planlang.language.branches import Branch
 from planlang.misuse import Usage
 
 if TYPE_CHECKING:
-    from planlang.kernel.timers import Timer
+    from planlang.kernel.hosts import Timer
 
 V = TypeVar("V")
 

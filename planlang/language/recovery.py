@@ -16,7 +16,7 @@ from planlang.language.budgets import take_attempt
 from planlang.misuse import Usage, WrongType, WrongValue, contrast, is_iterable, written
 
 if TYPE_CHECKING:
-    from planlang.kernel.timers import Timer
+    from planlang.kernel.hosts import Timer
 
 T = TypeVar("T")
 V = TypeVar("V")

@@ -138,7 +138,7 @@ class Words(NamedTuple):
 
 def _restriction(triples: Triples, node: int, form: str, words: Words) -> Sequence[Restriction]:
     """Return the restrictions that a nameless node is: one for each filler or cardinality of its first property."""
-    on_property, fillers, cardinalities, ranges = words[2:]
+    _, _, on_property, fillers, cardinalities, ranges = words
     predicates, objects, (rows, following) = triples.predicates, triples.objects, triples.by_subject
     first, row = -1, rows[node]
     stated: list[tuple[int, str]] = []
@@ -153,15 +153,18 @@ def _restriction(triples: Triples, node: int, form: str, words: Words) -> Sequen
             within.append(row)
         row = following[row]
     prop = triples.name(objects[first]) if first >= 0 else None
+    if prop is None:
+        return ()
     found: list[Restriction] = []
-    for row, kind in stated if prop is not None else ():
-        filler, number = triples.term(objects[row]), None
-        if predicates[row] in cardinalities:
-            number = _whole(filler)
-            if number is None:
+    for row, kind in stated:
+        number = objects[row]
+        filler, times = triples.terms[number] or triples.term(number), None
+        if cardinalities and predicates[row] in cardinalities:
+            times = _whole(filler)
+            if times is None:
                 continue
             filler = triples.term(objects[within[0]]) if within else OWL.Thing
-        found.append(Restriction(prop or "", kind, filler, number, triples.span(row), form))
+        found.append(Restriction(prop, kind, filler, times, triples.span(row), form))
     return found
 
 

@@ -15,14 +15,11 @@ from functools import cache
 from pathlib import Path
 from urllib.parse import unquote
 
-from planlang.cache import Cache
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
-from planlang.files import bundled, read_file
-from planlang.ontology.checks import malformed
-from planlang.ontology.repairs import HOST, OLD_HOST, canonical, repair, use_canonical_names
+from planlang.files import LARGEST_ONTOLOGY, Cache, bundled, decode, read_file
+from planlang.ontology.checks import HOST, OLD_HOST, canonical, malformed, repair, use_canonical_names
 from planlang.ontology.terms import OWL, RDF, RDFS, VOCABULARIES, BNode, Triple
 from planlang.ontology.triples import Parsed, Triples
-from planlang.ontology.xml_text import LARGEST_FILE, decode
 
 
 class Syntax(Enum):
@@ -111,7 +108,7 @@ class Reading:
 
 def read_bytes(path: Path) -> bytes:
     """Return the content of an ontology's file. Raises BadInput."""
-    return read_file(path, "O001", largest=LARGEST_FILE, code_if_large="O003")
+    return read_file(path, "O001", largest=LARGEST_ONTOLOGY, code_if_large="O003")
 
 
 def _read(path: Path, content: bytes) -> Reading:

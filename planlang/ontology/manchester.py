@@ -14,11 +14,11 @@ from lark import Lark, Token, Transformer, UnexpectedInput, UnexpectedToken
 from lark.lexer import PatternStr
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note
+from planlang.files import decode, offset_of, position_of
 from planlang.ontology.expressions import Statements
 from planlang.ontology.frames import Frames
 from planlang.ontology.terms import OWL, RDF, RDFS, XSD, expand, is_vocabulary
 from planlang.ontology.triples import Parsed
-from planlang.ontology.xml_text import decode, offset_of, position_of
 
 FRAME_WORDS = (
     "Class:", "ObjectProperty:", "DataProperty:", "AnnotationProperty:", "Datatype:", "Individual:",

@@ -13,9 +13,10 @@ from xml.parsers import expat
 from xml.sax.saxutils import escape
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
+from planlang.files import decode
 from planlang.ontology.terms import RDF, BNode, Literal, resolve
 from planlang.ontology.triples import MOST_TRIPLES, Parsed, Triples, counted
-from planlang.ontology.xml_text import EntityTable, decode, explain, must_be_rdf, opening_tag, repair_xml
+from planlang.ontology.xml_text import EntityTable, explain, must_be_rdf, opening_tag, repair_xml
 
 DEEPEST = 100
 """Elements inside each other."""

@@ -182,7 +182,7 @@ class Triples(Sequence[Triple]):
 
     def span(self, row: int) -> Span:
         """Return the position of a triple."""
-        file = self._files[0 if row < self._first_end else bisect_right(self._starts, row) - 1]
+        file = self.file if row < self._first_end else self._files[bisect_right(self._starts, row) - 1]
         return Span(file, self.lines[row], self.columns[row])
 
     def triple(self, row: int) -> Triple:
@@ -333,8 +333,7 @@ class Triples(Sequence[Triple]):
     def _chains(self, column: array[int]) -> tuple[array[int], array[int]]:
         first = array("i", (-1,)) * len(self.terms)
         following = array("i", column)
-        for row in range(len(column) - 1, -1, -1):
-            number = column[row]
+        for row, number in zip(range(len(column) - 1, -1, -1), reversed(column), strict=True):
             following[row] = first[number]
             first[number] = row
         return first, following

@@ -19,15 +19,15 @@ import pyoxigraph
 from pyoxigraph import BlankNode, NamedNode, RdfFormat
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
+from planlang.files import decode, offset_of, position_of
 from planlang.ontology.terms import PREFIXES, XSD, BNode, Literal
 from planlang.ontology.triples import MOST_TRIPLES, Parsed, Triples
-from planlang.ontology.xml_text import decode, offset_of, position_of
 
 DEEPEST = 100
 """Nameless nodes and lists inside each other."""
 
 LONGEST = 1_000_000
-"""Characters of a text or an IRI: the parser reads one anew whenever it gets more of it."""
+"""Characters of a text, an IRI or a word: the parser reads one anew whenever it gets more of it."""
 
 MOST_ERRORS = 20
 """Syntax errors reported of one file."""
@@ -39,6 +39,8 @@ _TOKEN = re.compile(
     re.DOTALL,
 )
 """Texts, IRIs, comments and brackets. Each alternative begins with a character of its own, which makes it fast."""
+
+_WORD = re.compile(r"""[^\s"'<>()\[\],;]++""")
 
 _UNDECLARED = "planlang-undeclared:"
 """Namespaces that stand for well-known prefixes until a file declares these itself."""
@@ -159,6 +161,10 @@ class _Reader:
         long: list[tuple[int, int]] = []
         pieces: list[str] = []
         done = 0
+        for word in _WORD.finditer(text) if len(max(text.split("\n"), key=len)) > LONGEST else ():
+            if word.end() - word.start() > LONGEST:
+                message = f"a word of more than {LONGEST:,} characters"
+                raise BadInput([error("O008", message, position_of(text, word.start(), self._file))])
         while start >= 0:
             matches, start = _TOKEN.finditer(text, start), -1
             for match in matches:

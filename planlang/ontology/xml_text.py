@@ -1,11 +1,10 @@
-"""The text of XML files: encodings, bounds of entities, positions, expat's errors; and repairs that let expat read it.
+"""The text of XML files: bounds of entities, expat's errors; and repairs that let expat read it.
 
 The repairs undo mistakes of editors that real files have; each is reported.
 """
 
 from __future__ import annotations
 
-import codecs
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -13,6 +12,7 @@ from xml.parsers import expat
 from xml.sax.saxutils import quoteattr
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
+from planlang.files import offset_of, position_of
 from planlang.ontology.terms import OWL, PREFIXES
 from planlang.ontology.triples import counted
 
@@ -117,66 +117,6 @@ class EntityTable:
 
 def _too_much(name: str, limit: int, span: Span) -> Diagnostic:
     return error("O008", f"entity &{name}; makes the file expand to more than {limit:,} characters", span)
-
-
-LARGEST_FILE = 64_000_000
-"""Bytes: room for 100,000 orderings in RDF/XML; the largest ontology of its kind that is in use has 0.7 MB."""
-
-_DECLARATION = re.compile(rb"<\?xml[^>]*?encoding\s*=\s*[\"']([A-Za-z0-9._-]+)[\"']")
-_SOMETHING = re.compile(rb"[^ \t\r\n\xef\xbb\xbf\xff\xfe\x00]")
-_ENCODINGS = ("utf-8", "utf-16", "utf-16-le", "utf-16-be", "ascii", "iso8859-1", "iso8859-15", "cp1252")
-
-
-def decode(content: bytes | str, file: str) -> str:
-    """Return the text of an XML or Manchester file, line ends unchanged. Raises BadInput if it cannot be decoded.
-
-    The encoding is told by a byte order mark, else by the XML declaration, else it is UTF-8.
-    """
-    if isinstance(content, str):
-        return content
-    if len(content) > LARGEST_FILE:
-        raise BadInput([error("O003", f"the file is larger than {LARGEST_FILE // 1_000_000} MB", Span(file))])
-    if not _SOMETHING.search(content):
-        raise BadInput([error("O002", "the file is empty", Span(file))])
-    name = "utf-8-sig"
-    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        name = "utf-16"
-    elif match := _DECLARATION.match(content):
-        name = match[1].decode("ascii")
-    try:
-        codec = codecs.lookup(name).name
-        if codec not in (*_ENCODINGS, "utf-8-sig"):
-            raise LookupError(name)
-    except LookupError:
-        advice = "save the file as UTF-8"
-        raise BadInput([error("O004", f"unknown encoding {name!r}", Span(file), advice)]) from None
-    try:
-        text = content.decode("utf-8-sig" if codec == "utf-8" else codec)
-    except UnicodeDecodeError as problem:
-        before = content[: problem.start]
-        line = before.count(b"\n") + 1
-        column = len(before[before.rfind(b"\n") + 1 :].decode(codec, errors="replace")) + 1
-        message = f"this is not {name.removesuffix('-sig').upper()} text: {problem.reason}"
-        raise BadInput([error("O004", message, Span(file, line, column), "save the file as UTF-8")]) from None
-    if (position := text.find("\x00")) >= 0:
-        raise BadInput([error("O004", "this is a binary file", position_of(text, position, file))])
-    return text
-
-
-def position_of(text: str, offset: int, file: str) -> Span:
-    """Return the position of a character."""
-    line = text.count("\n", 0, offset) + 1
-    return Span(file, line, offset - text.rfind("\n", 0, offset))
-
-
-def offset_of(text: str, span: Span) -> int:
-    """Return the offset of a position, at most the length of the text."""
-    offset = 0
-    for _ in range(span.line - 1):
-        offset = text.find("\n", offset) + 1
-        if offset == 0:
-            return len(text)
-    return min(offset + span.column - 1, len(text))
 
 
 def explain(

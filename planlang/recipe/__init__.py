@@ -1,9 +1,9 @@
 """Recipes: their model, readers of the dialects they are written in, the order of their steps, checks, and fixes.
 
 General layout: ``model`` is what a recipe says. ``readers`` get ``statements`` from an ontology, one reader for each
-dialect; ``tasks`` makes the model of them, with ``fillers``, and finds the task and what is below it; ``actions`` knows
-the action classes. ``order`` and ``scopes`` answer questions about orders. ``reading`` is the way in: it reads a recipe
-and judges it by the ``checks``; ``fixes`` mend its text.
+dialect; ``actions`` knows the action classes, ``order`` answers questions about orders. ``reading`` is the way in: it
+finds the task, makes the model of it and of what is below it, with ``fillers``, and judges it by the ``checks``;
+``fixes`` mend its text.
 """
 
 from planlang.recipe.actions import Actions
@@ -27,8 +27,7 @@ from planlang.recipe.model import (
     Thing,
     Transition,
 )
-from planlang.recipe.reading import Reading, read_recipe
-from planlang.recipe.tasks import choose_task, stated_tasks, top_tasks
+from planlang.recipe.reading import Reading, choose_task, read_recipe, stated_tasks, top_tasks
 
 __all__ = [
     "Actions",

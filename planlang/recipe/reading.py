@@ -1,28 +1,305 @@
-"""Reading a recipe and judging it: everything that is wrong in one run."""
+"""Reading a recipe and judging it: the choice of its task, the recipes below it, everything wrong in one run."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
+from graphlib import CycleError, TopologicalSorter
 from typing import TypeVar
 
-from planlang.diagnostics import BadInput, Diagnostic, Severity, Span
+from planlang.designators import local_name
+from planlang.diagnostics import BadInput, Diagnostic, Severity, Span, error
+from planlang.files import printable
+from planlang.ontology import BNode, Literal, Ontology, expand, shorten
 from planlang.recipe.actions import Actions
 from planlang.recipe.checks import (
     Check,
     CheckedFile,
     CheckedRecipe,
+    check,
     losses,
     orderings,
     parameters,
-    plausibility,
-    states,
     steps,
 )
 from planlang.recipe.checks.misspellings import corrected, misspellings
-from planlang.recipe.checks.repairs import repaired
-from planlang.recipe.model import RecipeSet
-from planlang.recipe.tasks import choose_task, circular_task, read_recipes, statements_for, top_tasks
+from planlang.recipe.checks.parameters import repaired
+from planlang.recipe.fillers import action_class, nearest_in_vocabulary, read_filler, read_parameters
+from planlang.recipe.model import Description, Ordering, Parameter, Reason, Recipe, RecipeSet, Source, Step
+from planlang.recipe.order import implied_by_overlaps
+from planlang.recipe.readers import loose_parts, made, tasks_of
+from planlang.recipe.statements import KINDS, Statements, SubAction, facts, is_word
+
+_TYPE = "http://www.w3.org/1999/02/22-rdf-syntax-ns#type"
+
+
+def stated_tasks(actions: Actions) -> tuple[str, ...]:
+    """Return the classes and individuals of the main document that state a recipe, in the order of the file."""
+    ontology = actions.ontology
+    tasks = [task for task in tasks_of(ontology) if actions.statements(task) is not None]
+    spans = {task: ontology.span(task) or Span("") for task in tasks}
+    return tuple(sorted(tasks, key=lambda task: (spans[task].line, spans[task].column, task)))
+
+
+def top_tasks(actions: Actions) -> tuple[str, ...]:
+    """Return the stated tasks that no other one uses, by a sub-action or by a name in its constraints."""
+    tasks = stated_tasks(actions)
+    used: set[str] = set()
+    for task in tasks:
+        used |= _below(actions, task) - {task}
+    return tuple(task for task in tasks if task not in used)
+
+
+@check("R001", "R002", "R003", "R004", unless=("R022",))
+def choose_task(actions: Actions, wanted: str | None = None) -> str:
+    """Return the IRI of the task to compile: ``wanted`` by IRI or local name, else the only top task of the file.
+
+    Raises BadInput when there is none or several.
+    """
+    ontology = actions.ontology
+    span = Span(str(ontology.documents[0].path))
+    if wanted is not None:
+        return _named(actions, wanted, span)
+    tops = top_tasks(actions)
+    if len(tops) == 1:
+        return tops[0]
+    stated = stated_tasks(actions)
+    if not stated:
+        found = loose_parts(ontology)
+        if found:
+            raise BadInput(found)
+        advice = "a recipe is an action class with restrictions such as `subAction some Reaching`"
+        raise BadInput([error("R001", "no class or individual of this file states sub-actions", span, advice)])
+    names = ", ".join(local_name(task) for task in tops or stated)
+    advice = f"choose one with --task: {names}"
+    if tops:
+        raise BadInput([error("R002", f"this file has {len(tops)} tasks", span, advice)])
+    message = "each task of this file is a sub-action of another: there is no first one"
+    raise BadInput([error("R002", message, span, advice)])
+
+
+def circular_task(actions: Actions) -> str | None:
+    """Return the first stated task that is a sub-action of itself, directly or not; None if there is none."""
+    tasks = stated_tasks(actions)
+    below = {task: sorted(_below(actions, task)) for task in tasks}
+    try:
+        TopologicalSorter(below).prepare()
+    except CycleError as found:
+        circle: list[str] = found.args[1]
+        return min(circle, key=tasks.index)
+    return None
+
+
+def _below(actions: Actions, task: str) -> set[str]:
+    """Return the tasks that one uses, by a sub-action or by a name in its constraints."""
+    statements = actions.statements(task)
+    assert statements is not None
+    below = set(statements.mentioned())
+    return below | {recipe for name in below for recipe in recipes_for(actions, name)[0]}
+
+
+def _named(actions: Actions, wanted: str, span: Span) -> str:
+    ontology = actions.ontology
+    stated = stated_tasks(actions)
+    matches = [task for task in stated if wanted in (task, local_name(task))]
+    if not matches:
+        own = [triple.subject for triple in ontology.triples(p=_TYPE) if isinstance(triple.subject, str)]
+        named = [iri for iri in dict.fromkeys(own) if local_name(iri) == wanted and ontology.defined(iri)]
+        matches = named or [wanted if ontology.defined(wanted) else expand(wanted)]
+    task = matches[0]
+    if len(matches) > 1:
+        raise BadInput([error("R002", f"{wanted} names several tasks", span, "use one of " + ", ".join(matches))])
+    if not ontology.defined(task):
+        known = {local_name(name): name for name in stated}
+        similar = get_close_matches(wanted, known, n=1)
+        guess = f"did you mean {similar[0]}? " if similar else ""
+        raise BadInput(
+            [error("R001", f"there is no task {wanted}", span, f"{guess}this file states {', '.join(known) or 'none'}")]
+        )
+    if recipes_for(actions, task)[0]:
+        return task
+    where = ontology.span(task) or span
+    advice = "add restrictions such as `subAction some Reaching` to it, or choose another task"
+    raise BadInput([error("R004", f"`{local_name(task)}` has no sub-actions: the recipe is empty", where, advice)])
+
+
+def read_recipes(actions: Actions, task: str) -> RecipeSet:
+    """Return the recipe of a task and all recipes below it, the task first, then in the order of use.
+
+    A task without sub-actions of its own takes those of its nearest ancestor that has any.
+    """
+    found: dict[str, Recipe] = {}
+    waiting = [(task, recipes_for(actions, task)[0][0])]
+    while waiting:
+        cls, stating = waiting.pop()
+        if cls in found:
+            continue
+        recipe = found[cls] = read_recipe_of(actions, stating, cls)
+        below = [callee for step in recipe.steps for callee in step.recipes]
+        waiting += [(callee, callee) for callee in reversed(below) if callee not in found]
+    document = actions.ontology.documents[0]
+    return RecipeSet(task, found, Source(printable(document.path.name), document.sha256))
+
+
+def recipes_for(actions: Actions, iri: str) -> tuple[tuple[str, ...], str | None]:
+    """Return the performers of an action: classes with recipes, or a primitive class; the nearer wins.
+
+    An individual's own recipe is nearer than any of its class. On a tie the recipe wins. Several recipes at the same
+    distance are alternatives.
+    """
+    if iri not in actions.performers:
+        actions.performers[iri] = _performers(actions, iri)
+    return actions.performers[iri]
+
+
+def statements_for(actions: Actions, iri: str) -> Statements:
+    """Return what the file states about a task with a recipe, or about the class that it inherits the recipe from."""
+    statements = actions.statements(recipes_for(actions, iri)[0][0])
+    assert statements is not None
+    return statements
+
+
+def _performers(actions: Actions, iri: str) -> tuple[tuple[str, ...], str | None]:
+    for level in levels(actions.ontology, iri):  # nearest first: at one distance a recipe comes before a primitive
+        found = tuple(ancestor for ancestor in level if actions.statements(ancestor) is not None)
+        if found:
+            return found, None
+        for ancestor in level:
+            if ancestor in actions.primitives:
+                return (), ancestor
+    return (), None
+
+
+def levels(ontology: Ontology, iri: str) -> Iterator[tuple[str, ...]]:
+    """Yield an individual; or a class, its direct superclasses, theirs, ...: each class once, at its least distance."""
+    cls = iri
+    if not ontology.is_class(iri):
+        yield (iri,)
+        cls = action_class(ontology, iri) or iri
+    known = set(ontology.ancestors(cls))
+    seen = {cls, iri}
+    level: tuple[str, ...] = (cls,) if cls != iri or ontology.is_class(iri) else ()
+    while level:
+        yield level
+        above: list[str] = []
+        for member in level:
+            for ancestor in ontology.parents(member):
+                if ancestor in known and ancestor not in seen:
+                    seen.add(ancestor)
+                    above.append(ancestor)
+        level = tuple(above)
+
+
+def read_step(actions: Actions, sub_action: SubAction, known: frozenset[str] = frozenset()) -> Step | None:
+    """Return a sub-action as a step; None if it names nothing that is defined.
+
+    ``known`` are individuals that need not be defined, as another step creates them.
+    """
+    ontology, iri = actions.ontology, sub_action.iri
+    if iri is None or not ontology.defined(iri):
+        return None
+    cls = None if ontology.is_class(iri) else action_class(ontology, iri)
+    recipes, primitive = recipes_for(actions, iri)
+    return Step(
+        iri,
+        nearest_in_vocabulary(ontology, cls or iri, primitive),
+        read_parameters(ontology, iri, sub_action.fillings, known),
+        recipes,
+        primitive,
+        _label(ontology, iri) if shorten(iri) == iri else None,
+        sub_action.span,
+        cls,
+        _condition(ontology, cls or iri),
+    )
+
+
+def read_recipe_of(actions: Actions, stating: str, task: str | None = None) -> Recipe:
+    """Return the recipe that a class or an individual states, without repeated and undefined sub-actions.
+
+    ``task`` is the task that inherits the recipe, if any. Raises KeyError if none is stated.
+    """
+    ontology, statements = actions.ontology, actions.statements(stating)
+    if statements is None:
+        raise KeyError(stating)
+    task = task or statements.iri
+    known = made(ontology, statements)
+    steps: dict[str, Step] = {}
+    for sub_action in (*statements.sub_actions, *_states(actions, statements)):
+        if sub_action.iri is None or sub_action.iri not in steps:
+            step = read_step(actions, sub_action, known)
+            if step is not None:
+                steps[step.iri] = step
+    cls = None if ontology.is_class(task) else action_class(ontology, task)
+    recipe = Recipe(
+        task,
+        nearest_in_vocabulary(ontology, cls or task),
+        tuple(steps.values()),
+        statements.orderings if statements.states is None else (),
+        read_parameters(ontology, task, statements.fillings, known),
+        _label(ontology, task),
+        ontology.span(task),
+        statements.dialect,
+        statements.overlaps,
+        statements.flows,
+        statements.states.machine() if statements.states is not None else None,
+        cls,
+    )
+    implied = [Ordering(before, after, reason=Reason.OVERLAP) for before, after in implied_by_overlaps(recipe)]
+    return replace(recipe, orderings=(*recipe.orderings, *implied)) if implied else recipe
+
+
+def _states(actions: Actions, statements: Statements) -> Iterator[SubAction]:
+    """Yield the defined states that transitions name though they are no sub-actions."""
+    if statements.states is not None:
+        span = actions.ontology.span(statements.iri)
+        for name in statements.mentioned():
+            where = actions.ontology.span(name) or span
+            if where is not None and name not in statements.names:
+                yield SubAction(name, (), where)
+
+
+def _label(ontology: Ontology, iri: str) -> str | None:
+    """Return the description of an action in words: its label, else the text of its action data table."""
+    label = ontology.label(iri)
+    for filling in () if label is not None else facts(ontology, iri, "instruction", "taskContext"):
+        if isinstance(filling.term, Literal):
+            return filling.term.value
+    return label
+
+
+def _condition(ontology: Ontology, cls: str) -> Description | None:
+    """Return what a class of actions checks: the class expression, class or individual of ``conditionEvaluated``."""
+    known: dict[str, Description | None] = ontology.kept.setdefault("conditions", {})
+    for ancestor in ontology.ancestors(cls):
+        if ancestor not in known:
+            known[ancestor] = _stated_condition(ontology, ancestor)
+        if known[ancestor] is not None:
+            return known[ancestor]
+    return None
+
+
+def _stated_condition(ontology: Ontology, cls: str) -> Description | None:
+    for restriction in ontology.restrictions(cls):
+        if is_word(restriction.property, "conditionEvaluated") and restriction.kind in KINDS:
+            return read_description(ontology, restriction.filler)
+    return None
+
+
+def read_description(ontology: Ontology, term: object) -> Description | None:
+    """Return a class with restrictions as a description; None if it names no class."""
+    if isinstance(term, str):
+        return Description(term)
+    if not isinstance(term, BNode):
+        return None
+    cls = next((member for member in ontology.members(term) if isinstance(member, str)), expand("Situation"))
+    parameters = []
+    for restriction in ontology.restrictions(term):
+        filler = read_filler(ontology, restriction.filler, restriction.property)
+        if restriction.kind in KINDS and filler is not None:
+            parameters.append(Parameter(shorten(restriction.property), filler, restriction.span))
+    return Description(cls, tuple(parameters))
+
 
 FILE_CHECKS: tuple[Check[[CheckedFile], Iterable[Diagnostic]], ...] = (
     steps.recursion,
@@ -52,22 +329,22 @@ ORDERED_STEPS: tuple[Check[[CheckedRecipe], Iterable[Diagnostic]], ...] = (
     orderings.repeated_constraints,
     orderings.redundant_constraints,
     orderings.contradictions,
-    plausibility.missing_orders,
-    plausibility.unordered_base_motions,
-    plausibility.shared_resources,
-    plausibility.free_steps,
+    orderings.missing_orders,
+    orderings.unordered_base_motions,
+    orderings.shared_resources,
+    orderings.free_steps,
 )
 """Checks of recipes whose steps stand in a partial order."""
 
 FINITE_STATE: tuple[Check[[CheckedRecipe], Iterable[Diagnostic]], ...] = (
-    states.undefined_states,
-    states.unlisted_sub_actions,
-    states.starts_and_ends,
-    states.orders_of_states,
-    states.ambiguous_transitions,
-    states.unreachable_states,
-    states.uncovered_endings,
-    states.unhandled_failures,
+    steps.undefined_states,
+    steps.unlisted_sub_actions,
+    steps.starts_and_ends,
+    steps.orders_of_states,
+    steps.ambiguous_transitions,
+    steps.unreachable_states,
+    steps.uncovered_endings,
+    steps.unhandled_failures,
 )
 """Checks of recipes whose steps are states."""
 

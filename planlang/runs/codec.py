@@ -2,7 +2,7 @@
 
 What ``dump`` writes can be read back as the same value of the same types, or is refused.
 JSON's own types stand for themselves. Tuples, numbers that are not finite, members of an Enum and the value types of
-:mod:`planlang.designators`, :mod:`planlang.geometry.pose` and :mod:`planlang.protocols` are objects with a key that
+:mod:`planlang.designators`, :mod:`planlang.geometry.matrices` and :mod:`planlang.protocols` are objects with a key that
 begins with ``$``. Nothing else survives. Reading makes no object of any other class and imports nothing: a member of an
 Enum is looked up among the classes that the program has defined already.
 """
@@ -167,7 +167,7 @@ def _floats(value: object, number: int) -> bool:
 
 
 _DESIGNATORS = (Object, Person, Device, Relation, Location, Posture, Action, Situation, Condition)
-_MODULES = ("planlang.designators", "planlang.geometry.pose", "planlang.protocols")
+_MODULES = ("planlang.designators", "planlang.geometry.matrices", "planlang.protocols")
 
 
 @cache
@@ -337,7 +337,7 @@ def _encode_object(value: object, depth: int) -> Any:
     module = type(value).__module__
     if module == "planlang.designators":
         return str(value)
-    if module in ("planlang.geometry.pose", "planlang.protocols") and is_dataclass(value):
+    if module in ("planlang.geometry.matrices", "planlang.protocols") and is_dataclass(value):
         return {field.name: encode(getattr(value, field.name), depth + 1) for field in fields(value)}
     if module == "numpy":
         if getattr(value, "size", LONGEST + 1) <= LONGEST:

@@ -19,11 +19,10 @@ from planlang.failures import PlanFailure
 from planlang.kernel.core import Scheduler, Task, here, park
 from planlang.kernel.errors import PlanStructureError
 from planlang.kernel.fluent import Fluent, find
-from planlang.kernel.observer import Body
 from planlang.kernel.primitives import pause
 from planlang.kernel.schedule import CountedRandom
 from planlang.kernel.signals import BaseFluent
-from planlang.kernel.tree import EVAPORATED, Node, Status
+from planlang.kernel.tree import EVAPORATED, Body, Node, Status
 from planlang.runs.codec import Exact, Lost, dump, dump_failure
 from planlang.runs.recorded_run import Done, Past, outcome_of, value_in
 from planlang.runs.trace import ResumedTrace, Trace
@@ -50,7 +49,7 @@ class _Open:
 class Journal:
     """Observes one run, and notes its inputs and its completed steps; in a resumed run it gives what is taken over.
 
-    Implements both interfaces of :mod:`planlang.kernel.observer`. Invariants: ``spine`` holds the open nodes whose
+    Implements both interfaces of :mod:`planlang.kernel.tree`. Invariants: ``spine`` holds the open nodes whose
     parts are steps, with whether a plan function in them is still looked into; ``opened`` the steps that have begun
     and not ended; ``given`` the nodes whose results are taken over.
     """

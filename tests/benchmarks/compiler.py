@@ -65,13 +65,12 @@ def peak() -> float:
 
 def stages(form: str, size: int) -> Iterator[tuple[str, float]]:
     """Names of the stages of one compilation and how long each took [s]."""
-    from planlang.compiler.compile import canonical
-    from planlang.compiler.emit import emit
+    from planlang.compiler.compile import canonical, emit
     from planlang.compiler.lowering import Lowering
     from planlang.ontology import load
     from planlang.recipe import Actions, Ordering, Recipe, RecipeSet, Source, Step
     from planlang.recipe.checks import CheckedFile, CheckedRecipe
-    from planlang.recipe.checks.plausibility import free_steps, missing_orders, shared_resources
+    from planlang.recipe.checks.orderings import free_steps, missing_orders, shared_resources
     from planlang.recipe.order import recipe_cycle
     from planlang.recipe.statements import Statements
 
@@ -130,7 +129,7 @@ def reduction(form: str, size: int, *, with_networkx: bool) -> tuple[float, floa
 def from_file(path: Path) -> dict[str, float]:
     """Seconds of reading a file and of compiling what it says, of the whole process, and its peak of memory [MB]."""
     from planlang.compiler import compile_ontology
-    from planlang.kernel.environment import quiet_collector
+    from planlang.kernel.runner import quiet_collector
     from planlang.ontology import load
 
     with quiet_collector():
@@ -237,7 +236,7 @@ def main() -> None:
     parser.add_argument("--alone", action="store_true", help="without networkx")
     parser.add_argument("--files", action="store_true")
     chosen = parser.parse_args()
-    from planlang.kernel.environment import quiet_collector
+    from planlang.kernel.runner import quiet_collector
 
     if chosen.stages:
         with quiet_collector():

@@ -20,7 +20,7 @@ from importlib import metadata
 
 from workloads import STEPS, on_asyncio, on_planlang, on_py_trees, on_trio
 
-from planlang.kernel.environment import YOUNG
+from planlang.kernel.runner import YOUNG
 
 Work = Callable[[int], float]
 NAMES = ("spawn", "order", "evaporate", "fluent", "step", "nest")

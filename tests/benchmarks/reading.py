@@ -19,8 +19,8 @@ import pyhornedowl
 import rdflib
 
 from planlang.files import bundled
+from planlang.ontology.convert import Target, write
 from planlang.ontology.documents import read_syntax
-from planlang.ontology.writing.convert import Target, write
 
 REPETITIONS = 5
 VOCABULARY = bundled("ontologies") / "knowrob.omn"

@@ -14,7 +14,7 @@ from executive.robots import bind_robot
 from planlang.compiler import compile_recipe
 from planlang.diagnostics import CODES, BadInput, Diagnostic, has_errors
 from planlang.ontology import documents, load, xml_text
-from planlang.ontology.writing.convert import Target, convert
+from planlang.ontology.convert import Target, convert
 
 HERE = Path(__file__).parent
 URDF = HERE / "robot.urdf"

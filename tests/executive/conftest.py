@@ -16,7 +16,7 @@ from executive.modules.platform import Platform
 from executive.motion import Gaze
 from executive.robots import Robot, bind_robot
 from executive.robots.arms import ArmModel, arm_models, gaze_of
-from executive.runs.assembly import RobotExecutive
+from executive.runs.assembly import RobotExecutive, bundled_registry
 from planlang import SimulationHost, Trace, run
 from planlang.designators import an_object
 from planlang.files import bundled
@@ -167,7 +167,7 @@ def furnisher(
             releasing=RELEASING,
             rng=np.random.default_rng(0),
         )
-        return Stage(real, platform, RobotExecutive(platform))
+        return Stage(real, platform, RobotExecutive(platform, bundled_registry().resolve([])))
 
     yield make
     for world in worlds:

@@ -224,11 +224,11 @@ def test_all_wrong_bindings_are_told_at_once_with_what_would_be_right() -> None:
 @pytest.mark.parametrize(
     ("start", "said"),
     [
-        ((-2.6, -0.8, 0.0), "stand in bottle1, cabinet1"),
-        ((1.95, 0.6, 0.0), "stand in bed1, patient1"),
+        ((-2.6, -0.8, 0.0), "collide with bottle1, cabinet1"),
+        ((1.95, 0.6, 0.0), "collide with bed1, patient1"),
         ((40.0, 0.0, 0.0), "off the map"),
         ((-3.0, 0.0, 0.0), "off the map"),
-        ((2.9, -2.0, 0.0), "stand in room1"),
+        ((2.9, -2.0, 0.0), "collide with room1"),
     ],
 )
 def test_a_start_where_the_robot_cannot_stand_is_refused_with_the_reason(

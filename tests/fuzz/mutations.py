@@ -8,8 +8,8 @@ from collections.abc import Callable
 from planlang.diagnostics import BadInput, Span
 from planlang.ontology import BNode, Literal, Term, Triple
 from planlang.ontology.documents import read_syntax
+from planlang.ontology.nested_writers import ntriples
 from planlang.ontology.terms import OWL, RDF, RDFS, XSD
-from planlang.ontology.writing.nested_writers import ntriples
 
 Random = random.Random
 Bytes = Callable[[Random, bytearray, bytes], None]

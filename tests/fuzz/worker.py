@@ -50,7 +50,7 @@ def recipe(path: Path, lines: int) -> None:
     from planlang.ontology import load
     from planlang.recipe.actions import Actions
     from planlang.recipe.fixes.fixing import fix_recipe
-    from planlang.recipe.tasks import stated_tasks
+    from planlang.recipe.reading import stated_tasks
 
     ontology = load(path)
     checked(ontology.diagnostics, path, lines)
@@ -80,7 +80,7 @@ def environment(path: Path, lines: int) -> None:
 
 
 def robot(path: Path, lines: int) -> None:
-    from executive.robots.self_model import read_self_model
+    from executive.robots.robot import read_self_model
     from planlang.ontology import load
 
     ontology = load(path)
@@ -90,9 +90,9 @@ def robot(path: Path, lines: int) -> None:
 
 def conversion(path: Path, lines: int) -> None:
     """Write what was read in one of the syntaxes; what those of RDF say is what was read."""
+    from planlang.ontology.canonical import differences
+    from planlang.ontology.convert import Target, convert
     from planlang.ontology.documents import read_syntax
-    from planlang.ontology.writing.canonical import differences
-    from planlang.ontology.writing.convert import Target, convert
 
     target = list(Target)[path.stat().st_size % len(Target)]
     converted = convert(path, target)

@@ -50,7 +50,6 @@ FIRST = {  # these before them, where one of these files is broken
     "language/plans.py": f"{LANGUAGE}/test_suspension_details.py",
     "kernel/scope.py": "tests/planlang/kernel/test_cancel.py",
     "kernel/schedule.py": "tests/planlang/kernel/test_schedule.py",
-    "kernel/environment.py": f"{LANGUAGE}/test_failures.py",
     "kernel/signals.py": "tests/planlang/kernel/test_fluents.py",
     "kernel/fluent.py": "tests/planlang/kernel/test_fluents.py",
     "kernel/runner.py": "tests/planlang/kernel/test_bad_plans.py",
@@ -91,9 +90,9 @@ MUTANTS = [
     ("errors in branches are swallowed", "kernel/scope.py", "if task.crash is None:", "if True:"),
     ("failures of cleanups are forgotten", "kernel/scope.py", "self.cleanup += task.cleanup_failures or ()", "pass"),
     ("a construct does not wait for its branches", "kernel/scope.py", "        if not self.live:\n            self.over", "        if self.over or not self.live:\n            self.over"),
-    ("deadlines fire in any depth at once", "kernel/timers.py", "if entry[2].task.depth == deepest:", "if True:"),
-    ("deadlines are alarms", "kernel/timers.py", "queue.deadlines if self.deadline else queue.alarms", "queue.alarms"),
-    ("a dropped timer fires", "kernel/timers.py", "        if self.due is not None:\n            self.due = None\n            self.queue.forget()\n\n    @property", "    @property"),
+    ("deadlines fire in any depth at once", "kernel/hosts.py", "if entry[2].task.depth == deepest:", "if True:"),
+    ("deadlines are alarms", "kernel/hosts.py", "queue.deadlines if self.deadline else queue.alarms", "queue.alarms"),
+    ("a dropped timer fires", "kernel/hosts.py", "        if self.due is not None:\n            self.due = None\n            self.queue.forget()\n\n    @property", "    @property"),
     ("later nodes of one name get no number", "kernel/core.py", "self.ordinal = counts[name] = counts[name] + 1", "pass"),
     ("all tasks draw from one stream", "kernel/primitives.py", 'CountedRandom(f"{scheduler.seed} {task.path}")', "CountedRandom(str(scheduler.seed))"),
     ("a step starts when one predecessor is done", "language/ordering.py", "if not left:\n                    heapq", "if True:\n                    heapq"),
@@ -101,7 +100,7 @@ MUTANTS = [
     ("success beats failure in pursue", "language/branches.py", "        if failed:\n            self.fail(failed)", "        if failed and len(failed) == len(dead):\n            self.fail(failed)"),
     ("try_in_order goes on after a success", "language/branches.py", "            return await in_node(attempt,", "            await in_node(attempt,"),
     ("a timeout strikes before the step is at rest", "language/budgets.py", "self.scheduler.deadline(self.owner, self.steps, self.expire)", "self.scheduler.alarm(self.owner, self.steps, self.expire)"),
-    ("resources stay taken", "language/resources.py", "            lock.holder = None", "            pass"),
+    ("resources stay taken", "language/performing.py", "            lock.holder = None", "            pass"),
     ("an equal value is a change", "kernel/fluent.py", "if not same(self._value, value):", "if True:"),
     ("a world fluent is read when it is asked for", "kernel/fluent.py", "self._at[1] != scheduler.now:", "True:"),
     ("pulses that came together are seen as one", "kernel/signals.py", 'self._seen + 1 if self._missed == "always" else self._count()', "self._count()"),
@@ -148,7 +147,7 @@ MUTANTS = [
     ("failures of cleanups deep below are lost", "kernel/scope.py", "elif self.cleanup:", "elif False:"),
     ("what a thread sets is set in the thread", "kernel/fluent.py", "if self._handed_over(self.set, value):", "if False:"),
     ("draws of a stream are counted as one", "kernel/schedule.py", "self.moved += 2", "self.moved += 1"),
-    ("a call without await is no error", "kernel/environment.py", "        raise first", "        pass"),
+    ("a call without await is no error", "kernel/runner.py", "        raise first", "        pass"),
 ]  # fmt: skip
 
 

@@ -10,10 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planlang.cache import Cache
 from planlang.compiler import compile_recipe
 from planlang.diagnostics import BadInput
-from planlang.files import bundled, from_printable, printable, read_file
+from planlang.files import Cache, bundled, from_printable, printable, read_file
 from planlang.ontology.manchester import read_manchester
 from planlang.ontology.triples import Triples
 from planlang.outputs import header

@@ -17,7 +17,7 @@ BREACHES = {
     "geometry knows no robot, no world and no plan": ("planlang/geometry", "import planlang.designators"),
     "no file of geometry imports one that imports it": (
         "planlang/geometry/matrices.py",
-        "from planlang.geometry.pose import Pose",
+        "from planlang.geometry.shapes import corners",
     ),
     "sim knows designators, protocols and diagnostics only": ("sim", "import planlang.kernel"),
     "no file of sim imports one that imports it": ("sim/robot.py", "import sim.contact"),
@@ -114,3 +114,16 @@ def test_a_fact_has_a_test_or_a_reason() -> None:
 def test_every_numbered_test_is_in_the_table() -> None:
     listed = set(rows().values())
     assert sorted(test for test in defined() if NUMBERED.search(test) and test not in listed) == []
+
+
+def test_every_file_of_tests_that_a_file_names_exists() -> None:
+    files = [CHECKOUT / name for name in ("README.md", "CONTRIBUTING.md", "Makefile", "pyproject.toml")]
+    for folder in (*PACKAGES, "docs", "tests"):
+        files += [*(CHECKOUT / folder).rglob("*.py"), *(CHECKOUT / folder).rglob("*.md")]
+    named = {
+        (str(file.relative_to(CHECKOUT)), name)
+        for file in files
+        for name in re.findall(r"\btests/[\w/]+\.py\b", file.read_text(encoding="utf-8"))
+    }
+    assert len(named) > 20
+    assert sorted((file, name) for file, name in named if not (CHECKOUT / name).is_file()) == []

@@ -6,16 +6,16 @@ output stands for any number of lines. Numbers are compared only when the pages 
 
 from __future__ import annotations
 
-import os
 import re
 import runpy
 import shlex
-import subprocess
-import sys
+from contextlib import chdir
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
+from executive.cli.app import app
 from planlang.diagnostics import CODES
 
 CHECKOUT = Path(__file__).resolve().parents[2]
@@ -35,17 +35,9 @@ ROW = re.compile(r"^\| `([A-Z]\d{3})` \| (.+?) \|$", flags=re.MULTILINE)
 
 def output(command: str, folder: Path) -> str:
     """What ``planlang`` with these arguments prints in a folder, stdout and stderr in the order of writing."""
-    environment = {**os.environ, "PYTHONPATH": str(CHECKOUT), "PYTHONUNBUFFERED": "1"}
-    ended = subprocess.run(
-        [sys.executable, "-m", "executive", *shlex.split(command)],
-        cwd=folder,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        check=False,
-        env=environment,
-    )
-    lines = ended.stdout.splitlines(keepends=True)
+    with chdir(folder):
+        ended = CliRunner().invoke(app, shlex.split(command), prog_name="planlang")
+    lines = ended.output.splitlines(keepends=True)
     return "".join(line for line in lines if not line.startswith(FIRST_RUN_ONLY))
 
 
@@ -87,13 +79,14 @@ def fitted(shown: str, real: str) -> str:
 
 def prepare(command: str, folder: Path, corpus: Path) -> bool:
     """Put what a command reads into its folder: a trace, real OWL files; False when these are not at hand."""
-    if command.startswith("replay"):
+    if command.startswith("replay") and not (folder / "run.jsonl").exists():
         output("run serve_a_drink --trace run.jsonl", folder)
     for name in re.findall(r"\S+@\S+", command):
         found = next(corpus.rglob(name), None)
         if found is None:
             return False
-        (folder / name).symlink_to(found)
+        if not (folder / name).exists():
+            (folder / name).symlink_to(found)
     return True
 
 
@@ -111,13 +104,19 @@ def shown_outputs() -> dict[str, list[str]]:
     return commands
 
 
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where all commands run: what one writes another reads."""
+    return tmp_path_factory.mktemp("commands")
+
+
 @pytest.mark.parametrize("command", shown_outputs())
 def test_an_output_in_the_documentation_is_what_its_command_prints(
-    command: str, tmp_path: Path, request: pytest.FixtureRequest
+    command: str, folder: Path, request: pytest.FixtureRequest
 ) -> None:
-    corpus = request.getfixturevalue("corpus") if "@" in command else tmp_path
-    assert prepare(command, tmp_path, corpus), "the corpus lacks a file that the documentation uses"
-    real = output(command, tmp_path)
+    corpus = request.getfixturevalue("corpus") if "@" in command else folder
+    assert prepare(command, folder, corpus), "the corpus lacks a file that the documentation uses"
+    real = output(command, folder)
     for shown in shown_outputs()[command]:
         assert agrees(shape(shown), shape(real)), f"planlang {command} prints:\n{real}"
 

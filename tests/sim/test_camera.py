@@ -13,7 +13,7 @@ from PIL import Image
 from planlang.geometry import Pose
 from planlang.protocols import Configuration
 from sim import Body, CameraModel, PyBulletWorld
-from sim.picture import save_png
+from sim.camera import save_png
 from tests.sim.conftest import AMIGO, MakeWorld, grasp
 
 LINK = "openni_rgb_optical_frame"

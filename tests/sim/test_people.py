@@ -20,7 +20,7 @@ def offering(world: PyBulletWorld) -> PyBulletWorld:
     """The robot holds the bottle in front of the patient, beside the bed."""
     grasp(world)
     world.set_configuration(Configuration((1.55, -0.34, 1.5708), {}))
-    assert world.person("patient").comfortable(world.pose("bottle").position)
+    assert world.person("patient").contains(world.pose("bottle").position)
     assert world.contacts() == ()
     return world
 

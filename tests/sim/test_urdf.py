@@ -380,6 +380,15 @@ def test_a_box_is_found_again_from_its_inertia(
     assert np.linalg.det(axes) == pytest.approx(1.0)
 
 
+def test_axes_of_the_box_of_an_inertia_are_those_next_to_the_axes_of_the_link() -> None:
+    squares, turned = np.square((0.4, 0.2, 0.3)), rotation_of(0.2, -0.1, 0.3)
+    inertia = turned @ np.diag(10.0 * (squares.sum() - squares)) @ turned.T
+    found = inertia_box(120.0, (inertia + inertia.T) / 2)
+    assert found is not None
+    assert np.allclose(found[0], (0.4, 0.2, 0.3))
+    assert np.allclose(found[1], turned), "not sorted by moment, nor mirrored, as an eigenvalue solver may have them"
+
+
 @given(angles=st.tuples(*[st.floats(-3.1, 3.1)] * 3))
 def test_angles_give_the_rotation_that_they_are_taken_from(angles: tuple[float, float, float]) -> None:
     rotation = rotation_of(*angles)

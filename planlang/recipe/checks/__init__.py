@@ -1,10 +1,9 @@
 """Checks of recipes: each is one function, declared with the codes that it may report and those that suppress it.
 
-General layout: one file for each subject. ``misspellings`` judges names, ``steps`` sub-actions, ``orderings`` what is
-ordered and ``plausibility`` what is not, ``states`` finite-state recipes, ``parameters`` and ``places`` what fills
-properties, ``requirements`` capabilities, ``losses`` statements that reach no recipe; ``repairs`` mends what is safe to
-mend. A check of a whole file takes a :class:`CheckedFile`, one of a single recipe a :class:`CheckedRecipe`;
-:mod:`planlang.recipe.reading` lists and runs them.
+General layout: one file for each subject. ``misspellings`` judges names, ``steps`` also states, ``orderings``
+what is ordered and what is not, ``parameters`` what fills properties, and mends what is safe to mend, ``losses``
+statements that reach no recipe. A check of a whole file takes a :class:`CheckedFile`, one of a single recipe a
+:class:`CheckedRecipe`; :mod:`planlang.recipe.reading` lists and runs them.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ from planlang.designators import local_name
 from planlang.ontology import Ontology
 from planlang.recipe.actions import Actions
 from planlang.recipe.model import Recipe, RecipeSet, Step
-from planlang.recipe.scopes import added_by_scopes
+from planlang.recipe.order import added_by_scopes
 from planlang.recipe.statements import Statements
 
 MOST_NAMES = 5

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, error, warning
@@ -43,8 +44,10 @@ def lost_statements(checked: CheckedFile) -> Iterator[Diagnostic]:
                     yield from _text(local_name(cls), one.property, one.filler, one.span)
     yield from _texts_of_individuals(ontology)
     yield from _inside_expressions(actions, every)
+    properties = {one.property for one in every}
     for holder, words in _DESCRIBED_BY.items():
-        yield from _held_by_nothing(ontology, holder, words, every)
+        holding = frozenset(name for name in properties if is_word(name, holder))
+        yield from _held_by_nothing(ontology, holder, words, [one for one in every if one.property in holding])
     yield from _crossed(ontology)
 
 
@@ -58,10 +61,10 @@ def _own_classes(ontology: Ontology) -> Iterator[str]:
             yield name
 
 
-def _here(ontology: Ontology, rows: Iterable[int]) -> list[int]:
-    """Return the rows of the main document among the given rows."""
+def _here(ontology: Ontology, rows: Sequence[int]) -> list[int]:
+    """Return the rows of the main document, which are the first ones, among the given rows."""
     main = ontology.store.ranges[0]
-    return [row for row in rows if row in main]
+    return list(rows[: bisect_left(rows, main.stop)])
 
 
 def _using(ontology: Ontology, *words: str) -> Sequence[int]:
@@ -113,12 +116,19 @@ def _inside_expressions(actions: Actions, read: list[Restriction]) -> Iterator[D
     restricting = _here(ontology, store.by(OWL.onProperty))
     names = {number: store.name(number) or "" for number in {objects[row] for row in restricting}}
     wanted = {number: local_name(name) for number, name in names.items() if is_word(name, *_STEPS, *_DESCRIBED_BY)}
-    asked = [one.filler if one.cardinality is None else Literal(str(one.cardinality)) for one in read]
-    places = {(one.span.line, one.span.column, _word_of(what)) for one, what in zip(read, asked, strict=True)}
+    places = {
+        (line, column, filler if isinstance(filler, str) and number is None else _asked(filler, number))
+        for _, _, filler, number, (_, line, column), _ in read
+    }
     certain = {
         subjects[row]
         for row in store.by(*RESTRICTING)
-        if (lines[row], columns[row], _word_of(store.term(objects[row]))) in places
+        if (
+            lines[row],
+            columns[row],
+            what if isinstance(what := store.terms[objects[row]], str) else _word_of(store.term(objects[row])),
+        )
+        in places
     }
     fillers = {store.numbers.get(word) for word in _FILLERS}
     for row in restricting:
@@ -130,6 +140,11 @@ def _inside_expressions(actions: Actions, read: list[Restriction]) -> Iterator[D
                 message = f"{word} is in an expression that leaves open what is done"
                 advice = "write each alternative as a recipe: a subclass of the sub-action"
                 yield error("R059", message, store.span(filled[0]), advice)
+
+
+def _asked(filler: Term, cardinality: int | None) -> str:
+    """Return the word of a restriction that asks for a filler, or for a number of things."""
+    return _word_of(filler) if cardinality is None else str(cardinality)
 
 
 def _word_of(term: Term) -> str:
@@ -155,7 +170,9 @@ def _is_about_others(actions: Actions, node: int) -> bool:
 def _texts_of_individuals(ontology: Ontology) -> Iterator[Diagnostic]:
     """Report texts as values of properties that name something."""
     store = ontology.store
-    for row in _here(ontology, _using(ontology, *NAMING)):
+    rows = _here(ontology, _using(ontology, *NAMING))
+    texts = {number for number in set(map(store.objects.__getitem__, rows)) if isinstance(store.terms[number], Literal)}
+    for row in rows if texts else ():
         value = store.terms[store.objects[row]]
         if isinstance(value, Literal) and (owner := store.name(store.subjects[row])) is not None:
             yield from _text(local_name(owner), store.triple(row).predicate, value, store.span(row))
@@ -171,13 +188,12 @@ def _text(owner: str, name: str, value: Literal, span: Span) -> Iterator[Diagnos
 def _held_by_nothing(
     ontology: Ontology, holder: str, words: tuple[str, str], stated: list[Restriction]
 ) -> Iterator[Diagnostic]:
-    """Report constraints, mappings and transitions that no task has, in files that have others.
+    """Report constraints, mappings and transitions that no task has by the restrictions, in files that have others.
 
     Where a task has one that is not described, that may be one of them under a wrong name, which R011 reports.
     """
     store = ontology.store
-    holding = {name for name in {one.property for one in stated} if is_word(name, holder)}
-    held = {store.find(one.filler) for one in stated if one.property in holding}
+    held = {store.find(one.filler) for one in stated}
     held |= set(map(store.objects.__getitem__, _using(ontology, holder)))
     first, second = (set(map(store.subjects.__getitem__, _using(ontology, word))) for word in words)
     if not held or any(number is not None and store.name(number) for number in held - first - second):

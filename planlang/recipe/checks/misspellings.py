@@ -20,7 +20,7 @@ from planlang.ontology import Ontology, shorten
 from planlang.ontology.terms import KNOWROB, OWL, RDF, RDFS, VOCABULARIES, XSD, is_vocabulary
 from planlang.recipe.checks import check
 from planlang.recipe.fillers import action_properties
-from planlang.recipe.readers.data_flow import OUTPUTS
+from planlang.recipe.readers import OUTPUTS
 from planlang.recipe.readers.workflow import RELATIONS as INTERVALS
 from planlang.recipe.readers.workflow import is_interval_relation
 from planlang.recipe.statements import MEANINGS, REGISTERED_WORDS, WORDS, ending_of, is_word, words_of

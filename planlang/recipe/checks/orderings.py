@@ -1,17 +1,26 @@
-"""Checks of ordering constraints: complete, about sub-actions, acyclic, and stated once."""
+"""Checks of orders: constraints that are complete, about sub-actions, acyclic and stated once; and orders left open.
+
+Orders that a recipe leaves open, and probably should not, are suggested, never added, such as picking up before
+delivering: an order comes from the recipe or not at all.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
+from functools import cache
+from itertools import combinations, pairwise
+
+import networkx as nx
 
 from planlang.designators import local_name, told_apart
-from planlang.diagnostics import Diagnostic, Span, error, note
-from planlang.ontology import Ontology
+from planlang.diagnostics import Diagnostic, Order, Span, error, note, warning
+from planlang.ontology import Ontology, expand
+from planlang.recipe.actions import Actions
 from planlang.recipe.checks import CheckedRecipe, check
 from planlang.recipe.checks.misspellings import guess
-from planlang.recipe.model import Ordering, Overlap, Reason, Recipe
+from planlang.recipe.model import Filler, Ordering, Overlap, Place, Reason, Recipe, RecipeSet, Step, Thing
 from planlang.recipe.order import Intervals, Precedence, recipe_cycle, recipe_order
 from planlang.recipe.statements import LooseEnd, Statements
 
@@ -180,3 +189,260 @@ def ordering_to_write(recipe: Recipe, before: str, after: str) -> str:
         f"add `orderingConstraints value {name}` to `{recipe.name}`"
         f" with `Individual: {name} Types: PartialOrdering-Strict Facts: {facts}`"
     )
+
+
+RECURSIVE = ("R022", "R023")
+"""Codes of mistakes by which recipes cannot be followed into those below them."""
+
+ORDERS_UNKNOWN = ("R010", "R011", "R020")
+"""Codes of mistakes by which it is not known what the file orders: an order may only seem to be missing."""
+
+MOST_STEPS = 200
+"""Steps with resources of one recipe that are compared pair by pair: 20,000 pairs take about 20 ms."""
+
+ROLES: dict[str, tuple[str, ...]] = {
+    "acquires": ("GraspingSomething", "PickingUpAnObject", "TakingSomething"),
+    "delivers": ("PuttingDownAnObject", "PuttingSomethingSomewhere", "HandingOverAnObject"),
+    "lets go": ("ReleasingGraspOfSomething", "OpeningAGripper"),
+    "releases": ("ReleasingGraspOfSomething",),
+    "carries": ("CarryingWhileLocomoting", "LoweringAnObject", "LiftingAnObject"),
+    "reaches": ("Reaching",),
+    "moves a handle": ("OpeningADoor", "ClosingADoor", "OpeningADrawer", "ClosingADrawer"),
+    "picks up": ("PickingUpAnObject",),
+    "opens a container": ("OpeningAContainerArtifact",),
+    "closes a container": ("ClosingAContainerArtifact",),
+    "opens a gripper": ("OpeningAGripper",),
+    "closes a gripper": ("ClosingAGripper",),
+}
+"""Role of a step -> the classes of actions that have it."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Facts:
+    """The roles of a step, and the things and places (IRIs) that it is about."""
+
+    roles: frozenset[str]
+    about: frozenset[str]
+
+
+@check("R042", unless=(*RECURSIVE, "R012"))
+def missing_orders(checked: CheckedRecipe) -> Iterator[Diagnostic]:
+    """Report each ordering that is missing and probably meant."""
+    recipe = checked.recipe
+    for before, after, why in plausible_orders(checked.actions, recipe, checked.added):
+        message = f"`{local_name(before)}` should probably come before `{local_name(after)}`: {why}"
+        advice = ordering_to_write(recipe, before, after)
+        yield warning("R042", message, recipe.step(after).span, advice, Order(recipe.iri, before, after))
+
+
+def plausible_orders(
+    actions: Actions, recipe: Recipe, added: Sequence[tuple[str, str]] = ()
+) -> Iterator[tuple[str, str, str]]:
+    """Yield the orderings that are missing and probably meant: steps (IRIs) before and after, and why.
+
+    The orders of the recipe must have no cycle; ``added`` are those that location scopes add. Suggestions never
+    contradict the recipe or each other, and none follows from the others.
+    """
+    facts = {step.iri: _facts(actions, step) for step in recipe.steps}
+    all_roles = [role for fact in facts.values() for role in fact.roles]
+    grasps = actions.is_a(recipe, *ROLES["acquires"])
+    active = [step.iri for step in recipe.steps if facts[step.iri].roles]
+    if len(active) < 2:
+        return
+    order = recipe_order(recipe)
+    rank = {iri: number for number, iri in enumerate(active)}
+    users: dict[frozenset[str], int] = {}
+    """The bits of the steps that do the same."""
+    for iri in active:
+        users[facts[iri].roles] = users.get(facts[iri].roles, 0) | order.bit(iri)
+    wished = nx.DiGraph([*order.reduction(), *added])
+    wished.add_nodes_from(order.nodes)
+    suggested: dict[tuple[str, str], str] = {}
+    for first in active:
+        reasonable = sum(bits for roles, bits in users.items() if _may(facts[first].roles, roles, all_roles, grasps))
+        unordered = reasonable & ~(order.later(first) | order.earlier(first) | order.bit(first))
+        for second in sorted(order.members(unordered), key=rank.__getitem__):
+            why = _why(facts[first], facts[second], all_roles, grasps=grasps)
+            if why is not None and not nx.has_path(wished, second, first):
+                wished.add_edge(first, second)
+                suggested[first, second] = why
+    if suggested:
+        wider: Precedence[str] = Precedence(order.nodes, wished.edges)
+        yield from (
+            (before, after, suggested[before, after])
+            for before, after in wider.reduction()
+            if (before, after) in suggested
+        )
+
+
+def _may(first: frozenset[str], second: frozenset[str], all_roles: list[str], grasps: bool) -> bool:
+    """Return True if steps with these roles should be in order, at least when they concern the same object."""
+    nothing, same = frozenset[str](), frozenset({""})
+    return any(
+        _why(_Facts(first, about), _Facts(second, about), all_roles, grasps=grasps) is not None
+        for about in (nothing, same)
+    )
+
+
+def _why(first: _Facts, second: _Facts, all_roles: list[str], *, grasps: bool) -> str | None:
+    """Return the reason why the first step should come before the second; None if there is no reason.
+
+    ``all_roles`` are the roles of all steps, ``grasps`` is true if the recipe as a whole grasps something.
+    """
+    is_related = not first.about.isdisjoint(second.about)
+    a, b = first.roles, second.roles
+    if "acquires" in a:
+        if b & {"delivers", "carries"}:
+            return "an object is picked up before it is carried or handed on"
+        if "lets go" in b:
+            return "an object is grasped before it is let go"
+        if "moves the base" in b and not is_related:
+            return "an object is picked up before it is carried away"
+    if "opens a container" in a and b & {"picks up", "closes a container"}:
+        return "a container is opened before something is taken out of it"
+    if "picks up" in a and "closes a container" in b:
+        return "something is taken out of a container before it is closed"
+    if "carries" in a and b & {"lets go", "delivers"}:
+        return "an object is moved before it is let go"
+    if "moves the base" in a and "moves the base" not in b and is_related:
+        return "the base goes there before the hand reaches there"
+    if "reaches" in a:
+        if b & {"acquires", "moves a handle"} and not {"delivers", "lets go"} & set(all_roles):
+            return "the hand reaches for a thing before it takes hold of it"
+        if "lets go" in b and "acquires" in all_roles:
+            return "the hand reaches where the object goes before it lets go"
+    if "moves a handle" in a and "releases" in b:
+        return "a handle is moved before it is let go"
+    if all_roles.count("opens a gripper") == all_roles.count("closes a gripper") == 1:
+        if grasps and "opens a gripper" in a and "closes a gripper" in b:
+            return "a gripper is opened before it is closed on something"
+        if not grasps and "closes a gripper" in a and "opens a gripper" in b:
+            return "a gripper is closed on something before it lets go"
+    return None
+
+
+@cache
+def _roles_by_class() -> dict[str, tuple[str, ...]]:
+    """Return the roles that steps of a class (IRI) have."""
+    classes = {name for names in ROLES.values() for name in names}
+    return {expand(cls): tuple(role for role, names in ROLES.items() if cls in names) for cls in classes}
+
+
+def _facts(actions: Actions, step: Step) -> _Facts:
+    known = _roles_by_class()
+    roles = {role for ancestor in actions.ontology.ancestors(step.action_class) for role in known.get(ancestor, ())}
+    if actions.is_base_motion(step):
+        roles.add("moves the base")
+    about: set[str] = set()
+    for parameter in step.parameters:
+        if parameter.property in ("objectActedOn", "toLocation"):
+            about.update(_named(parameter.filler))
+    return _Facts(frozenset(roles), frozenset(about))
+
+
+def _named(filler: Filler) -> Iterator[str]:
+    if isinstance(filler, Thing):
+        yield filler.iri or filler.stated
+    elif isinstance(filler, Place):
+        yield filler.iri
+        for _, reference in filler.relations:
+            yield from _named(reference)
+
+
+@check("R040", unless=(*RECURSIVE, "R012"))
+def unordered_base_motions(checked: CheckedRecipe) -> Iterator[Diagnostic]:
+    """Report each two consecutive base motions that nothing orders."""
+    if not checked.file.scopes:
+        return
+    recipe = checked.recipe
+    order = recipe_order(recipe)
+    movers = checked.actions.movers(recipe, checked.file.recipes)
+    moving = [step for step in order.extension if step in movers.opening | movers.ending]
+    for first, second in pairwise(moving):
+        if not order.before(first, second):
+            one, other = told_apart(first, second)
+            message = f"`{one}` and `{other}` both move the base, but are not ordered"
+            advice = ordering_to_write(recipe, first, second)
+            yield error("R040", message, recipe.step(second).span, advice, Order(recipe.iri, first, second))
+
+
+@check("R045", unless=(*RECURSIVE, "R012", *ORDERS_UNKNOWN))
+def shared_resources(checked: CheckedRecipe) -> Iterator[Diagnostic]:
+    """Report steps that need the same resource of the robot and are unordered, unless R042 orders them."""
+    actions, recipe, recipes = checked.actions, checked.recipe, checked.file.recipes
+    narrow: dict[str, frozenset[str]] = {}
+    wide: dict[str, frozenset[str]] = {}
+    own = {step.iri: _resources(actions, step, recipes, narrow, with_implied=False) for step in recipe.steps}
+    whole = {step.iri: _resources(actions, step, recipes, wide, with_implied=True) for step in recipe.steps}
+    using = [step for step in recipe.steps if whole[step.iri]][:MOST_STEPS]
+    if len(using) < 2:
+        return
+    order = recipe_order(recipe)
+    if checked.added:
+        order = order.extended(checked.added)
+    suggested = {frozenset((before, after)) for before, after, _ in plausible_orders(actions, recipe, checked.added)}
+
+    def shared(first: Step, second: Step) -> frozenset[str]:
+        """Return what both steps need; a recipe also holds what its steps need, process modules take turns by step."""
+        needs = whole if first.recipes or second.recipes else own
+        return needs[first.iri] & needs[second.iri]
+
+    pairs = [
+        (first, second)
+        for first, second in combinations(using, 2)
+        if shared(first, second)
+        and not order.ordered(first.iri, second.iri)
+        and frozenset((first.iri, second.iri)) not in suggested
+    ]
+    if pairs:
+        first, second = pairs[0]
+        both = " and the ".join(sorted(shared(first, second)))
+        more = f" (and {len(pairs) - 1} more such pairs)" if len(pairs) > 1 else ""
+        one, other = told_apart(first.iri, second.iri)
+        message = f"`{one}` and `{other}` both need the {both}, but are not ordered: either may come first{more}"
+        advice = ordering_to_write(recipe, first.iri, second.iri)
+        yield warning("R045", message, second.span, advice, Order(recipe.iri, first.iri, second.iri))
+
+
+def _resources(
+    actions: Actions, step: Step, recipes: RecipeSet, known: dict[str, frozenset[str]], *, with_implied: bool
+) -> frozenset[str]:
+    """Return the roles that a step and the steps below it need; a role of the hand with its device if that is stated.
+
+    With ``with_implied`` those of what primitives do on the way, too. ``known`` are those of recipes (IRIs) that were
+    asked for before.
+    """
+    primitive = actions.primitive(step)
+    if primitive is not None:
+        devices = sorted(thing.name for thing in step.fillers("deviceUsed") if isinstance(thing, Thing))
+        on_the_way = (actions.primitives.get(action) for action in primitive.implies if with_implied)
+        roles = {role for one in (primitive, *on_the_way) if one is not None for role in one.resources}
+        return frozenset(
+            f"{role} of {devices[0]}" if devices and role in ("arm", "gripper") else role
+            for role in roles
+            if role != "base"  # the order of base motions is judged by R040
+        )
+    for callee in step.recipes:
+        if callee not in known:
+            below = [_resources(actions, one, recipes, known, with_implied=with_implied) for one in
+                     recipes.recipes[callee].steps]  # fmt: skip
+            known[callee] = frozenset().union(*below)
+    return frozenset(role for callee in step.recipes for role in known[callee])
+
+
+@check("R047", unless=(*RECURSIVE, "R012", *ORDERS_UNKNOWN, "R040", "R042", "R045"))
+def free_steps(checked: CheckedRecipe) -> Iterator[Diagnostic]:
+    """Report steps that nothing orders, if nothing else is wrong with the orders."""
+    recipe = checked.recipe
+    if len(recipe.steps) < 2:
+        return
+    related = {name for one in recipe.orderings for name in (one.before, one.after)}
+    related |= {name for one in recipe.overlaps for name in (one.first, one.second)}
+    free = [step for step in recipe.steps if step.iri not in related]
+    if len(free) == len(recipe.steps):
+        message = f"the {len(free)} steps of `{recipe.name}` are not ordered: any order is possible"
+        yield note("R047", message, recipe.span, "add ordering constraints if this is not intended")
+    elif free:
+        names = ", ".join(f"`{step.name}`" for step in free)
+        message = f"{names} of `{recipe.name}` {'are' if len(free) > 1 else 'is'} not ordered, unlike other steps"
+        yield note("R047", message, free[0].span, "add ordering constraints if this is not intended")

@@ -10,16 +10,15 @@ from itertools import chain
 from pathlib import Path
 
 from planlang.diagnostics import BadInput, Diagnostic, Severity, Span, error
+from planlang.files import decode
 from planlang.ontology import load
 from planlang.ontology.documents import Syntax, read_bytes, syntax_of
-from planlang.ontology.xml_text import decode
 from planlang.recipe.actions import Actions
 from planlang.recipe.fixes import CannotEdit, Edit, Editable, Fix
 from planlang.recipe.fixes.manchester_text import ManchesterText
 from planlang.recipe.fixes.proposals import proposed, renames
 from planlang.recipe.fixes.xml_text import XmlText
-from planlang.recipe.reading import read_recipe
-from planlang.recipe.tasks import read_recipes
+from planlang.recipe.reading import read_recipe, read_recipes
 
 MOST_FIXES = 100
 """Fixes made or tried in one file. Each takes a reading of the whole file, a tenth of a second for a real recipe."""

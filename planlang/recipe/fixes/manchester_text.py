@@ -7,7 +7,7 @@ from itertools import islice
 
 from planlang.designators import local_name
 from planlang.diagnostics import Span
-from planlang.ontology.xml_text import offset_of
+from planlang.files import offset_of
 from planlang.recipe.fixes import CannotEdit, Edit, Editable, Place
 
 _NAME = re.compile(r"<[^<>\s]*>|[^\s,(){}\[\]\"<>]+")

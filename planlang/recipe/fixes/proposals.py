@@ -14,14 +14,13 @@ from planlang.ontology import Ontology, Restriction
 from planlang.ontology.terms import OWL
 from planlang.recipe.actions import Actions
 from planlang.recipe.checks.orderings import constraints_of, follow_from_others
-from planlang.recipe.checks.parameters import unused_designators
-from planlang.recipe.checks.repairs import exchanged_pair
-from planlang.recipe.checks.states import unlisted_states
+from planlang.recipe.checks.parameters import exchanged_pair, unused_designators
+from planlang.recipe.checks.steps import unlisted_states
 from planlang.recipe.fixes import CannotEdit, Edit, Editable, Fix, Place
 from planlang.recipe.model import Recipe, RecipeSet, Step, Thing
 from planlang.recipe.readers.partial_order import is_sub_action
+from planlang.recipe.reading import statements_for
 from planlang.recipe.statements import Statements, is_word
-from planlang.recipe.tasks import statements_for
 
 _T = TypeVar("_T")
 

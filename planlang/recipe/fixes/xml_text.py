@@ -10,7 +10,7 @@ from xml.sax.saxutils import escape
 
 from planlang.designators import local_name
 from planlang.diagnostics import Span
-from planlang.ontology.repairs import meant_term
+from planlang.ontology.checks import meant_term
 from planlang.ontology.terms import OWL, RDF, RDFS
 from planlang.recipe.fixes import CannotEdit, Edit, Editable, Place
 

@@ -17,7 +17,7 @@ from executive.belief.semantic_map import EXTENTS, rigid, stated_size
 from planlang.diagnostics import BadInput, Diagnostic, Severity
 from planlang.files import bundled
 from planlang.geometry import Pose
-from planlang.geometry.outline import footprint
+from planlang.geometry.shapes import footprint
 from planlang.ontology import load
 from sim import Body, PlanningWorld, Scene
 from sim.people import figure_of, reach_from
@@ -271,7 +271,7 @@ def test_the_patient_sits_facing_the_foot_of_the_bed_and_reaches_the_free_side(r
     reach = reach_from(figure_of(patient), patient.pose)
     assert np.allclose(reach.facing, bed.pose.matrix()[:3, 0], atol=1e-6)
     free_side = bed.pose.position[1] - bed.size[1] / 2
-    assert reach.comfortable((reach.shoulders[1][0] - 0.35, free_side + 0.05, reach.shoulders[1][2]))
+    assert reach.contains((reach.shoulders[1][0] - 0.35, free_side + 0.05, reach.shoulders[1][2]))
 
 
 def test_a_round_vessel_is_a_cylinder_and_a_long_one_a_box(map_of: Read, thing: Write, seen: Write) -> None:

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from executive.belief.believed_bodies import Block, ComfortZone
+from executive.belief.believed_bodies import Block
 from executive.locations import HandSolution
 from executive.locations.grasp_candidates import CLASSES, grasping, held_above, offering, placing
 from executive.robots.arms import HandFrame, Held
@@ -19,7 +19,7 @@ from planlang.designators import a_device, a_location
 from planlang.failures import LocationUnresolvable
 from planlang.geometry import Array, Pose
 from planlang.protocols import Configuration
-from sim import Body
+from sim import Body, ComfortZone
 from tests.executive.conftest import BOTTLE, CABINET, THE_BOTTLE, MakeStage, Stage
 
 angle, length, size = st.floats(-math.pi, math.pi), st.floats(-3.0, 3.0), st.floats(0.02, 2.0)
@@ -118,12 +118,17 @@ def test_fingers_never_close_across_more_than_they_open(block: Block, headings: 
         assert plan.poses[0][:3, 3] == pytest.approx(block.centre - 0.08 * plan.poses[1][:3, 0])
 
 
+def zone_facing(heading: float) -> ComfortZone:
+    """Where a person with this heading takes things."""
+    return ComfortZone(((0.0, -0.2, 1.2), (0.0, 0.2, 1.2)), 0.6, (math.cos(heading), math.sin(heading), 0.0))
+
+
 @given(blocks, quaternions, angle)
 def test_what_is_held_stays_upright_in_every_way_that_is_tried(
     block: Block, turn: tuple[float, float, float, float], facing: float
 ) -> None:
     held = Held("cup", Pose((0.02, 0.0, 0.05), turn), (0.07, 0.07, 0.1))
-    zone = ComfortZone(((0.0, 0.2, 1.2), (0.0, -0.2, 1.2)), facing, 0.6, lambda point: True)
+    zone = zone_facing(facing)
     upright = held.pose.matrix()[:3, :3]
     for ways in (
         held_above("box", block, FRAME, held, held.lowest_of, (0.02, 0.15), inset=0.05, fine=False),
@@ -136,18 +141,12 @@ def test_what_is_held_stays_upright_in_every_way_that_is_tried(
 
 @given(angle)
 def test_what_is_offered_comes_to_where_the_person_takes_things(facing: float) -> None:
-    taken: list[bool] = []
-
-    def contains(point: Array) -> bool:
-        taken.append(float(np.hypot(*point[:2])) < 0.5)
-        return taken[-1]
-
     held = Held("cup", Pose((0.05, 0.0, 0.0)), (0.07, 0.07, 0.1))
-    zone = ComfortZone(((0.0, 0.2, 1.2), (0.0, -0.2, 1.2)), facing, 0.6, contains)
+    zone = zone_facing(facing)
     ways = offering("patient", zone, FRAME, held, fine=True)
     assert len(ways) > 10
     for middle in ways.points + held.offsets(ways.rotations):
-        assert contains(middle)
+        assert zone.contains(middle)
 
 
 @settings(max_examples=30, deadline=None)

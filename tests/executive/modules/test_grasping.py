@@ -290,7 +290,7 @@ def test_offering_to_a_patient_brings_the_bottle_into_their_comfort_zone(ward: S
     location = a_location(in_reach_of=a_person("Patient"))
     stand(ward, next(ward.resolver.bases(a_location(in_reach_of=location))).base)
     do(ward, reach(location))
-    assert ward.truth.person("patient").comfortable(ward.truth.pose("bottle").position)
+    assert ward.truth.person("patient").contains(ward.truth.pose("bottle").position)
     assert held_by(ward.truth, "bottle") == "robot"
 
 

@@ -18,7 +18,7 @@ from executive.motion.bodies import MOST, Solids, Spheres, faces_of, kept_sphere
 from executive.motion.collision import TOUCHING, QuickCheck, are_apart
 from executive.robots import bind_robot
 from planlang.geometry import Array, Pose
-from planlang.geometry.solid import ConvexSolid, SolidKind, convex_solid
+from planlang.geometry.shapes import ConvexSolid, SolidKind, convex_solid
 from planlang.protocols import Configuration
 from sim import Body, PlanningWorld, Scene
 

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from executive.motion import Gaze, GoalInCollision, MotionError, StartInCollision, time_curve
 from executive.motion.kinematics import Chain, InverseKinematics
-from executive.motion.tip_line import LARGEST_STRAY, cartesian_path, keeps_line
+from executive.motion.trajectories import LARGEST_STRAY, cartesian_path, keeps_line
 from executive.robots import bind_robot
 from executive.robots.arms import gaze_of
 from planlang.geometry import Array, Pose

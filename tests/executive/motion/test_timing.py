@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import executive.motion
-from executive.motion.timing import time_curve, time_path
+from executive.motion.trajectories import time_curve, time_path
 from planlang.geometry import Array
 
 V, A, J = np.array([0.07, 0.4, 1.0]), np.array([0.2, 2.0, 2.0]), np.array([2.0, 20.0, 40.0])

@@ -12,13 +12,13 @@ from typer.testing import CliRunner
 from executive.cli.app import app
 from executive.robots import FindingKind, Robot, Semantics, bind_robot, missing_capabilities, requirements
 from executive.robots.matching import ClosedWorld, Matcher, Possessions, compared
-from executive.robots.self_model import Part, claims_of, parts_of, read_self_model
+from executive.robots.robot import Part, claims_of, parts_of, read_self_model
 from executive.robots.tasks import Match, match, with_remedies
 from planlang.diagnostics import Span
 from planlang.files import bundled
 from planlang.ontology import BNode, Ontology, expand, load
+from planlang.ontology.expression_text import expression_of, text_of
 from planlang.ontology.expressions import Expression
-from planlang.ontology.writing.expression_text import expression_of, text_of
 from planlang.recipe import Actions, read_recipe
 
 RECIPES = {

@@ -12,23 +12,22 @@ from typing import Any
 
 import networkx as nx
 import pytest
+from examples import examples
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from planlang import Action, Condition, Location, PlanFailure, VirtualHost, run, sleep
 from planlang.compiler import compile_recipe
-from planlang.compiler.compile import canonical
-from planlang.compiler.emit import emit
+from planlang.compiler.compile import canonical, emit
+from planlang.compiler.expressions import snake_case
 from planlang.compiler.lowering import Lowering
-from planlang.compiler.names import snake_case
 from planlang.designators import local_name
 from planlang.ontology import Ontology, load
 from planlang.protocols import Solution
 from planlang.recipe import Actions, Ordering, Parameter, Place, Recipe, RecipeSet, Source, Step, Thing
 from planlang.recipe.actions import Movers
 from planlang.recipe.model import Kind
-from planlang.recipe.order import Precedence, order_graph
-from planlang.recipe.scopes import scoping
+from planlang.recipe.order import Precedence, order_graph, scoping
 from planlang.testing import all_linear_extensions
 
 BASE = "http://planlang.org/test#"
@@ -79,7 +78,7 @@ def drive(name: str) -> Step:
     return Step(BASE + name, navigation, (Parameter("toLocation", place),), (), KNOWROB + navigation)
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=examples(150), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(order=small_orders())
 def test_plan_orders_steps_exactly_as_the_recipe_does(
     read_plan: type[Any], looks_and_drives: LooksAndDrives, order: tuple[int, list[tuple[int, int]]]
@@ -105,7 +104,7 @@ def moving_orders(draw: st.DrawFn) -> tuple[nx.DiGraph, list[str], frozenset[str
     return graph, moving, frozenset(name for name in names if name.startswith("look") and draw(st.booleans()))
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=examples(150), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(case=moving_orders())
 def test_scopes_add_only_the_orders_that_they_tell(
     read_plan: type[Any], looks_and_drives: LooksAndDrives, case: tuple[nx.DiGraph, list[str], frozenset[str]]
@@ -128,7 +127,7 @@ def step_of(name: str) -> str:
     return name.removeprefix("at ").removesuffix("_place")
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=examples(100), deadline=None)
 @given(case=moving_orders())
 def test_a_step_is_in_the_scope_of_the_last_base_motion_before_it(
     case: tuple[nx.DiGraph, list[str], frozenset[str]],
@@ -263,7 +262,7 @@ def waiting_for(source: str, steps: Sequence[str], slow: str, schedule: int) -> 
     return set(steps) - set(begun)
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=examples(60), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(graph=orders(), seed=st.integers(0, 1000))
 def test_plan_allows_exactly_the_orders_of_the_recipe(
     read_plan: type[Any], vocabulary: tuple[Ontology, Actions], graph: nx.DiGraph, seed: int
@@ -290,7 +289,7 @@ def test_every_step_of_a_run_waits_for_exactly_what_the_recipe_says(
             assert waiting_for(source, list(graph.nodes), slow, schedule) == set(closure.successors(slow))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @given(graph=orders(), seed=st.integers(0, 2**32))
 def test_shuffled_statements_change_no_byte(vocabulary: tuple[Ontology, Actions], graph: nx.DiGraph, seed: int) -> None:
     rng = random.Random(seed)

@@ -13,11 +13,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planlang.compiler import CompiledPlan, compile_recipe
-from planlang.compiler.compile import canonical
-from planlang.compiler.emit import emit
+from planlang.compiler.compile import canonical, emit
+from planlang.compiler.expressions import Names, snake_case, without_digits
 from planlang.compiler.layout import Call, Display, Expression, Text, signature, statement
 from planlang.compiler.lowering import Lowering
-from planlang.compiler.names import Names, snake_case, without_digits
 from planlang.diagnostics import Severity
 from planlang.files import bundled
 from planlang.ontology import Ontology, load

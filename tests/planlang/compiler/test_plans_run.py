@@ -12,8 +12,7 @@ from plan_text import unbroken
 
 from planlang import Action, Condition, Location, VirtualHost, action, checkpoint, given, run
 from planlang.compiler import compile_recipe
-from planlang.compiler.compile import canonical
-from planlang.compiler.emit import emit
+from planlang.compiler.compile import canonical, emit
 from planlang.compiler.lowering import Lowering
 from planlang.designators import a_location, a_posture, an_object
 from planlang.failures import (

@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 
 from planlang import *
-from planlang.kernel import environment as dog
+from planlang.kernel import runner as dog
 from planlang.kernel import unwatched
 from planlang.kernel.errors import Overdue
 from planlang.kernel.hosts import WATCHDOG

@@ -13,7 +13,6 @@ of 1,500 examples 877 were different ones, of 222 trees, since Hypothesis repeat
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -22,6 +21,7 @@ from typing import Any
 
 import hypothesis
 import pytest
+from examples import examples
 from hypothesis import settings
 from hypothesis import strategies as st
 from random_trees import FLUENTS, SLOT, TAGS, Grower, outcome_of, tags_of
@@ -129,7 +129,7 @@ class DisturbedPlan:
 
 
 @hypothesis.given(st.binary(min_size=24, max_size=80), st.sampled_from(VALUES), DISTURBING)
-@settings(max_examples=max(10, int(os.environ.get("PLANLANG_EXAMPLES", "5000"))))
+@settings(max_examples=examples(5000))
 def test_a_disturbed_plan_goes_through_the_states_of_the_model(
     source: bytes, values: tuple[bool, ...], disturbing: bytes
 ) -> None:
@@ -143,7 +143,6 @@ def test_a_disturbed_plan_goes_through_the_states_of_the_model(
     plan.check()
 
 
-EXAMPLES = int(os.environ.get("PLANLANG_EXAMPLES", "5000"))
 trees = st.binary(min_size=24, max_size=80).map(lambda source: Grower(source).tree())
 schedules = st.one_of(st.none(), st.integers(0, 10**6))
 
@@ -153,7 +152,7 @@ def fluents_of(tree: Tree) -> list[bool]:
     return [True] * (1 + max([part.number for part in tree.walk() if part.kind == "fluent"], default=0))
 
 
-@settings(max_examples=max(10, EXAMPLES // 10), deadline=None)
+@settings(max_examples=examples(500), deadline=None)
 @hypothesis.given(trees, st.lists(st.integers(0, 10**6), min_size=1, max_size=4))
 def test_branches_that_share_nothing_have_the_same_outcome_under_every_schedule(
     tree: Tree, schedules: list[int]
@@ -164,7 +163,7 @@ def test_branches_that_share_nothing_have_the_same_outcome_under_every_schedule(
         assert outcome_of(tree, values, schedule=schedule) == first_come
 
 
-@settings(max_examples=max(10, EXAMPLES // 10), deadline=None)
+@settings(max_examples=examples(500), deadline=None)
 @hypothesis.given(trees)
 def test_the_outcome_of_a_tree_is_what_the_model_computes(tree: Tree) -> None:
     values = fluents_of(tree)
@@ -173,7 +172,7 @@ def test_the_outcome_of_a_tree_is_what_the_model_computes(tree: Tree) -> None:
     assert outcome_of(tree, values) == (world.now, world.root.outcome)
 
 
-@settings(max_examples=max(10, EXAMPLES // 10), deadline=None)
+@settings(max_examples=examples(500), deadline=None)
 @hypothesis.given(trees, schedules)
 def test_every_node_of_the_tree_starts_and_ends_once_within_its_parent(tree: Tree, schedule: int | None) -> None:
     trace = Trace()
@@ -196,7 +195,7 @@ def test_every_node_of_the_tree_starts_and_ends_once_within_its_parent(tree: Tre
     assert open_nodes == {}
 
 
-@settings(max_examples=max(10, EXAMPLES // 20), deadline=None)
+@settings(max_examples=examples(250), deadline=None)
 @hypothesis.given(trees)
 def test_written_order_is_the_order_of_beginning(tree: Tree) -> None:
     trace = Trace()

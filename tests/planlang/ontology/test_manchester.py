@@ -6,6 +6,7 @@ from xml.sax.saxutils import escape, quoteattr
 
 import pyhornedowl
 import pytest
+from examples import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -294,7 +295,7 @@ def meant(text: str) -> object:
 
 
 @given(st.lists(st.tuples(st.booleans(), NAMES, ITEMS, FACTS)))
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=examples(150), deadline=None)
 def test_what_is_read_as_one_word_means_what_the_grammar_says(
     frames: list[tuple[bool, str, list[str], list[str]]],
 ) -> None:

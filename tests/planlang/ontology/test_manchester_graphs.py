@@ -3,25 +3,24 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import pyhornedowl
 import pytest
-import rdflib
+from examples import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rdflib.compare import isomorphic
+from rdf_graphs import graph_of, same
 
 from planlang.diagnostics import BadInput, Diagnostic
 from planlang.files import bundled
 from planlang.ontology import BNode, Literal, Term, Triple
+from planlang.ontology.canonical import differences, statements
+from planlang.ontology.convert import Target, write
 from planlang.ontology.manchester import read_manchester
 from planlang.ontology.rdfxml import read_rdfxml
 from planlang.ontology.terms import OWL, RDF, RDFS, XSD
 from planlang.ontology.turtle import read_turtle
-from planlang.ontology.writing.canonical import differences, statements
-from planlang.ontology.writing.convert import Target, write
 
 HEAD = """Prefix: : <http://example.org/t#>
 Prefix: xsd: <http://www.w3.org/2001/XMLSchema#>
@@ -210,7 +209,7 @@ ontologies = st.tuples(joined("\n", frames, 1, 5), st.one_of(st.just(""), namele
 
 
 @given(ontologies)
-@settings(max_examples=100)
+@settings(max_examples=examples(100))
 def test_a_generated_ontology_has_the_triples_that_horned_owl_makes_of_it(generated: str) -> None:
     text = HEAD + ENTITIES + generated
     ours, theirs = statements(typed(triples_of(text))), statements(typed(by_horned_owl(text)))
@@ -218,7 +217,7 @@ def test_a_generated_ontology_has_the_triples_that_horned_owl_makes_of_it(genera
 
 
 @given(ontologies)
-@settings(max_examples=100)
+@settings(max_examples=examples(100))
 def test_a_generated_ontology_that_is_written_has_the_axioms_that_it_had(generated: str) -> None:
     text = HEAD + ENTITIES + generated
     triples = triples_of(text)
@@ -304,11 +303,11 @@ OF_THE_MAPPING = {  # which horned-owl reads, or writes as several axioms of two
 
 
 @pytest.mark.parametrize("text", [*REFUSED, *READ_OTHERWISE, *OF_THE_MAPPING])
-def test_the_triples_are_those_of_the_mapping(text: str, as_rdflib: Callable[[Iterable[Triple]], rdflib.Graph]) -> None:
+def test_the_triples_are_those_of_the_mapping(text: str) -> None:
     expected = (REFUSED | READ_OTHERWISE | OF_THE_MAPPING)[text]
     found = read_manchester((SHORT_HEAD + text).encode(), "t.omn", base="http://example.org/t").triples
     wanted = read_turtle((TURTLE + expected).encode(), "t.ttl", base="http://example.org/t").triples
-    assert isomorphic(as_rdflib(found), as_rdflib(wanted))
+    assert same(graph_of(found), graph_of(wanted))
 
 
 @pytest.mark.parametrize("text", REFUSED)
@@ -318,9 +317,7 @@ def test_horned_owl_still_refuses_this(text: str) -> None:
         pyhornedowl.open_ontology_from_string(SHORT_HEAD + declared + text, "omn")
 
 
-def test_the_head_of_an_ontology_may_be_abbreviated_and_annotated_in_depth(
-    as_rdflib: Callable[[Iterable[Triple]], rdflib.Graph],
-) -> None:
+def test_the_head_of_an_ontology_may_be_abbreviated_and_annotated_in_depth() -> None:
     text = """Prefix: : <http://example.org/t#>
 Ontology: :o :v
     Import: <http://example.org/i>
@@ -332,7 +329,7 @@ Ontology: :o :v
 """
     found = read_manchester(text.encode(), "t.omn", base="http://example.org/t").triples
     wanted = read_turtle(expected.encode(), "t.ttl", base="http://example.org/t").triples
-    assert isomorphic(as_rdflib(found), as_rdflib(wanted))
+    assert same(graph_of(found), graph_of(wanted))
 
 
 NAMES = ("A", "Bed-PieceOfFurniture", "some", "value", "max", "o", "a.b", "Möbel", "x1", "and", "Types", "Self", "min")
@@ -436,7 +433,7 @@ class Reader:
 
 
 @given(st.lists(expressions, min_size=1, max_size=4))
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=examples(150), deadline=None)
 def test_expressions_survive_writing_and_reading(generated: list[Expression]) -> None:
     text = f"Prefix: : <{T}>\nClass: subject\n    SubClassOf: {', '.join(map(written, generated))}\n"
     triples = read_manchester(text.encode(), "t.omn", base="http://example.org/base").triples
@@ -446,14 +443,14 @@ def test_expressions_survive_writing_and_reading(generated: list[Expression]) ->
 
 
 @given(st.text(max_size=200))
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=examples(200), deadline=None)
 def test_any_text_is_read_or_refused_with_positions(text: str) -> None:
     found = problems(text)
     assert all(d.span is not None and d.span.line > 0 and d.span.column > 0 for d in found)
 
 
 @given(st.lists(st.sampled_from(TOKENS), max_size=30))
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=examples(200), deadline=None)
 def test_any_words_of_the_language_are_read_or_refused_with_positions(tokens: list[str]) -> None:
     found = problems(" ".join(tokens))
     assert all(d.span is not None and d.span.line > 0 and d.span.column > 0 for d in found)

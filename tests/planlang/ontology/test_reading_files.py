@@ -6,6 +6,7 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
+from examples import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -329,7 +330,7 @@ def test_every_prefix_of_a_real_file_is_refused_with_a_position(corpus: Path) ->
 
 
 @given(st.binary(max_size=300))
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=examples(200), deadline=None)
 def test_any_bytes_are_read_or_refused(content: bytes) -> None:
     for prefix in (b"", RDF.encode()):
         try:
@@ -355,7 +356,7 @@ PIECES = [
 
 
 @given(st.lists(st.sampled_from(PIECES), max_size=25))
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=examples(300), deadline=None)
 def test_any_elements_are_read_or_refused(pieces: list[str]) -> None:
     try:
         read_rdfxml((RDF + "".join(pieces) + "</rdf:RDF>").encode(), "t.owl", base="http://example.org/t")

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from planlang.compiler.recoveries import LATER, NEXT_SOLUTION
+from planlang.compiler.lowering import LATER, NEXT_SOLUTION
 from planlang.files import bundled
 from planlang.language.recovery_strategies import registered_strategies
 from planlang.ontology import Literal, Ontology, expand, load, shorten

@@ -2,36 +2,32 @@
 
 import json
 import random
-from collections.abc import Callable, Iterable
 from functools import cache
 from pathlib import Path
 
 import pytest
-import rdflib
+from examples import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rdflib.compare import isomorphic, to_canonical_graph
+from rdf_graphs import Graph, graph_of, read_by_rdflib, same
 from typer.testing import CliRunner
 
 from executive.cli.app import app
 from planlang.diagnostics import Span
 from planlang.files import bundled
 from planlang.ontology import BNode, Literal, Term, Triple
+from planlang.ontology.canonical import differences, labelled
+from planlang.ontology.convert import Target, convert, write
 from planlang.ontology.documents import Syntax, read_syntax, syntax_of
 from planlang.ontology.manchester import read_manchester
 from planlang.ontology.terms import RDF, XSD
 from planlang.ontology.triples import Parsed
-from planlang.ontology.writing.canonical import differences, labelled
-from planlang.ontology.writing.convert import Target, convert, write
 
 OURS = sorted([*bundled("ontologies").rglob("*.omn"), *bundled("recipes").rglob("*.omn")])
 RDF_TARGETS = [Target.TURTLE, Target.NTRIPLES, Target.RDFXML]
 FORMAT = {Target.TURTLE: "turtle", Target.NTRIPLES: "nt", Target.RDFXML: "xml"}
 BASE = "http://example.org/base"
 T = "http://example.org/t#"
-
-AsRdflib = Callable[[Iterable[Triple]], rdflib.Graph]
-ByRdflib = Callable[[str, str, str], rdflib.Graph]
 
 
 def read(text: str) -> list[Triple]:
@@ -62,31 +58,26 @@ def written(path: Path, target: Target) -> tuple[str, list[Triple]]:
     return write(ours(path).triples, target, ours(path).prefixes)
 
 
-@pytest.fixture(scope="module")
-def canonical_of_ours(as_rdflib: AsRdflib) -> Callable[[Path], set[object]]:
-    """rdflib's triples of one of our ontologies, nodes without a name labelled by what is said of them."""
-    return cache(lambda path: set(to_canonical_graph(as_rdflib(ours(path).triples))))
+@cache
+def graph_of_ours(path: Path) -> Graph:
+    return graph_of(ours(path).triples)
 
 
 @pytest.mark.parametrize("path", OURS, ids=lambda path: path.name)
-def test_our_ontologies_survive_manchester_syntax(
-    path: Path, as_rdflib: AsRdflib, canonical_of_ours: Callable[[Path], set[object]]
-) -> None:
+def test_our_ontologies_survive_manchester_syntax(path: Path) -> None:
     text, lost = written(path, Target.MANCHESTER)
     again = read_manchester(text.encode(), path.name, base=BASE)
     assert lost == []
-    assert set(to_canonical_graph(as_rdflib(again.triples))) == canonical_of_ours(path)
+    assert same(graph_of(again.triples), graph_of_ours(path))
     assert write(again.triples, Target.MANCHESTER, again.prefixes)[0] == text
 
 
 @pytest.mark.parametrize("target", RDF_TARGETS)
-def test_our_ontologies_survive_every_syntax_of_rdf_and_come_back_to_the_same_text(
-    target: Target, by_rdflib: ByRdflib, canonical_of_ours: Callable[[Path], set[object]]
-) -> None:
+def test_our_ontologies_survive_every_syntax_of_rdf_and_come_back_to_the_same_text(target: Target) -> None:
     for path in OURS:
         text, lost = written(path, target)
         assert lost == []
-        assert set(to_canonical_graph(by_rdflib(text, FORMAT[target], BASE))) == canonical_of_ours(path), path.name
+        assert same(read_by_rdflib(text, FORMAT[target], BASE), graph_of_ours(path)), path.name
         again = read(text)
         before, _ = written(path, Target.MANCHESTER)
         assert write(again, Target.MANCHESTER, ours(path).prefixes)[0] == before, path.name
@@ -136,16 +127,16 @@ graphs = st.lists(st.tuples(names | nodes, names, names | nodes | literals), max
 
 
 @given(graphs, st.sampled_from(RDF_TARGETS))
-@settings(max_examples=150)
-def test_any_graph_survives_every_syntax_of_rdf(as_rdflib: AsRdflib, graph: list[Triple], target: Target) -> None:
+@settings(max_examples=examples(150))
+def test_any_graph_survives_every_syntax_of_rdf(graph: list[Triple], target: Target) -> None:
     text, lost = write(graph, target, {"t": T})
     kept = [triple for triple in labelled(graph) if triple not in lost]
-    assert isomorphic(as_rdflib(read(text)), as_rdflib(kept))
+    assert same(graph_of(read(text)), graph_of(kept))
     assert target is Target.RDFXML or not lost
 
 
 @given(graphs, st.integers(0, 9))
-@settings(max_examples=100)
+@settings(max_examples=examples(100))
 def test_any_graph_is_written_alike_from_whatever_order(graph: list[Triple], seed: int) -> None:
     assert write(shuffled(graph, seed), Target.NTRIPLES, {}) == write(graph, Target.NTRIPLES, {})
 

@@ -24,7 +24,7 @@ from planlang.recipe.fillers import fillings, is_place, read_place, read_thing
 from planlang.recipe.model import Reason
 from planlang.recipe.order import Precedence, order_graph, recipe_order
 from planlang.recipe.readers import workflow
-from planlang.recipe.tasks import read_recipe_of, recipes_for
+from planlang.recipe.reading import read_recipe_of, recipes_for
 
 CLASS_RECIPES = (
     "recipes/ChocolateCakeBaking@2011-03.owl",

@@ -10,7 +10,7 @@ import pytest
 
 from planlang.compiler import compile_recipe
 from planlang.diagnostics import CODES, BadInput
-from planlang.ontology.writing.convert import Target, convert
+from planlang.ontology.convert import Target, convert
 from planlang.recipe.fixes import ACCEPTABLE, SAFE, WITHOUT
 from planlang.recipe.fixes.fixing import Fixed, fix_recipe
 

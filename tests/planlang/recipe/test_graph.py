@@ -112,7 +112,11 @@ def test_orderings_of_strangers_are_left_out(edges: list[tuple[str, str]]) -> No
     assert list(graph.edges) == edges
 
 
-RUN = {name: value for name, value in vars(reading).items() if name.isupper() and isinstance(value, tuple)}
+RUN = {
+    name: value
+    for name, value in vars(reading).items()
+    if name.isupper() and isinstance(value, tuple) and not isinstance(value[0], str)
+}
 """The lists of checks that reading a recipe goes through."""
 
 

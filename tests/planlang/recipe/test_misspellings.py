@@ -18,7 +18,7 @@ import pytest
 
 from planlang.compiler import compile_recipe
 from planlang.diagnostics import BadInput, Severity
-from planlang.ontology.writing.convert import Target, convert
+from planlang.ontology.convert import Target, convert
 from planlang.recipe.checks.misspellings import Neighbours
 from planlang.recipe.fixes.fixing import fix_recipe
 from planlang.recipe.statements import WORDS

@@ -6,8 +6,8 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from xml.sax.saxutils import escape, quoteattr
 
+from planlang.ontology.canonical import Names, Subjects, labelled
 from planlang.ontology.terms import RDF, BNode, Literal, Term, Triple
-from planlang.ontology.writing.canonical import Names, Subjects, labelled
 
 _ILLEGAL_IN_IRI = re.compile(r'[\x00-\x20<>"{}|^`\\]')
 _ESCAPED_IN_TEXT = re.compile(r'[\x00-\x1f\x7f"\\]')

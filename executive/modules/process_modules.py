@@ -1,18 +1,23 @@
-"""The process modules of arms, grippers and handovers.
+"""The process modules that come with planlang: of base, arms, grippers and handovers, of the head and of perception.
 
-Arms go to named postures, before things, around them, over them, and to people; a handover waits until the person takes
-what an arm holds.
+The base is planned in the planning scene, driven in the true world, and learns from contacts. Arms go to named
+postures, before things, around them, over them, and to people; a handover waits until the person takes what an arm
+holds. The head points the camera at things, perception looks for them.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from itertools import islice
 
+import numpy as np
+
+from executive.belief.scene_collisions import BasePose
 from executive.locations import HandSolution, ReachKind
 from executive.locations.demands import asks_for
 from executive.modules.platform import Platform
-from executive.motion import MotionError
+from executive.motion import GoalInCollision, MotionError, StartInCollision
 from executive.robots.arms import ArmModel
 from planlang import perform, wait_for
 from planlang.designators import Action, Device, Location, Object, Person, Relation, action
@@ -26,16 +31,85 @@ from planlang.failures import (
     HandoverNotTaken,
     LocationUnresolvable,
     LookingFailure,
+    LookingGoalUnreachable,
     ManipulationFailure,
     ManipulationGoalInCollision,
     ManipulationPoseUnreachable,
     MissingCapability,
+    NavigationFailure,
+    NavigationGoalInCollision,
+    NavigationGoalNotReached,
+    NavigationPoseUnreachable,
+    ObjectNotFound,
     PerceptionFailure,
 )
-from planlang.geometry import Array
+from planlang.geometry import Array, Pose
 from planlang.modules import process_module
 from planlang.protocols import MotionState, Trajectory
 from planlang.relations import Sense
+
+REPLANS = 3
+"""Paths that are planned around obstacles that were not believed to be there: then the plan decides."""
+
+
+@process_module
+class Navigation:
+    """Moves the base to a pose, or to the best base pose of a location."""
+
+    name = "navigation"
+    actions = ("Translation-LocationChange",)
+    failures = (NavigationFailure, DesignatorFailure)
+
+    def __init__(self, platform: Platform) -> None:
+        self.platform = platform
+
+    def resources(self, action: Action) -> tuple[str, ...]:
+        """Return the base."""
+        return ("base",)
+
+    async def execute(self, action: Action) -> None:
+        """Drive to ``x``, ``y``, ``yaw``, or to a base pose that satisfies ``to_location``."""
+        goal = self._goal(action)
+        blocked_by: str | None = None
+        for _ in range(REPLANS):
+            if _close(goal, self.platform.base()):
+                return
+            motion = await self.platform.follow("base", self._path(goal))
+            self.platform.drive.moved()
+            if motion.state is MotionState.DONE:
+                return
+            blocked_by = motion.blocked_by
+            self.platform.sensing.bump(blocked_by)
+        raise NavigationGoalNotReached(target=goal, blocked_by=blocked_by)
+
+    def _goal(self, action: Action) -> BasePose:
+        match action.get("x"), action.get("y"), action.get("yaw"), action.get("to_location"):
+            case float(x), float(y), float(yaw), None:
+                return x, y, yaw
+            case None, None, None, Location() as location:
+                return next(self.platform.resolver.bases(location)).base
+        raise ActionUnresolvable("a base motion needs to_location, or x, y and yaw", designator=str(action))
+
+    def _path(self, goal: BasePose) -> Trajectory:
+        try:
+            return self.platform.drive.path(goal)
+        except GoalInCollision as problem:
+            raise NavigationGoalInCollision(target=goal, blocked_by=_blocking(problem)) from problem
+        except StartInCollision as problem:
+            stuck = _blocking(problem)
+            raise NavigationGoalNotReached("the base is stuck", target=goal, blocked_by=stuck) from problem
+        except MotionError as problem:
+            raise NavigationPoseUnreachable(target=goal) from problem
+
+
+def _blocking(problem: GoalInCollision | StartInCollision) -> str | None:
+    return next((body for _, body in problem.pairs), None)
+
+
+def _close(one: BasePose, other: BasePose) -> bool:
+    turn = math.remainder(one[2] - other[2], 2 * math.pi)
+    return math.dist(one[:2], other[:2]) < 1e-3 and abs(turn) < 1e-3
+
 
 MOST_SOLUTIONS = 6
 """Hand poses of one location for which a path is planned: further ones differ little and fail alike."""
@@ -284,3 +358,81 @@ class Handover:
             if held is not None and name in (None, held.name):
                 found.append(arm)
         return found[:1]
+
+
+@process_module
+class Head:
+    """Turns the neck so that an object is in the middle of the picture."""
+
+    name = "head"
+    actions = ("LookingAtSomething",)
+    failures = (LookingFailure, DesignatorFailure)
+
+    def __init__(self, platform: Platform) -> None:
+        self.platform = platform
+
+    def resources(self, action: Action) -> tuple[str, ...]:
+        """Return the head."""
+        return ("head",)
+
+    async def execute(self, action: Action) -> None:
+        """Look at ``object_acted_on``; raises LookingGoalUnreachable beyond the neck's limits."""
+        what = action.get("object_acted_on")
+        if not isinstance(what, Object):
+            raise ActionUnresolvable("looking at something needs object_acted_on", designator=str(action))
+        scene = self.platform.scene
+        name = scene.bodies.bind(what)
+        await self.platform.sensing.look_at(scene.bodies.block(name).centre, name)
+
+
+MOST_GAZES = 6
+"""Directions that are looked into before an object counts as not found; 0.3 m apart they cover 0.6 m by 0.9 m."""
+
+
+@process_module
+class Perception:
+    """Turns the head and asks the camera; everything seen changes the belief."""
+
+    name = "perception"
+    actions = ("Perceiving",)
+    failures = (PerceptionFailure, LookingFailure, DesignatorFailure)
+
+    def __init__(self, platform: Platform) -> None:
+        self.platform = platform
+
+    def resources(self, action: Action) -> tuple[str, ...]:
+        """Return the head."""
+        return ("head",)
+
+    async def execute(self, action: Action) -> Pose:
+        """Look for ``object_acted_on``; return its pose as seen, or raise ObjectNotFound."""
+        what = action.get("object_acted_on")
+        if not isinstance(what, Object):
+            raise ActionUnresolvable("perceiving needs object_acted_on", designator=str(action))
+        platform = self.platform
+        name = platform.scene.bodies.bind(what)
+        beyond: LookingGoalUnreachable | None = None
+        for count, point in enumerate(self._gazes(name)):
+            if count == MOST_GAZES:
+                break
+            try:
+                await platform.sensing.look_at(point, name)
+            except LookingGoalUnreachable as failure:
+                beyond = beyond or failure
+                continue
+            if name in platform.sensing.see():
+                return platform.belief.pose(name)
+        platform.sensing.not_seen(name)
+        raise ObjectNotFound(what=name) from beyond
+
+    def _gazes(self, name: str) -> Iterator[Array]:
+        """Yield points (3,) to look at: the believed place, then over its support, nearest to that place first."""
+        block = self.platform.scene.bodies.block(name)
+        yield block.centre
+        support = self.platform.sensing.support_of(name)
+        if support is None:
+            return
+        points = support.grid(0.3, 0.1)
+        away = np.hypot(points[:, 0] - block.x, points[:, 1] - block.y)
+        for point in points[np.argsort(away, kind="stable")]:
+            yield np.array([point[0], point[1], support.high + (block.high - block.low) / 2])

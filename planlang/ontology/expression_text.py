@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 
 from planlang.diagnostics import Span
+from planlang.ontology.canonical import CannotSay, Graph, Names
 from planlang.ontology.expressions import FACETS, Expression
 from planlang.ontology.ontology import Ontology
 from planlang.ontology.terms import OWL, RDF, RDFS, XSD, BNode, Literal, Term, Triple, shorten
-from planlang.ontology.writing.canonical import CannotSay, Graph, Names
 
 DEEPEST = 90
 """Expressions inside each other; the reader takes a few more."""

@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 
+from planlang.ontology.canonical import ANNOTATION, AXIOM, CannotSay, Graph, Names
+from planlang.ontology.expression_text import FORMS, Expressions, Words
 from planlang.ontology.terms import OWL, RDF, RDFS, XSD, BNode, Literal, Term, Triple
-from planlang.ontology.writing.canonical import ANNOTATION, AXIOM, CannotSay, Graph, Names
-from planlang.ontology.writing.expression_text import FORMS, Expressions, Words
 
 
 def manchester(triples: Iterable[Triple], prefixes: Mapping[str, str]) -> tuple[str, list[Triple]]:

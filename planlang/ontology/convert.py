@@ -9,13 +9,12 @@ from pathlib import Path
 
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, note, warning
-from planlang.ontology.checks import malformed
+from planlang.ontology.canonical import differences, labelled
+from planlang.ontology.checks import malformed, repair
 from planlang.ontology.documents import read_bytes, read_syntax
-from planlang.ontology.repairs import repair
+from planlang.ontology.manchester_writer import manchester
+from planlang.ontology.nested_writers import ntriples, rdfxml, turtle
 from planlang.ontology.terms import OWL, RDF, BNode, Term, Triple
-from planlang.ontology.writing.canonical import differences, labelled
-from planlang.ontology.writing.manchester_writer import manchester
-from planlang.ontology.writing.nested_writers import ntriples, rdfxml, turtle
 
 
 class Target(Enum):
