@@ -55,9 +55,9 @@ FIRST = {  # these before them, where one of these files is broken
     "kernel/runner.py": "tests/planlang/kernel/test_bad_plans.py",
     "runs/trace.py": "tests/planlang/runs/test_trace.py",
     "kernel/cancel.py": "tests/planlang/kernel/test_cancel.py",
-    "runs/journal.py": f"{LANGUAGE}/test_resumption.py",
-    "runs/recorded_run.py": f"{LANGUAGE}/test_resumption.py",
-    "runs/codec.py": f"{LANGUAGE}/test_resumption.py",
+    "runs/journal.py": f"{LANGUAGE}/test_resumption.py {LANGUAGE}/test_resumed_state.py",
+    "runs/recorded_run.py": f"{LANGUAGE}/test_resumption.py {LANGUAGE}/test_resumed_state.py",
+    "runs/codec.py": f"{LANGUAGE}/test_resumption.py {LANGUAGE}/test_resumed_state.py",
     "runs/replay_check.py": f"{LANGUAGE}/test_replays.py",
 }
 SHORT = 4
@@ -169,9 +169,9 @@ def caught(mutant: tuple[str, str, str, str]) -> tuple[bool, str]:
             return False, f"its text stands {source.count(before)} times in {name}"
         path.write_text(source.replace(before, after) if before else source)
         environment = dict(os.environ, PYTHONPATH=folder, PLANLANG_EXAMPLES="1000", PYTHONDONTWRITEBYTECODE="1")
-        tests = list(dict.fromkeys([*TESTS, *FIRST.values()]))
+        tests = list(dict.fromkeys([*TESTS, *" ".join(FIRST.values()).split()]))
         if mutant is not UNBROKEN:
-            tests = list(dict.fromkeys([*([FIRST[name]] if name in FIRST else []), *TESTS]))
+            tests = list(dict.fromkeys([*FIRST.get(name, "").split(), *TESTS]))
         command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", "-k", "not ctrl_c", *tests]
         bounded = ["sh", "-c", f'ulimit -t {CPU_TIME} && exec "$@"', "sh", *command]
         try:
