@@ -25,6 +25,8 @@ class Rough:
         self.learnt: list[tuple[Array, Sequence[tuple[str, str]]]] = []
 
     def free(self, q: Array) -> NDArray[np.bool_]:
+        if isinstance(self.is_free, Maze):
+            return self.is_free.rows(q)
         return np.array([self.is_free(row) for row in q], bool)
 
     def sure(self, q: Array) -> NDArray[np.bool_]:
@@ -37,18 +39,24 @@ class Rough:
         self.learnt.append((q, pairs))
 
 
-def maze(rng: np.random.Generator, shaved: float = 0.0) -> IsFree:
+class Maze:
     """Three walls 0.3 thick across a square of side 4, each with a gap of 0.6 somewhere, shaved on all sides."""
-    walls = [
-        (0.9 + i + shaved, 1.2 + i - shaved, gap - shaved, gap + 0.6 + shaved)
-        for i, gap in enumerate(rng.uniform(0.2, 3.2, 3).tolist())
-    ]
 
-    def is_free(q: Array) -> bool:
-        x, y = q.tolist()
-        return all(not left < x < right or low < y < high for left, right, low, high in walls)
+    def __init__(self, seed: int, shaved: float = 0.0) -> None:
+        gap = np.random.default_rng(seed).uniform(0.2, 3.2, 3)
+        first = np.arange(3)
+        self._left, self._right = 0.9 + first + shaved, 1.2 + first - shaved
+        self._low, self._high = gap - shaved, gap + 0.6 + shaved
 
-    return is_free
+    def __call__(self, q: Array) -> bool:
+        """Return whether a point (2,) is in no wall."""
+        return bool(self.rows(q[None])[0])
+
+    def rows(self, q: Array) -> NDArray[np.bool_]:
+        """Return which points (n, 2) are in no wall."""
+        x, y = q.T[:, :, None]
+        outside = (x <= self._left) | (x >= self._right) | (y > self._low) & (y < self._high)
+        return np.asarray(outside.all(axis=1))
 
 
 def touching(is_free: IsFree) -> Callable[[Array], list[tuple[str, str]]]:
@@ -70,20 +78,20 @@ def crosses(path: Array, is_free: IsFree) -> bool:
 def test_path_through_a_random_maze_never_crosses_a_wall_however_rough_the_quick_check_is(
     seed: int, shaved: float
 ) -> None:
-    is_free = maze(np.random.default_rng(seed))
-    quick = Rough(maze(np.random.default_rng(seed), shaved))
+    is_free = Maze(seed)
+    quick = Rough(Maze(seed, shaved))
     path = plan_path(START, GOAL, SQUARE, quick, touching(is_free), np.random.default_rng(seed))
     assert np.array_equal(path[0], START)
     assert np.array_equal(path[-1], GOAL)
     # between two checks, 0.02 apart, a corner may be cut by half of that
-    assert not crosses(path, maze(np.random.default_rng(seed), shaved=0.01))
+    assert not crosses(path, Maze(seed, shaved=0.01))
 
 
 def test_a_quick_check_that_sees_nothing_is_overruled_and_told_so() -> None:
-    is_free = maze(np.random.default_rng(3))
+    is_free = Maze(3)
     quick = Rough()
     path = plan_path(START, GOAL, SQUARE, quick, touching(is_free), np.random.default_rng(0))
-    assert not crosses(path, maze(np.random.default_rng(3), shaved=0.01))
+    assert not crosses(path, Maze(3, shaved=0.01))
     assert quick.learnt
     assert all(not is_free(q) and pairs == (("point", "wall"),) for q, pairs in quick.learnt)
 
@@ -96,7 +104,7 @@ def test_a_quick_check_that_allows_nothing_is_overruled_at_last() -> None:
 
 def test_exact_checks_are_few_where_the_quick_check_is_right() -> None:
     asked: list[tuple[float, ...]] = []
-    is_free = maze(np.random.default_rng(4))
+    is_free = Maze(4)
 
     def exact(q: Array) -> list[tuple[str, str]]:
         asked.append(tuple(q))
@@ -134,7 +142,7 @@ def test_straight_way_is_taken_when_it_is_free() -> None:
 
 
 def test_equal_generators_give_equal_paths() -> None:
-    is_free = maze(np.random.default_rng(3))
+    is_free = Maze(3)
     paths = [
         plan_path(START, GOAL, SQUARE, Rough(is_free), touching(is_free), np.random.default_rng(9)) for _ in range(2)
     ]
@@ -161,7 +169,7 @@ def test_goal_outside_the_limits_is_refused() -> None:
 
 
 def test_start_outside_the_limits_is_no_obstacle() -> None:
-    is_free = maze(np.random.default_rng(3))
+    is_free = Maze(3)
     path = plan_path([-0.1, 0.5], GOAL, SQUARE, Rough(is_free), touching(is_free), np.random.default_rng(0))
     assert (path[1:] >= LOW).all()
     assert (path <= HIGH).all()
