@@ -11,9 +11,10 @@ from typer.testing import CliRunner
 from executive.belief import read_map, scene_of
 from executive.cli.app import app
 from executive.robots import bind_robot
+from planlang import files
 from planlang.compiler import compile_recipe
 from planlang.diagnostics import CODES, BadInput, Diagnostic, has_errors
-from planlang.ontology import documents, load, xml_text
+from planlang.ontology import documents, load
 from planlang.ontology.convert import Target, convert
 
 HERE = Path(__file__).parent
@@ -24,7 +25,7 @@ ABOUT_OPTIONS = {"C001", "C004", "C005", "C006", "C008", "C010", "C012", "C013",
 """Codes about what was asked for, not about a file's content; tests/executive triggers them."""
 WITHOUT_URDF = ("B001", "B008", "B011", "B014")
 WITHOUT_POSITION = ("B010",)
-LIMITS = {"O003": (xml_text, "LARGEST_FILE", 100), "O033": (documents, "MOST_DOCUMENTS", 1)}
+LIMITS = {"O003": (files, "LARGEST_ONTOLOGY", 100), "O033": (documents, "MOST_DOCUMENTS", 1)}
 """What is made small so that a small file exceeds it."""
 ANNOUNCED = re.compile(r"# ([A-Z]\d+) (error|warning|note) at line (\d+): ")
 
