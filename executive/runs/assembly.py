@@ -189,8 +189,10 @@ class RobotExecutive:
         )
 
     def before_retry(self) -> Iterable[Action]:
-        """Yield motions of the arms to the carrying posture; first the base backs off if there is no room for them."""
+        """Yield motions that open emptied hands and bring the arms, after the base if they need room, to carrying."""
         platform = self.platform
+        for name in platform.belief.dropped:  # what was lost may stand between the fingers
+            yield action("OpeningAGripper", device_used=self._device(name))
         platform.sync()
         untucked = platform.arms.untucked()
         if not untucked:
