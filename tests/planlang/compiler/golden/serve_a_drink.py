@@ -4,7 +4,7 @@ Compiled by planlang 0.1.0 from serve_a_drink.omn
 (sha256 7b3a485023f303a13a87e153027044e51f9bb691197ef8d6ac64a6b13fde1f16), task
 ServeADrink.
 What follows has sha256
-63cf99c399585525ebf9b61ef443f5bcab8d67e1ec6b330bf5711eb77909a1a8 unless
+62c08013e2691f2211ce211c434d1507c1947dbeee32b90c0cdb77f641a309f7 unless
 somebody has edited it.
 """
 
@@ -23,6 +23,7 @@ from planlang import (
     action,
     an_object,
     at_location,
+    fetch_again,
     holding,
     look_and_repeat,
     look_from_another_place,
@@ -33,6 +34,7 @@ from planlang import (
 )
 from planlang.failures import (
     GraspMissed,
+    ObjectLost,
     ObjectNotFound,
     ObjectNowhereToBeFound,
     ObjectUnfetchable,
@@ -100,41 +102,47 @@ async def grasp_bottle(*, bottle: Object = BOTTLE) -> None:
 async def serve_a_drink(*, bottle: Object = BOTTLE, patient: Person = PATIENT) -> None:
     """Serve a drink."""
 
-    # drive to where the bottle is in reach
-    async def at_grasping_place() -> None:
-        async def grasp_bottle_once() -> None:
-            await perform_or(
-                action(
-                    "GraspingSomething", object_acted_on=bottle, device_used=GRIPPER
+    async def fetch_bottle() -> None:
+        # drive to where the bottle is in reach
+        async def at_grasping_place() -> None:
+            async def grasp_bottle_once() -> None:
+                await perform_or(
+                    action(
+                        "GraspingSomething", object_acted_on=bottle, device_used=GRIPPER
+                    ),
+                    partial(grasp_bottle, bottle=bottle),
+                )
+
+            await with_failure_handling(
+                partial(achieve, holding(bottle), grasp_bottle_once),
+                Recovery(
+                    GraspMissed,
+                    look_and_repeat(bottle),
+                    attempts=2,
+                    otherwise=ObjectUnfetchable,
                 ),
-                partial(grasp_bottle, bottle=bottle),
             )
 
         await with_failure_handling(
-            partial(achieve, holding(bottle), grasp_bottle_once),
+            partial(
+                at_location,
+                grasping_place(bottle),
+                at_grasping_place,
+                attempts=5,
+                reaching=(approach_pose(bottle), grasp_pose(bottle)),
+            ),
             Recovery(
-                GraspMissed,
-                look_and_repeat(bottle),
-                attempts=2,
-                otherwise=ObjectUnfetchable,
+                ObjectNotFound,
+                look_from_another_place(bottle),
+                attempts=3,
+                otherwise=ObjectNowhereToBeFound,
+            ),
+            Recovery(
+                ObjectLost, fetch_again(bottle), attempts=2, otherwise=ObjectUnfetchable
             ),
         )
 
-    await with_failure_handling(
-        partial(
-            at_location,
-            grasping_place(bottle),
-            at_grasping_place,
-            attempts=5,
-            reaching=(approach_pose(bottle), grasp_pose(bottle)),
-        ),
-        Recovery(
-            ObjectNotFound,
-            look_from_another_place(bottle),
-            attempts=3,
-            otherwise=ObjectNowhereToBeFound,
-        ),
-    )
+    await fetch_bottle()
 
     # drive to where the patient is in reach
     async def at_handover_place() -> None:
@@ -167,5 +175,11 @@ async def serve_a_drink(*, bottle: Object = BOTTLE, patient: Person = PATIENT) -
             look_from_another_place(patient),
             attempts=3,
             otherwise=ObjectNowhereToBeFound,
+        ),
+        Recovery(
+            ObjectLost,
+            fetch_again(bottle, fetch_bottle),
+            attempts=2,
+            otherwise=ObjectUnfetchable,
         ),
     )
