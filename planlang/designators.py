@@ -201,7 +201,7 @@ Part = Object | Location | Situation | Filler | str | int | float | bool
 """One thing that may fill a property."""
 
 Value = Part | tuple[Part, ...]
-"""What may fill a property of an action; a tuple where several things do."""
+"""Value of a property of an action; a tuple for several values."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -223,7 +223,7 @@ class Overlaps:
         self._points: dict[tuple[str, str], _Point] = {}
         self._signalled: set[Event] = set()
         self._in_words: dict[str, str] = {}
-        """What the recipe states about how a step overlaps others, in words, by step."""
+        """Overlaps of each step with others as the recipe states them, in words."""
         known = {step.iri for step in recipe.steps}
         for overlap in recipe.overlaps:
             text = f"{overlap.relation.value} {local_name(overlap.second)}"

@@ -65,7 +65,7 @@ class States:
 class Statements:
     """A recipe as the file states it for the task ``iri``, right or wrong, in the order of the file.
 
-    ``states`` is None unless it is a finite-state recipe. ``foreign`` are properties (IRIs) that were taken for those
+    ``states`` is None unless it is a finite-state recipe. ``foreign`` are words (IRIs) that were taken for those
     of the vocabulary with the same name.
     """
 
@@ -171,6 +171,9 @@ WORDS = (
     "hasTask", "classifies", "isClassifiedBy", "hasBindingRole", "hasBindingFiller",
 )  # fmt: skip
 """All that readers of dialects take up."""
+
+CONSTRAINT_CLASSES = ("PartialOrdering-Strict", "PartialOrdering", "InputOutputMapping")
+"""Classes of constraints. Readers go by the properties of a constraint, so that these are read in any namespace."""
 
 NAMING = (
     "subAction", "subEvents", "orderingConstraints", "occursBeforeInOrdering", "occursAfterInOrdering",
