@@ -301,8 +301,7 @@ def a_feature(
     Without ``kind`` it is looked up by the classes of parts: ``a_feature(of=spatula, path=("Blade", "FrontSide"))``.
     """
     known = None if kind is None else _member(_FEATURE, "kind", FeatureKind, kind)
-    if isinstance(path, str):
-        raise _FEATURE.wrong("path", path, "a tuple of classes")
+    _FEATURE.iterable("path", path, "a tuple of classes")
     vectors = (_vector("position", position), _vector("direction", direction))
     return Feature(known, of, *vectors, tuple(path), held_by, name)
 
