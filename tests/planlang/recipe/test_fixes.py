@@ -347,6 +347,18 @@ def test_a_name_that_is_like_two_others_is_not_guessed(folder: Path) -> None:
     assert [fix.code for fix in found.unaccepted] == ["R033", "R039", "R039"], "and the cups are not used"
 
 
+def test_of_a_constraint_without_ends_none_is_suggested_that_the_task_names_already(folder: Path) -> None:
+    steps = "knowrob:subAction some Take, knowrob:subAction some Give"
+    orders = ", ".join(f"knowrob:orderingConstraints value Serving{number}" for number in (15, 16))
+    order = "Facts: knowrob:occursBeforeInOrdering Take, knowrob:occursAfterInOrdering Give"
+    path = folder / "r.omn"
+    path.write_text(MANCHESTER.format(items=f"{steps}, {orders}", frames=f"Individual: Serving15\n    {order}"))
+    with pytest.raises(BadInput) as caught:
+        compile_recipe(path)
+    (told,) = (one for one in caught.value.diagnostics if one.code == "R011")
+    assert told.help == "add occursBeforeInOrdering and occursAfterInOrdering to it"
+
+
 def test_a_suggestion_is_told_to_machines(folder: Path) -> None:
     path = DIAGNOSTICS / "R058_misspelt_names.omn"
     with pytest.raises(BadInput) as caught:
