@@ -324,12 +324,12 @@ def test_person_is_a_person_and_names_that_python_has_get_a_number(compiled: Any
 
 def test_constants_have_numbers_only_where_they_meet_other_constants(compiled: Any) -> None:
     plan = compiled(
-        task("Serve", "Look", "Read"),
+        task("Serve", "Look Read"),
         step("Look", "k:LookingForSomething", "k:objectActedOn value plan1"),
         step("Read", "k:LookingForSomething", "k:objectActedOn value recipe"),
         "Individual: plan1\n    Types: k:Cup\nIndividual: recipe\n    Types: k:Cup",
     )
-    assert "plan_2: Object = PLAN)" in plan.source, "the parameter meets the imported function, the constant does not"
+    assert "plan_2: Object = PLAN," in plan.source, "the parameter meets the imported function, the constant does not"
     assert "\nPLAN = an_object(" in plan.source
     assert "\nRECIPE_2 = an_object(" in plan.source, "RECIPE is the namespace"
 
