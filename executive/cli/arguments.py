@@ -84,7 +84,7 @@ class Syntax(Enum):
 
 
 class Reading(Enum):
-    """How requirements are read: closed under dependencies, or as KnowRob did."""
+    """Semantics of requirements: closed under dependencies, or KnowRob's."""
 
     CLOSURE = "closure"
     ORIGINAL = "original"

@@ -187,7 +187,7 @@ def _listed(names: Sequence[str]) -> str:
 
 
 MOVING = "Translation-LocationChange"
-"""What a scope does."""
+"""Action class that ``at_location`` needs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -213,9 +213,9 @@ class Alternative:
 
 @dataclass(frozen=True, slots=True)
 class Assessment:
-    """What a robot lacks for a plan, and the alternatives that it cannot do while another one will do.
+    """Requirements of a plan that a robot lacks, and alternatives that it cannot do while another one will do.
 
-    ``unknown`` is what it may lack: the plan runs, and says so.
+    ``unknown`` are those that it may lack: the plan runs, and says so.
     """
 
     missing: tuple[Missing, ...]
@@ -277,7 +277,7 @@ def needs_of(module: ModuleType, plan: Plan[Any, Any]) -> Needs:
 
 
 Scope = Mapping[str, ast.AST]
-"""What names stand for that are defined in the source."""
+"""Definitions in the source, by name."""
 
 
 class _Source:

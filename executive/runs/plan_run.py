@@ -54,7 +54,7 @@ BUDGET = 600.0
 
 
 class Outcome(Enum):
-    """How a run ended."""
+    """Outcome of a run."""
 
     DONE = "done"
     FAILED = "failed"
@@ -64,7 +64,7 @@ class Outcome(Enum):
 
 @dataclass(frozen=True, slots=True)
 class RunOptions:
-    """What to run, where, and what to leave behind."""
+    """Options of a run: its inputs and the files to write."""
 
     plan: Path | None = None
     recipe: Path | None = None
@@ -98,7 +98,7 @@ class RunOptions:
 
 @dataclass(frozen=True, slots=True)
 class RunResult:
-    """How a run ended. ``final_state`` is what the simulator's truth says about the objects of the plan."""
+    """Result of a run. ``final_state`` has the objects of the plan as they are in the simulator's truth."""
 
     outcome: Outcome
     message: str

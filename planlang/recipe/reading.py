@@ -196,6 +196,7 @@ def read_recipe_of(actions: Actions, stating: str, task: str | None = None) -> R
         statements.flows,
         statements.states.machine() if statements.states is not None else None,
         cls,
+        statements.phases,
     )
     implied = [Ordering(before, after, reason=Reason.OVERLAP) for before, after in implied_by_overlaps(recipe)]
     return replace(recipe, orderings=(*recipe.orderings, *implied)) if implied else recipe

@@ -36,7 +36,7 @@ def incomplete_constraints(checked: CheckedRecipe) -> Iterator[Diagnostic]:
 def contradictions(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     """Report orders and overlaps that cannot hold together."""
     recipe = checked.recipe
-    found = Intervals(recipe).contradiction() if recipe.overlaps else ()
+    found = Intervals(recipe).contradiction() if recipe.overlaps or recipe.phases else ()
     if found:
         stated = ", ".join(_in_words(one) for one in found)
         spans = [one.span for one in found if one.span is not None]
@@ -70,8 +70,8 @@ def _incomplete(ontology: Ontology, statements: Statements, loose: LooseEnd) -> 
 def ordered_strangers(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     """Report names that are ordered but no sub-actions, each once, at its first mention."""
     ontology, statements, recipe = checked.ontology, checked.statements, checked.recipe
-    stated = dict.fromkeys(statements.names)
-    undefined = [iri for iri in stated if not ontology.defined(iri)]
+    stated = dict.fromkeys((*statements.names, *statements.phases))
+    undefined = [iri for iri in statements.names if not ontology.defined(iri)]
     mentions: dict[str, list[Ordering | Overlap]] = {}
     for ordering in recipe.orderings:
         for name in (ordering.before, ordering.after):
@@ -86,7 +86,7 @@ def ordered_strangers(checked: CheckedRecipe) -> Iterator[Diagnostic]:
         if undefined:
             other = local_name(undefined[0])
             guess = f"did you mean `{short}` as the sub-action instead of `{other}`, which is not defined?"
-        elif similar := get_close_matches(short, [local_name(iri) for iri in stated], n=1):
+        elif similar := get_close_matches(short, [local_name(iri) for iri in statements.names], n=1):
             guess = f"did you mean `{similar[0]}`?"
         else:
             guess = f"add `subAction some {short}` to `{recipe.name}`, or remove these constraints"

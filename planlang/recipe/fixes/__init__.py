@@ -13,11 +13,12 @@ from typing import NamedTuple
 
 from planlang.diagnostics import Span
 
-SAFE = ("O012", "O013", "O042", "O043", "R010", "R011", "R013", "R014", "R020", "R024", "R030", "R033", "R038", "R042",
+SAFE = ("O012", "O013", "O042", "O043", "R010", "R011", "R013", "R014", "R020", "R024", "R030", "R033", "R038",
         "R046", "R049", "R050", "R051", "R057", "R058")  # fmt: skip
 """Codes of fixes that are made unasked: the recipe means the same after them, or nothing else can be meant."""
 
-ACCEPTABLE = ("R010", "R011", "R020", "R033", "R034", "R038", "R039", "R040", "R045", "R046", "R049", "R050", "R058")
+ACCEPTABLE = ("R010", "R011", "R020", "R033", "R034", "R038", "R039", "R040", "R042", "R045", "R046", "R049",
+              "R050", "R058")  # fmt: skip
 """Codes of fixes that may be guesses, which are made only if they are accepted."""
 
 WITHOUT = {

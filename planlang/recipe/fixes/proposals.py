@@ -138,7 +138,7 @@ def _renamed(places: list[Span], like: Span) -> Callable[[Editable], list[Edit]]
 
 
 def _orders(actions: Actions, recipes: RecipeSet, diagnostics: tuple[Diagnostic, ...]) -> Iterator[Fix]:
-    """Add missing orderings: plausible ones are safe, of two other steps it is a guess which comes first."""
+    """Add missing orderings, which the file does not state: even a plausible one is a guess."""
     ontology = actions.ontology
     for found in diagnostics:
         order = found.suggestion
@@ -161,7 +161,7 @@ def _orders(actions: Actions, recipes: RecipeSet, diagnostics: tuple[Diagnostic,
         ) -> list[Edit]:
             return text.with_ordering(_listed(place), *ends, suffix)
 
-        yield Fix(found.code, f"`{before}` before `{after}`: {why}", found.span, edit, found.code == "R042")
+        yield Fix(found.code, f"`{before}` before `{after}`: {why}", found.span, edit, is_safe=False)
 
 
 def _place(ontology: Ontology, stating: str, *words: str) -> Place | None:

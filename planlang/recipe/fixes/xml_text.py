@@ -10,7 +10,7 @@ from xml.sax.saxutils import escape
 
 from planlang.designators import local_name
 from planlang.diagnostics import Span
-from planlang.ontology.checks import meant_term
+from planlang.ontology.checks import canonical, meant_term
 from planlang.ontology.terms import OWL, RDF, RDFS
 from planlang.recipe.fixes import CannotEdit, Edit, Editable, Place
 
@@ -47,9 +47,11 @@ class XmlText(Editable):
         self._bytes = self._characters = 0
         self._stack: list[Element] = []
         self._at: dict[tuple[int, int], Element] = {}
+        self._entities: dict[str, str] = {}
         self._parser = expat.ParserCreate("utf-8")
         self._parser.StartElementHandler = self._begin
         self._parser.EndElementHandler = self._finish
+        self._parser.EntityDeclHandler = self._declared
         try:
             self._parser.Parse(self._data, True)
         except expat.ExpatError as problem:
@@ -80,7 +82,7 @@ class XmlText(Editable):
                     continue
                 if is_local:
                     return [Edit(end - len(old), end, local_name(meant))]
-                return [Edit(start, end, escape(meant, {'"': "&quot;"}))]
+                return [Edit(start, end, self._in_attribute(element, meant))]
         raise CannotEdit(f"the name {local_name(written)} is not written there")
 
     def without(self, filler: Span) -> list[Edit]:
@@ -220,6 +222,16 @@ class XmlText(Editable):
                 return sign + self._slice(self._value(element, local))
         raise CannotEdit("the element names nothing")
 
+    def _in_attribute(self, element: Element, iri: str) -> str:
+        """Return an IRI as the file writes such ones: with its entity, else with the namespace of its prefix."""
+        local = local_name(iri)
+        namespace = iri.removesuffix(local)
+        for name, value in self._entities.items():
+            if canonical(value) == namespace:
+                return f"&{name};{escape(local)}"
+        declared = next((value for value in element.prefixes.values() if canonical(value) == namespace), namespace)
+        return escape(declared + local, {'"': "&quot;"})
+
     def _value(self, element: Element, local: str) -> tuple[int, int]:
         """Return where the value of an RDF attribute stands in the text."""
         wanted = _names(element).get(RDF + local)
@@ -248,6 +260,9 @@ class XmlText(Editable):
         if parent is not None:
             parent.children.append(element)
         self._stack.append(element)
+
+    def _declared(self, name: str, is_parameter: bool, value: str | None, *_: object) -> None:
+        self._entities.setdefault(name, value or "")
 
     def _finish(self, tag: str) -> None:
         element = self._stack.pop()
@@ -291,12 +306,12 @@ def _names_it(element: Element, name: str) -> bool:
 
 def _resolved(tag: str, prefixes: Mapping[str, str]) -> str:
     prefix, _, local = tag.rpartition(":")
-    return prefixes.get(prefix, prefix + ":" if prefix else "") + local
+    return canonical(prefixes.get(prefix, prefix + ":" if prefix else "") + local)
 
 
 def _prefix(element: Element, namespace: str) -> str:
-    """Return the prefix of a namespace, with its colon, that holds at an element."""
+    """Return the prefix of a namespace, under its old or its current address, that holds at an element; with colon."""
     for prefix, value in element.prefixes.items():
-        if value == namespace and prefix:
+        if canonical(value) == canonical(namespace) and prefix:
             return prefix + ":"
     raise CannotEdit(f"no prefix is declared for {namespace}")
