@@ -255,7 +255,7 @@ def _count(ontology: Ontology, subject: str, property_name: str, default: int, p
             number = triple.object.number() if isinstance(triple.object, Literal) else -1
         except ValueError:
             number = -1
-        if number >= 0 and float(number).is_integer():
+        if number >= 0 and number == int(number):
             return int(number)
         stated = triple.object.value if isinstance(triple.object, Literal) else _text(triple.object)
         message = f"{property_name} of the recovery `{local_name(subject)}` is {stated!r}, not a whole number from 0 on"

@@ -16,7 +16,7 @@ from planlang.ontology.documents import Syntax, read_bytes, syntax_of
 from planlang.recipe.actions import Actions
 from planlang.recipe.fixes import CannotEdit, Edit, Editable, Fix
 from planlang.recipe.fixes.manchester_text import ManchesterText
-from planlang.recipe.fixes.proposals import proposed, renames
+from planlang.recipe.fixes.proposals import declarations, proposed, renames
 from planlang.recipe.fixes.xml_text import XmlText
 from planlang.recipe.reading import read_recipe, read_recipes
 
@@ -81,7 +81,7 @@ def fix_recipe(
                 raw = read_recipes(actions, reading.recipes.task) if reading.recipes is not None else None
                 fixes = proposed(actions, reading.recipes, raw, reading.diagnostics)
             else:  # what else there is to fix stands beside names that are not yet in the text
-                fixes = list(renames(actions.ontology, reading.misspelt))
+                fixes = [*declarations(reading.diagnostics), *renames(actions.ontology, reading.misspelt)]
         here = tuple(fix for fix in fixes if fix.span is not None and fix.span.file == str(copy))
         return _State(text, str(copy), reading.diagnostics, here)
 

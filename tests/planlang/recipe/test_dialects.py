@@ -293,6 +293,14 @@ def test_a_relation_that_no_workflow_can_keep_is_an_error(tmp_path: Path, writte
     assert "R010" in nested(tmp_path, text)[1]
 
 
+@pytest.mark.parametrize("number", [2**53 + 1, -(2**63) - 1, 10**26 - 1])
+def test_whole_numbers_are_read_exactly(tmp_path: Path, number: int) -> None:
+    serial = f"k:subAction some Look\n\nDataProperty: serial\n\nClass: Look\n    SubClassOf: serial value {number}"
+    (step,) = read(tmp_path, f"\nClass: T\n    SubClassOf: k:Action, {serial}, k:Perceiving\n").steps
+    assert [(one.filler, type(one.filler)) for one in step.parameters] == [(number, int)]
+    assert Literal(str(number)).number() != Literal(str(number + 1)).number()
+
+
 def test_one_file_may_mix_dialects_and_hold_several_tasks(tmp_path: Path) -> None:
     task = "\nClass: T\n    SubClassOf: k:Action, k:subAction some M, k:subAction some C\n"
     actions = opened(tmp_path, f"{STEPS}{MACHINE}{WORKFLOW}{TABLE}{task}")

@@ -347,6 +347,35 @@ def test_a_name_that_is_like_two_others_is_not_guessed(folder: Path) -> None:
     assert [fix.code for fix in found.unaccepted] == ["R033", "R039", "R039"], "and the cups are not used"
 
 
+@pytest.mark.parametrize("doctype", ["<!DOCTYPE rdf:RDF [", "<!DOCTYPE rdf:RDF>", ""], ids=["entities", "bare", "none"])
+def test_entities_that_are_known_are_declared_and_guesses_only_if_that_is_accepted(folder: Path, doctype: str) -> None:
+    text = XML.format(prefix="", items=FLAT, frames=CUP.replace("<knowrob:Cup", "<owl:Thing").replace("#Cup", "&pr2;R"))
+    text = text.replace('ID="b"', 'about="&log;b"')
+    whole = '<!DOCTYPE rdf:RDF [<!ENTITY knowrob "http://knowrob.org/kb/knowrob.owl#">]>'
+    text = text.replace(whole, doctype + "]>" if "[" in doctype else doctype)
+    found = fixed(folder, text)
+    assert codes(found) == ["O016"]
+    assert '<!ENTITY knowrob "http://knowrob.org/kb/knowrob.owl#">' in found.after
+    assert '<!ENTITY pr2 "http://knowrob.org/kb/PR2.owl#">' in found.after
+    assert "ENTITY log" not in found.after
+    assert "O016" in [fix.code for fix in found.unaccepted]
+    found = fixed(folder, text, "O016", "R042")
+    assert codes(found) == ["O016", "O016", "R042"]
+    assert "O016" not in compiled(folder, found)[1]
+
+
+def test_of_a_constraint_without_ends_none_is_suggested_that_the_task_names_already(folder: Path) -> None:
+    steps = "knowrob:subAction some Take, knowrob:subAction some Give"
+    orders = ", ".join(f"knowrob:orderingConstraints value Serving{number}" for number in (15, 16))
+    order = "Facts: knowrob:occursBeforeInOrdering Take, knowrob:occursAfterInOrdering Give"
+    path = folder / "r.omn"
+    path.write_text(MANCHESTER.format(items=f"{steps}, {orders}", frames=f"Individual: Serving15\n    {order}"))
+    with pytest.raises(BadInput) as caught:
+        compile_recipe(path)
+    (told,) = (one for one in caught.value.diagnostics if one.code == "R011")
+    assert told.help == "add occursBeforeInOrdering and occursAfterInOrdering to it"
+
+
 def test_a_suggestion_is_told_to_machines(folder: Path) -> None:
     path = DIAGNOSTICS / "R058_misspelt_names.omn"
     with pytest.raises(BadInput) as caught:
