@@ -78,9 +78,10 @@ class ModuleRegistry:
         self._registered: list[Registered] = []
         self.identity: dict[str, str] = {}
 
-    def performed(self) -> frozenset[str]:
-        """Return the action classes that process modules perform, as these name them."""
-        return frozenset(action for one in self._registered for action in one.actions)
+    @property
+    def actions(self) -> frozenset[str]:
+        """The classes of actions that the registered modules name."""
+        return frozenset(name for one in self._registered for name in one.actions)
 
     def add(self, module: ModuleType, origin: str, rank: Rank) -> int:
         """Register the marked classes that a Python module or package defines; return how many there are."""

@@ -57,7 +57,7 @@ def _task(ontology: Ontology, wanted: str | None, semantics: Semantics, found: l
     if semantics is Semantics.ORIGINAL:
         found += ontology.diagnostics
         return choose_task(actions) if wanted is None else _action(actions, wanted, span)
-    reading = read_recipe(actions, wanted, allow_abstract=True)
+    reading = read_recipe(actions, wanted)
     if reading.recipes is not None:
         found += reading.diagnostics
         return reading.recipes
@@ -83,7 +83,7 @@ def _performed(files: Sequence[Path], found: list[Diagnostic]) -> frozenset[str]
     for file in files:
         registry.add_file(file)
     registry.resolve(found)
-    return registry.performed()
+    return registry.actions
 
 
 def _possessions(robot: Path, urdf: Path | None, folders: Sequence[Path], found: list[Diagnostic]) -> Possessions:

@@ -55,12 +55,10 @@ def _incomplete(ontology: Ontology, statements: Statements, loose: LooseEnd) -> 
     both = " and ".join(loose.missing)
     if len(loose.missing) < 2:
         return error("R011", f"the constraint `{name}` has no {both}", loose.span, f"add {both} to it")
-    known = [
-        triple.subject
-        for word in loose.missing
-        for triple in ontology.triples(p=word)
-        if isinstance(triple.subject, str)
-    ]
+    named = {one.filler for one in ontology.restrictions(statements.iri)}
+    named.update(triple.object for triple in ontology.triples(s=statements.iri))
+    described = [triple.subject for triple in ontology.using(*loose.missing)]
+    known = [name for name in described if isinstance(name, str) and name not in named]
     message = f"`{local_name(statements.iri)}` names `{name}`, which has neither {' nor '.join(loose.missing)}"
     meant = guess(loose.what, known)
     return error("R011", message, loose.span, f"did you mean {meant}?" if meant else f"add {both} to it", meant)
