@@ -432,9 +432,9 @@ def test_pick_up_carry_put_down_in_any_order_of_triples(statements: list[Triple]
     source = compile_recipe(path, task="PuttingSomethingSomewhere", allow_abstract=True).source
     calls = [line.strip() for line in source.split("async def putting_something_somewhere")[1].splitlines()[2:]]
     assert calls == [
-        'await perform_or(action("PickingUpAnObject"), picking_up_an_object)',
+        'await perform(action("PickingUpAnObject"), otherwise=picking_up_an_object)',
         'await perform(action("CarryingWhileLocomoting"), name="CarryingWhileLocomoting")',
-        'await perform_or(action("PuttingDownAnObject"), putting_down_an_object)',
+        'await perform(action("PuttingDownAnObject"), otherwise=putting_down_an_object)',
     ]
 
 
