@@ -102,7 +102,7 @@ def unsealed(key: str, content: bytes) -> bytes | None:
 
 
 def cache_folder(kind: str) -> Path | None:
-    """Where entries of a kind are kept, whether the folder exists or not; None if the user has no home."""
+    """Return the folder for entries of a kind, which need not exist; None if the user has no home."""
     root = os.environ.get("XDG_CACHE_HOME")
     if root and Path(root).is_absolute():
         return Path(root) / "planlang" / kind

@@ -1,4 +1,4 @@
-"""What a world is for the layers above it, and the value types that cross the borders between layers.
+"""Interface of a world for the layers above it, and the value types that cross the borders between layers.
 
 What the language asks of an executive and its process modules is :mod:`planlang.language.executive`.
 
@@ -72,7 +72,7 @@ class Detection:
 
 
 class World(Protocol):
-    """What a robot commands and senses: motions, grippers, camera, time. A real robot can be one as well.
+    """Commands and senses of a robot: motions, grippers, camera, time. A real robot can implement it as well.
 
     Nothing here asks about what is not: contacts elsewhere, lines of sight and room for the base are questions to the
     world that planning has for itself (``sim.PlanningWorld``), which is another object.

@@ -15,7 +15,7 @@ from typing import Literal
 Bounds = tuple[float, float]
 """Least and greatest distance [m]."""
 Subject = Literal["base", "hand", "thing"]
-"""What is in a relation to X: the robot's base, a hand with what it holds, an object."""
+"""Subject of a relation to X: the robot's base, a hand with the object in it, an object."""
 
 HEIGHTS: Bounds = (0.02, 0.15)
 """Height of the lowest point over a top that counts as above it [m]: clear of it, and near enough to put down."""
@@ -26,7 +26,7 @@ THING_SIDE: Bounds = (0.0, 0.3)
 
 
 class Sense(Enum):
-    """What a relation to X asks for; the executive has one implementation of each."""
+    """Constraint of a relation to X; the executive has one implementation of each."""
 
     REACH = "reach"
     """A hand can do what X is for: grasp it, give it something, be above it, be at a location."""
@@ -40,12 +40,12 @@ class Sense(Enum):
     CONTAINMENT = "containment"
     GRASP_POINT = "grasp point"
     PRE_GRASP = "pre-grasp"
-    """Where the hand begins to grasp X; an area where X cannot be grasped."""
+    """Pose in which the hand begins to grasp X; an area if X cannot be grasped."""
 
 
 @dataclass(frozen=True, slots=True)
 class Meaning:
-    """What a relation to X means for one subject."""
+    """Meaning of a relation to X for one subject."""
 
     sense: Sense
     text: str
@@ -62,14 +62,14 @@ class RelationType:
     owl: str
     """The OWL property: a local name of the KnowRob vocabulary, or a whole IRI."""
     forms: tuple[str, ...]
-    """How phrases say it, the written form first; "not X" lets X say the opposite."""
+    """Its forms in phrases, the written form first; "not F" makes F a form of the opposite."""
     base: Meaning | None = None
     hand: Meaning | None = None
     thing: Meaning | None = None
     directions: tuple[float, ...] = ()
     """Sides of X, relative to its front [rad, left is positive]; empty: all."""
     prose: str = ""
-    """How docstrings of compiled plans say it, with {} for X; by default the written form."""
+    """Its form in docstrings of compiled plans, with {} for X; by default the written form."""
     synonyms: tuple[str, ...] = ()
     """Other keywords for it."""
     of_locations: bool = False
@@ -92,11 +92,11 @@ class RelationType:
 
     @property
     def measured(self) -> bool:
-        """Whether it has a distance that a location can bound."""
+        """Return True if it has a distance that a location can bound."""
         return any(meaning is not None and meaning.bounds is not None for meaning in (self.base, self.hand, self.thing))
 
     def is_opposite(self, other: RelationType) -> bool:
-        """Whether both name one side of X, and opposite ones."""
+        """Return True if each names one side of X, and they are opposite."""
         if len(self.directions) != 1 or len(other.directions) != 1:
             return False
         return math.cos(self.directions[0] - other.directions[0]) < -1 + 1e-9

@@ -26,7 +26,7 @@ WALL = 0.1
 AT_REST = 1e-3
 """A limb that is not farther from where it was at first rests there [m]."""
 _AWAY = (0.0, 0.0, -500.0)
-"""Where hidden pieces are: far below everything that falls or is looked at."""
+"""Position of hidden pieces [m]: far below everything that falls or is looked at."""
 _COLORS: dict[BodyShape, tuple[float, float, float, float]] = {
     BodyShape.BOX: (0.72, 0.60, 0.45, 1.0),
     BodyShape.CYLINDER: (0.20, 0.50, 0.85, 1.0),

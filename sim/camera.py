@@ -29,9 +29,9 @@ LEAST_PIXELS = 4
 """An object with fewer pixels in the picture is not recognised."""
 
 _CLIP = 0.02
-"""What is nearer to the camera than this, such as its own housing, is not seen [m]."""
+"""Distance below which bodies, such as the camera's own housing, are not seen [m]."""
 _FAR = 60.0
-"""Where pictures end [m]: as wide as the ground of a scene without a room."""
+"""Far end of pictures [m]: as wide as the ground of a scene without a room."""
 _SIDES = 12
 """Points around a round shape: its outline is then 5 % smaller than the circle, less than cameras are trusted with."""
 _PATCHES = 5

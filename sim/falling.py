@@ -19,10 +19,10 @@ GRAVITY = 9.81
 _LEVEL = 0.01
 """Points whose heights differ by less bear a body together [m]."""
 _STEP = 0.01
-"""How far a body slips off an edge in one go [m]: fine beside the things that are handled."""
+"""Step by which a body slips off an edge [m]: fine beside the things that are handled."""
 _UP = 0.021  # above the lowest point of the body: a support may be penetrated by 2 cm
 _DEPTH = 100.0
-"""How far below a body a surface is looked for [m]: below every floor."""
+"""Depth below a body to which a surface is searched [m]: below every floor."""
 Cast = Callable[[Array, Array], tuple[Sequence[str | None], Array]]
 """(n, 3) from, (n, 3) to -> names hit (or None) and heights z (n,) of the hits."""
 

@@ -37,7 +37,7 @@ _UPPER, _FORE, _HAND = 0.30, 0.27, 0.09
 
 @dataclass(frozen=True, slots=True)
 class ComfortZone:
-    """Where a person takes things: in front of a shoulder, within the length of the arm."""
+    """Zone in which a person takes things: in front of a shoulder, within the length of the arm."""
 
     shoulders: tuple[tuple[float, float, float], tuple[float, float, float]]
     """Right, left, in the map."""

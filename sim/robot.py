@@ -33,7 +33,7 @@ Look = tuple[str, tuple[float, float, float], Pose, tuple[float, float, float, f
 """The same with its colour, if it has one."""
 
 _WHITE = (1.0, 1.0, 1.0, 1.0)
-"""What PyBullet gives links without a colour."""
+"""PyBullet's colour of links without one."""
 
 Numbers = slice | Sequence[int] | NDArray[np.intp]
 """Numbers of solid links, as a row index."""

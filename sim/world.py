@@ -23,7 +23,7 @@ DEEPER = 0.003
 _JUMP = 0.05
 """Distance of a trajectory's first row from the robot [m, rad] beyond which it was planned for another place."""
 _LIMIT = 1e-3
-"""How far a row may be beyond a joint's limits [m, rad]: timing rounds, PyBullet reads limits as floats."""
+"""Tolerance of rows beyond a joint's limits [m, rad]: timing rounds, PyBullet reads limits as floats."""
 Find = Callable[[Configuration, Query], tuple[Contact, ...]]
 
 

@@ -17,7 +17,7 @@ from sim import ComfortZone, PlanningWorld
 from sim.scene import BodyShape
 
 LEANING = 0.05
-"""How far a top may lean and still count as level [rad]: a bottle put down on it stays where it is."""
+"""Greatest tilt of a top that counts as level [rad]: a bottle put down on it stays where it is."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +32,7 @@ class Block:
     low: float
     high: float
     round: bool = False
-    """Whether it is a cylinder about the vertical, as wide from everywhere."""
+    """True for a cylinder about the vertical, as wide from everywhere."""
 
     @staticmethod
     def of(pose: Pose, size: tuple[float, float, float], *, cylinder: bool = False) -> Block:

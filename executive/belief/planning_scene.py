@@ -34,7 +34,7 @@ FEW = 0.12
 HALF = 1 << 20
 """More cells than a thing is away in any direction."""
 AWAY = 0.02
-"""What is nearer to the camera than this hides nothing [m]."""
+"""Distance from the camera below which bodies hide nothing [m]."""
 CORE = 0.5
 """Share of the box around a mesh that is taken as surely filled."""
 
@@ -46,7 +46,7 @@ class OwnView:
     solids: Solids
     gaze: Gaze
     half_angle: float
-    """How far beyond the neck's limits a thing may be and still be in the picture [rad]."""
+    """Greatest angle beyond the neck's limits at which a thing is still in the picture [rad]."""
     limits: tuple[float, float]
     """Distances between which things are recognised [m]."""
 
@@ -139,7 +139,7 @@ def _surely_filled(kind: str, size: tuple[float, float, float]) -> tuple[str, tu
 
 
 class Visibility:
-    """What can be seen in the planning world, by the robot's camera on its neck."""
+    """Visibility of things in the planning world for the robot's camera on its neck."""
 
     def __init__(
         self, world: PlanningWorld, robot: Robot, belief: Belief, bodies: BelievedBodies, gaze: Gaze | None

@@ -16,13 +16,13 @@ from sim import Body, Scene
 from sim.scene import GRASPABLE_WIDTH, BodyShape
 
 PENETRATION = 0.02
-"""How far a thing may sink into what it stands on [m]."""
+"""Greatest penetration of a thing into its support [m]."""
 
 GAP = 0.03
-"""How far it may hover above it [m]; the cameras that made real maps were not better."""
+"""Greatest gap between them [m]; the cameras that made real maps were not better."""
 
 FLOOR = "floor"
-"""What stands on no body but on the ground."""
+"""Support of a body that stands on the ground."""
 
 
 def support_of(scene: Scene, name: str, poses: Mapping[str, Pose] | None = None) -> str | None:
@@ -80,10 +80,10 @@ CONTAINERS = ("StorageConstruct", "Box-Container", "Container", "Refrigerator", 
 """Classes of things inside of which others may lie: as a part of something larger, such a thing is a compartment."""
 
 LONGEST = 0.6
-"""What is longer than this is nothing a hand takes [m]."""
+"""Greatest length of a thing that a hand takes [m]."""
 
 MARGIN = 1.5
-"""How far around all things a robot may drive where the map has no room [m]."""
+"""Margin around all things within which a robot may drive if the map has no room [m]."""
 
 
 def scene_of(semantic_map: SemanticMap, found: list[Diagnostic] | None = None) -> Scene:
@@ -187,7 +187,7 @@ def _bounds(bodies: Iterable[Body]) -> tuple[float, float, float, float]:
 
 
 GRIDS = ((10.0, 0.05), (50.0, 0.25), (1000.0, 5.0))
-"""How far from the centre places are looked for, and how far apart they are [m]; coarser only when there is none."""
+"""Distances from the centre that are searched, with steps of the grid [m]; a coarser one only if a finer has none."""
 
 CLEARANCE = 0.1
 """Free distance around the robot's radius [m]."""

@@ -25,7 +25,7 @@ from sim.bodies import FLOOR
 from sim.scene import BodyShape
 
 BasePose = tuple[float, float, float]
-"""Where the base is (x [m], y [m], yaw [rad]) in the map."""
+"""Pose of the base in the map (x [m], y [m], yaw [rad])."""
 
 CELL = 0.05
 """Side of a cell of the grid [m]."""
@@ -34,14 +34,14 @@ HAIR = 1e-6
 SLACK = 0.03
 """Room that may be missing in the grid, whose cells are 5 cm wide: places are validated exactly later [m]."""
 DOUBTFUL = 0.15
-"""How good a place is where there may be room: at the border of its cell, or with some headings."""
+"""Factor of a place with doubtful room: only at the border of its cell, or with some headings."""
 ROOMY = 0.3
 """More room than this is not better [m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Field:
-    """How good the room is over a square of the map, in a frame of its own, so that it moves with what it is about."""
+    """Factors for free room on a grid over a square of the map, in a frame that moves with its subject."""
 
     x: float
     y: float
@@ -49,7 +49,7 @@ class Field:
     half: int
     """Cells from the middle to each side."""
     factors: Array
-    """How good the room is at each cell, rows along the frame's x, flat; with a border of cells that have none."""
+    """Factor of each cell, rows along the frame's x, flat; with a border of cells without room (0)."""
 
     def looked_up(self, points: Array, headings: Array, v: Array) -> Array:
         """Return how good the room is at points (w, 2) - Rz(headings (w,)) v (n, 2), (w, n): 0 where there is none.
@@ -74,7 +74,7 @@ class Field:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Floor:
-    """What takes room: boxes of the world, the robot's silhouette and outlines without its arms, bounds of the map."""
+    """Occupied floor: boxes of the world, the robot's silhouette and outlines without its arms, bounds of the map."""
 
     boxes: Boxes
     silhouette: tuple[Band, ...]

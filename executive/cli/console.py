@@ -1,4 +1,4 @@
-"""How the command answers: diagnostics and progress on stderr, results on stdout, for machines one JSON object."""
+"""Output of the command: diagnostics and progress on stderr, results on stdout, for machines one JSON object."""
 
 from __future__ import annotations
 

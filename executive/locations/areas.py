@@ -21,7 +21,7 @@ FACING = math.radians(30)
 HAIR = 1e-3
 """Places come to a tenth of a millimetre: an area has its border this much farther out [m]."""
 STEEPEST = math.sqrt(2)
-"""How much nearer a border may come with each metre: to be on a side is a difference of two distances."""
+"""Greatest approach to a border per metre of motion: being on a side is a difference of two distances."""
 POOREST = 1e-12
 """Score of a point that is in an area and as bad as can be."""
 

@@ -204,7 +204,7 @@ class Inversion:
 
     room: Field
     conjuncts: Sequence[Conjunct]
-    """What a location asks of the base beside the reach."""
+    """Conjuncts of a location about the base, without the reach."""
     misses: Misses | None
     """From where the robot would not see what it has to."""
     each: int

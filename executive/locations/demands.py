@@ -115,7 +115,7 @@ HIGHEST = 1.0
 
 
 class ReachKind(Enum):
-    """What a hand does, in the order in which one of several conjuncts makes the hand poses that the others filter."""
+    """Purpose of a hand pose, in the order in which one of several conjuncts makes the poses that the others filter."""
 
     RETREAT = "retreat"
     """Go back, raised, with what it holds."""

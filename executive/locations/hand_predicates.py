@@ -1,4 +1,4 @@
-"""Whether hands and things are at a location: which candidates do what it asks of a hand, and poses of things.
+"""Predicates of hands and things at locations: candidates that meet conjuncts about a hand, and poses of things.
 
 Things are on and in things and before people.
 """

@@ -30,8 +30,8 @@ FARTHEST = 1.2
 BETWEEN = 1
 """Places on the straight line from one pose of a candidate to the next at which the hand is looked at."""
 ON_LATTICE, OFF_LATTICE = 0.004, 0.039
-"""How much deeper inside something than elsewhere spheres of the arm must be to count, for a posture of a map whose
-height is that of the target, or is not [m].
+"""Extra penetration from which the arm's spheres count as in collision, for postures of a map that have the height
+of the target, or not [m].
 """
 
 

@@ -171,7 +171,7 @@ class ReachabilityMap:
 
     @cached_property
     def starts(self) -> Index:
-        """Where the rows of each level of the lattice begin, the lowest first, (levels + 1,)."""
+        """Return the first row of each level of the lattice, the lowest first, (levels + 1,)."""
         levels = np.asarray(self.rows["z"], np.intp)
         return np.searchsorted(levels, np.arange(self.lowest_level, int(levels[-1]) + 2 if len(self) else 1))
 
@@ -244,7 +244,7 @@ def sampled(
 
 
 def exact_places(chain: Chain, q: Array, grasp: GraspClass, frame: HandFrame, roll: Array | int) -> tuple[Array, Array]:
-    """Where tips are for joint values (n, d): x, y [m] and heading [rad] (n, 3), and the heights (n,) [m]."""
+    """Return tip poses for joint values (n, d): x, y [m] and heading [rad] (n, 3), and the heights (n,) [m]."""
     if not len(q):
         return np.zeros((0, 3)), np.zeros(0)
     tips = chain.fk(q)

@@ -273,7 +273,7 @@ VERSION = 4
 SCORES = 255
 """A score is a whole number of parts of this, so that it is a byte."""
 MAPS = Bundled.ROBOT.folder / "maps"
-"""Where the maps of the bundled robots are; ``make maps`` writes them."""
+"""Folder of the bundled robots' maps; ``make maps`` writes them."""
 _CACHE = Cache("reachability", most=60)
 
 Say = Callable[[str], None]

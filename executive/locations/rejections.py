@@ -43,7 +43,7 @@ class Rejections:
     """Counts of one resolution, for the failure and the trace."""
 
     explained: bool = False
-    """Whether people will see them even if a place is found: then what takes the room of others is looked at, too."""
+    """True if they are shown even if a place is found: then bodies that block other places are counted, too."""
     counts: Counter[str] = field(default_factory=Counter)
     blocking: Counter[str] = field(default_factory=Counter)
     places: list[Validated] = field(default_factory=list)

@@ -235,7 +235,7 @@ class Arms:
 
 @dataclass
 class Platform(Control):
-    """What all process modules share, by subject: ``drive``, ``arms``, ``hands`` and ``sensing``."""
+    """Basis of all process modules, by subject: ``drive``, ``arms``, ``hands`` and ``sensing``."""
 
     resolver: Resolver
     ancestors: Callable[[str], Sequence[str]]

@@ -311,7 +311,7 @@ class Grasping:
 
 
 PATIENCE = 15.0
-"""How long an object is offered [s]: long enough to notice it and to reach out."""
+"""Time for which an object is offered [s]: long enough to notice it and to reach out."""
 
 
 @process_module

@@ -1,4 +1,4 @@
-"""How the robot moves: kinematics, paths of the arm and of the base, timing.
+"""Motion of the robot: kinematics, paths of the arm and of the base, timing.
 
 General layout: ``symbolic`` is the mathematics behind ``kinematics``.
 ``bodies`` are convex pieces and the spheres in them, ``arm_bodies`` puts a robot's links and a room together, and

@@ -1,1 +1,1 @@
-"""What is left of a run for people to look at: the recording."""
+"""Recording of a run for people to look at."""

@@ -1,4 +1,4 @@
-"""What pictures are drawn with: a sheet that is made smaller at the end, fonts, colour scales."""
+"""Tools for pictures: a sheet that is made smaller at the end, fonts, colour scales."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How a location was resolved, as a picture: the room from above with the candidates, a close view, a legend."""
+"""Picture of a location's resolution: the room from above with the candidates, a close view, a legend."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class Outline:
 
 @dataclass(frozen=True, slots=True)
 class Region:
-    """Where a conjunct holds: its words, and whether it does at points (n, 2) of the map, (n,)."""
+    """Region in which a conjunct holds: its words, and True at points (n, 2) of the map in it, (n,)."""
 
     words: str
     inside: Callable[[Array], Array]
@@ -67,7 +67,7 @@ class Region:
 
 @dataclass(frozen=True, slots=True)
 class Scenery:
-    """What there is besides the resolution: the room's floor, the bodies, the robot's base and where it is."""
+    """Scenery of a resolution: the room's floor, the bodies, the robot's base with its pose."""
 
     bounds: Bounds
     bodies: Sequence[Outline]
@@ -82,7 +82,7 @@ class Scenery:
 
 @dataclass(frozen=True, slots=True)
 class Resolution:
-    """What a resolution looked at and came to, places best first."""
+    """Candidates and results of a resolution, places best first."""
 
     title: str
     places: Sequence[BasePose]
@@ -94,7 +94,7 @@ class Resolution:
     counts: Mapping[str, int] = field(default_factory=dict)
     blocking: Mapping[str, int] = field(default_factory=dict)
     details: Sequence[str] = ()
-    """What is stated of each place besides where it is."""
+    """Statements about each place beside its pose."""
 
 
 class FloorPlan:

@@ -23,7 +23,7 @@ Maps = Mapping[GraspClass, ReachabilityMap]
 METRE, MARGIN, TITLE, CAPTION, LABELS = 130, 22, 104, 24, 16
 """Pixels of a metre; free border, heights of title and of captions, room for numbers at the axes."""
 SPARE = 0.1
-"""How far the panels go beyond what is drawn in them [m]."""
+"""Margin of the panels around their contents [m]."""
 SCALE: tuple[Colour, ...] = ((59, 82, 139), (33, 145, 140), (94, 201, 98), (253, 231, 37))
 """Colours from few headings to all, of equal lightness steps."""
 _GROUND, _LINE, _FRAME, _BASE = (247, 247, 244), (222, 222, 217), (170, 170, 165), (200, 60, 60)

@@ -45,7 +45,7 @@ class Drawn:
     path: tuple[str, ...]
     shapes: tuple[Shape, ...]
     pose: Callable[[], Pose]
-    """Where they are now, in the map or in the frame of what they are a part of."""
+    """Their current pose, in the map or in the frame of the path that theirs continues."""
 
 
 def drawn_in(world: KinematicScene) -> tuple[Drawn, ...]:

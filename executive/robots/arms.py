@@ -25,7 +25,7 @@ TURN_STEP, SLIDE_STEP = 0.08, 0.02
 
 @dataclass(frozen=True, slots=True)
 class HandFrame:
-    """How a tip frame is meant: unit vectors of the approach and of the closing direction in it."""
+    """Convention of a tip frame: unit vectors of the approach and of the closing direction in it."""
 
     approach: tuple[float, float, float]
     closing: tuple[float, float, float]
@@ -44,7 +44,7 @@ def _axes(first: Sequence[float] | Array, second: Sequence[float] | Array) -> Ar
 
 @dataclass(frozen=True, slots=True)
 class Held:
-    """What a hand holds: name, pose in the tip frame, size of its box [m]."""
+    """Object in a hand: name, pose in the tip frame, size of its box [m]."""
 
     name: str
     pose: Pose
@@ -97,7 +97,7 @@ class ArmModel:
     max_opening: float
     hand_links: frozenset[str]
     hand_radius: float
-    """How far the hand extends around its tip frame across the approach direction [m]."""
+    """Extent of the hand around its tip frame across the approach direction [m]."""
     shoulder_low: Array
     """Shoulder in the base frame at the lowest posture of what carries the arm, (3,)."""
     shoulder_high: Array
@@ -214,11 +214,11 @@ def lift_of(chain: Chain, torso: str | None) -> Lift | None:
 
 
 AHEAD = np.arange(0.25, 0.75, 0.1)
-"""How far ahead of the base's axis the hand may be [m]."""
+"""Distances of the hand ahead of the base's axis [m]."""
 ASIDE = (0.0, 0.1, 0.2, 0.3)
-"""How far from the middle, on the arm's own side [m]."""
+"""Distances from the middle, on the arm's own side [m]."""
 ABOVE = np.arange(-0.5, 0.7, 0.15)
-"""How far above the shoulder [m]."""
+"""Heights above the shoulder [m]."""
 INWARDS = (0.0, 0.6, 1.2)
 """By how much the hand may point across the robot [rad]."""
 HEIGHT = -0.2
@@ -232,7 +232,7 @@ SEEDS = 6
 STRAY = 100
 """Postures at random that are looked at as well, if the hand is level in none."""
 TORSO = 0.3
-"""Where in its range the torso is."""
+"""Height of the torso as a share of its range."""
 HERE = (0.0, 0.0, 0.0)
 
 

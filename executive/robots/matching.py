@@ -1,4 +1,4 @@
-"""Whether a robot has what tasks require, with the reasons, as a tree.
+"""Matching of robots with the requirements of tasks, with the reasons, as a tree.
 
 Three answers: available, missing, and unknown, when neither the self-model nor the vocabulary says enough.
 """
@@ -217,14 +217,14 @@ AVAILABLE, MISSING, UNKNOWN = Availability.AVAILABLE, Availability.MISSING, Avai
 
 _SHAPE = ("srdl2-comp:ArmComponent", "srdl2-comp:GripperComponent", "srdl2-comp:ManipulationEntity",
           "srdl2-comp:Camera", "srdl2-comp:MobileBase")  # fmt: skip
-"""What the shape of a robot shows, so that without self-model it is missing rather than unknown."""
+"""Parts that the shape of a robot shows, so that without self-model they are missing rather than unknown."""
 _BY_CAMERA = frozenset(map(expand, ("srdl2-comp:ObjectRecognitionComponent", "knowrob:ObjectRecognitionModel")))
-"""What comes with a camera (:func:`executive.robots.robot.inherent`), and so is missing without one."""
+"""Parts that come with a camera (:func:`executive.robots.robot.inherent`), and so are missing without one."""
 
 
 @dataclass(frozen=True)
 class Possessions:
-    """What a robot has, as far as matching is concerned.
+    """Parts and capabilities of a robot, for matching.
 
     ``lacks`` are capabilities (local names) that binding to a URDF has disproved, with the reason.
     """
@@ -253,7 +253,7 @@ class Missing:
 
     iri: str
     kind: FindingKind
-    """CAPABILITY or COMPONENT."""
+    """CAPABILITY or COMPONENT; ACTION for a class of actions that nothing performs."""
     state: Availability
     """MISSING, or UNKNOWN when neither the self-model nor the vocabulary says enough."""
     because: tuple[str, ...]
@@ -266,7 +266,9 @@ class Missing:
         return local_name(self.iri)
 
     def __str__(self) -> str:
-        return f"{self.kind.value} {self.name}: {self.reason} (required by {' > '.join(map(local_name, self.because))})"
+        told = f"{self.kind.value} {self.name}: {self.reason}"
+        above = " > ".join(map(local_name, self.because))
+        return told if self.kind is FindingKind.ACTION else f"{told} (required by {above})"
 
 
 def missing_capabilities(ontology: Ontology, actions: Iterable[str], robot: Robot) -> tuple[Missing, ...]:

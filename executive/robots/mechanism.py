@@ -38,7 +38,7 @@ class Mount:
     size: tuple[float, ...]
     """Extents in x, y, z, or diameter and height [m]."""
     at: tuple[float, float, float]
-    """Where the root link is in the frame of the base, which is in the middle of the base's floor [m]."""
+    """Position of the root link in the frame of the base, whose origin is in the middle of the base's floor [m]."""
 
 
 def packaged(name: str, file: str) -> Path:

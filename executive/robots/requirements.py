@@ -1,4 +1,4 @@
-"""What actions and capabilities require as their classes say, and the tree of findings about what a robot has."""
+"""Requirements of actions and capabilities, read from their classes, and the tree of findings about a robot."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from planlang.ontology.expressions import Expression
 
 
 class Availability(Enum):
-    """Whether a robot has something."""
+    """Availability of a part or capability on a robot."""
 
     AVAILABLE = "available"
     MISSING = "missing"
@@ -23,7 +23,7 @@ class Availability(Enum):
 
 
 class FindingKind(Enum):
-    """What a node of the tree is about."""
+    """Subject of a node of the tree."""
 
     TASK = "task"
     ACTION = "action"
@@ -121,7 +121,7 @@ WORDS = {
 
 
 class Semantics(Enum):
-    """How requirements are read, and when a capability is there.
+    """Semantics of requirements and of capabilities.
 
     CLOSURE: through equivalent classes in both directions, closed under dependencies of capabilities; a claim counts
     when the components are there. ORIGINAL, for comparison, is what KnowRob's SRDL did: what stands in equivalent
@@ -154,7 +154,7 @@ class Requirement:
 
     @property
     def text(self) -> str:
-        """What is required, in Manchester syntax, with the number if it is not one."""
+        """Return the requirement in Manchester syntax, with the number if it is not one."""
         words = text_of(self.expression)
         return f"{self.quantifier} {self.number} {words}" if self.quantifier in ("min", "max", "exactly") else words
 

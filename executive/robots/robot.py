@@ -33,7 +33,7 @@ class Composition:
 
 @dataclass(frozen=True, slots=True)
 class SelfModel:
-    """What an ontology says about one robot."""
+    """Self-model of one robot in an ontology."""
 
     ontology: Ontology
     iri: str
@@ -284,7 +284,7 @@ class Arm:
 
 @dataclass(frozen=True, slots=True)
 class BaseDrive:
-    """How the base moves; ``radius`` of its outline [m], speeds [m/s, rad/s], accelerations [m/s2, rad/s2]."""
+    """Motion of the base; ``radius`` of its outline [m], speeds [m/s, rad/s], accelerations [m/s2, rad/s2]."""
 
     radius: float
     speed: float
@@ -327,13 +327,13 @@ class Robot:
     allowed_contacts: tuple[tuple[str, str], ...] = ()
     """Pairs of links that may touch."""
     parts: tuple[Part, ...] = ()
-    """What it is made of, software included; without self-model, what its shape implies."""
+    """Its parts, software included; without self-model, those that its shape implies."""
     claims: Mapping[str, Span | None] = field(default_factory=dict)
     """Capabilities (IRIs of classes) that it claims, and where."""
     model: SelfModel | None = field(default=None, compare=False, repr=False)
     """The self-model that was bound, if there is one."""
     diagnostics: tuple[Diagnostic, ...] = field(default=(), compare=False)
-    """What was repaired, assumed or left out when binding."""
+    """Repairs, assumptions and omissions of the binding."""
 
     def arm(self, name: str) -> Arm:
         """Return the arm of that name; ``KeyError`` lists those there are."""

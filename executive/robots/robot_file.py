@@ -93,7 +93,7 @@ class RobotFile:
     postures: Mapping[str, Mapping[str, float]]
     allowed_contacts: tuple[tuple[str, str], ...]
     span: Callable[[str], Span]
-    """Where a dotted key, or the nearest table around it, is written."""
+    """Source span of a dotted key, or of the nearest table around it."""
 
 
 DEFAULT_BASE = BaseDrive(0.4, 0.5, 0.5, 0.8, 0.8, 5.0)

@@ -100,7 +100,7 @@ CALLED = {
 
 @dataclass(frozen=True, slots=True)
 class TraceHeader:
-    """What the header of a trace says about the run. Recipe, robot and environment are set only if they are bundled."""
+    """Header of a trace. Recipe, robot and environment are set only if they are bundled."""
 
     recipe: str | None = None
     name: str | None = None

@@ -95,7 +95,7 @@ def footprint(pose: Pose, size: Sequence[float], *, cylinder: bool = False) -> A
 
 
 class SolidKind(StrEnum):
-    """What a convex solid is; round ones lie along z."""
+    """Kind of a convex solid; the axis of round ones is z."""
 
     BOX = "box"
     CYLINDER = "cylinder"

@@ -194,7 +194,7 @@ class Urdf:
     path: Path
     """The file that was read."""
     content: bytes
-    """What stands in it."""
+    """Its bytes."""
     tree: Element
     """Its root element; whoever changes it works on a copy."""
     root: str

@@ -1,4 +1,4 @@
-"""What the parts of the kernel share: tasks, the state of a run with its queue, and how a task waits.
+"""Core of the kernel: tasks, the state of a run with its queue, and the wait of a task.
 
 A world step consists of rounds. In a round tasks run until none can. Then the most deeply nested constructs with newly
 dead branches decide, in order of creation, and what this sets free runs in a round of its own before less deeply
@@ -69,12 +69,12 @@ class Task(Node):
     node: Node
     """The innermost open node of this task."""
     wait: object
-    """What the task waits for; its text is shown in listings."""
+    """Awaited object; its text is shown in listings."""
     woken: bool
     in_queue: bool
     value: Any
     error: BaseException | None
-    """What the wait returns or raises at the next resumption."""
+    """Result of the wait, returned or raised at the next resumption."""
 
     cancelled: bool
     doomed: bool
@@ -83,10 +83,10 @@ class Task(Node):
     deliveries: int
     shields: int
     overrun: BaseException | None
-    """What breaks the task off: a bound of a shield that ran out, an injected fault; raised at its next checkpoint."""
+    """Error that breaks the task off (expired bound of a shield, injected fault), raised at its next checkpoint."""
 
     count: int
-    """How often the task itself was suspended and not woken up."""
+    """Suspensions of the task itself that are not undone."""
     holds: int
     timers: list[Timer] | None
     hooks: list[Callable[[], object]] | None
@@ -214,7 +214,7 @@ class Scheduler:
         self.on_start: Callable[[Node], object] | None = None
         """Called in its task when a node of the tree begins; what it raises is what the node fails with."""
         self.revision: Callable[[], int] | None = None
-        """Where failures get the revision of the belief from."""
+        """Source of the belief's revision in failures."""
         self.max_steps = max_steps
 
         self.current: Task | None = None
@@ -232,7 +232,7 @@ class Scheduler:
         self.world_waits: dict[BaseFluent[Any], int] = {}
         """World fluents that someone waits for, with the number of waits."""
         self.vital_waits = 0
-        """How many of these waits keep the run going; the others are only looked at when it goes on anyway."""
+        """Number of these waits that keep the run going; the others are only checked when it goes on anyway."""
         self._services: dict[type, Any] = {}
 
         self.live = host if isinstance(host, LiveHost) else None
@@ -247,11 +247,11 @@ class Scheduler:
         self.over = False
         self.interrupts = 0
         self.heeded = 0
-        """How many interrupts were seen to."""
+        """Number of interrupts that were handled."""
         self.spoilt: BaseException | None = None
-        """What went wrong in no task, as in writing the trace; raised when the tasks of the step have come to rest."""
+        """Error outside of all tasks, as in writing the trace; raised when no task of the step can run any more."""
         self.fatal: BaseException | None = None
-        """What has to end the run, once the task in which it arose is dead."""
+        """Error that ends the run, once the task in which it arose is dead."""
         self.overdue: Task | None = None
         """The task that the watchdog has interrupted."""
 

@@ -1,4 +1,4 @@
-"""What ends a run or a task and is no plan failure: evaporation, and errors that name tasks and lines."""
+"""Ends of a run or a task that are no plan failures: evaporation, and errors that name tasks and lines."""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ class Fluent(BaseFluent[T]):
         self.name = name
         self._value: T = value
         self.changes = 0
-        """How often the value has changed."""
+        """Number of changes of the value so far."""
         self.born: Node | None = None
         """The node of the tree in which it was made, if the run is observed."""
         scheduler = self._run = running.scheduler
@@ -128,7 +128,7 @@ class WorldFluent(Fluent[T]):
         _FLUENT.plain("read", read, "a function that reads the world when it is called")
         self._read = read
         self.vital = True
-        """Whether a wait for it keeps the run going, step by step."""
+        """True if a wait for it keeps the run going, step by step."""
         self._error: Exception | None = None
         self._at: tuple[Scheduler, int] | None = None
 
@@ -230,7 +230,7 @@ class FluentWait(Wait):
 _LATE = object()
 _WAIT_FOR = Usage("await wait_for", {"signal": "door_open"}, {"timeout": "5"})
 SIGNAL = "a fluent or an expression over fluents, which can become true"
-"""What can be waited for: most often the value of one is given instead, which does not change."""
+"""Expected argument in the message; the usual mistake is to give its value, which does not change."""
 
 
 async def wait_for(signal: Signal[T], timeout: float | None = None) -> T | None:

@@ -169,7 +169,7 @@ class Host(Protocol):
     rate: int
     """Steps per second."""
     jumps: bool
-    """Whether steps in which nothing is due may be taken at once."""
+    """True if steps in which nothing is due may be taken at once."""
 
     def advance(self, steps: int) -> int | None:
         """Let this many steps pass; called only when no task can run.
@@ -229,7 +229,7 @@ PATIENCE = 0.1
 
 
 class Inbox:
-    """What threads, signal handlers and tests hand over to the thread that runs the plan, first in, first out.
+    """Queue from threads, signal handlers and tests to the thread that runs the plan, first in, first out.
 
     Any thread may :meth:`put`, only the run's own thread waits and takes.
 

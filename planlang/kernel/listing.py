@@ -1,4 +1,4 @@
-"""Where tasks are: lines of waiting code and of failures, and the list of blocked tasks in an error."""
+"""Source lines of waiting tasks and of failures, and the list of blocked tasks in an error."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a task can ask for: time, random numbers, to wait, a node of its own in the tree, and to call a function."""
+"""Primitives for a task: time, random numbers, waiting, a node of its own in the tree, calls of functions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where the order of tasks that can run comes from: first come first served, a stream of numbers, or a list.
+"""Schedules, the order of tasks that can run: first come first served, by random numbers, or by a list.
 
 A choice is the place, in order of coming, of the task that runs next. It is asked for only where there is one. Random
 numbers come from streams that count their draws, so that a resumed run can bring them to where they were.
@@ -57,7 +57,7 @@ class CountedRandom(Random):
 
     @property
     def draws(self) -> Any:
-        """How far the stream has come, as JSON: the words drawn, with the second number that ``gauss`` has ready.
+        """Return the position of the stream as JSON: the words drawn, with the second number that ``gauss`` has ready.
 
         ValueError if that is not known, since the plan has seeded the stream itself.
         """

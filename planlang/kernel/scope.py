@@ -23,7 +23,7 @@ class Scope(BaseScope):
     """A construct with branches. Subclasses say in :meth:`decide` when it is over."""
 
     transparent = False
-    """Whether the branches appear in the tree in the construct's place."""
+    """True if the branches appear in the tree in the construct's place."""
 
     def __init__(self, kind: str, name: str | None = None) -> None:
         self.scheduler, self.owner = here()

@@ -128,7 +128,7 @@ class BaseFluent(Signal[T]):
 
     def __init__(self) -> None:
         self.pulses = 0
-        """How often the fluent was pulsed; a change is a pulse too."""
+        """Number of pulses so far; a change is a pulse too."""
         self._waits: dict[Wait, None] = {}
 
     def sources(self) -> dict[BaseFluent[Any], None]:

@@ -49,7 +49,7 @@ class Node:
         self.number = 0
         """Its number in the trace; 0 before it is written there."""
         self.written = ""
-        """How records of its start and end continue after ``"node": ``, once that was written."""
+        """Text after ``"node": `` in the records of its start and end, once that was written."""
         counts = parent._counts
         if counts is None:
             parent._counts = {name: 1}

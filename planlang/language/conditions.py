@@ -1,4 +1,4 @@
-"""What plans do about conditions: achieve them unless they hold, act whenever they do, keep them from coming true."""
+"""Conditions of plans: achieve them unless they hold, act whenever they do, keep them from coming true."""
 
 from __future__ import annotations
 

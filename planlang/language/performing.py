@@ -180,10 +180,11 @@ class HeldPose:
 
     Invariant: ``displaced`` iff a nested scope has moved the base and left it elsewhere.
 
-    ``failure`` is the one for which the body runs again, None on the first run.
+    ``failure`` is the one for which the body runs again, None on the first run. ``is_last`` once something was begun
+    that must not be repeated: then the body does not run again.
     """
 
-    __slots__ = ("_go", "_now", "_released", "displaced", "failure")
+    __slots__ = ("_go", "_now", "_released", "displaced", "failure", "is_last")
 
     def __init__(self, go: Callable[[], Awaitable[None]]) -> None:
         self._go = go
@@ -191,6 +192,7 @@ class HeldPose:
         self._now: set[Action] = set()
         self.displaced = False
         self.failure: PlanFailure | None = None
+        self.is_last = False
 
     def again(self, failure: PlanFailure) -> None:
         """Note that the body runs again because of a failure."""
@@ -226,6 +228,7 @@ _PERFORM = Usage(
     {"action": 'action("Reaching")'},
     {
         "name": '"reach"',
+        "once": "True",
         "otherwise": "reach",
         "until": "holding(cup)",
         "recoveries": "[Recovery(GraspMissed)]",
@@ -253,11 +256,15 @@ async def perform(
     action: Action,
     name: str | None = None,
     *,
+    once: bool = False,
     otherwise: Branch | None = None,
     until: Goal | None = None,
     recoveries: Iterable[Recovery] = (),
 ) -> Any:
     """Have a process module perform an action; returns what the module returns.
+
+    ``once``: nothing is known of what the action changes. From its beginning on, a scope around it
+    (:func:`at_location`) tries no other place, and ends with the failure of its body.
 
     A module works on one request at a time, first come, first served, and holds the action's resources meanwhile.
     Evaporation cancels the request; suspension cancels it, and it is made again after waking up. Raises what the
@@ -272,13 +279,13 @@ async def perform(
     if otherwise is not None:
         _PERFORM.branch("otherwise", otherwise)
     check_action(_PERFORM, action, name)
-    step: Branch = partial(_performed, action, name, otherwise)
+    step: Branch = partial(_performed, action, name, once, otherwise)
     if until is not None:
         step = achieving(_PERFORM, "until", until, step)
     return await recovering(step, recoveries_of(_PERFORM, recoveries))
 
 
-async def _performed(action: Action, name: str | None, otherwise: Branch | None) -> Any:
+async def _performed(action: Action, name: str | None, once: bool, otherwise: Branch | None) -> Any:
     path_element = name or action.name or local_name(action.type)
     executive = current.get() if otherwise is not None else executive_for("perform")
     module = None if executive is None else module_for(executive, action)
@@ -293,6 +300,8 @@ async def _performed(action: Action, name: str | None, otherwise: Branch | None)
     if pose is not None and pose.displaced and "base" not in resources:
         announce()  # driving back is part of the request: an asynchronous one counts as made
         await pose.establish()
+    if pose is not None and once:
+        pose.is_last = True
     releases = pose is not None and executive.releases(action)
     if pose is not None and releases and (refused := pose.refusal(action, executive)) is not None:
         # a grasp whose object is to be handed over is not opened a second time: better fail than drop it

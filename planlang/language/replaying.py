@@ -169,7 +169,7 @@ class _ReplayedModule:
 
 
 class _Work:
-    """What happens in a request, record by record."""
+    """Replay of a request, record by record."""
 
     def __init__(self, trace: ReplayCheck) -> None:
         self._trace = trace

@@ -63,7 +63,7 @@ _EXPECTED = {
     "A dot is expected": "'.', ';' or ','",
     "Unexpected end": "'.' behind the last statement",
 }
-"""What could stand where the parser reports a message, by message."""
+"""Expected tokens, by message of the parser."""
 
 
 def read_turtle(content: bytes | str, file: str, *, base: str, label: str = "b") -> Parsed:

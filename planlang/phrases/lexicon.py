@@ -25,7 +25,7 @@ ARTICLES = ("the", "a", "an", "any")
 """Words that stand before a noun and in none."""
 
 LIMITS = {"at most": "within", "up to": "within", "at least": "beyond", "more than": "beyond", "less than": "within"}
-"""How a length is said to be the greatest or the least -> the bound of the relation."""
+"""Words before the greatest or the least length -> the bound of the relation."""
 
 LONGEST, DEEPEST = 20_000, 20
 """Characters of a phrase, and places within each other, that are read at most."""
@@ -33,14 +33,14 @@ LONGEST, DEEPEST = 20_000, 20
 assert GRASP_FORMS.keys() == set(GRASPS)
 
 KINDS: dict[str, type[Object]] = {"thing": Object, "person": Person, "device": Device}
-"""What can stand before a class in brackets: "the person <Visitor>"."""
+"""Nouns before a class in brackets: "the person <Visitor>"."""
 
 SIDES, PARTS = ("right", "left"), ("arm", "hand", "gripper")
 DEVICES: dict[str, Device] = {
     **{f"{side} {part}": Device(f"{side.capitalize()}{part.capitalize()}") for side in SIDES for part in PARTS},
     **{part: Device(part.capitalize()) for part in PARTS},
 }
-"""What can reach, told by side: words -> device."""
+"""Names of arms and hands by side: words -> device."""
 
 _PIECES = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|\d+")
 _WORD = re.compile(r"[^\W\d](?:[\w.:-]*\w)?")
@@ -48,9 +48,9 @@ _WORD = re.compile(r"[^\W\d](?:[\w.:-]*\w)?")
 
 @dataclass(frozen=True, slots=True)
 class Lexicon:
-    """What nouns mean.
+    """Meanings of nouns.
 
-    ``things`` are told by name, ``classes`` by words, each of which means one class.
+    ``things`` are keyed by name, ``classes`` by words, each of which means one class.
     """
 
     things: Mapping[str, Object] = field(default_factory=dict)

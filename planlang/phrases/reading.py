@@ -240,7 +240,7 @@ _MOST = 24
 """Nouns that are listed at most."""
 _ALIKE = 0.7
 _GOES_ON = ("AND", "BUT", "COMMA", "WITH", "GRASP", "RPAR", "$END")
-"""What may follow where a noun may have ended."""
+"""Terminals that may follow the possible end of a noun."""
 SPOKEN: Mapping[str, str] = {
     **dict.fromkeys(("NOT", "RELATION", "OPPOSITE", "LIMIT", "WITHIN", "BEYOND"), "a relation"),
     "LENGTH": "a length",

@@ -41,7 +41,7 @@ class _Open:
 
     def __init__(self, moved: object) -> None:
         self.moved = moved
-        """How far the random stream of its task had come."""
+        """Position of its task's random stream at its start."""
         self.fluents: dict[Fluent[Any], None] = {}
         self.spent: dict[str, int] = {}
         self.used: dict[str, int] = {}

@@ -44,7 +44,7 @@ class Line:
 
     @property
     def event(self) -> str:
-        """What happened."""
+        """Return the name of the event."""
         return str(self.record["event"])
 
 
@@ -67,7 +67,7 @@ class RecordedRun:
 
     @property
     def outcome(self) -> str | None:
-        """How the plan ended: "succeeded", "failed" or "evaporated"; None if the record ends before."""
+        """Return the outcome of the plan: "succeeded", "failed" or "evaporated"; None if the record ends before."""
         root = next((line.path for line in self.lines if line.event == "started"), None)
         for line in reversed(self.lines):
             if line.event == "ended" and line.path == root:
@@ -174,7 +174,7 @@ class Done:
     value: Any = None
     failure: BaseException | None = None
     draws: Any = None
-    """How far the task's stream of random numbers has come."""
+    """Position of the task's random stream."""
     fluents: Mapping[str, Any] = field(default_factory=dict)
     spent: Mapping[str, int] = field(default_factory=dict)
     used: Mapping[str, int] = field(default_factory=dict)
@@ -218,7 +218,7 @@ class Past:
         self.calls = max((_call(line) for line in self.kept if line.event == "called"), default=0)
         """The highest number that a call in a thread has been given."""
         self.order = [done for path, done in self.done.items() if not self._inside_done(path)]
-        """What is taken over, in the order in which it completed, without what is inside of other such steps."""
+        """Steps that are taken over, in the order of their completion, without those inside of other such steps."""
 
     def expected(self) -> list[Line]:
         """Return the kept records that the plan writes again on its way to where it goes on."""

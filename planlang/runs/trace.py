@@ -41,7 +41,7 @@ class Trace:
     """
 
     is_compared = False
-    """Whether records are compared with recorded ones in :meth:`write`, so that all have to go through it."""
+    """True if records are compared with recorded ones in :meth:`write`, so that all have to go through it."""
 
     def __init__(
         self, out: TextIO | list[dict[str, Any]] | None = None, header: Mapping[str, object] | None = None
@@ -59,7 +59,7 @@ class Trace:
         self._header = dict(header or {})
         self._nodes = 0
         self.continues = False
-        """Whether it begins with the records of an earlier trace."""
+        """True if it begins with the records of an earlier trace."""
         self._names: dict[str, str] = {}
         self._above = -1
         self._around = ""
@@ -377,9 +377,9 @@ def with_paths(events: Iterable[Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
 FROM_OUTSIDE = frozenset({"interrupted", "drained"})
 """Events that need not be the same when a run is repeated."""
 _UNWRITABLE = (OSError, ValueError)
-"""What a file raises that is full, or closed."""
+"""Errors of writing to a full or closed file."""
 _UTF8 = ("utf-8", "backslashreplace")
-"""What is no text stands as JSON writes it with an escape."""
+"""Characters that UTF-8 cannot encode (lone surrogates) become JSON escapes."""
 _json = json.JSONEncoder(ensure_ascii=False).encode
 _quoted = json.encoder.encode_basestring
 

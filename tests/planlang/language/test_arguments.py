@@ -19,6 +19,7 @@ from planlang.failures import GraspMissed
 
 CUP = an_object("Cup")
 NEAR = a_location(near=CUP)
+RIM = a_feature("LINE", of=CUP, position=(0.0, 0.0, 0.1), direction=(0.0, 0.0, 1.0))
 
 
 async def works() -> str:
@@ -232,6 +233,22 @@ OUTSIDE: list[Case] = [
     ("Situation properties", lambda x: Situation("Open", x), set()),
     ("Condition predicate", lambda x: Condition(x, ()), TEXT),
     ("Condition arguments", lambda x: Condition("holding", x), set()),
+    ("a_feature kind", lambda x: a_feature(x, of=CUP), OPTIONAL),
+    ("a_feature of", lambda x: a_feature(of=x), set()),
+    ("a_feature position", lambda x: a_feature("POINT", of=CUP, position=x), set()),
+    ("a_feature direction", lambda x: a_feature("LINE", of=CUP, position=(0, 0, 0), direction=x), set()),
+    ("a_feature path", lambda x: a_feature(of=CUP, path=x), {"list"}),
+    ("a_feature held_by", lambda x: a_feature(of=CUP, held_by=x), OPTIONAL),
+    ("a_feature name", lambda x: a_feature(of=CUP, name=x), TEXT | OPTIONAL),
+    ("a_constraint kind", lambda x: a_constraint(x, RIM, RIM), set()),
+    ("a_constraint tool", lambda x: a_constraint("HEIGHT", x, RIM), set()),
+    ("a_constraint world", lambda x: a_constraint("HEIGHT", RIM, x), set()),
+    ("a_constraint lower", lambda x: a_constraint("HEIGHT", RIM, RIM, lower=x), NUMBERS | OPTIONAL | {"negative"}),
+    ("a_constraint upper", lambda x: a_constraint("HEIGHT", RIM, RIM, upper=x), NUMBERS | OPTIONAL | {"negative"}),
+    ("a_constraint weight", lambda x: a_constraint("HEIGHT", RIM, RIM, weight=x), NUMBERS),
+    ("a_constraint speed", lambda x: a_constraint("HEIGHT", RIM, RIM, speed=x), OPTIONAL),
+    ("a_constraint frame", lambda x: a_constraint("HEIGHT", RIM, RIM, frame=x), TEXT | OPTIONAL),
+    ("a_constraint name", lambda x: a_constraint("HEIGHT", RIM, RIM, name=x), TEXT | OPTIONAL),
     ("holding", holding, set()),
     ("located", located, set()),
     ("located what", lambda x: located(NEAR, x), OPTIONAL),
