@@ -188,7 +188,7 @@ CODES: dict[str, str] = {
     "R014": "some ordering constraints are redundant: they follow from the others",
     "R015": "orderings and overlaps of steps contradict each other",
     "R020": "a sub-action is not defined",
-    "R021": "nothing performs a sub-action: it is not a primitive and has no recipe",
+    "R021": "nothing performs a sub-action yet: it is not a primitive and has no recipe; a process module may",
     "R022": "a recipe performs itself, possibly through a superclass",
     "R023": "recipes are nested too deeply",
     "R024": "a sub-action is stated twice, or required several times",

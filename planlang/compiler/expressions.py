@@ -34,7 +34,7 @@ PLANLANG = frozenset(
     (
         *("Any", "Condition", "Fluent", "Location", "Object", "Person", "Recovery"),
         *("a_device", "a_location", "a_person", "a_posture", "a_situation", "action", "an_object", "holding"),
-        *("achieve", "at_location", "par", "partial", "partial_order", "perform", "perform_or", "plan"),
+        *("achieve", "at_location", "par", "partial", "partial_order", "perform", "plan"),
         *("given", "state_machine", "try_in_order", "using", "wait_for", "with_failure_handling"),
     )
 )

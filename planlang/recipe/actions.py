@@ -37,7 +37,7 @@ class Actions:
         self.goals: dict[str, Goal] = read_goals(ontology)
         self.recoveries: tuple[RecoveryRule, ...] = read_recoveries(ontology)
         self.performers: dict[str, tuple[tuple[str, ...], str | None]] = {}
-        """Action (IRI) -> who performs it, as :func:`planlang.recipe.reading.recipes_for` returns it."""
+        """Action (IRI) -> who performs it, as :func:`planlang.recipe.performers.recipes_for` returns it."""
         self._statements: dict[str, Statements | None] = {}
         self._last_moving: tuple[RecipeSet, frozenset[str]] | None = None
 

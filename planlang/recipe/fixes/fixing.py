@@ -59,7 +59,6 @@ def fix_recipe(
     *,
     task: str | None = None,
     folders: Sequence[Path] = (),
-    allow_abstract: bool = False,
     accepted: frozenset[str] = frozenset(),
 ) -> Fixed:
     """Fix the recipe in a file, which stays as it is.
@@ -77,7 +76,7 @@ def fix_recipe(
             copy = Path(folder) / path.name
             copy.write_bytes(text.encode(encoding))
             actions = Actions(load(copy, folders=(path.parent, *folders)))
-            reading = read_recipe(actions, task, allow_abstract=allow_abstract)
+            reading = read_recipe(actions, task)
             if reading.actions is actions:
                 raw = read_recipes(actions, reading.recipes.task) if reading.recipes is not None else None
                 fixes = proposed(actions, reading.recipes, raw, reading.diagnostics)

@@ -18,8 +18,8 @@ from planlang.recipe.checks.parameters import exchanged_pair, unused_designators
 from planlang.recipe.checks.steps import unlisted_states
 from planlang.recipe.fixes import CannotEdit, Edit, Editable, Fix, Place
 from planlang.recipe.model import Recipe, RecipeSet, Step, Thing
+from planlang.recipe.performers import statements_for
 from planlang.recipe.readers.partial_order import is_sub_action
-from planlang.recipe.reading import statements_for
 from planlang.recipe.statements import Statements, is_word
 
 _T = TypeVar("_T")

@@ -49,7 +49,7 @@ def opened(folder: Path, text: str) -> Actions:
 
 
 def read(folder: Path, text: str, task: str | None = None) -> Recipe:
-    reading: Reading = read_recipe(opened(folder, text), task, allow_abstract=True)
+    reading: Reading = read_recipe(opened(folder, text), task)
     assert reading.recipes is not None, reading.diagnostics
     return reading.recipes.main
 
@@ -199,7 +199,7 @@ Individual: plate
 
 def test_workflows_nest_and_their_relations_order_or_overlap(tmp_path: Path) -> None:
     actions = opened(tmp_path, WORKFLOW)
-    reading = read_recipe(actions, allow_abstract=True)
+    reading = read_recipe(actions)
     assert reading.recipes is not None
     recipe = reading.recipes.main
     assert {local_name(iri): one.dialect.name for iri, one in reading.recipes.recipes.items()} == {
@@ -305,7 +305,7 @@ def test_one_file_may_mix_dialects_and_hold_several_tasks(tmp_path: Path) -> Non
     task = "\nClass: T\n    SubClassOf: k:Action, k:subAction some M, k:subAction some C\n"
     actions = opened(tmp_path, f"{STEPS}{MACHINE}{WORKFLOW}{TABLE}{task}")
     assert {local_name(task) for task in top_tasks(actions)} == {"T", "cook", "pipetting"}
-    recipes = read_recipe(actions, "T", allow_abstract=True).recipes
+    recipes = read_recipe(actions, "T").recipes
     assert recipes is not None
     assert {local_name(iri): one.dialect.name for iri, one in recipes.recipes.items()} == {"T": "D1f", "M": "D3"}
 
@@ -439,7 +439,7 @@ def test_chunks_act_on_the_main_object_of_their_table_unless_they_say_something_
 
 def test_a_supporting_plane_is_found_by_its_name_in_the_namespace_of_a_log(corpus: Path) -> None:
     path = corpus / "recipes" / "acat-adt_example_pipetting@master.owl"
-    reading = read_recipe(Actions(load(path)), allow_abstract=True)
+    reading = read_recipe(Actions(load(path)))
     assert reading.recipes is not None
     (pipette,) = {thing for step in reading.recipes.main.steps for thing in step.fillers("objectActedOn")}
     assert pipette.name == "ActionObjectDescription_dfgINiret8h"

@@ -80,7 +80,7 @@ def compiled(folder: Path, found: Fixed) -> tuple[str, list[str]]:
     """The plan of the fixed text, and the codes of what there still is to say."""
     path = folder / "fixed.owl"
     path.write_bytes(found.after.encode(found.encoding))
-    plan = compile_recipe(path, allow_abstract=True)
+    plan = compile_recipe(path)
     return plan.source, [one.code for one in plan.diagnostics]
 
 
@@ -325,7 +325,7 @@ def said(folder: Path, text: str) -> list[tuple[str, str]]:
     path = folder / "said.owl"
     path.write_text(text, encoding="utf-8")
     try:
-        diagnostics = compile_recipe(path, allow_abstract=True).diagnostics
+        diagnostics = compile_recipe(path).diagnostics
     except BadInput as problem:
         diagnostics = problem.diagnostics
     return [(one.code, one.severity.value) for one in diagnostics]
@@ -399,9 +399,7 @@ def test_a_missing_order_of_sub_events_is_written(folder: Path, syntax: Target) 
 
 
 def test_the_real_recipe_of_sub_events_gets_the_orders_that_are_missing(corpus: Path, folder: Path) -> None:
-    found = fix_recipe(
-        corpus / "recipes" / "GetFromRefrigerator@2010-11.owl", allow_abstract=True, accepted=frozenset({"R042"})
-    )
+    found = fix_recipe(corpus / "recipes" / "GetFromRefrigerator@2010-11.owl", accepted=frozenset({"R042"}))
     assert codes(found).count("R042") == 2
     assert "R042" not in compiled(folder, found)[1]
 
@@ -455,7 +453,7 @@ def test_every_code_of_recipes_has_a_fix_or_a_reason_for_having_none() -> None:
 
 @pytest.mark.parametrize("path", sorted(DIAGNOSTICS.glob("R*.omn")), ids=lambda path: path.stem)
 def test_fixes_are_of_the_codes_that_say_so(path: Path) -> None:
-    found = fix_recipe(path, allow_abstract=True)
+    found = fix_recipe(path)
     assert {fix.code for fix in (*found.done, *(fix for fix, _ in found.impossible))} <= {*SAFE}
     assert {fix.code for fix in found.unaccepted} <= {*ACCEPTABLE}
 
