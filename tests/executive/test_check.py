@@ -236,7 +236,7 @@ def test_only_fixes_that_wait_for_acceptance_can_be_accepted(broken_recipe: Path
     result = check(broken_recipe, "--fix", "--accept", "R999")
     assert result.exit_code == 2
     assert "error C015" in result.stderr
-    assert "codes with uncertain fixes: R010" in result.stderr
+    assert "codes with uncertain fixes: O016, R010" in result.stderr
     assert "fixes of R013 are safe: --fix applies them" in check(broken_recipe, "--fix", "--accept", "R013").stderr
     assert "R012 has no fix: any constraint of the cycle" in check(broken_recipe, "--fix", "--accept", "R012").stderr
 
