@@ -34,7 +34,7 @@ def command(arguments: MatchArguments) -> Answer:
     assert robot is not None
     folders, semantics = arguments.folders, Semantics(arguments.semantics.value)
     ontology = load(file.path, folders=folders)
-    reading = read_recipe(Actions(ontology), arguments.task, allow_abstract=True)
+    reading = read_recipe(Actions(ontology), arguments.task)
     found = [*reading.diagnostics]
     if reading.recipes is None:
         raise BadInput(found)

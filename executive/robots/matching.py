@@ -253,7 +253,7 @@ class Missing:
 
     iri: str
     kind: FindingKind
-    """CAPABILITY or COMPONENT."""
+    """CAPABILITY or COMPONENT; ACTION for a class of actions that nothing performs."""
     state: Availability
     """MISSING, or UNKNOWN when neither the self-model nor the vocabulary says enough."""
     because: tuple[str, ...]
@@ -266,7 +266,9 @@ class Missing:
         return local_name(self.iri)
 
     def __str__(self) -> str:
-        return f"{self.kind.value} {self.name}: {self.reason} (required by {' > '.join(map(local_name, self.because))})"
+        told = f"{self.kind.value} {self.name}: {self.reason}"
+        above = " > ".join(map(local_name, self.because))
+        return told if self.kind is FindingKind.ACTION else f"{told} (required by {above})"
 
 
 def missing_capabilities(ontology: Ontology, actions: Iterable[str], robot: Robot) -> tuple[Missing, ...]:

@@ -170,7 +170,8 @@ class BodyWriter:
         use = self._symbols.use
         match node:
             case Perform(name, term):
-                return [], call(use("perform"), self._write.action(term), name=quoted(name))
+                more = {"once": "True"} if node.once else {}
+                return [], call(use("perform"), self._write.action(term), name=quoted(name), **more)
             case Call(_, None, (only,)):
                 return [], call(self._symbols.functions[only.recipe], **self._write.arguments(only))
             case Call(_, None, calls):
@@ -203,7 +204,8 @@ class BodyWriter:
         is_body = isinstance(node, (Series, Hold, Gate)) or is_giving_several
         if not is_body and not (isinstance(node, Call) and key is None):
             if isinstance(node, Perform) and key is not None:
-                perform = call(self._symbols.use("perform"), self._write.action(node.action))
+                more = {"once": "True"} if node.once else {}
+                perform = call(self._symbols.use("perform"), self._write.action(node.action), **more)
                 return [], partial_call(self._symbols, perform)
             before, expression = self._awaited(node, depth)
             return before, partial_call(self._symbols, expression)

@@ -66,7 +66,8 @@ async def at_location(
     When the body fails in a way that another base pose can cure, the next is tried, at most ``attempts`` in all.
     Poses within 5 cm of one that failed at the same revision of the belief are skipped. The base is held: side by
     side, scopes take turns; a nested scope may move it, and it is moved back. When something else moves it, the body
-    is evaporated and runs again at the same pose, at most 10 times.
+    is evaporated and runs again at the same pose, at most 10 times. Once an action that must not be repeated has begun
+    (``perform(..., once=True)``), the body does not run again: its failure is raised.
 
     Raises ObjectUnreachable, or ObjectUndeliverable when something is held, from the last failure, or from
     LocationUnresolvable when no pose was found at all, or from MissingCapability when the robot lacks what it takes.
@@ -127,9 +128,10 @@ class _Visit:
         self._solution: Solution | None = None
 
     def leave(self, outer: HeldPose | None) -> None:
-        """Mark the scope around as displaced if the base is elsewhere."""
-        if outer is not None and self.moved:
-            outer.displaced = True
+        """Mark the scope around as displaced if the base is elsewhere, and as the last if this one is."""
+        if outer is not None:
+            outer.displaced = outer.displaced or self.moved
+            outer.is_last = outer.is_last or self.pose.is_last
 
     async def run(self, body: Branch, attempts: int) -> Any:
         """Try one base pose after another."""
@@ -153,7 +155,7 @@ class _Visit:
             try:
                 return await self._visit(solution, body)
             except PlanFailure as failure:
-                if not matches(failure, CURABLE):
+                if self.pose.is_last or not matches(failure, CURABLE):
                     raise
                 last = failure
                 self.pose.again(failure)
@@ -189,6 +191,9 @@ class _Visit:
             if not watched.lost:
                 return result
             record("displaced", base=solution.base)
+            if self.pose.is_last:
+                message = "the base was moved away by something else, and what was done here must not be repeated"
+                raise NavigationGoalNotReached(message, target=solution.base)
         raise NavigationGoalNotReached(
             f"the base was moved away {REPLACED} times by something else", target=solution.base
         )

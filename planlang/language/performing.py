@@ -178,10 +178,11 @@ class HeldPose:
 
     Invariant: ``displaced`` iff a nested scope has moved the base and left it elsewhere.
 
-    ``failure`` is the one for which the body runs again, None on the first run.
+    ``failure`` is the one for which the body runs again, None on the first run. ``is_last`` once something was begun
+    that must not be repeated: then the body does not run again.
     """
 
-    __slots__ = ("_go", "_now", "_released", "displaced", "failure")
+    __slots__ = ("_go", "_now", "_released", "displaced", "failure", "is_last")
 
     def __init__(self, go: Callable[[], Awaitable[None]]) -> None:
         self._go = go
@@ -189,6 +190,7 @@ class HeldPose:
         self._now: set[Action] = set()
         self.displaced = False
         self.failure: PlanFailure | None = None
+        self.is_last = False
 
     def again(self, failure: PlanFailure) -> None:
         """Note that the body runs again because of a failure."""
@@ -219,7 +221,7 @@ class HeldPose:
 held_pose: ContextVar[HeldPose | None] = ContextVar("held pose", default=None)
 
 
-_PERFORM = Usage("await perform", {"action": 'action("Reaching")'}, {"name": '"reach"'})
+_PERFORM = Usage("await perform", {"action": 'action("Reaching")'}, {"name": '"reach"', "once": "True"})
 _PERFORM_OR = Usage("await perform_or", {"action": 'action("Reaching")', "branch": "reach"})
 
 
@@ -239,8 +241,11 @@ def module_for(executive: Executive, action: Action) -> ProcessModule | None:
     return None
 
 
-async def perform(action: Action, name: str | None = None) -> Any:
+async def perform(action: Action, name: str | None = None, *, once: bool = False) -> Any:
     """Have a process module perform an action; returns what the module returns.
+
+    ``once``: nothing is known of what the action changes. From its beginning on, a scope around it
+    (:func:`at_location`) tries no other place, and ends with the failure of its body.
 
     A module works on one request at a time, first come, first served, and holds the action's resources meanwhile.
     Evaporation cancels the request; suspension cancels it, and it is made again after waking up. Raises what the
@@ -260,6 +265,8 @@ async def perform(action: Action, name: str | None = None) -> Any:
     if pose is not None and pose.displaced and "base" not in resources:
         announce()  # driving back is part of the request: an asynchronous one counts as made
         await pose.establish()
+    if pose is not None and once:
+        pose.is_last = True
     releases = pose is not None and executive.releases(action)
     if pose is not None and releases and (refused := pose.refusal(action, executive)) is not None:
         # a grasp whose object is to be handed over is not opened a second time: better fail than drop it

@@ -269,6 +269,16 @@ def test_one_feasible_alternative_is_enough(tmp_path: Path, line: str) -> None:
     assert told(found, "ClosingAGripper", "LookingForSomething") == (["ClosingAGripper", "LookingForSomething"], [])
 
 
+def test_a_process_module_is_needed_for_what_no_branch_of_the_plan_does_instead(tmp_path: Path) -> None:
+    found = needs(
+        tmp_path,
+        "await perform_or(action('GraspingSomething'), grasp)",
+        "await par(partial(perform_or, action('Pouring'), reach))",
+        "await perform(action('Stirring'))",
+    )
+    assert sorted(found.modular) == ["ClosingAGripper", "Reaching", "Stirring"]
+
+
 def test_local_branches_are_alternatives_too(tmp_path: Path) -> None:
     found = needs(
         tmp_path,
@@ -342,6 +352,20 @@ Class: Search
 Class: Look
     SubClassOf: knowrob:LookingForSomething, knowrob:objectActedOn value bottle
 """
+
+
+@pytest.mark.parametrize("is_plan", [False, True], ids=["recipe", "plan"])
+def test_a_step_without_process_module_is_refused_before_the_robot_is_bound(is_plan: bool, tmp_path: Path) -> None:
+    recipe = tmp_path / "looking.omn"
+    plan = compiled(recipe, LOOKING.replace("LookingForSomething", "Stirring"))
+    absent = tmp_path / "robot.omn"  # never read
+    options = replace(AMIGO, robot=absent, plan=plan) if is_plan else replace(AMIGO, robot=absent, recipe=recipe)
+    refused = run_plan_file(options)
+    assert (refused.outcome, refused.failure) == (Outcome.LACKS_CAPABILITY, ("ActionUnresolvable",))
+    assert refused.message.startswith("ActionUnresolvable: action ")
+    assert "no process module is registered for it or a class above it" in refused.message
+
+
 SCANNER = "\n    SubClassOf: srdl2-comp:dependsOnComponent some srdl2-comp:Tilting2DLaserScanner\n"
 
 

@@ -50,7 +50,7 @@ def matched(
     recipe: Path, robot: Possessions, semantics: Semantics = Semantics.CLOSURE, task: str | None = None
 ) -> Match:
     ontology = load(recipe)
-    recipes = read_recipe(Actions(ontology), task, allow_abstract=True).recipes
+    recipes = read_recipe(Actions(ontology), task).recipes
     assert recipes is not None
     return match(ontology, recipes, robot, semantics)
 
