@@ -222,6 +222,7 @@ CODES: dict[str, str] = {
     "R057": "ordering constraints of a finite-state recipe are ignored",
     "R058": "a name is misspelt: it is unknown, and nearly the same as a known one",
     "R059": "a statement about steps or their order has no effect, or says more than was probably meant",
+    "R065": "a constraint of a motion lacks its kind or a feature, or nothing can be within its limits",
     # M: maps and worlds
     "M001": "a pose's matrix was repaired: a reflection, or not orthonormal",
     "M002": "a number is expected, and a finite one",

@@ -62,7 +62,8 @@ Class: FrontAboveTable_near
         mc:constrWeight value "0.0"^^xsd:double
 
 Class: Centred
-    SubClassOf: mc:DistanceConstraint, mc:toolFeature some knowrob:Sponge, mc:worldFeature some knowrob:Table-PieceOfFurniture,
+    SubClassOf: mc:DistanceConstraint, mc:toolFeature some knowrob:Sponge,
+        mc:worldFeature some knowrob:Table-PieceOfFurniture,
         mc:constrUpperLimit value 0.1
 """
 
@@ -123,7 +124,7 @@ def test_a_feature_of_the_class_of_the_tool_is_the_tool_itself(recipe: Path) -> 
             "mc:MotionConstraint, mc:toolFeature",
             "`Centred` is no constraint of a known kind",
         ),
-        ("mc:toolFeature some knowrob:Sponge, ", "", "the constraint `Centred` has no toolFeature"),
+        ("mc:toolFeature some knowrob:Sponge,\n", "\n", "the constraint `Centred` has no toolFeature"),
         ('value "0.01"^^', 'value "-0.01"^^', "has the lower limit 0 above its upper limit -0.01"),
         ('mc:constrWeight value "0.0"', 'mc:constrWeight value "-1.0"', "has the weight -1"),
     ],
