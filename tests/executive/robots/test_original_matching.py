@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from collections.abc import Iterable
 from functools import cache
@@ -89,6 +90,21 @@ class Corpus:
 @pytest.fixture(scope="module")
 def files(corpus: Path, tmp_path_factory: pytest.TempPathFactory) -> Corpus:
     return Corpus(corpus, tmp_path_factory.mktemp("corpus"))
+
+
+def test_the_oracle_gives_the_known_answers_for_serving_a_drink(files: Corpus) -> None:
+    rows = json.loads((files.corpus / "truth" / "srdl_expected_serve_drink.json").read_text(encoding="utf-8"))
+    recipes = {"serve_drink_hydro": RECIPES[-3], "serve_drink_re_stack": RECIPES[-2]}
+    for row in rows:
+        robot = next(name for name in ROBOTS if name.removesuffix(".in") == row["robot_file"])
+        model = files.robot(robot).model
+        assert model is not None
+        whole = files.load(files.corpus / "recipes" / recipes[row["recipe_set"]])
+        paths = dict.fromkeys(document.path for one in (whole, model.ontology) for document in one.documents)
+        found = OriginalMatcher(map(files.graph, paths)).answer(
+            row["task"], row["robot"], files.graph(paths.popitem()[0])
+        )
+        assert found == Answer(*(frozenset(row["original"][field]) for field in Answer._fields)), robot
 
 
 @pytest.mark.parametrize("recipe", RECIPES)
