@@ -322,6 +322,18 @@ def test_person_is_a_person_and_names_that_python_has_get_a_number(compiled: Any
     assert "async def print_2(*, patient: Person = PATIENT) -> None:" in plan.source
 
 
+def test_constants_have_numbers_only_where_they_meet_other_constants(compiled: Any) -> None:
+    plan = compiled(
+        task("Serve", "Look Read"),
+        step("Look", "k:LookingForSomething", "k:objectActedOn value plan1"),
+        step("Read", "k:LookingForSomething", "k:objectActedOn value recipe"),
+        "Individual: plan1\n    Types: k:Cup\nIndividual: recipe\n    Types: k:Cup",
+    )
+    assert "plan_2: Object = PLAN," in plan.source, "the parameter meets the imported function, the constant does not"
+    assert "\nPLAN = an_object(" in plan.source
+    assert "\nRECIPE_2 = an_object(" in plan.source, "RECIPE is the namespace"
+
+
 def test_properties_named_like_words_of_python_get_a_number(compiled: Any) -> None:
     plan = compiled(
         task("Serve", "Look"),
