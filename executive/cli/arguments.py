@@ -153,12 +153,14 @@ class ConvertArguments(Arguments):
 class MatchArguments(TaskArguments):
     """Check whether a robot has what a recipe requires, and say why.
 
-    The given ontologies are searched for what is missing. Exit code 3 if something is missing.
+    The given ontologies are searched for what is missing. Exit code 0: the robot has it; 3: something is missing;
+    1: that is unknown. --task may name any action class, also one without sub-actions.
     """
 
     recipe: Recipe
     robot: Robot = None
     urdf: Urdf = None
+    modules: Modules = None
     environment: Annotated[
         str | None,
         typer.Option(

@@ -324,10 +324,10 @@ class _Source:
             case ast.Call(func=function, args=[first, *_]) if self._name(function) in ("action", "Action"):
                 own = self._text(first)
                 needs = [Needs((own,), modular=(own,))] if own is not None else []
-            case ast.Call(func=function, args=[described, *_]) if self._name(function) == "perform_or":
-                return self._or_else(described, node, scope)
-            case ast.Call(args=[first, described, *_]) if self._name(first) == "perform_or":  # partial(perform_or, ...)
-                return self._or_else(described, node, scope)
+            case ast.Call(func=function, args=[described, *_]) if self._name(function) == "perform":
+                return self._performed(described, node, scope)
+            case ast.Call(args=[first, described, *_]) if self._name(first) == "perform":  # partial(perform, ...)
+                return self._performed(described, node, scope)
             case ast.Call(func=function, args=branches) if self._name(function) == "try_in_order":
                 return self._choice([*branches, *(k.value for k in node.keywords if k.arg != "name")], scope)
             case ast.Call(args=[first, *branches]) if self._name(first) == "try_in_order":  # partial(try_in_order, ...)
@@ -341,11 +341,13 @@ class _Source:
                 needs = []
         return _together([*needs, *(self._within(child, scope) for child in ast.iter_child_nodes(node))])
 
-    def _or_else(self, described: ast.expr, call: ast.Call, scope: Scope) -> Needs:
-        """Return what a call needs that performs the action that is described, or else runs a branch."""
+    def _performed(self, described: ast.expr, call: ast.Call, scope: Scope) -> Needs:
+        """Return what a call needs that performs the action that is described, otherwise maybe runs a branch."""
         others = [*call.args, *(keyword.value for keyword in call.keywords)]
         others.remove(described)
-        own = replace(self._within(described, scope), modular=())
+        own = self._within(described, scope)
+        if any(keyword.arg == "otherwise" for keyword in call.keywords):
+            own = replace(own, modular=())
         return _together([own, *(self._within(other, scope) for other in others)])
 
     def _choice(self, branches: list[ast.expr], scope: Scope) -> Needs:

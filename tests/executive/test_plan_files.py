@@ -184,7 +184,7 @@ def test_the_default_environment_is_the_only_one_that_has_what_is_named(
 HEAD = """
 from functools import partial
 import planlang
-from planlang import action, action as act, at_location, par, perform, perform_or, plan, try_in_order
+from planlang import action, action as act, at_location, par, perform, plan, try_in_order
 
 KITCHEN = "http://example.org/kitchen.owl#"
 CLOSING = action("ClosingAGripper")
@@ -238,7 +238,7 @@ def told(found: Needs, *unable: str) -> tuple[list[str], list[tuple[str, str]]]:
         (["await par(grasp, partial(look))"], ["ClosingAGripper", "LookingForSomething"]),
         (["await at_location(KITCHEN, reach)"], ["Translation-LocationChange", "Reaching"]),
         (["await planlang.at_location(KITCHEN, lambda: reach())"], ["Translation-LocationChange", "Reaching"]),
-        (["await perform_or(action('GraspingSomething'), grasp)"], ["GraspingSomething", "ClosingAGripper"]),
+        (["await perform(action('GraspingSomething'), otherwise=grasp)"], ["GraspingSomething", "ClosingAGripper"]),
         (["async def inner() -> None:", "    await look()", "await par(inner)"], ["LookingForSomething"]),
         (["async def unused() -> None:", "    await look()", "await grasp()"], ["ClosingAGripper"]),
         (["wanted = action('Reaching')", "await perform(wanted)"], ["Reaching"]),
@@ -257,7 +257,7 @@ def test_actions_are_those_of_what_the_plan_names(tmp_path: Path, body: list[str
     [
         "await try_in_order(grasp, look)",
         "await planlang.try_in_order(partial(grasp, hard=True), look)",
-        "await perform_or(action('PurposefulAction'), partial(try_in_order, grasp, look))",
+        "await perform(action('PurposefulAction'), otherwise=partial(try_in_order, grasp, look))",
         "await try_in_order(first=grasp, second=look)",
     ],
 )
@@ -272,8 +272,8 @@ def test_one_feasible_alternative_is_enough(tmp_path: Path, line: str) -> None:
 def test_a_process_module_is_needed_for_what_no_branch_of_the_plan_does_instead(tmp_path: Path) -> None:
     found = needs(
         tmp_path,
-        "await perform_or(action('GraspingSomething'), grasp)",
-        "await par(partial(perform_or, action('Pouring'), reach))",
+        "await perform(action('GraspingSomething'), otherwise=grasp)",
+        "await par(partial(perform, action('Pouring'), otherwise=reach))",
         "await perform(action('Stirring'))",
     )
     assert sorted(found.modular) == ["ClosingAGripper", "Reaching", "Stirring"]
