@@ -63,7 +63,7 @@ from planlang.language.budgets import budget, timeout
 from planlang.language.conditions import Policy, achieve, holds, whenever, with_policies
 from planlang.language.executive import Executive, ProcessModule
 from planlang.language.location import at_location
-from planlang.language.performing import Request, monitor, perform, perform_async, perform_or, using, with_requests
+from planlang.language.performing import Request, monitor, perform, perform_async, using, with_requests
 from planlang.language.plans import (
     Handle,
     Plan,
@@ -162,7 +162,6 @@ __all__ = [
     "partial_order",
     "perform",
     "perform_async",
-    "perform_or",
     "plan",
     "pursue",
     "race",

@@ -222,39 +222,35 @@ def compile_recipe(
     *,
     task: str | None = None,
     folders: Sequence[Path] = (),
-    allow_abstract: bool = False,
     scopes: bool = True,
     data_flow: bool = True,
 ) -> CompiledPlan:
     """Compile the recipe in a file: RDF/XML or Manchester syntax, recognised by its content.
 
     ``task`` chooses one of several by local name or IRI; imports are looked for beside the file, then in ``folders``,
-    then among the bundled ontologies. With ``allow_abstract`` steps that nothing can execute are warnings. Without
+    then among the bundled ontologies. Without
     ``scopes`` base motions are steps like any other; without ``data_flow`` steps hand nothing on, and what they could
     hand on orders nothing. Raises BadInput with all diagnostics if there is an error.
     """
     with quiet_collector():  # nearly all that is read is kept to the end, too
         ontology = load(path, folders=folders)
-        return compile_ontology(ontology, task=task, allow_abstract=allow_abstract, scopes=scopes, data_flow=data_flow)
+        return compile_ontology(ontology, task=task, scopes=scopes, data_flow=data_flow)
 
 
 def compile_ontology(
     ontology: Ontology,
     *,
     task: str | None = None,
-    allow_abstract: bool = False,
     scopes: bool = True,
     data_flow: bool = True,
 ) -> CompiledPlan:
     """Compile a recipe of an ontology whose main document is the recipe; see :func:`compile_recipe`."""
     with quiet_collector():  # nearly all that a compilation makes is kept to its end
-        return _compiled(ontology, task, allow_abstract=allow_abstract, scopes=scopes, data_flow=data_flow)
+        return _compiled(ontology, task, scopes=scopes, data_flow=data_flow)
 
 
-def _compiled(
-    ontology: Ontology, task: str | None, *, allow_abstract: bool, scopes: bool, data_flow: bool
-) -> CompiledPlan:
-    reading = read_recipe(Actions(ontology), task, allow_abstract=allow_abstract, scopes=scopes)
+def _compiled(ontology: Ontology, task: str | None, *, scopes: bool, data_flow: bool) -> CompiledPlan:
+    reading = read_recipe(Actions(ontology), task, scopes=scopes)
     diagnostics = (*reading.diagnostics, *check_recoveries(reading.actions.recoveries))
     if reading.recipes is None or has_errors(diagnostics):
         raise BadInput(diagnostics)

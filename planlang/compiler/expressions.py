@@ -34,7 +34,7 @@ PLANLANG = frozenset(
     (
         *("Any", "Condition", "Fluent", "Location", "Object", "Person", "Recovery"),
         *("a_device", "a_location", "a_person", "a_posture", "a_situation", "action", "an_object", "holding"),
-        *("achieve", "at_location", "par", "partial", "partial_order", "perform", "perform_or", "plan"),
+        *("achieve", "at_location", "par", "partial", "partial_order", "perform", "plan"),
         *("given", "state_machine", "try_in_order", "using", "wait_for", "with_failure_handling"),
     )
 )
@@ -46,11 +46,12 @@ class Symbols:
 
     def __init__(self, tree: PlanTree, recipes: RecipeSet) -> None:
         functions = (one.origin[1] for one in registered_strategies() if one.origin is not None)
-        self._claimed: set[str] = {*PLANLANG, *functions}
+        self._claimed: set[str] = {*PLANLANG, *functions, "RECIPE"}
         self._names = Names(self._claimed)
         self._imports: dict[str, set[str]] = {}
         self._namespaces: dict[str, str] = {namespace(recipes.task): "RECIPE"}
-        self._things: dict[Thing, str] = {}
+        self._things: dict[Thing, tuple[str, str]] = {}
+        """Name as a parameter, which a device is not, and as a constant."""
         self._places: dict[str, tuple[Place, str]] = {}
         self.devices = dict(tree.devices)
         self.functions = {
@@ -64,26 +65,32 @@ class Symbols:
 
     def thing(self, thing: Thing) -> str:
         """Return the parameter name of an object or person, the constant of a device."""
-        if thing not in self._things:
-            self._things[thing] = self._claim(without_digits(snake_case(thing.name)))
-        return self._things[thing].upper() if thing.kind is Kind.DEVICE else self._things[thing]
+        return self._names_of(thing)[thing.kind is Kind.DEVICE]
 
     def constant(self, thing: Thing) -> str:
         """Return the constant that describes a thing."""
-        return self.thing(thing).upper()
+        return self._names_of(thing)[1]
+
+    def _names_of(self, thing: Thing) -> tuple[str, str]:
+        if thing not in self._things:
+            wanted = without_digits(snake_case(thing.name))
+            name = wanted if thing.kind is Kind.DEVICE else self._claim(wanted)
+            has_cases = wanted != wanted.upper() or thing.kind is Kind.DEVICE
+            self._things[thing] = name, self._claim(wanted.upper()) if has_cases else name
+        return self._things[thing]
 
     def place(self, place: Place) -> str:
         """Return the function that describes a place, the constant of a posture."""
         if place.iri not in self._places:
-            self._places[place.iri] = (place, self._claim(without_digits(snake_case(place.name))))
-        name = self._places[place.iri][1]
-        return name.upper() if place.is_posture else name
+            wanted = without_digits(snake_case(place.name))
+            self._places[place.iri] = (place, self._claim(wanted.upper() if place.is_posture else wanted))
+        return self._places[place.iri][1]
 
     def iri(self, iri: str) -> Sum:
         """Return an expression for an IRI: the constant of its namespace and its local name."""
         start = namespace(iri)
         if start not in self._namespaces:
-            self._namespaces[start] = self._claim(_stem(start)).upper()
+            self._namespaces[start] = self._claim(_stem(start).upper())
         return Sum(self._namespaces[start], quoted(iri[len(start) :]))
 
     def local_names(self) -> Names:

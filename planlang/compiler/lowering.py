@@ -304,6 +304,9 @@ class Steps:
         self._around: dict[str, tuple[Recover, ...]] = {}
         """The recoveries that leave the place, one for each failure, of each recipe that does not move the base."""
 
+        self._unrepeatable: dict[str, bool] = {}
+        """Whether a recipe (IRI) has a step that must not be repeated, itself or in a recipe below it."""
+
         self.recoveries_in_words: dict[tuple[str, str], tuple[str, ...]] = {}
         """The recoveries of each step of a recipe (both IRIs), in words."""
 
@@ -315,8 +318,9 @@ class Steps:
             action = self._terms.action(recipe, step) if self._terms.is_performed(step) else None
             node = Call(step.name, action, calls, step.iri)
         else:
-            node = Perform(step.name, self._terms.action(recipe, step), step.label, step.iri)
-        condition = self._goal(step)
+            once = step.is_abstract and recipe.machine is None
+            node = Perform(step.name, self._terms.action(recipe, step), step.label, step.iri, once)
+        condition = None if step.is_abstract else self._goal(step)  # it is never skipped
         if condition is not None:
             node = Achieve(condition, node)
         written = self.recoveries.names(recipe.action_class)
@@ -330,13 +334,24 @@ class Steps:
         return node
 
     def with_looking(self, recipe: Recipe, node: Node, steps: Iterable[Step]) -> Node:
-        """Return the node with the recoveries of its steps that leave its place, one for each failure."""
-        found = self._leaving(recipe, steps)
+        """Return the node with the recoveries of its steps that leave its place, one for each failure.
+
+        None, where a step is among them that must not be repeated.
+        """
+        steps = tuple(steps)
+        found = () if any(self._is_unrepeatable(step) for step in steps) else self._leaving(recipe, steps)
         if not found:
             return node
         if isinstance(node, Handle):
             return Handle(node.body, (*node.recoveries, *found))
         return Handle(node, found)
+
+    def _is_unrepeatable(self, step: Step) -> bool:
+        """Return True for a step that nothing performs, or that calls a recipe with such a step."""
+        for callee in step.recipes:
+            if callee not in self._unrepeatable:
+                self._unrepeatable[callee] = any(map(self._is_unrepeatable, self._recipes.recipes[callee].steps))
+        return step.is_abstract or any(self._unrepeatable[callee] for callee in step.recipes)
 
     def _leaving(self, recipe: Recipe, steps: Iterable[Step]) -> tuple[Recover, ...]:
         found: dict[str, Recover] = {}

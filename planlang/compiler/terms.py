@@ -2,7 +2,8 @@
 
 A role is one of base, torso, arm, gripper, head. A step with a recipe holds the roles of all its primitives from its
 first to its last one where it is unordered with a step that shares a role with it; that one waits, and so holds its
-own. Unordered primitives need no such order: process modules take turns by themselves.
+own. So does a step that nothing performs yet, which may need every role. Unordered primitives need no such order:
+process modules take turns by themselves.
 """
 
 from __future__ import annotations
@@ -369,7 +370,7 @@ class Roles:
                 users[name] = users.get(name, 0) | order.bit(step.iri)
         found = 0
         for step in recipe.steps:
-            if step.recipes:
+            if step.recipes or step.is_abstract:
                 sharing = 0
                 for name in self.of(recipe, step):
                     sharing |= users[name]
@@ -386,7 +387,7 @@ class Roles:
         return self._known[key]
 
     def _found(self, recipe: Recipe, step: Step) -> set[Role]:
-        found: set[Role] = set()
+        found: set[Role] = {(role, None) for role in ROLES} if step.is_abstract else set()
         for callee in step.recipes:
             below = self._recipes.recipes[callee]
             found |= {role for inner in below.steps for role in self._roles(below, inner)}

@@ -61,13 +61,15 @@ class ActionTerm:
 class Perform:
     """Perform a primitive or abstract action; ``name`` is the step's class, ``label`` its description.
 
-    ``step`` is the IRI of the step, by which others refer to its result.
+    ``step`` is the IRI of the step, by which others refer to its result. ``once``: it must not be repeated, as nothing
+    is known of what it changes.
     """
 
     name: str
     action: ActionTerm
     label: str | None = None
     step: str = ""
+    once: bool = False
 
 
 @dataclass(frozen=True, slots=True)

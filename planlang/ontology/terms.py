@@ -12,6 +12,7 @@ from planlang.designators import local_name
 from planlang.diagnostics import Span
 from planlang.files import bundled
 
+_INTEGER = re.compile(r"[+-]?[0-9]+")
 _SCHEME = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*:")
 
 
@@ -114,14 +115,14 @@ class Literal:
     language: str | None = None
 
     def number(self) -> float:
-        """Return the value as a number. Raises ValueError if it is none, or not finite."""
+        """Return the value as a number, a whole one exactly. Raises ValueError if it is none, or not finite."""
         text = self.value.strip()
         if "_" in text:
             raise ValueError(f"not a number: {text!r}")
         number = float(text)
         if not math.isfinite(number):
             raise ValueError(f"not a finite number: {text!r}")
-        return number
+        return int(text) if _INTEGER.fullmatch(text) else number
 
     def __str__(self) -> str:
         quoted = '"' + self.value.replace("\\", "\\\\").replace('"', '\\"') + '"'

@@ -327,7 +327,7 @@ def read_literal(literal: Literal, *, is_number: bool = False) -> str | int | fl
     if name is not None:
         known = unit(name)
         try:
-            return known.to_si(literal.number()) if known is not None else literal.number()
+            return known.to_si(literal.number()) if known is not None else float(literal.number())
         except ValueError:
             return literal.value
     datatype = local_name(literal.datatype or "")
@@ -338,7 +338,7 @@ def read_literal(literal: Literal, *, is_number: bool = False) -> str | int | fl
             number = literal.number()
         except ValueError:
             return literal.value
-        return int(number) if datatype in _INTEGERS and number.is_integer() else number
+        return int(number) if datatype in _INTEGERS and number == int(number) else float(number)
     return literal.value
 
 

@@ -332,6 +332,8 @@ class Recipe(_Action):
     flows: tuple[Flow, ...] = ()
     machine: StateMachine | None = None
     cls: str | None = None
+    phases: tuple[str, ...] = ()
+    """Processes (IRIs) that go on meanwhile; nothing performs them, but steps stand in relations to them."""
     derived: dict[str, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
     """Results that were computed from the rest; see :mod:`planlang.recipe.order`."""
 

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from xml.parsers import expat
 from xml.sax.saxutils import escape
 
 from planlang.designators import local_name
-from planlang.diagnostics import Span
+from planlang.diagnostics import Declaration, Span
 from planlang.ontology.checks import canonical, meant_term
 from planlang.ontology.terms import OWL, RDF, RDFS
+from planlang.ontology.xml_text import place_of_declarations
 from planlang.recipe.fixes import CannotEdit, Edit, Editable, Place
 
 _START = re.compile(r"<[^\s/>\"'<]+(?:[^\"'<>]|\"[^\"<]*\"|'[^'<]*')*>")
@@ -39,7 +40,7 @@ class Element:
 
 
 class XmlText(Editable):
-    """An RDF/XML file; spans are the starts of elements. Raises CannotEdit if it is no XML."""
+    """An RDF/XML file; spans are the starts of elements. In one that is no XML only entities can be declared."""
 
     def __init__(self, text: str, file: str) -> None:
         super().__init__(text, file)
@@ -48,6 +49,7 @@ class XmlText(Editable):
         self._stack: list[Element] = []
         self._at: dict[tuple[int, int], Element] = {}
         self._entities: dict[str, str] = {}
+        self._problem = ""
         self._parser = expat.ParserCreate("utf-8")
         self._parser.StartElementHandler = self._begin
         self._parser.EndElementHandler = self._finish
@@ -55,7 +57,7 @@ class XmlText(Editable):
         try:
             self._parser.Parse(self._data, True)
         except expat.ExpatError as problem:
-            raise CannotEdit(f"the file is not well-formed XML: {expat.ErrorString(problem.code)}") from None
+            self._problem = f"the file is not well-formed XML: {expat.ErrorString(problem.code)}"
 
     def exchanged(self, first: Span, second: Span) -> list[Edit]:
         a, b = self._value(self._property(first), "resource"), self._value(self._property(second), "resource")
@@ -124,7 +126,14 @@ class XmlText(Editable):
         restriction, around = self._restriction_of(place.last)
         return [self._restriction(restriction, around, property_name, _KINDS[kind], self._reference(step))]
 
+    def with_declarations(self, declarations: Sequence[Declaration]) -> list[Edit]:
+        offset, before, after = place_of_declarations(self.text)
+        end = self.line_end()
+        lines = [f"{end}    {one}" for one in declarations]
+        return [Edit(offset, offset, "".join([before, *lines, f"{end}{after}{end}" if after == "]>" else after]))]
+
     def with_right_terms(self) -> list[Edit]:
+        self._check()
         edits = []
         for element in self._at.values():
             right = meant_term(element.name)
@@ -201,10 +210,15 @@ class XmlText(Editable):
 
     def _element(self, span: Span) -> Element:
         self.check_file(span)
+        self._check()
         element = self._at.get((span.line, span.column))
         if element is None:
             raise CannotEdit("no element begins there")
         return element
+
+    def _check(self) -> None:
+        if self._problem:
+            raise CannotEdit(self._problem)
 
     def _property(self, filler: Span) -> Element:
         """Return the owl:onProperty beside a filler."""

@@ -309,7 +309,7 @@ def test_real_finite_state_recipe_runs_to_its_end(corpus: Path, vocabulary: tupl
 
     ontology = load(corpus / "recipes" / "object-search-recipe@hydro.owl")
     actions = Actions(ontology)
-    recipes = read_recipe(actions, allow_abstract=True).recipes
+    recipes = read_recipe(actions).recipes
     assert recipes is not None
     found = canonical(recipes)
     source = emit(Lowering(ontology, found, actions).tree(), found, "0")[0]

@@ -80,7 +80,7 @@ def compiled(folder: Path, found: Fixed) -> tuple[str, list[str]]:
     """The plan of the fixed text, and the codes of what there still is to say."""
     path = folder / "fixed.owl"
     path.write_bytes(found.after.encode(found.encoding))
-    plan = compile_recipe(path, allow_abstract=True)
+    plan = compile_recipe(path)
     return plan.source, [one.code for one in plan.diagnostics]
 
 
@@ -325,7 +325,7 @@ def said(folder: Path, text: str) -> list[tuple[str, str]]:
     path = folder / "said.owl"
     path.write_text(text, encoding="utf-8")
     try:
-        diagnostics = compile_recipe(path, allow_abstract=True).diagnostics
+        diagnostics = compile_recipe(path).diagnostics
     except BadInput as problem:
         diagnostics = problem.diagnostics
     return [(one.code, one.severity.value) for one in diagnostics]
@@ -345,6 +345,35 @@ def test_a_name_that_is_like_two_others_is_not_guessed(folder: Path) -> None:
     found = fixed(folder, text, name="r.omn")
     assert found.done == ()
     assert [fix.code for fix in found.unaccepted] == ["R033", "R039", "R039"], "and the cups are not used"
+
+
+@pytest.mark.parametrize("doctype", ["<!DOCTYPE rdf:RDF [", "<!DOCTYPE rdf:RDF>", ""], ids=["entities", "bare", "none"])
+def test_entities_that_are_known_are_declared_and_guesses_only_if_that_is_accepted(folder: Path, doctype: str) -> None:
+    text = XML.format(prefix="", items=FLAT, frames=CUP.replace("<knowrob:Cup", "<owl:Thing").replace("#Cup", "&pr2;R"))
+    text = text.replace('ID="b"', 'about="&log;b"')
+    whole = '<!DOCTYPE rdf:RDF [<!ENTITY knowrob "http://knowrob.org/kb/knowrob.owl#">]>'
+    text = text.replace(whole, doctype + "]>" if "[" in doctype else doctype)
+    found = fixed(folder, text)
+    assert codes(found) == ["O016"]
+    assert '<!ENTITY knowrob "http://knowrob.org/kb/knowrob.owl#">' in found.after
+    assert '<!ENTITY pr2 "http://knowrob.org/kb/PR2.owl#">' in found.after
+    assert "ENTITY log" not in found.after
+    assert "O016" in [fix.code for fix in found.unaccepted]
+    found = fixed(folder, text, "O016", "R042")
+    assert codes(found) == ["O016", "O016", "R042"]
+    assert "O016" not in compiled(folder, found)[1]
+
+
+def test_of_a_constraint_without_ends_none_is_suggested_that_the_task_names_already(folder: Path) -> None:
+    steps = "knowrob:subAction some Take, knowrob:subAction some Give"
+    orders = ", ".join(f"knowrob:orderingConstraints value Serving{number}" for number in (15, 16))
+    order = "Facts: knowrob:occursBeforeInOrdering Take, knowrob:occursAfterInOrdering Give"
+    path = folder / "r.omn"
+    path.write_text(MANCHESTER.format(items=f"{steps}, {orders}", frames=f"Individual: Serving15\n    {order}"))
+    with pytest.raises(BadInput) as caught:
+        compile_recipe(path)
+    (told,) = (one for one in caught.value.diagnostics if one.code == "R011")
+    assert told.help == "add occursBeforeInOrdering and occursAfterInOrdering to it"
 
 
 def test_a_suggestion_is_told_to_machines(folder: Path) -> None:
@@ -370,9 +399,7 @@ def test_a_missing_order_of_sub_events_is_written(folder: Path, syntax: Target) 
 
 
 def test_the_real_recipe_of_sub_events_gets_the_orders_that_are_missing(corpus: Path, folder: Path) -> None:
-    found = fix_recipe(
-        corpus / "recipes" / "GetFromRefrigerator@2010-11.owl", allow_abstract=True, accepted=frozenset({"R042"})
-    )
+    found = fix_recipe(corpus / "recipes" / "GetFromRefrigerator@2010-11.owl", accepted=frozenset({"R042"}))
     assert codes(found).count("R042") == 2
     assert "R042" not in compiled(folder, found)[1]
 
@@ -426,7 +453,7 @@ def test_every_code_of_recipes_has_a_fix_or_a_reason_for_having_none() -> None:
 
 @pytest.mark.parametrize("path", sorted(DIAGNOSTICS.glob("R*.omn")), ids=lambda path: path.stem)
 def test_fixes_are_of_the_codes_that_say_so(path: Path) -> None:
-    found = fix_recipe(path, allow_abstract=True)
+    found = fix_recipe(path)
     assert {fix.code for fix in (*found.done, *(fix for fix, _ in found.impossible))} <= {*SAFE}
     assert {fix.code for fix in found.unaccepted} <= {*ACCEPTABLE}
 

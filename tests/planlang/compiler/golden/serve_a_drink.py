@@ -4,7 +4,7 @@ Compiled by planlang 0.1.0 from serve_a_drink.omn
 (sha256 7b3a485023f303a13a87e153027044e51f9bb691197ef8d6ac64a6b13fde1f16), task
 ServeADrink.
 What follows has sha256
-63cf99c399585525ebf9b61ef443f5bcab8d67e1ec6b330bf5711eb77909a1a8 unless
+5d9749c8a53e42a19e8f9f12e8542f26393692dab4485287a99d8553962e6fdd unless
 somebody has edited it.
 """
 
@@ -19,7 +19,6 @@ from planlang import (
     a_location,
     a_person,
     a_posture,
-    achieve,
     action,
     an_object,
     at_location,
@@ -27,9 +26,7 @@ from planlang import (
     look_and_repeat,
     look_from_another_place,
     perform,
-    perform_or,
     plan,
-    with_failure_handling,
 )
 from planlang.failures import (
     GraspMissed,
@@ -102,38 +99,33 @@ async def serve_a_drink(*, bottle: Object = BOTTLE, patient: Person = PATIENT) -
 
     # drive to where the bottle is in reach
     async def at_grasping_place() -> None:
-        async def grasp_bottle_once() -> None:
-            await perform_or(
-                action(
-                    "GraspingSomething", object_acted_on=bottle, device_used=GRIPPER
+        await perform(
+            action("GraspingSomething", object_acted_on=bottle, device_used=GRIPPER),
+            otherwise=partial(grasp_bottle, bottle=bottle),
+            until=holding(bottle),
+            recoveries=[
+                Recovery(
+                    GraspMissed,
+                    look_and_repeat(bottle),
+                    attempts=2,
+                    otherwise=ObjectUnfetchable,
                 ),
-                partial(grasp_bottle, bottle=bottle),
-            )
-
-        await with_failure_handling(
-            partial(achieve, holding(bottle), grasp_bottle_once),
-            Recovery(
-                GraspMissed,
-                look_and_repeat(bottle),
-                attempts=2,
-                otherwise=ObjectUnfetchable,
-            ),
+            ],
         )
 
-    await with_failure_handling(
-        partial(
-            at_location,
-            grasping_place(bottle),
-            at_grasping_place,
-            attempts=5,
-            reaching=(approach_pose(bottle), grasp_pose(bottle)),
-        ),
-        Recovery(
-            ObjectNotFound,
-            look_from_another_place(bottle),
-            attempts=3,
-            otherwise=ObjectNowhereToBeFound,
-        ),
+    await at_location(
+        grasping_place(bottle),
+        at_grasping_place,
+        attempts=5,
+        reaching=(approach_pose(bottle), grasp_pose(bottle)),
+        recoveries=[
+            Recovery(
+                ObjectNotFound,
+                look_from_another_place(bottle),
+                attempts=3,
+                otherwise=ObjectNowhereToBeFound,
+            ),
+        ],
     )
 
     # drive to where the patient is in reach
@@ -154,18 +146,17 @@ async def serve_a_drink(*, bottle: Object = BOTTLE, patient: Person = PATIENT) -
             name="HandOverBottle",
         )
 
-    await with_failure_handling(
-        partial(
-            at_location,
-            handover_place(patient),
-            at_handover_place,
-            attempts=5,
-            reaching=(handover_pose(patient),),
-        ),
-        Recovery(
-            ObjectNotFound,
-            look_from_another_place(patient),
-            attempts=3,
-            otherwise=ObjectNowhereToBeFound,
-        ),
+    await at_location(
+        handover_place(patient),
+        at_handover_place,
+        attempts=5,
+        reaching=(handover_pose(patient),),
+        recoveries=[
+            Recovery(
+                ObjectNotFound,
+                look_from_another_place(patient),
+                attempts=3,
+                otherwise=ObjectNowhereToBeFound,
+            ),
+        ],
     )
