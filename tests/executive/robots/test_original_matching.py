@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from collections.abc import Iterable
 from functools import cache
@@ -10,9 +11,10 @@ from pathlib import Path
 
 import pytest
 
-from executive.robots import Semantics, match
+from executive.robots import Availability, FindingKind, Semantics, match
 from executive.robots.matching import Possessions
 from executive.robots.robot import claims_of, parts_of, read_self_model
+from executive.robots.tasks import Match
 from planlang.ontology import Ontology, load
 from planlang.recipe import Actions
 from planlang.recipe.reading import stated_tasks
@@ -91,6 +93,21 @@ def files(corpus: Path, tmp_path_factory: pytest.TempPathFactory) -> Corpus:
     return Corpus(corpus, tmp_path_factory.mktemp("corpus"))
 
 
+def test_the_oracle_gives_the_known_answers_for_serving_a_drink(files: Corpus) -> None:
+    rows = json.loads((files.corpus / "truth" / "srdl_expected_serve_drink.json").read_text(encoding="utf-8"))
+    recipes = {"serve_drink_hydro": RECIPES[-3], "serve_drink_re_stack": RECIPES[-2]}
+    for row in rows:
+        robot = next(name for name in ROBOTS if name.removesuffix(".in") == row["robot_file"])
+        model = files.robot(robot).model
+        assert model is not None
+        whole = files.load(files.corpus / "recipes" / recipes[row["recipe_set"]])
+        paths = dict.fromkeys(document.path for one in (whole, model.ontology) for document in one.documents)
+        found = OriginalMatcher(map(files.graph, paths)).answer(
+            row["task"], row["robot"], files.graph(paths.popitem()[0])
+        )
+        assert found == Answer(*(frozenset(row["original"][field]) for field in Answer._fields)), robot
+
+
 @pytest.mark.parametrize("recipe", RECIPES)
 def test_every_task_of_a_recipe_is_matched_as_by_the_original(files: Corpus, recipe: str) -> None:
     path = files.corpus / "recipes" / recipe
@@ -111,6 +128,14 @@ Class: :Sorting
     SubClassOf: knowrob:Action, knowrob:subAction some (:Lifting and knowrob:objectActedOn some :Box)
 Class: :SortingWell
     SubClassOf: :Sorting, knowrob:subAction some :Labelling
+Class: :Tidying
+    EquivalentTo: :SortingWell
+    SubClassOf: srdl2-cap:dependsOnCapability some :CarryingCapability
+Class: :CarryingCapability
+    SubClassOf: srdl2-cap:Capability, srdl2-comp:dependsOnComponent some :Tray
+Class: :Tray
+Class: :Helper
+    SubClassOf: knowrob:Robot, srdl2-cap:hasCapability some :CarryingCapability
 Class: :Lifting
     SubClassOf: knowrob:Action, srdl2-cap:dependsOnCapability some :LiftingCapability
 Class: :Labelling
@@ -125,11 +150,23 @@ Class: :Box
 Class: :Pen
 Class: :Printer
 Individual: :helper
-    Types: knowrob:Robot
+    Types: :Helper
     Facts: srdl2-comp:subComponent :pen1
 Individual: :pen1
     Types: :{part}
 """
+
+
+def shelf(folder: Path, task: str, circle: str = "SeeingCapability", part: str = "Pen") -> Match:
+    path = folder / "shelf.omn"
+    path.write_text(SHELF.replace("{circle}", circle).replace("{part}", part), encoding="utf-8")
+    model = read_self_model(load(path))
+    robot = Possessions(model.name, parts_of(model), claims_of(model), model)
+    return match(load(path), f"http://example.org/shelf.owl#{task}", robot, Semantics.ORIGINAL)
+
+
+def names(found: Match, state: Availability) -> set[str]:
+    return {one.text for one in found.in_state(state)}
 
 
 @pytest.mark.parametrize(
@@ -143,13 +180,18 @@ Individual: :pen1
 def test_inherited_sub_actions_count_circles_give_nothing_and_what_takes_nothing_is_there(
     tmp_path: Path, circle: str, part: str, missing: set[str]
 ) -> None:
-    path = tmp_path / "shelf.omn"
-    path.write_text(SHELF.replace("{circle}", circle).replace("{part}", part), encoding="utf-8")
-    model = read_self_model(load(path))
-    robot = Possessions(model.name, parts_of(model), claims_of(model), model)
-    found = match(load(path), "http://example.org/shelf.owl#SortingWell", robot, Semantics.ORIGINAL)
-    told = found.as_json()
-    assert told["required_capabilities"] == ["LiftingCapability"]
-    assert told["required_components"] == ["Printer or Pen"]
-    assert {*told["missing_capabilities"], *told["missing_components"]} == missing
-    assert found.feasible is not bool(missing)
+    found = shelf(tmp_path, "SortingWell", circle, part)
+    assert {"LiftingCapability"} < {one.text for one in found.required(FindingKind.CAPABILITY)}
+    assert names(found, Availability.MISSING) == missing | {"Tray"}
+
+
+def test_a_claim_is_believed_but_its_components_are_required_all_the_same(tmp_path: Path) -> None:
+    found = shelf(tmp_path, "Tidying")
+    assert (found.feasible, names(found, Availability.MISSING)) == (False, {"Tray"})
+
+
+def test_of_equivalent_classes_only_the_one_that_does_not_say_so_has_the_others_properties(tmp_path: Path) -> None:
+    required = {one.text for one in shelf(tmp_path, "Tidying").required(FindingKind.CAPABILITY)}
+    assert required == {"CarryingCapability"}  # nothing of SortingWell
+    required = {one.text for one in shelf(tmp_path, "SortingWell").required(FindingKind.CAPABILITY)}
+    assert required == {"CarryingCapability", "LiftingCapability"}
