@@ -63,7 +63,7 @@ from planlang.language.budgets import budget, timeout
 from planlang.language.conditions import Policy, achieve, holds, whenever, with_policies
 from planlang.language.executive import Executive, ProcessModule
 from planlang.language.location import at_location
-from planlang.language.performing import Request, monitor, perform, perform_async, perform_or, using, with_requests
+from planlang.language.performing import Request, monitor, perform, perform_async, using, with_requests
 from planlang.language.plans import (
     Handle,
     Plan,
@@ -107,10 +107,12 @@ __all__ = [
     "Device",
     "Evaporated",
     "Executive",
+    "Feature",
     "Fluent",
     "Handle",
     "Host",
     "Location",
+    "MotionConstraint",
     "NoProgress",
     "Object",
     "Person",
@@ -136,7 +138,9 @@ __all__ = [
     "TaskTree",
     "Trace",
     "VirtualHost",
+    "a_constraint",
     "a_device",
+    "a_feature",
     "a_location",
     "a_person",
     "a_posture",
@@ -167,7 +171,6 @@ __all__ = [
     "partial_order",
     "perform",
     "perform_async",
-    "perform_or",
     "plan",
     "pursue",
     "race",
@@ -203,21 +206,26 @@ if TYPE_CHECKING:
     from planlang.language.ordering import given, partial_order
     from planlang.language.state_machine import state_machine
     from planlang.language.tasktree import TaskNode, TaskTree
+    from planlang.motion_constraints import Feature, MotionConstraint, a_constraint, a_feature
 
     __version__: str
 else:  # for mypy every name would be one of planlang's
     _LATER = {
-        "TaskNode": "tasktree",
-        "TaskTree": "tasktree",
-        "given": "ordering",
-        "partial_order": "ordering",
-        "state_machine": "state_machine",
+        "Feature": "motion_constraints",
+        "MotionConstraint": "motion_constraints",
+        "TaskNode": "language.tasktree",
+        "TaskTree": "language.tasktree",
+        "a_constraint": "motion_constraints",
+        "a_feature": "motion_constraints",
+        "given": "language.ordering",
+        "partial_order": "language.ordering",
+        "state_machine": "language.state_machine",
     }
 
     def __getattr__(name: str) -> object:
-        """Look up what few plans need when it is asked for: constructs for some orders, task trees, the version."""
+        """Look up what few plans need when it is asked for: some orders, task trees, constraints, the version."""
         if name in _LATER:
-            return getattr(import_module(f"planlang.language.{_LATER[name]}"), name)
+            return getattr(import_module(f"planlang.{_LATER[name]}"), name)
         if name != "__version__":
             raise AttributeError(f"module 'planlang' has no attribute {name!r}")
         from importlib.metadata import version

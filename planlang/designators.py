@@ -172,6 +172,12 @@ class Posture(Location):
     name: str | None = None
 
 
+class Filler:
+    """A value type of another file whose values may fill a property."""
+
+    __slots__ = ()
+
+
 @dataclass(frozen=True, slots=True)
 class Situation:
     """Any situation of a class in which properties, in snake case, sorted by name, are filled like this."""
@@ -191,7 +197,7 @@ class Situation:
         return f"{local_name(self.type)}({inside})"
 
 
-Part = Object | Location | Situation | str | int | float | bool
+Part = Object | Location | Situation | Filler | str | int | float | bool
 """One thing that may fill a property."""
 
 Value = Part | tuple[Part, ...]
@@ -244,10 +250,9 @@ def _check_described(usage: Usage, type_: object, properties: object) -> None:
     for key, value in pairs:
         parts = value if isinstance(value, tuple) else (value,)
         for part in parts:
-            if not isinstance(part, (Object, Location, Situation, str, Real)):
-                raise usage.wrong(
-                    key, value, "an object, a location, a situation, a text, a number, or a tuple of them"
-                )
+            if not isinstance(part, (Object, Location, Situation, Filler, str, Real)):
+                meant = "an object, a location, a situation, a motion constraint, a text, a number, or a tuple of them"
+                raise usage.wrong(key, value, meant)
 
 
 def an_object(type: str, iri: str | None = None) -> Object:

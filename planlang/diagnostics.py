@@ -52,6 +52,22 @@ class Order:
 
 
 @dataclass(frozen=True, slots=True)
+class Declaration:
+    """Declare an entity of XML; ``is_sure`` if no other value of it is known."""
+
+    entity: str
+    value: str
+    is_sure: bool = True
+
+    def __str__(self) -> str:
+        return f'<!ENTITY {self.entity} "{self.value}">'
+
+
+Suggestion = Rename | Order | Declaration
+"""What a help says as a change of the file."""
+
+
+@dataclass(frozen=True, slots=True)
 class Diagnostic:
     """One message about the user's input. ``code`` is a key of :data:`CODES`.
 
@@ -63,7 +79,7 @@ class Diagnostic:
     message: str
     span: Span | None = None
     help: str | None = None
-    suggestion: Rename | Order | None = None
+    suggestion: Suggestion | None = None
 
     def __str__(self) -> str:
         where = f"{self.span}: " if self.span else ""
@@ -96,7 +112,7 @@ def error(
     message: str,
     span: Span | None = None,
     help: str | None = None,
-    suggestion: Rename | Order | None = None,
+    suggestion: Suggestion | None = None,
 ) -> Diagnostic:
     """Return an error: the input cannot be used."""
     return Diagnostic(Severity.ERROR, code, message, span, help, suggestion)
@@ -107,7 +123,7 @@ def warning(
     message: str,
     span: Span | None = None,
     help: str | None = None,
-    suggestion: Rename | Order | None = None,
+    suggestion: Suggestion | None = None,
 ) -> Diagnostic:
     """Return a warning: usable, but probably not what was meant."""
     return Diagnostic(Severity.WARNING, code, message, span, help, suggestion)
@@ -140,7 +156,7 @@ CODES: dict[str, str] = {
     "O013": "RDF, RDFS or OWL has no such term",
     "O014": "a restriction does not say that it is one",
     "O015": "names of an old namespace are read as those of the new one",
-    "O016": "an entity of an XML file is not declared and is read as the prefix of its name",
+    "O016": "an entity of an XML file is not declared and is read as others declare it",
     "O017": "a restriction lacks its property or filler, or has several",
     "O018": "a list is broken: it lacks an item or its end, or comes back to itself",
     "O019": "a value is none of its datatype",
@@ -172,7 +188,7 @@ CODES: dict[str, str] = {
     "R014": "some ordering constraints are redundant: they follow from the others",
     "R015": "orderings and overlaps of steps contradict each other",
     "R020": "a sub-action is not defined",
-    "R021": "nothing performs a sub-action: it is not a primitive and has no recipe",
+    "R021": "nothing performs a sub-action yet: it is not a primitive and has no recipe; a process module may",
     "R022": "a recipe performs itself, possibly through a superclass",
     "R023": "recipes are nested too deeply",
     "R024": "a sub-action is stated twice, or required several times",
@@ -206,6 +222,7 @@ CODES: dict[str, str] = {
     "R057": "ordering constraints of a finite-state recipe are ignored",
     "R058": "a name is misspelt: it is unknown, and nearly the same as a known one",
     "R059": "a statement about steps or their order has no effect, or says more than was probably meant",
+    "R065": "a constraint of a motion lacks its kind or a feature, or nothing can be within its limits",
     # M: maps and worlds
     "M001": "a pose's matrix was repaired: a reflection, or not orthonormal",
     "M002": "a number is expected, and a finite one",
@@ -219,9 +236,12 @@ CODES: dict[str, str] = {
     "M010": "a pose is relative to something that has no place",
     "M011": "the time of a perception cannot be read; it counts as the oldest",
     "M012": "a thing has a size but no place; it is not in the world",
-    "M013": "a compartment in which things lie is a place, not a box",
+    "M013": "furniture in which things lie is hollow behind its doors and at its compartments",
     "M014": "things lie inside of something that is modelled as a solid box",
     "M015": "a thing stands on nothing",
+    "M016": "a door inside of its furniture is moved to a face of it",
+    "M017": "the limits of a joint leave it no way to be closed and opened; those of its box are used",
+    "M018": "a direction has no three numbers, or is of length zero",
     # B: binding robots
     "B001": "a robot file is not as it should be",
     "B002": "there is no robot in the file",

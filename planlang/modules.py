@@ -78,6 +78,11 @@ class ModuleRegistry:
         self._registered: list[Registered] = []
         self.identity: dict[str, str] = {}
 
+    @property
+    def actions(self) -> frozenset[str]:
+        """The classes of actions that the registered modules name."""
+        return frozenset(name for one in self._registered for name in one.actions)
+
     def add(self, module: ModuleType, origin: str, rank: Rank) -> int:
         """Register the marked classes that a Python module or package defines; return how many there are."""
         found = list(_marked(module))

@@ -147,7 +147,7 @@ def _default(
             for restriction in ontology.restrictions(ancestor):
                 if restriction.property == expand(name) and isinstance(restriction.filler, Literal):
                     try:
-                        return restriction.filler.number(), f"default of {local_name(ancestor)}"
+                        return float(restriction.filler.number()), f"default of {local_name(ancestor)}"
                     except ValueError as wrong:
                         message = f"{name} of {local_name(ancestor)}: {wrong}"
                         found.append(error("M002", message, restriction.span))

@@ -31,7 +31,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
     help="Compile OWL action recipes to robot plans and run them in a simulated world.",
-    epilog="Exit codes: 0 done, 1 the plan failed, 2 bad input, 3 the robot lacks a capability, 130 interrupted.",
+    epilog="Exit codes: 0 done, 1 the plan failed, 2 bad input, 3 robot or program lacks something, 130 interrupted.",
 )
 
 robot_app = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="Inspect robots.")

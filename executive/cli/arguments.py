@@ -54,15 +54,6 @@ class TaskArguments(OntologyArguments):
     ] = None
 
 
-@dataclass(frozen=True, kw_only=True)
-class RecipeArguments(TaskArguments):
-    """Options of commands that compile recipes."""
-
-    allow_abstract: Annotated[
-        bool, typer.Option("--allow-abstract", help="Steps that nothing can execute are warnings, not errors.")
-    ] = False
-
-
 Recipe = Annotated[str, typer.Argument(metavar="RECIPE", help="A recipe's file, or a bundled recipe's name.")]
 RecipeOrPlan = Annotated[
     str, typer.Argument(metavar="RECIPE|PLAN", help="A recipe's or plan's file, or a bundled recipe's name.")
@@ -100,7 +91,7 @@ class Reading(Enum):
 
 
 @dataclass(frozen=True, kw_only=True)
-class CompileArguments(RecipeArguments, VerboseArguments):
+class CompileArguments(TaskArguments, VerboseArguments):
     """Compile a recipe to a plan in Python."""
 
     recipe: Recipe
@@ -123,11 +114,12 @@ class CompileArguments(RecipeArguments, VerboseArguments):
 
 
 @dataclass(frozen=True, kw_only=True)
-class CheckArguments(RecipeArguments):
+class CheckArguments(TaskArguments):
     """Check a recipe or a plan; nothing is run.
 
-    For a recipe, lists all problems. For a plan, tells whether its recipe or the compiler has changed since it was
-    compiled, whether it was edited, and how a fresh compilation differs from it.
+    For a recipe, lists all problems; for a folder, tabulates its recipes. For a plan, tells whether its recipe
+    or the compiler has changed since it was compiled, whether it was edited, and how a fresh compilation differs from
+    it.
     """
 
     file: RecipeOrPlan
@@ -162,12 +154,14 @@ class ConvertArguments(Arguments):
 class MatchArguments(TaskArguments):
     """Check whether a robot has what a recipe requires, and say why.
 
-    The given ontologies are searched for what is missing. Exit code 3 if something is missing.
+    The given ontologies are searched for what is missing. Exit code 0: the robot has it; 3: something is missing;
+    1: that is unknown. --task may name any action class, also one without sub-actions.
     """
 
     recipe: Recipe
     robot: Robot = None
     urdf: Urdf = None
+    modules: Modules = None
     environment: Annotated[
         str | None,
         typer.Option(
@@ -180,7 +174,7 @@ class MatchArguments(TaskArguments):
 
 
 @dataclass(frozen=True, kw_only=True)
-class RunArguments(RecipeArguments, VerboseArguments):
+class RunArguments(TaskArguments, VerboseArguments):
     """Run a plan or a recipe in a simulated world.
 
     An interrupted run is resumed by planlang run PLAN --resume TRACE. Seed, start and parameters are those of the
@@ -229,13 +223,14 @@ class RunArguments(RecipeArguments, VerboseArguments):
     force: Annotated[
         bool,
         typer.Option(
-            "--force", help="Run although the robot lacks a capability; overwrite files that planlang did not write."
+            "--force",
+            help="Run although robot or program lack something; overwrite files that planlang did not write.",
         ),
     ] = False
 
 
 @dataclass(frozen=True, kw_only=True)
-class ReplayArguments(RecipeArguments):
+class ReplayArguments(TaskArguments):
     """Run a plan again from the trace of its run, without robot or world; stops at the first difference.
 
     What process modules did, which base poses were found, what was read and believed is taken from the trace.

@@ -29,11 +29,13 @@ def command(arguments: CheckArguments) -> Answer:
         raise typer.BadParameter("--accept and --output need --fix")
     if arguments.fix:
         return _fixed(read_recipe_file(arguments.file), arguments)
+    if Path(arguments.file).is_dir():
+        from executive.cli.recipe_table import check_folder
+
+        return check_folder(Path(arguments.file), arguments.folders)
     found = read(arguments.file)
     if isinstance(found, RecipeFile):
-        plan = compile_recipe(
-            found.path, task=arguments.task, folders=arguments.folders, allow_abstract=arguments.allow_abstract
-        )
+        plan = compile_recipe(found.path, task=arguments.task, folders=arguments.folders)
         text = f"{found.path}: {plan.task} compiles"
         return Answer(diagnostics=plan.diagnostics, text=text, data={"kind": "recipe", "task": plan.task})
     fresh = freshness(found, folders=arguments.folders)
@@ -74,16 +76,14 @@ def _fixed(recipe: RecipeFile, arguments: CheckArguments) -> Answer:
     problems += check_outputs({name: target}, {"the recipe": recipe.path}, force=is_own)
     if problems:
         raise BadInput(problems)
-    task, folders, allow_abstract = arguments.task, arguments.folders, arguments.allow_abstract
-    fixed = fix_recipe(
-        recipe.path, task=task, folders=folders, allow_abstract=allow_abstract, accepted=frozenset(accepted)
-    )
+    task, folders = arguments.task, arguments.folders
+    fixed = fix_recipe(recipe.path, task=task, folders=folders, accepted=frozenset(accepted))
     checked = recipe.path
     if fixed.done:
         _write(target, fixed, is_named=output is not None)
         checked = target
     try:
-        plan = compile_recipe(checked, task=task, folders=(recipe.path.parent, *folders), allow_abstract=allow_abstract)
+        plan = compile_recipe(checked, task=task, folders=(recipe.path.parent, *folders))
         remaining, verdict = plan.diagnostics, f"{plan.task} compiles"
     except BadInput as problem:
         remaining, verdict = problem.diagnostics, "errors remain"
@@ -200,7 +200,6 @@ def _compiled(recipe: Path, origin: PlanHeader, folders: Sequence[Path]) -> tupl
             recipe,
             task=origin.task,
             folders=folders,
-            allow_abstract=True,
             scopes=NO_SCOPES not in origin.options,
             data_flow=NO_DATA_FLOW not in origin.options,
         )

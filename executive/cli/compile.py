@@ -24,7 +24,6 @@ def command(arguments: CompileArguments) -> Answer:
         file.path,
         task=arguments.task,
         folders=arguments.folders,
-        allow_abstract=arguments.allow_abstract,
         scopes=arguments.scopes,
         data_flow=arguments.data_flow,
     )

@@ -29,7 +29,6 @@ def command(arguments: ReplayArguments) -> Answer:
         recipe=found.path if isinstance(found, RecipeFile) else None,
         task=arguments.task or header.task,
         ontologies=arguments.folders,
-        allow_abstract=arguments.allow_abstract,
         modules=tuple(arguments.modules or ()),
     )
     with Run(options) as run:

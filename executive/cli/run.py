@@ -65,7 +65,6 @@ def command(arguments: RunArguments) -> Answer:
         recipe=found.path if isinstance(found, RecipeFile) else None,
         task=arguments.task or header.task,
         ontologies=arguments.folders,
-        allow_abstract=arguments.allow_abstract,
         modules=tuple(arguments.modules or ()),
         robot=robot,
         urdf=arguments.urdf,

@@ -184,7 +184,8 @@ def claims_of(model: SelfModel) -> dict[str, Span | None]:
     claims: dict[str, Span | None] = {}
     for cls in sorted(_upwards(ontology, model.types), key=_place(ontology)):
         for restriction in ontology.restrictions(cls):
-            if restriction.property in properties and isinstance(restriction.filler, str):
+            states = restriction.property in properties and restriction.kind not in ("only", "max")
+            if states and isinstance(restriction.filler, str):
                 claims.setdefault(restriction.filler, restriction.span)
     for triple in ontology.triples(model.iri):
         value = triple.object

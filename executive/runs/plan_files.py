@@ -7,7 +7,7 @@ import importlib.util
 import inspect
 import tempfile
 import traceback
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
@@ -18,7 +18,7 @@ from typing import Any
 
 from executive.belief import MapObject, SemanticMap
 from executive.belief.semantic_map import environments_with
-from executive.robots import Availability, Missing, Robot, match, possessions_of
+from executive.robots import Availability, FindingKind, Missing, Robot, match, possessions_of
 from planlang.designators import Object, local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
 from planlang.language.plans import Plan
@@ -36,12 +36,11 @@ def compiled_plan(
     found: list[Diagnostic],
     *,
     task: str | None = None,
-    allow_abstract: bool = False,
 ) -> tuple[Path, RecipeSet]:
     """Compile a recipe into a temporary folder that ``stack`` removes; warnings and notes go to ``found``."""
     from planlang.compiler import compile_ontology
 
-    compiled = compile_ontology(recipe, task=task, allow_abstract=allow_abstract)
+    compiled = compile_ontology(recipe, task=task)
     found.extend(compiled.diagnostics)
     folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="planlang-")))
     path = folder / f"{compiled.functions[-1]}.py"
@@ -193,10 +192,14 @@ MOVING = "Translation-LocationChange"
 
 @dataclass(frozen=True, slots=True)
 class Needs:
-    """Action classes that a piece of plan performs, and its choices: of each one alternative is enough."""
+    """Action classes that a piece of plan performs, and its choices: of each one alternative is enough.
+
+    ``modular`` are those of the actions that process modules alone can perform, as the plan does nothing else for them.
+    """
 
     actions: tuple[str, ...] = ()
     choices: tuple[tuple[Alternative, ...], ...] = ()
+    modular: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -240,17 +243,22 @@ class Assessment:
             yield note("X008", f"the robot cannot do the alternative `{alternative.name}`: {why}", span)
 
 
-def assess(needs: Needs, lacking: Callable[[Iterable[str]], tuple[Missing, ...]]) -> Assessment:
-    """Return whether a robot can do what is needed; ``lacking`` tells what it lacks for action classes.
+Lacking = Callable[[Iterable[str]], tuple[Missing, ...]]
+"""What is or may be missing for action classes."""
 
-    When no alternative of a choice is feasible, what all of them lack is missing.
+
+def assess(needs: Needs, lacking: Lacking, unperformed: Lacking = lambda actions: ()) -> Assessment:
+    """Return whether a robot can do what is needed.
+
+    ``lacking`` tells what it lacks for action classes, ``unperformed`` for which there is no process module. When no
+    alternative of a choice is feasible, what all of them lack is missing.
     """
-    found_missing = lacking(needs.actions)
+    found_missing = (*unperformed(needs.modular), *lacking(needs.actions))
     missing = dict.fromkeys(one for one in found_missing if one.state is Availability.MISSING)
     unknown = dict.fromkeys(one for one in found_missing if one.state is not Availability.MISSING)
     infeasible: dict[tuple[Alternative, Missing], None] = {}
     for choice in needs.choices:
-        found = [(alternative, assess(alternative.needs, lacking)) for alternative in choice]
+        found = [(alternative, assess(alternative.needs, lacking, unperformed)) for alternative in choice]
         feasible = [assessment for _, assessment in found if not assessment.missing]
         for alternative, assessment in found:
             unknown.update(dict.fromkeys(assessment.unknown))
@@ -315,7 +323,11 @@ class _Source:
                 needs = []
             case ast.Call(func=function, args=[first, *_]) if self._name(function) in ("action", "Action"):
                 own = self._text(first)
-                needs = [Needs((own,))] if own is not None else []
+                needs = [Needs((own,), modular=(own,))] if own is not None else []
+            case ast.Call(func=function, args=[described, *_]) if self._name(function) == "perform":
+                return self._performed(described, node, scope)
+            case ast.Call(args=[first, described, *_]) if self._name(first) == "perform":  # partial(perform, ...)
+                return self._performed(described, node, scope)
             case ast.Call(func=function, args=branches) if self._name(function) == "try_in_order":
                 return self._choice([*branches, *(k.value for k in node.keywords if k.arg != "name")], scope)
             case ast.Call(args=[first, *branches]) if self._name(first) == "try_in_order":  # partial(try_in_order, ...)
@@ -328,6 +340,15 @@ class _Source:
             case _:
                 needs = []
         return _together([*needs, *(self._within(child, scope) for child in ast.iter_child_nodes(node))])
+
+    def _performed(self, described: ast.expr, call: ast.Call, scope: Scope) -> Needs:
+        """Return what a call needs that performs the action that is described, otherwise maybe runs a branch."""
+        others = [*call.args, *(keyword.value for keyword in call.keywords)]
+        others.remove(described)
+        own = self._within(described, scope)
+        if any(keyword.arg == "otherwise" for keyword in call.keywords):
+            own = replace(own, modular=())
+        return _together([own, *(self._within(other, scope) for other in others)])
 
     def _choice(self, branches: list[ast.expr], scope: Scope) -> Needs:
         if any(isinstance(branch, ast.Starred) for branch in branches):
@@ -382,11 +403,28 @@ def _definitions(body: list[ast.stmt]) -> dict[str, ast.AST]:
 def _together(needs: Iterable[Needs]) -> Needs:
     """Return all needs, each action class and each choice once."""
     actions: dict[str, None] = {}
+    modular: dict[str, None] = {}
     choices: dict[tuple[Alternative, ...], None] = {}
     for one in needs:
         actions.update(dict.fromkeys(one.actions))
         choices.update(dict.fromkeys(one.choices))
-    return Needs(tuple(actions), tuple(choices))
+        modular.update(dict.fromkeys(one.modular))
+    return Needs(tuple(actions), tuple(choices), tuple(modular))
+
+
+def without_module(
+    ontology: Ontology, performed: Collection[str] | None, actions: Iterable[str]
+) -> tuple[Missing, ...]:
+    """Return the action classes that no process module performs.
+
+    ``performed`` are the classes that modules name; None if that is not known: then none is returned.
+    """
+    reason = "no process module is registered for it or a class above it"
+    return tuple(
+        Missing(cls, FindingKind.ACTION, Availability.MISSING, (cls,), reason)
+        for cls in actions
+        if performed is not None and not any(shorten(above) in performed for above in ontology.ancestors(expand(cls)))
+    )
 
 
 Requirements = Callable[[Robot], tuple[Missing, ...]]
@@ -428,5 +466,5 @@ def required_of_plan(
         advice = f"planlang compile {recipe} -o {file} compiles the plan again"
         found.append(warning("C009", f"{unknown}, which has changed since this plan was compiled", span, advice))
         return None
-    reading = read_recipe(Actions(ontology), plan.iri or origin.task, allow_abstract=True)
+    reading = read_recipe(Actions(ontology), plan.iri or origin.task)
     return None if reading.recipes is None else required(ontology, reading.recipes)

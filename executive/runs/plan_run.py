@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from executive.belief import Belief, read_map, scene_of
-from executive.robots import bind_robot, missing_capabilities
+from executive.robots import FindingKind, Missing, bind_robot, missing_capabilities
 from executive.robots.arms import with_carrying
 from executive.runs.assembly import RobotExecutive, bundled_registry, platform_of, real_scene, world_at_start
 from executive.runs.plan_files import (
@@ -29,11 +29,13 @@ from executive.runs.plan_files import (
     needs_of,
     required,
     required_of_plan,
+    without_module,
 )
 from executive.runs.traces import ListenedTrace, check_same_run, lines_of, past_of, recorded_parameters, sha256
 from planlang import PlanFailure, RunError, SimulationHost, budget, explain, run
 from planlang.designators import Object
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
+from planlang.failures import ActionUnresolvable, MissingCapability
 from planlang.language.plans import Plan
 from planlang.language.running import known as run_header
 from planlang.ontology import load
@@ -68,7 +70,6 @@ class RunOptions:
     recipe: Path | None = None
     task: str | None = None
     ontologies: tuple[Path, ...] = ()
-    allow_abstract: bool = False
     modules: tuple[Path, ...] = ()
     """The user's files of process modules."""
     robot: Path | None = None
@@ -83,7 +84,7 @@ class RunOptions:
     picture: Path | None = None
     record: Path | None = None
     force: bool = False
-    """Run although the robot lacks a capability."""
+    """Run although the robot lacks a capability, or the program a process module."""
     resume: RecordedRun | None = None
     """The trace of the run to resume."""
     world_as_left: bool = False
@@ -128,9 +129,7 @@ class Run:
             else:
                 assert options.recipe is not None
                 recipe = load(options.recipe, folders=options.ontologies)
-                self.path, recipes = compiled_plan(
-                    recipe, stack, self.found, task=options.task, allow_abstract=options.allow_abstract
-                )
+                self.path, recipes = compiled_plan(recipe, stack, self.found, task=options.task)
                 self._requirements = required(recipe, recipes)
             self.source = import_plan(self.path)
             self.plan: Plan[Any, Any] = main_plan(self.source, options.task if options.plan is not None else None)
@@ -180,10 +179,16 @@ class Run:
         found += (*ontology.diagnostics, *semantic_map.diagnostics)
         scene = scene_of(semantic_map, found)
         bound = bound_parameters(self.plan, options.bindings or {}, semantic_map, found)
+        needs = needs_of(self.source, self.plan)
+        # a run is resumed with the modules of its trace, which are compared later
+        performed = self.registry.actions if options.resume is None else None
+        unperformed = partial(without_module, semantic_map.ontology, performed)
+        assessment = assess(needs, lambda actions: (), unperformed)
+        if assessment.missing and not options.force:
+            options.announce(found)
+            return self._refused(assessment.missing)
         bare = bind_robot(options.robot, urdf=options.urdf, folders=options.ontologies)
-        assessment = assess(
-            needs_of(self.source, self.plan), partial(missing_capabilities, semantic_map.ontology, robot=bare)
-        )
+        assessment = assess(needs, partial(missing_capabilities, semantic_map.ontology, robot=bare), unperformed)
         if self._requirements is not None:
             assessment = assessment.also(self._requirements(bare))
         past: Past | None = None
@@ -196,8 +201,7 @@ class Run:
         found += (*robot.diagnostics, *assessment.notes(options.plan), *notes)
         options.announce(found)
         if assessment.missing and not options.force:
-            message = "\n".join(f"MissingCapability: {what}" for what in assessment.missing)
-            return RunResult(Outcome.LACKS_CAPABILITY, message, (), tuple(found), failure=("MissingCapability",))
+            return self._refused(assessment.missing)
 
         believed = world_at_start(scene, robot, options.start, self._stack)
         scene = believed.scene
@@ -238,6 +242,13 @@ class Run:
             found += notes
             self._restore(executive, past)
         return self._executed(body, bound, executive, truth, header, past)
+
+    def _refused(self, missing: Sequence[Missing]) -> RunResult:
+        """Return the result of a run that does not begin, for what robot or program lack."""
+        kinds = [ActionUnresolvable if one.kind is FindingKind.ACTION else MissingCapability for one in missing]
+        message = "\n".join(f"{kind.__name__}: {what}" for kind, what in zip(kinds, missing, strict=True))
+        names = tuple(dict.fromkeys(kind.__name__ for kind in kinds))
+        return RunResult(Outcome.LACKS_CAPABILITY, message, (), tuple(self.found), failure=names)
 
     def _body(self, bound: Mapping[str, Object], first: Callable[[], object]) -> Callable[[], Awaitable[Any]]:
         """Return the plan with its parameters and budget; executed and replayed alike."""

@@ -23,6 +23,7 @@ from planlang.compiler.layout import Call as CallExpression
 from planlang.compiler.structure import DONE, FALSE, TRUE
 from planlang.compiler.tree import (
     Achieve,
+    ActionTerm,
     Again,
     Call,
     Case,
@@ -177,16 +178,25 @@ class BodyWriter:
         use = self._symbols.use
         match node:
             case Perform(name, term):
-                return [], call(use("perform"), self._write.action(term), name=quoted(name))
+                more = {"once": "True"} if node.once else {}
+                return [], call(use("perform"), self._write.action(term), name=quoted(name), **more)
             case Call(_, None, (only,)):
                 return [], call(self._symbols.functions[only.recipe], **self._write.arguments(only))
             case Call(_, None, calls):
                 return [], call(use("try_in_order"), *map(self._write.function, calls))
             case Call(_, term, calls) if term is not None:
-                return [], call(use("perform_or"), self._write.action(term), self._write.alternatives(calls))
+                otherwise = self._write.alternatives(calls)
+                return [], call(use("perform"), self._write.action(term), otherwise=otherwise)
+            case Achieve(condition, Perform() | Call(action=ActionTerm()) as step):
+                _, performed = self._awaited(step, depth)
+                return [], performed.extended(until=self._write.condition(condition))
             case Achieve(condition, body):
                 before, branch = self._branch(body, depth)
                 return before, call(use("achieve"), self._write.condition(condition), branch)
+            case Handle(Perform() | Call(action=ActionTerm()) | Achieve() | Scope() as body, recoveries):
+                before, handled = self._awaited(body, depth)
+                several = sequence([self._write.recovery(one) for one in recoveries], "[]")
+                return before, handled.extended(recoveries=several)
             case Handle(body, recoveries):
                 before, branch = self._branch(body, depth)
                 return before, call(use("with_failure_handling"), branch, *map(self._write.recovery, recoveries))
@@ -208,9 +218,10 @@ class BodyWriter:
         """
         is_giving_several = isinstance(node, (Parallel, PartialOrder)) and self._is_giving(node)
         is_body = isinstance(node, (Series, Hold, Gate, Again)) or is_giving_several
-        if not is_body and not (isinstance(node, Call) and key is None):
+        if not is_body:
             if isinstance(node, Perform) and key is not None:
-                perform = call(self._symbols.use("perform"), self._write.action(node.action))
+                more = {"once": "True"} if node.once else {}
+                perform = call(self._symbols.use("perform"), self._write.action(node.action), **more)
                 return [], partial_call(self._symbols, perform)
             before, expression = self._awaited(node, depth)
             return before, partial_call(self._symbols, expression)
@@ -222,7 +233,7 @@ class BodyWriter:
         match node:
             case Hold(name=name):
                 return f"{snake_case(name)}_in_turn"
-            case Call(name=name) | Gate(name=name):
+            case Gate(name=name):
                 return f"{snake_case(name)}_once"
             case _:
                 return f"{self._title}_once"

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from planlang.compiler.bodies import BodyWriter
-from planlang.compiler.expressions import Symbols, is_iri, quoted
+from planlang.compiler.expressions import Expressions, Symbols, is_iri, quoted, things_of
 from planlang.compiler.layout import INDENT, WIDTH, Expression, Text, assignment, call, sequence, signature, statement
 from planlang.compiler.lowering import Lowering, check_recoveries
 from planlang.compiler.tree import Function, PlanTree
@@ -23,6 +23,7 @@ from planlang.outputs import NO_DATA_FLOW, NO_SCOPES, PlanHeader, digest
 from planlang.recipe import read_recipe
 from planlang.recipe.actions import Actions
 from planlang.recipe.model import (
+    Constraint,
     Description,
     Filler,
     Kind,
@@ -56,7 +57,7 @@ def emit(
         for thing in function.parameters:
             symbols.thing(thing)
     functions = [_function(symbols, function) for function in tree.functions]
-    places = _places(symbols)
+    places = [*_places(symbols), *(_constraint(symbols, one) for one in symbols.constraints())]
     constants = [line for thing in symbols.things() for line in _thing(symbols, thing)]
     constants += [line for place in symbols.places() if place.is_posture for line in _posture(symbols, place)]
     parts = ["", *_imports(symbols), "", *_namespaces(symbols)]
@@ -150,6 +151,22 @@ def _place(symbols: Symbols, place: Place) -> list[str]:
     ]
 
 
+def _constraint(symbols: Symbols, constraint: Constraint) -> list[str]:
+    """Return the function that describes what a constraint relates; its limits stand where it is used."""
+    write = Expressions(symbols, {}, {}, {})
+    more: dict[str, Expression | str] = {} if constraint.frame is None else {"frame": quoted(constraint.frame)}
+    more["name"] = quoted(local_name(constraint.template))
+    parts = [write.feature(part) for part in (constraint.tool, constraint.world)]
+    parameters = [f"{symbols.thing(thing)}: {symbols.use(TYPES[thing.kind])}" for thing in things_of(constraint)]
+    made = call(symbols.use("a_constraint"), quoted(constraint.kind.name), *parts, **more)
+    name = symbols.constraint(constraint)
+    return [
+        *signature(f"def {name}", parameters, symbols.use("MotionConstraint"), depth=0),
+        *_docstring([_sentence(constraint.label or humanised(name))], depth=1),
+        *statement(made, depth=1, before="return "),
+    ]
+
+
 def _reference(symbols: Symbols, reference: Thing | Place) -> tuple[Expression, str]:
     """Return what a place refers to, as an expression and in words."""
     name = symbols.thing(reference) if isinstance(reference, Thing) else symbols.place(reference)
@@ -222,39 +239,35 @@ def compile_recipe(
     *,
     task: str | None = None,
     folders: Sequence[Path] = (),
-    allow_abstract: bool = False,
     scopes: bool = True,
     data_flow: bool = True,
 ) -> CompiledPlan:
     """Compile the recipe in a file: RDF/XML or Manchester syntax, recognised by its content.
 
     ``task`` chooses one of several by local name or IRI; imports are looked for beside the file, then in ``folders``,
-    then among the bundled ontologies. With ``allow_abstract`` steps that nothing can execute are warnings. Without
+    then among the bundled ontologies. Without
     ``scopes`` base motions are steps like any other; without ``data_flow`` steps hand nothing on, and what they could
     hand on orders nothing. Raises BadInput with all diagnostics if there is an error.
     """
     with quiet_collector():  # nearly all that is read is kept to the end, too
         ontology = load(path, folders=folders)
-        return compile_ontology(ontology, task=task, allow_abstract=allow_abstract, scopes=scopes, data_flow=data_flow)
+        return compile_ontology(ontology, task=task, scopes=scopes, data_flow=data_flow)
 
 
 def compile_ontology(
     ontology: Ontology,
     *,
     task: str | None = None,
-    allow_abstract: bool = False,
     scopes: bool = True,
     data_flow: bool = True,
 ) -> CompiledPlan:
     """Compile a recipe of an ontology whose main document is the recipe; see :func:`compile_recipe`."""
     with quiet_collector():  # nearly all that a compilation makes is kept to its end
-        return _compiled(ontology, task, allow_abstract=allow_abstract, scopes=scopes, data_flow=data_flow)
+        return _compiled(ontology, task, scopes=scopes, data_flow=data_flow)
 
 
-def _compiled(
-    ontology: Ontology, task: str | None, *, allow_abstract: bool, scopes: bool, data_flow: bool
-) -> CompiledPlan:
-    reading = read_recipe(Actions(ontology), task, allow_abstract=allow_abstract, scopes=scopes)
+def _compiled(ontology: Ontology, task: str | None, *, scopes: bool, data_flow: bool) -> CompiledPlan:
+    reading = read_recipe(Actions(ontology), task, scopes=scopes)
     diagnostics = (*reading.diagnostics, *check_recoveries(reading.actions.recoveries))
     if reading.recipes is None or has_errors(diagnostics):
         raise BadInput(diagnostics)

@@ -21,13 +21,16 @@ class Keeping:
     """None for whatever is held."""
     name: str = ""
     """What running the first of these steps again is called."""
+    once: bool = False
+    """True if the node must not be run again."""
 
     def ends(self, recovery: Recover) -> bool:
         """Return True if the thing that a recovery is about is let go."""
         return not self.let_go.isdisjoint({recovery.about, None})
 
     def __or__(self, other: Keeping) -> Keeping:
-        return Keeping((*self.lasting, *other.lasting), self.let_go | other.let_go, self.name or other.name)
+        lasting, once = (*self.lasting, *other.lasting), self.once or other.once
+        return Keeping(lasting, self.let_go | other.let_go, self.name or other.name, once)
 
 
 def going_back(node: Node, keeping: Mapping[int, Keeping]) -> tuple[Node, Keeping]:
@@ -52,15 +55,17 @@ def going_back(node: Node, keeping: Mapping[int, Keeping]) -> tuple[Node, Keepin
 def _series(parts: Sequence[tuple[Node, Keeping]]) -> tuple[tuple[Node, ...], Keeping]:
     nodes, whole = [node for node, _ in parts], Keeping()
     for first, (node, keeping) in enumerate(parts):
-        whole |= Keeping(let_go=keeping.let_go, name=keeping.name)
+        whole |= Keeping(let_go=keeping.let_go, name=keeping.name, once=keeping.once)
         later: dict[int, list[Recover]] = {}
-        for recovery in keeping.lasting:
+        for recovery in () if keeping.once else keeping.lasting:
             ends = [number for number in range(first, len(parts)) if parts[number][1].ends(recovery)]
             for number in range(first + 1, ends[0] + 1 if ends else len(parts)):
-                later.setdefault(number, []).append(replace(recovery, again=keeping.name))
+                if not parts[number][1].once:
+                    later.setdefault(number, []).append(replace(recovery, again=keeping.name))
             if not ends:
                 whole |= Keeping((recovery,), name=keeping.name)
-        if not isinstance(node, (Parallel, PartialOrder)):  # their branches have the recoveries already
+        # branches have the recoveries already
+        if not isinstance(node, (Parallel, PartialOrder)) and not keeping.once:
             nodes[first] = _handled(nodes[first], keeping.lasting)
         if later:
             nodes[first] = Again(keeping.name, nodes[first])

@@ -61,6 +61,10 @@ class Call:
         inside = ", ".join(_labelled(keyword) + argument.flat() for keyword, argument in self.arguments)
         return f"{self.function}({inside})"
 
+    def extended(self, **keywords: Expression) -> Call:
+        """Return the call with further keyword arguments."""
+        return Call(self.function, (*self.arguments, *keywords.items()))
+
 
 @dataclass(frozen=True, slots=True)
 class Display:

@@ -320,6 +320,9 @@ class Steps:
 
         self._open: dict[str, Keeping] = {}
         """What each recipe holds at its end, with the recoveries that go back to it from what follows."""
+        self._unrepeatable: dict[str, bool] = {}
+        """Whether a recipe (IRI) has a step that must not be repeated, itself or in a recipe below it."""
+
         self.recoveries_in_words: dict[tuple[str, str], tuple[str, ...]] = {}
         """The recoveries of each step of a recipe (both IRIs), in words."""
 
@@ -331,8 +334,9 @@ class Steps:
             action = self._terms.action(recipe, step) if self._terms.is_performed(step) else None
             node = Call(step.name, action, calls, step.iri)
         else:
-            node = Perform(step.name, self._terms.action(recipe, step), step.label, step.iri)
-        condition = self._goal(step)
+            once = step.is_abstract and recipe.machine is None
+            node = Perform(step.name, self._terms.action(recipe, step), step.label, step.iri, once)
+        condition = None if step.is_abstract else self._goal(step)  # it is never skipped
         if condition is not None:
             node = Achieve(condition, node)
         written = self.recoveries.names(recipe.action_class)
@@ -346,8 +350,12 @@ class Steps:
         return node
 
     def with_looking(self, recipe: Recipe, node: Node, steps: Iterable[Step]) -> Node:
-        """Return the node with the recoveries of its steps that leave its place, one for each failure."""
-        found = self._leaving(recipe, steps)
+        """Return the node with the recoveries of its steps that leave its place, one for each failure.
+
+        None, where a step is among them that must not be repeated.
+        """
+        steps = tuple(steps)
+        found = () if any(self._is_unrepeatable(step) for step in steps) else self._leaving(recipe, steps)
         if not found:
             return node
         if isinstance(node, Handle):
@@ -355,14 +363,18 @@ class Steps:
         return Handle(node, found)
 
     def with_going_back(self, recipe: Recipe, body: Series, units: Iterable[tuple[Node, list[Step]]]) -> Series:
-        """Return the body with the recoveries that go back to a step; what is still held is left to callers, too."""
+        """Return the body with the recoveries that go back to a step; what is still held is left to callers, too.
+
+        What must not be repeated gets none.
+        """
         keeping = {id(node): self._kept_by(recipe, steps) for node, steps in units}
         made, self._open[recipe.iri] = going_back(body, keeping)
         assert isinstance(made, Series)
         return made
 
     def _kept_by(self, recipe: Recipe, steps: Iterable[Step]) -> Keeping:
-        kept = Keeping()
+        steps = tuple(steps)
+        kept = Keeping(once=any(map(self._is_unrepeatable, steps)))
         for step in steps:
             own = self.recoveries.going_back(step.iri, self.recoveries.looked_at(step))
             if own:
@@ -377,6 +389,13 @@ class Steps:
                 lasting = tuple(_renamed(recovery, renaming) for recovery in inner.lasting)
                 kept |= Keeping(lasting, let_go, inner.name)
         return kept
+
+    def _is_unrepeatable(self, step: Step) -> bool:
+        """Return True for a step that nothing performs, or that calls a recipe with such a step."""
+        for callee in step.recipes:
+            if callee not in self._unrepeatable:
+                self._unrepeatable[callee] = any(map(self._is_unrepeatable, self._recipes.recipes[callee].steps))
+        return step.is_abstract or any(self._unrepeatable[callee] for callee in step.recipes)
 
     def _leaving(self, recipe: Recipe, steps: Iterable[Step]) -> tuple[Recover, ...]:
         found: dict[str, Recover] = {}

@@ -228,12 +228,11 @@ class Overlaps:
         for overlap in recipe.overlaps:
             text = f"{overlap.relation.value} {local_name(overlap.second)}"
             self._in_words[overlap.first] = ", ".join(filter(None, (self._in_words.get(overlap.first), text)))
-            is_with_recipe = recipe.iri in (overlap.first, overlap.second)
             for (one, ends), is_strict, (other, others_end) in overlap.endpoints():
                 here, there = (one, _MOMENTS[ends]), (other, _MOMENTS[others_end])
                 if {one, other} <= known:
                     self._relate(here, there, order, is_strict=is_strict)
-                elif is_with_recipe and not is_strict:
+                elif {one, other} <= {recipe.iri, *known} and not is_strict:
                     self._with_recipe(recipe, here, there, order)
 
     def gated(self, step: str, node: Node) -> Node:

@@ -2,7 +2,8 @@
 
 A role is one of base, torso, arm, gripper, head. A step with a recipe holds the roles of all its primitives from its
 first to its last one where it is unordered with a step that shares a role with it; that one waits, and so holds its
-own. Unordered primitives need no such order: process modules take turns by themselves.
+own. So does a step that nothing performs yet, which may need every role. Unordered primitives need no such order:
+process modules take turns by themselves.
 """
 
 from __future__ import annotations
@@ -15,10 +16,23 @@ from planlang.compiler.tree import ActionTerm, Described, Kept, Passed, PlaceUse
 from planlang.designators import local_name
 from planlang.ontology import Ontology, shorten
 from planlang.recipe.actions import Actions
-from planlang.recipe.model import Description, Filler, Flow, Kind, Name, Place, Recipe, RecipeSet, Step, Thing
+from planlang.recipe.model import (
+    Constraint,
+    Description,
+    Filler,
+    Flow,
+    Kind,
+    Name,
+    Part,
+    Place,
+    Recipe,
+    RecipeSet,
+    Step,
+    Thing,
+)
 from planlang.recipe.order import Precedence, recipe_order
 
-_T = Thing | PlaceUse | Name | str | int | float | bool
+_T = Thing | PlaceUse | Part | Constraint | Name | str | int | float | bool
 
 Renaming = dict[Thing, Thing]
 """Parameter of a called function -> thing of its caller."""
@@ -314,6 +328,10 @@ def _things(fillers: Iterable[Filler]) -> Iterator[Thing]:
             yield filler
         elif isinstance(filler, Place):
             yield from filler.things()
+        elif isinstance(filler, Constraint):
+            yield from _things((filler.tool, filler.world))
+        elif isinstance(filler, Part) and filler.held_by is None:  # what a hand holds is found by the hand
+            yield filler.of
 
 
 def _device(fillers: Iterable[Filler]) -> Thing | None:
@@ -369,7 +387,7 @@ class Roles:
                 users[name] = users.get(name, 0) | order.bit(step.iri)
         found = 0
         for step in recipe.steps:
-            if step.recipes:
+            if step.recipes or step.is_abstract:
                 sharing = 0
                 for name in self.of(recipe, step):
                     sharing |= users[name]
@@ -386,7 +404,7 @@ class Roles:
         return self._known[key]
 
     def _found(self, recipe: Recipe, step: Step) -> set[Role]:
-        found: set[Role] = set()
+        found: set[Role] = {(role, None) for role in ROLES} if step.is_abstract else set()
         for callee in step.recipes:
             below = self._recipes.recipes[callee]
             found |= {role for inner in below.steps for role in self._roles(below, inner)}

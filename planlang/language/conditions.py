@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, TypeVar
@@ -29,29 +29,43 @@ from planlang.kernel.signals import BaseFluent, Wait
 from planlang.kernel.tree import name_of
 from planlang.language.branches import Branch
 from planlang.language.executive import executive_for
-from planlang.language.recovery import Return
+from planlang.language.recovery import Recovery, Return, recoveries_of, recovering
 from planlang.misuse import Usage, WrongType, contrast, written
 
 V = TypeVar("V")
 
-_ACHIEVE = Usage("await achieve", {"goal": "holding(cup)", "body": "grasp"}, {"within": "0.5"})
+_ACHIEVE = Usage(
+    "await achieve",
+    {"goal": "holding(cup)", "body": "grasp"},
+    {"within": "0.5", "recoveries": "[Recovery(GraspMissed)]"},
+)
 _HOLDS = Usage("holds", {"what": "a_location(near=table)"}, {"of": "cup"})
 Goal = Condition | Callable[[], bool] | Signal[Any]
 
 
-async def achieve(goal: Goal, body: Callable[[], Awaitable[V]], *, within: float = 0.0) -> V | None:
+async def achieve(
+    goal: Goal, body: Callable[[], Awaitable[V]], *, within: float = 0.0, recoveries: Iterable[Recovery] = ()
+) -> V | None:
     """Run the body unless the goal already holds; returns its result, or None if it was skipped.
 
     After the body the goal must hold, at the latest ``within`` seconds of plan time later: else GoalNotAchieved.
-    A condition is looked up in the executive's belief; a fluent is read anew.
+    A condition is looked up in the executive's belief; a fluent is read anew. ``recoveries`` are tried around all
+    this, as ``with_failure_handling`` does.
     """
     _ACHIEVE.branch("body", body)
-    if not isinstance(goal, (Condition, Signal)):
-        _ACHIEVE.plain("goal", goal, "a condition, a fluent or a function that tells whether it holds")
     _ACHIEVE.seconds("within", within)
-    text, holds = _reader(goal)
-    result: V | None = await node("achieve", "achieve", partial(_achieve, text, holds, body, within), goal=text)
-    return result
+    run = achieving(_ACHIEVE, "goal", goal, body, within)
+    return await recovering(run, recoveries_of(_ACHIEVE, recoveries))
+
+
+def achieving(
+    usage: Usage, parameter: str, goal: Goal, body: Callable[[], Awaitable[V]], within: float = 0.0
+) -> Callable[[], Awaitable[V | None]]:
+    """Return a branch that achieves a goal, which is an argument of the construct that ``usage`` shows."""
+    if not isinstance(goal, (Condition, Signal)):
+        usage.plain(parameter, goal, "a condition, a fluent or a function that tells whether it holds")
+    text, holds = _reader(usage, parameter, goal)
+    return partial(node, "achieve", "achieve", partial(_achieve, text, holds, body, within), goal=text)
 
 
 async def _achieve(text: str, holds: Callable[[], bool], body: Callable[[], Awaitable[V]], within: float) -> V | None:
@@ -79,9 +93,9 @@ def holds(what: Condition | Location, of: Object | None = None) -> Fluent[bool]:
     return Fluent(read=lambda: executive.holds(condition), name=str(condition))
 
 
-def _reader(goal: Goal) -> tuple[str, Callable[[], bool]]:
+def _reader(usage: Usage, parameter: str, goal: Goal) -> tuple[str, Callable[[], bool]]:
     if isinstance(goal, Condition):
-        executive = executive_for("achieve")
+        executive = executive_for(usage.name)
         return str(goal), lambda: executive.holds(goal)
     if isinstance(goal, Signal):
         return str(goal), lambda: bool(goal.read())
@@ -89,7 +103,7 @@ def _reader(goal: Goal) -> tuple[str, Callable[[], bool]]:
 
     def answer() -> bool:
         answer = goal()
-        _ACHIEVE.at_once("goal", goal, answer)
+        usage.at_once(parameter, goal, answer)
         return bool(answer)
 
     return name, answer if recorded is None else lambda: bool(recorded.answer(f"{name} holds", answer))

@@ -28,6 +28,7 @@ from planlang.language.branches import Branch
 from planlang.language.budgets import take_attempt
 from planlang.language.executive import executive_for
 from planlang.language.performing import HeldPose, Lease, held_pose, perform, using
+from planlang.language.recovery import Recovery, recoveries_of, recovering
 from planlang.misuse import Usage
 
 if TYPE_CHECKING:
@@ -39,7 +40,7 @@ V = TypeVar("V")
 _AT_LOCATION = Usage(
     "await at_location",
     {"location": "a_location(in_reach_of=cup)", "body": "grasp"},
-    {"attempts": "3", "reaching": "(cup,)", "device": "RIGHT_GRIPPER"},
+    {"attempts": "3", "reaching": "(cup,)", "device": "RIGHT_GRIPPER", "recoveries": "[Recovery(ObjectNotFound)]"},
 )
 
 CURABLE = (NavigationFailure, ManipulationPoseUnreachable, ManipulationGoalInCollision, LookingGoalUnreachable)
@@ -57,6 +58,7 @@ async def at_location(
     attempts: int = 5,
     reaching: Iterable[Object | Location] = (),
     device: Device | None = None,
+    recoveries: Iterable[Recovery] = (),
 ) -> V:
     """Go to a base pose of ``location`` from which everything in ``reaching`` can be reached, and run the body there.
 
@@ -66,7 +68,9 @@ async def at_location(
     When the body fails in a way that another base pose can cure, the next is tried, at most ``attempts`` in all.
     Poses within 5 cm of one that failed at the same revision of the belief are skipped. The base is held: side by
     side, scopes take turns; a nested scope may move it, and it is moved back. When something else moves it, the body
-    is evaporated and runs again at the same pose, at most 10 times.
+    is evaporated and runs again at the same pose, at most 10 times. Once an action that must not be repeated has begun
+    (``perform(..., once=True)``), the body does not run again: its failure is raised. ``recoveries`` are tried around
+    all this, as ``with_failure_handling`` does, with the base free: a recovery may drive.
 
     Raises ObjectUnreachable, or ObjectUndeliverable when something is held, from the last failure, or from
     LocationUnresolvable when no pose was found at all, or from MissingCapability when the robot lacks what it takes.
@@ -81,11 +85,13 @@ async def at_location(
             raise _AT_LOCATION.wrong("reaching", [one], "objects and locations")
     if device is not None:
         _AT_LOCATION.instance("device", device, Device, "a device")
+    recoveries = recoveries_of(_AT_LOCATION, recoveries)
     executive = executive_for("at_location")
     if reaching:
         location = location & _in_reach(reaching, device, location.device)
     inside = partial(_inside, executive, location, body, attempts)
-    return await node("at_location", "at_location", inside, location=location, attempts=attempts)  # type: ignore[no-any-return]
+    run = partial(node, "at_location", "at_location", inside, location=location, attempts=attempts)
+    return await recovering(run, recoveries)
 
 
 async def _inside(executive: Executive, location: Location, body: Branch, attempts: int) -> Any:
@@ -127,9 +133,10 @@ class _Visit:
         self._solution: Solution | None = None
 
     def leave(self, outer: HeldPose | None) -> None:
-        """Mark the scope around as displaced if the base is elsewhere."""
-        if outer is not None and self.moved:
-            outer.displaced = True
+        """Mark the scope around as displaced if the base is elsewhere, and as the last if this one is."""
+        if outer is not None:
+            outer.displaced = outer.displaced or self.moved
+            outer.is_last = outer.is_last or self.pose.is_last
 
     async def run(self, body: Branch, attempts: int) -> Any:
         """Try one base pose after another."""
@@ -153,7 +160,7 @@ class _Visit:
             try:
                 return await self._visit(solution, body)
             except PlanFailure as failure:
-                if not matches(failure, CURABLE):
+                if self.pose.is_last or not matches(failure, CURABLE):
                     raise
                 last = failure
                 self.pose.again(failure)
@@ -189,6 +196,9 @@ class _Visit:
             if not watched.lost:
                 return result
             record("displaced", base=solution.base)
+            if self.pose.is_last:
+                message = "the base was moved away by something else, and what was done here must not be repeated"
+                raise NavigationGoalNotReached(message, target=solution.base)
         raise NavigationGoalNotReached(
             f"the base was moved away {REPLACED} times by something else", target=solution.base
         )

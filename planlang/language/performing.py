@@ -7,7 +7,7 @@ hold the base while the steps in it, one at a time, move it.
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Iterable
 from contextvars import ContextVar, Token
 from functools import partial
 from types import TracebackType
@@ -23,8 +23,10 @@ from planlang.kernel.signals import Expression, Wait
 from planlang.kernel.tree import name_of
 from planlang.language.branches import Branch
 from planlang.language.budgets import charge
+from planlang.language.conditions import Goal, achieving
 from planlang.language.executive import current, executive_for
 from planlang.language.plans import Handle, Restarting, join
+from planlang.language.recovery import Recovery, recoveries_of, recovering
 from planlang.misuse import Usage, WrongType, contrast, written
 
 
@@ -178,10 +180,11 @@ class HeldPose:
 
     Invariant: ``displaced`` iff a nested scope has moved the base and left it elsewhere.
 
-    ``failure`` is the one for which the body runs again, None on the first run.
+    ``failure`` is the one for which the body runs again, None on the first run. ``is_last`` once something was begun
+    that must not be repeated: then the body does not run again.
     """
 
-    __slots__ = ("_go", "_now", "_released", "displaced", "failure")
+    __slots__ = ("_go", "_now", "_released", "displaced", "failure", "is_last")
 
     def __init__(self, go: Callable[[], Awaitable[None]]) -> None:
         self._go = go
@@ -189,6 +192,7 @@ class HeldPose:
         self._now: set[Action] = set()
         self.displaced = False
         self.failure: PlanFailure | None = None
+        self.is_last = False
 
     def again(self, failure: PlanFailure) -> None:
         """Note that the body runs again because of a failure."""
@@ -219,8 +223,17 @@ class HeldPose:
 held_pose: ContextVar[HeldPose | None] = ContextVar("held pose", default=None)
 
 
-_PERFORM = Usage("await perform", {"action": 'action("Reaching")'}, {"name": '"reach"'})
-_PERFORM_OR = Usage("await perform_or", {"action": 'action("Reaching")', "branch": "reach"})
+_PERFORM = Usage(
+    "await perform",
+    {"action": 'action("Reaching")'},
+    {
+        "name": '"reach"',
+        "once": "True",
+        "otherwise": "reach",
+        "until": "holding(cup)",
+        "recoveries": "[Recovery(GraspMissed)]",
+    },
+)
 
 
 def check_action(usage: Usage, action: Action, name: str | None) -> None:
@@ -239,19 +252,46 @@ def module_for(executive: Executive, action: Action) -> ProcessModule | None:
     return None
 
 
-async def perform(action: Action, name: str | None = None) -> Any:
+async def perform(
+    action: Action,
+    name: str | None = None,
+    *,
+    once: bool = False,
+    otherwise: Branch | None = None,
+    until: Goal | None = None,
+    recoveries: Iterable[Recovery] = (),
+) -> Any:
     """Have a process module perform an action; returns what the module returns.
+
+    ``once``: nothing is known of what the action changes. From its beginning on, a scope around it
+    (:func:`at_location`) tries no other place, and ends with the failure of its body.
 
     A module works on one request at a time, first come, first served, and holds the action's resources meanwhile.
     Evaporation cancels the request; suspension cancels it, and it is made again after waking up. Raises what the
     module raises, ActionUnresolvable if there is none; a failure that the module does not declare is a programming
     error.
+
+    ``otherwise`` runs instead, and gives the result, where no module is registered for the action's class or an
+    ancestor. ``until`` is a goal, as ``achieve`` takes it: if it holds nothing is performed, and the result is None;
+    else it holds afterwards, or GoalNotAchieved is raised. ``recoveries`` are tried around all this, as
+    ``with_failure_handling`` does.
     """
+    if otherwise is not None:
+        _PERFORM.branch("otherwise", otherwise)
     check_action(_PERFORM, action, name)
+    step: Branch = partial(_performed, action, name, once, otherwise)
+    if until is not None:
+        step = achieving(_PERFORM, "until", until, step)
+    return await recovering(step, recoveries_of(_PERFORM, recoveries))
+
+
+async def _performed(action: Action, name: str | None, once: bool, otherwise: Branch | None) -> Any:
     path_element = name or action.name or local_name(action.type)
-    executive = executive_for("perform")
-    module = module_for(executive, action)
-    if module is None:
+    executive = current.get() if otherwise is not None else executive_for("perform")
+    module = None if executive is None else module_for(executive, action)
+    if executive is None or module is None:
+        if otherwise is not None:
+            return await called(otherwise)
         return await node(
             "perform", path_element, partial(_fail, ActionUnresolvable(designator=str(action))), action=action
         )
@@ -260,6 +300,8 @@ async def perform(action: Action, name: str | None = None) -> Any:
     if pose is not None and pose.displaced and "base" not in resources:
         announce()  # driving back is part of the request: an asynchronous one counts as made
         await pose.establish()
+    if pose is not None and once:
+        pose.is_last = True
     releases = pose is not None and executive.releases(action)
     if pose is not None and releases and (refused := pose.refusal(action, executive)) is not None:
         # a grasp whose object is to be handed over is not opened a second time: better fail than drop it
@@ -272,16 +314,6 @@ async def perform(action: Action, name: str | None = None) -> Any:
 
 async def _fail(failure: PlanFailure) -> NoReturn:
     raise failure
-
-
-async def perform_or(action: Action, branch: Callable[[], Awaitable[Any]]) -> Any:
-    """Have a module perform the action if one is registered for its class or an ancestor; else run the branch."""
-    _PERFORM_OR.branch("branch", branch)
-    _PERFORM_OR.instance("action", action, Action, "an action")
-    executive = current.get()
-    if executive is not None and module_for(executive, action) is not None:
-        return await perform(action)
-    return await called(branch)
 
 
 class _Perform(Restarting):

@@ -34,6 +34,7 @@ _RECOVERY = Usage(
 _EXPLAIN = Usage("explain", {"failure": "failure"})
 _WITH_FAILURE_HANDLING = Usage("await with_failure_handling", {"body": "grasp", "recovery": "Recovery(GraspMissed)"})
 _ALTERNATIVES = "a mapping from keywords of the body to functions that make the values"
+_RECOVERIES = "a list of recoveries"
 _OTHERWISE = "None, a failure class, a function that makes a failure from one, or Return(value)"
 _DECIDES = "async def do(failure): ...; return RETRY"
 
@@ -162,6 +163,29 @@ async def with_failure_handling(body: Callable[..., Awaitable[V]], *recoveries: 
         _WITH_FAILURE_HANDLING.instance("recovery", recovery, Recovery, "a Recovery")
     kind = "with_failure_handling"
     return await node(kind, kind, partial(_handled, body, recoveries))  # type: ignore[no-any-return]
+
+
+def recovering(body: Callable[[], Awaitable[V]], recoveries: tuple[Recovery, ...]) -> Awaitable[V]:
+    """Run a body, with recoveries if there are any: what the keyword ``recoveries`` of other constructs stands for."""
+    if not recoveries:
+        return called(body)  # type: ignore[no-any-return]
+    return with_failure_handling(body, *recoveries)
+
+
+def recoveries_of(usage: Usage, recoveries: Iterable[Recovery]) -> tuple[Recovery, ...]:
+    """Return what a construct was given as ``recoveries``; raises for what is none, and for alternatives."""
+    usage.iterable("recoveries", recoveries, _RECOVERIES)
+    found = tuple(recoveries)
+    for recovery in found:
+        if not isinstance(recovery, Recovery):
+            raise usage.wrong("recoveries", [recovery], _RECOVERIES)
+        if recovery.alternatives is not None:
+            message = f"alternatives are keywords of a body, which {usage.name} calls without any"
+            wrong = usage.shown("recoveries", "[Recovery(..., alternatives=...)]")
+            raise WrongValue(
+                contrast(message, wrong, "await with_failure_handling(body, Recovery(..., alternatives=...))")
+            )
+    return found
 
 
 async def _handled(body: Callable[..., Awaitable[Any]], recoveries: Iterable[Recovery]) -> Any:

@@ -12,6 +12,7 @@ from planlang.designators import local_name
 from planlang.diagnostics import Span
 from planlang.files import bundled
 
+_INTEGER = re.compile(r"[+-]?[0-9]+")
 _SCHEME = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*:")
 
 
@@ -87,6 +88,7 @@ VOCABULARIES: dict[str, str] = {
     "srdl2-cap": "http://knowrob.org/kb/srdl2-cap.owl#",
     "srdl2-comp": "http://knowrob.org/kb/srdl2-comp.owl#",
     "srdl2-action": "http://knowrob.org/kb/srdl2-action.owl#",
+    "motion-constraints": "http://knowrob.org/kb/motion-constraints.owl#",
     "roboearth": ROBOEARTH,
 }
 """Prefix -> namespace of what the bundled files define; a bare name is looked for in this order."""
@@ -114,14 +116,14 @@ class Literal:
     language: str | None = None
 
     def number(self) -> float:
-        """Return the value as a number. Raises ValueError if it is none, or not finite."""
+        """Return the value as a number, a whole one exactly. Raises ValueError if it is none, or not finite."""
         text = self.value.strip()
         if "_" in text:
             raise ValueError(f"not a number: {text!r}")
         number = float(text)
         if not math.isfinite(number):
             raise ValueError(f"not a finite number: {text!r}")
-        return number
+        return int(text) if _INTEGER.fullmatch(text) else number
 
     def __str__(self) -> str:
         quoted = '"' + self.value.replace("\\", "\\\\").replace('"', '\\"') + '"'

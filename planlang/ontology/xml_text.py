@@ -6,13 +6,15 @@ The repairs undo mistakes of editors that real files have; each is reported.
 from __future__ import annotations
 
 import re
+import tomllib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from xml.parsers import expat
 from xml.sax.saxutils import quoteattr
 
-from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
-from planlang.files import offset_of, position_of
+from planlang.diagnostics import BadInput, Declaration, Diagnostic, Span, error, warning
+from planlang.files import bundled, offset_of, position_of
 from planlang.ontology.terms import OWL, PREFIXES
 from planlang.ontology.triples import counted
 
@@ -198,8 +200,8 @@ def repair_xml(text: str, file: str) -> Repaired:
     """Undo what can be undone without a guess; a text without such mistakes comes back as it is.
 
     Comments opened by ``<!-``, hyphens in pairs inside comments, an XML declaration that is not at the start, and an
-    attribute that an element states twice are made blank (of two the later counts). An undeclared entity with the name
-    of a declared or known prefix is declared.
+    attribute that an element states twice are made blank (of two the later counts). An undeclared entity is declared if
+    it is known.
     """
     result = Repaired(text)
     blanks = [*_declaration(result, file), *_hyphens(result, file)]
@@ -218,11 +220,13 @@ def repair_xml(text: str, file: str) -> Repaired:
     return result
 
 
-def _note(result: Repaired, file: str, offset: int, code: str, message: str, advice: str) -> None:
+def _note(
+    result: Repaired, file: str, offset: int, code: str, message: str, advice: str, change: Declaration | None = None
+) -> None:
     if len(result.diagnostics) >= MOST_WARNINGS:
         result.unsaid += 1
         return
-    result.diagnostics.append(warning(code, message, position_of(result.text, offset, file), advice))
+    result.diagnostics.append(warning(code, message, position_of(result.text, offset, file), advice, change))
 
 
 def _declaration(result: Repaired, file: str) -> Iterator[tuple[int, int]]:
@@ -263,31 +267,50 @@ def _repeated_attributes(tag: re.Match[str], result: Repaired, file: str) -> Ite
 
 
 def _undeclared_entities(visible: str, result: Repaired, file: str) -> dict[str, str]:
-    """Name -> value of entities that are used without declaration but are the names of prefixes."""
+    """Name -> value of entities that are used without declaration, but are known.
+
+    Known are the prefixes of the file, those of the vocabularies, and the entities that KnowRob's files declare.
+    """
     declared = {"amp", "lt", "gt", "apos", "quot", *_DECLARED.findall(visible)}
-    prefixes = PREFIXES | {name: double or single for name, double, single in _PREFIX.findall(visible)}
+    used = [one for one in _PREFIX_REFERENCE.finditer(visible) if one[1] not in declared]
+    prefixes = PREFIXES | {name: double or single for name, double, single in _PREFIX.findall(visible)} if used else {}
     found: dict[str, str] = {}
-    for reference in _PREFIX_REFERENCE.finditer(visible):
+    for reference in used:
         name = reference[1]
-        value = prefixes.get(name)
-        if name not in declared and name not in found and value and "&" not in value and "%" not in value:
-            found[name] = value
-            message = f"the entity &{name}; is not declared and is read as the prefix of this name: {value}"
-            advice = f'declare it in the DOCTYPE: <!ENTITY {name} "{value}">'
-            _note(result, file, reference.start(), "O016", message, advice)
+        values = [prefixes[name]] if name in prefixes else _customary().get(name, [])
+        if name in found or not values or not values[0] or "&" in values[0] or "%" in values[0]:
+            continue
+        found[name] = values[0]
+        like = "as the prefix of this name" if name in prefixes else "as files of KnowRob declare it"
+        if len(values) > 1:
+            like = f"as some files of KnowRob declare it (others: {', '.join(values[1:])})"
+        change = Declaration(name, values[0], is_sure=len(values) == 1)
+        message = f"the entity &{name}; is not declared and is read {like}: {values[0]}"
+        _note(result, file, reference.start(), "O016", message, f"declare it in the DOCTYPE: {change}", change)
+    return found
+
+
+@cache
+def _customary() -> dict[str, list[str]]:
+    """Return the entities that KnowRob's files declare, each with its values, the most usual first."""
+    found: dict[str, list[str]] = tomllib.loads((bundled("ontologies") / "entities.toml").read_text(encoding="utf-8"))
     return found
 
 
 def _declare(text: str, visible: str, entities: dict[str, str]) -> str:
-    declarations = "".join(f'<!ENTITY {name} "{value}">' for name, value in entities.items())
+    offset, before, after = place_of_declarations(visible)
+    declarations = "".join(str(Declaration(name, value)) for name, value in entities.items())
+    return f"{text[:offset]}{before}{declarations}{after}{text[offset:]}"
+
+
+def place_of_declarations(text: str) -> tuple[int, str, str]:
+    """Return where declarations of entities go in an XML file, and what is to be written before and after them."""
+    visible = _without_comments(text)
     doctype = _DOCTYPE.search(visible)
     if doctype is None:
         root = re.search(r"<[A-Za-z]", visible)
-        start = root.start() if root else len(text)
-        return f"{text[:start]}<!DOCTYPE rdf:RDF [{declarations}]>{text[start:]}"
-    if doctype[1]:
-        return text[: doctype.end()] + declarations + text[doctype.end() :]
-    return f"{text[: doctype.end()]}[{declarations}]{text[doctype.end() :]}"
+        return root.start() if root else len(text), "<!DOCTYPE rdf:RDF [", "]>"
+    return doctype.end(), *(("", "") if doctype[1] else ("[", "]"))
 
 
 def _sections(text: str) -> Iterator[tuple[int, int]]:

@@ -37,7 +37,7 @@ class Actions:
         self.goals: dict[str, Goal] = read_goals(ontology)
         self.recoveries: tuple[RecoveryRule, ...] = read_recoveries(ontology)
         self.performers: dict[str, tuple[tuple[str, ...], str | None]] = {}
-        """Action (IRI) -> who performs it, as :func:`planlang.recipe.reading.recipes_for` returns it."""
+        """Action (IRI) -> who performs it, as :func:`planlang.recipe.performers.recipes_for` returns it."""
         self._statements: dict[str, Statements | None] = {}
         self._last_moving: tuple[RecipeSet, frozenset[str]] | None = None
 
@@ -262,7 +262,7 @@ def _count(ontology: Ontology, subject: str, property_name: str, default: int, p
             number = triple.object.number() if isinstance(triple.object, Literal) else -1
         except ValueError:
             number = -1
-        if number >= 0 and float(number).is_integer():
+        if number >= 0 and number == int(number):
             return int(number)
         stated = triple.object.value if isinstance(triple.object, Literal) else _text(triple.object)
         message = f"{property_name} of the recovery `{local_name(subject)}` is {stated!r}, not a whole number from 0 on"

@@ -246,8 +246,8 @@ class Intervals:
     def __init__(self, recipe: Recipe) -> None:
         self._steps = [step.iri for step in recipe.steps]
         self._graph = nx.DiGraph()
-        known = {recipe.iri, *self._steps}
-        for name in (*self._steps, recipe.iri):
+        known = {recipe.iri, *self._steps, *recipe.phases}
+        for name in (*self._steps, *recipe.phases, recipe.iri):
             self._add(Point(name, False), Point(name, True), None, is_strict=True)
         for name in self._steps:
             self._add(Point(recipe.iri, False), Point(name, False), None)
@@ -293,13 +293,14 @@ class Intervals:
 
 def implied_by_overlaps(recipe: Recipe) -> Iterable[tuple[str, str]]:
     """Return the orders of steps that only overlaps and orders together imply; none if they contradict each other."""
-    if not recipe.overlaps:
+    if not recipe.overlaps and not recipe.phases:
         return ()
     intervals = Intervals(recipe)
     if intervals.contradiction():
         return ()
     graph = nx.DiGraph((ordering.before, ordering.after) for ordering in recipe.orderings)
     graph.add_nodes_from(step.iri for step in recipe.steps)
+    graph.remove_nodes_from(recipe.phases)
     return [pair for pair in intervals.implied() if not nx.has_path(graph, *pair)]
 
 

@@ -18,6 +18,7 @@ from planlang.recipe.checks import (
     CheckedFile,
     CheckedRecipe,
     check,
+    constraints,
     losses,
     orderings,
     parameters,
@@ -25,9 +26,11 @@ from planlang.recipe.checks import (
 )
 from planlang.recipe.checks.misspellings import corrected, misspellings
 from planlang.recipe.checks.parameters import repaired
+from planlang.recipe.constraints import read_constraints
 from planlang.recipe.fillers import action_class, nearest_in_vocabulary, read_filler, read_parameters
 from planlang.recipe.model import Description, Ordering, Parameter, Reason, Recipe, RecipeSet, Source, Step
 from planlang.recipe.order import implied_by_overlaps
+from planlang.recipe.performers import recipes_for, recipes_of_task, statements_for
 from planlang.recipe.readers import loose_parts, made, tasks_of
 from planlang.recipe.statements import KINDS, Statements, SubAction, facts, is_word
 
@@ -100,13 +103,29 @@ def _below(actions: Actions, task: str) -> set[str]:
 
 
 def _named(actions: Actions, wanted: str, span: Span) -> str:
+    task, ontology = named_action(actions, wanted, span), actions.ontology
+    if recipes_of_task(actions, task):
+        return task
+    where = ontology.span(task) or span
+    advice = "add restrictions such as `subAction some Reaching` to it, or choose another task"
+    raise BadInput([error("R004", f"`{local_name(task)}` has no sub-actions: the recipe is empty", where, advice)])
+
+
+def named_action(actions: Actions, wanted: str, span: Span) -> str:
+    """Return the IRI of a class or individual, by IRI or local name.
+
+    One with a recipe in the file comes before the file's others, these before the vocabulary's, and that before any.
+    Raises BadInput when there is none or several.
+    """
     ontology = actions.ontology
     stated = stated_tasks(actions)
     matches = [task for task in stated if wanted in (task, local_name(task))]
     if not matches:
         own = [triple.subject for triple in ontology.triples(p=_TYPE) if isinstance(triple.subject, str)]
         named = [iri for iri in dict.fromkeys(own) if local_name(iri) == wanted and ontology.defined(iri)]
-        matches = named or [wanted if ontology.defined(wanted) else expand(wanted)]
+        main = [iri for iri in named if ontology.main(iri)]
+        matches = main or [iri for iri in named if iri == expand(wanted)] or named
+        matches = matches or [wanted if ontology.defined(wanted) else expand(wanted)]
     task = matches[0]
     if len(matches) > 1:
         raise BadInput([error("R002", f"{wanted} names several tasks", span, "use one of " + ", ".join(matches))])
@@ -117,11 +136,7 @@ def _named(actions: Actions, wanted: str, span: Span) -> str:
         raise BadInput(
             [error("R001", f"there is no task {wanted}", span, f"{guess}this file states {', '.join(known) or 'none'}")]
         )
-    if recipes_for(actions, task)[0]:
-        return task
-    where = ontology.span(task) or span
-    advice = "add restrictions such as `subAction some Reaching` to it, or choose another task"
-    raise BadInput([error("R004", f"`{local_name(task)}` has no sub-actions: the recipe is empty", where, advice)])
+    return task
 
 
 def read_recipes(actions: Actions, task: str) -> RecipeSet:
@@ -130,7 +145,7 @@ def read_recipes(actions: Actions, task: str) -> RecipeSet:
     A task without sub-actions of its own takes those of its nearest ancestor that has any.
     """
     found: dict[str, Recipe] = {}
-    waiting = [(task, recipes_for(actions, task)[0][0])]
+    waiting = [(task, recipes_of_task(actions, task)[0])]
     while waiting:
         cls, stating = waiting.pop()
         if cls in found:
@@ -140,55 +155,6 @@ def read_recipes(actions: Actions, task: str) -> RecipeSet:
         waiting += [(callee, callee) for callee in reversed(below) if callee not in found]
     document = actions.ontology.documents[0]
     return RecipeSet(task, found, Source(printable(document.path.name), document.sha256))
-
-
-def recipes_for(actions: Actions, iri: str) -> tuple[tuple[str, ...], str | None]:
-    """Return the performers of an action: classes with recipes, or a primitive class; the nearer wins.
-
-    An individual's own recipe is nearer than any of its class. On a tie the recipe wins. Several recipes at the same
-    distance are alternatives.
-    """
-    if iri not in actions.performers:
-        actions.performers[iri] = _performers(actions, iri)
-    return actions.performers[iri]
-
-
-def statements_for(actions: Actions, iri: str) -> Statements:
-    """Return what the file states about a task with a recipe, or about the class that it inherits the recipe from."""
-    statements = actions.statements(recipes_for(actions, iri)[0][0])
-    assert statements is not None
-    return statements
-
-
-def _performers(actions: Actions, iri: str) -> tuple[tuple[str, ...], str | None]:
-    for level in levels(actions.ontology, iri):  # nearest first: at one distance a recipe comes before a primitive
-        found = tuple(ancestor for ancestor in level if actions.statements(ancestor) is not None)
-        if found:
-            return found, None
-        for ancestor in level:
-            if ancestor in actions.primitives:
-                return (), ancestor
-    return (), None
-
-
-def levels(ontology: Ontology, iri: str) -> Iterator[tuple[str, ...]]:
-    """Yield an individual; or a class, its direct superclasses, theirs, ...: each class once, at its least distance."""
-    cls = iri
-    if not ontology.is_class(iri):
-        yield (iri,)
-        cls = action_class(ontology, iri) or iri
-    known = set(ontology.ancestors(cls))
-    seen = {cls, iri}
-    level: tuple[str, ...] = (cls,) if cls != iri or ontology.is_class(iri) else ()
-    while level:
-        yield level
-        above: list[str] = []
-        for member in level:
-            for ancestor in ontology.parents(member):
-                if ancestor in known and ancestor not in seen:
-                    seen.add(ancestor)
-                    above.append(ancestor)
-        level = tuple(above)
 
 
 def read_step(actions: Actions, sub_action: SubAction, known: frozenset[str] = frozenset()) -> Step | None:
@@ -204,7 +170,7 @@ def read_step(actions: Actions, sub_action: SubAction, known: frozenset[str] = f
     return Step(
         iri,
         nearest_in_vocabulary(ontology, cls or iri, primitive),
-        read_parameters(ontology, iri, sub_action.fillings, known),
+        read_constraints(ontology, read_parameters(ontology, iri, sub_action.fillings, known)),
         recipes,
         primitive,
         _label(ontology, iri) if shorten(iri) == iri else None,
@@ -244,6 +210,7 @@ def read_recipe_of(actions: Actions, stating: str, task: str | None = None) -> R
         statements.flows,
         statements.states.machine() if statements.states is not None else None,
         cls,
+        statements.phases,
     )
     implied = [Ordering(before, after, reason=Reason.OVERLAP) for before, after in implied_by_overlaps(recipe)]
     return replace(recipe, orderings=(*recipe.orderings, *implied)) if implied else recipe
@@ -320,6 +287,7 @@ ANY_RECIPE: tuple[Check[[CheckedRecipe], Iterable[Diagnostic]], ...] = (
     parameters.fillers,
     parameters.left_out,
     parameters.unrelated_places,
+    constraints.incomplete_constraints,
 )
 """Checks of recipes in any dialect."""
 
@@ -365,9 +333,7 @@ class Reading:
     misspelt: tuple[Diagnostic, ...] = ()
 
 
-def read_recipe(
-    actions: Actions, task: str | None = None, *, allow_abstract: bool = False, scopes: bool = True
-) -> Reading:
+def read_recipe(actions: Actions, task: str | None = None, *, scopes: bool = True) -> Reading:
     """Read the task of the main document, with all recipes below it, repair what is safe to repair, and judge it.
 
     Never raises for what the user wrote; errors are among the diagnostics.
@@ -376,18 +342,16 @@ def read_recipe(
     right = corrected(actions.ontology, misspelt)
     if right is not actions.ontology:
         actions = Actions(right)
-    recipes, found = _read(actions, task, allow_abstract=allow_abstract, scopes=scopes)
+    recipes, found = _read(actions, task, scopes=scopes)
     found = (*actions.ontology.diagnostics, *found)
     guessed = corrected(actions.ontology, misspelt, guessing=True)
     if guessed is not actions.ontology:  # whichever name is meant: what the guess would mend is a consequence
-        left = _read(Actions(guessed), task, allow_abstract=allow_abstract, scopes=scopes)[1]
+        left = _read(Actions(guessed), task, scopes=scopes)[1]
         found = tuple(one for one in found if one in {*guessed.diagnostics, *left})
     return Reading(recipes, (*misspelt, *found), actions, misspelt)
 
 
-def _read(
-    actions: Actions, task: str | None, *, allow_abstract: bool, scopes: bool
-) -> tuple[RecipeSet | None, tuple[Diagnostic, ...]]:
+def _read(actions: Actions, task: str | None, *, scopes: bool) -> tuple[RecipeSet | None, tuple[Diagnostic, ...]]:
     """Return the recipes, or None without a task, and their diagnostics."""
     try:
         chosen = choose_task(actions, task)
@@ -396,11 +360,11 @@ def _read(
         circular = None if task is not None or top_tasks(actions) else circular_task(actions)
         if circular is None:
             return None, problem.diagnostics
-        within = _read(actions, circular, allow_abstract=allow_abstract, scopes=scopes)[1]
+        within = _read(actions, circular, scopes=scopes)[1]
         is_told = choose_task.applies({one.code for one in within})
         return None, (*(problem.diagnostics if is_told else ()), *within)
     recipes = read_recipes(actions, chosen)
-    file = CheckedFile(actions, recipes, allow_abstract, scopes)
+    file = CheckedFile(actions, recipes, scopes)
     diagnostics = _judged(FILE_CHECKS, file, ())
     if repaired.applies({one.code for one in diagnostics}):
         recipes, notes = repaired(actions.ontology, recipes)

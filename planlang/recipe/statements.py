@@ -65,8 +65,8 @@ class States:
 class Statements:
     """A recipe as the file states it for the task ``iri``, right or wrong, in the order of the file.
 
-    ``states`` is None unless it is a finite-state recipe. ``foreign`` are properties (IRIs) that were taken for those
-    of the vocabulary with the same name.
+    ``states`` is None unless it is a finite-state recipe. ``foreign`` are words (IRIs) that were taken for those
+    of the vocabulary with the same name, ``phases`` processes (IRIs) that go on while steps are performed.
     """
 
     iri: str
@@ -74,6 +74,7 @@ class Statements:
     sub_actions: tuple[SubAction, ...]
     orderings: tuple[Ordering, ...] = ()
     overlaps: tuple[Overlap, ...] = ()
+    phases: tuple[str, ...] = ()
     flows: tuple[Flow, ...] = ()
     states: States | None = None
     loose: tuple[LooseEnd, ...] = ()
@@ -94,7 +95,8 @@ class Statements:
             *((one.producer, one.consumer) for one in self.flows),
             *((one.source, one.target) for one in states.transitions),
         )
-        return tuple(dict.fromkeys((*self.names, *chain.from_iterable(pairs), *states.starts, *states.ends)))
+        found = dict.fromkeys((*self.names, *chain.from_iterable(pairs), *states.starts, *states.ends))
+        return tuple(name for name in found if name not in self.phases)
 
 
 def is_word(iri: str, *names: str) -> bool:
@@ -161,7 +163,8 @@ ON_ACTIONS = (
 
 ON_INDIVIDUALS = (
     "occursBeforeInOrdering", "occursAfterInOrdering", "isStepOf", "stepOf", "isPlanFor", "isTaskDefinedIn",
-    "isDefinedIn", "hasPlan", "adtMainObject", "adtPrimaryObject", "adtSecondaryObject", "taskContext", "instruction",
+    "isDefinedIn", "hasPlan", "hasPhase", "isPhaseOf", "adtMainObject", "adtPrimaryObject", "adtSecondaryObject",
+    "taskContext", "instruction",
 )  # fmt: skip
 """Properties of constraints, workflows and action data tables that describe no object and no place."""
 
@@ -171,6 +174,9 @@ WORDS = (
     "hasTask", "classifies", "isClassifiedBy", "hasBindingRole", "hasBindingFiller",
 )  # fmt: skip
 """All that readers of dialects take up."""
+
+CONSTRAINT_CLASSES = ("PartialOrdering-Strict", "PartialOrdering", "InputOutputMapping")
+"""Classes of constraints. Readers go by the properties of a constraint, so that these are read in any namespace."""
 
 NAMING = (
     "subAction", "subEvents", "orderingConstraints", "occursBeforeInOrdering", "occursAfterInOrdering",

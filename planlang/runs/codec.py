@@ -2,9 +2,10 @@
 
 What ``dump`` writes can be read back as the same value of the same types, or is refused.
 JSON's own types stand for themselves. Tuples, numbers that are not finite, members of an Enum and the value types of
-:mod:`planlang.designators`, :mod:`planlang.geometry.matrices` and :mod:`planlang.protocols` are objects with a key that
-begins with ``$``. Nothing else survives. Reading makes no object of any other class and imports nothing: a member of an
-Enum is looked up among the classes that the program has defined already.
+:mod:`planlang.designators`, :mod:`planlang.motion_constraints`, :mod:`planlang.geometry.matrices` and
+:mod:`planlang.protocols` are objects with a key that begins with ``$``. Nothing else survives. Reading makes no object
+of any other class and imports nothing: a member of an Enum, and a class of motion constraints, are looked up among
+those that the program has defined already.
 """
 
 from __future__ import annotations
@@ -20,7 +21,18 @@ from functools import cache
 from numbers import Integral, Real
 from typing import Any
 
-from planlang.designators import Action, Condition, Device, Location, Object, Person, Posture, Relation, Situation
+from planlang.designators import (
+    Action,
+    Condition,
+    Device,
+    Filler,
+    Location,
+    Object,
+    Person,
+    Posture,
+    Relation,
+    Situation,
+)
 from planlang.failures import CompositeFailure, PlanFailure, Where, attach_cleanup
 from planlang.misuse import PlanStructureError
 
@@ -70,8 +82,8 @@ def dump(value: object, depth: int = 0) -> Any:
         return {_key(key): dump(item, depth + 1) for key, item in value.items()}
     if isinstance(value, Enum):
         return {"$enum": f"{kind.__module__}.{kind.__qualname__}", "name": value.name}
-    if kind.__module__ in _MODULES and kind in _checks():
-        inside = {field.name: dump(getattr(value, field.name), depth + 1) for field in fields(kind)}
+    if kind.__module__ in _MODULES and is_dataclass(value) and (kind in _checks() or isinstance(value, Filler)):
+        inside = {field.name: dump(getattr(value, field.name), depth + 1) for field in fields(value)}
         return {"$": kind.__name__, **inside}
     raise Lost(f"{kind.__module__}.{kind.__qualname__}")
 
@@ -167,7 +179,12 @@ def _floats(value: object, number: int) -> bool:
 
 
 _DESIGNATORS = (Object, Person, Device, Relation, Location, Posture, Action, Situation, Condition)
-_MODULES = ("planlang.designators", "planlang.geometry.matrices", "planlang.protocols")
+_MODULES = (
+    "planlang.designators",
+    "planlang.motion_constraints",
+    "planlang.geometry.matrices",
+    "planlang.protocols",
+)
 
 
 @cache
@@ -185,7 +202,8 @@ def _checks() -> dict[type[Any], Callable[[Any], bool]]:
 
 
 def _made(name: str, inside: Mapping[str, Any]) -> Any:
-    kind = next((kind for kind in _checks() if kind.__name__ == name), None)
+    fillers = (kind for kind in _subclasses(Filler) if kind.__module__ in _MODULES)
+    kind = next((kind for kind in (*_checks(), *fillers) if kind.__name__ == name), None)
     if kind is None:
         raise ValueError(f"there is no value type {name}")
     if set(inside) != {field.name for field in fields(kind)}:
@@ -194,7 +212,7 @@ def _made(name: str, inside: Mapping[str, Any]) -> Any:
         value = kind(**{key: load(item) for key, item in inside.items()})
     except PlanStructureError:
         raise ValueError(f"a field of a {name} is of another type") from None
-    if not _checks()[kind](value):
+    if kind in _checks() and not _checks()[kind](value):  # a filler refuses what makes no sense itself
         raise ValueError(f"a field of a {name} is of another type")
     return value
 
@@ -335,7 +353,7 @@ def _encode_container(value: Mapping[Any, Any] | Set[Any] | Sequence[Any], depth
 
 def _encode_object(value: object, depth: int) -> Any:
     module = type(value).__module__
-    if module == "planlang.designators":
+    if module in ("planlang.designators", "planlang.motion_constraints"):
         return str(value)
     if module in ("planlang.geometry.matrices", "planlang.protocols") and is_dataclass(value):
         return {field.name: encode(getattr(value, field.name), depth + 1) for field in fields(value)}

@@ -54,7 +54,7 @@ def of_ontology(path: Path) -> tuple[Diagnostic, ...]:
 def of_recipe(path: Path) -> tuple[Diagnostic, ...]:
     text = path.read_text(encoding="utf-8")
     task = re.search(r"^# task: (\S+)", text, re.MULTILINE)
-    return compile_recipe(path, task=task[1] if task else None, allow_abstract="# allow abstract" in text).diagnostics
+    return compile_recipe(path, task=task[1] if task else None).diagnostics
 
 
 READERS = {"M": of_map, "B": of_robot, "O": of_ontology, "R": of_recipe}

@@ -17,17 +17,15 @@ async def fetch():
 
 @plan
 async def serve():
-    opened = partial(perform, action("OpeningADoor", object_acted_on=DOOR), name="OpenDoor")
-    fetched = partial(achieve, holding(BOTTLE), fetch)
+    door = action("OpeningADoor", object_acted_on=DOOR)
     give = action("HandingOverAnObject", object_acted_on=BOTTLE, recipient=PATIENT)
+    stuck = Recovery(ContainerStuck, attempts=9, within=20)
+    refused = Recovery(HandoverNotTaken, otherwise=ObjectUndeliverable)
     await par(
-        fetching=partial(with_failure_handling, fetched, Recovery(GraspSlipped, attempts=2)),
-        door=partial(with_failure_handling, opened, Recovery(ContainerStuck, attempts=9, within=20)),
+        fetching=partial(achieve, holding(BOTTLE), fetch, recoveries=[Recovery(GraspSlipped, attempts=2)]),
+        door=partial(perform, door, name="OpenDoor", recoveries=[stuck]),
     )
-    await with_failure_handling(
-        partial(at_location, a_location(in_reach_of=PATIENT), partial(perform, give, name="Offer")),
-        Recovery(HandoverNotTaken, attempts=1, otherwise=ObjectUndeliverable),
-    )
+    await at_location(a_location(in_reach_of=PATIENT), partial(perform, give, name="Offer"), recoveries=[refused])
 
 
 @pytest.fixture

@@ -184,7 +184,7 @@ def test_the_default_environment_is_the_only_one_that_has_what_is_named(
 HEAD = """
 from functools import partial
 import planlang
-from planlang import action, action as act, at_location, par, perform, perform_or, plan, try_in_order
+from planlang import action, action as act, at_location, par, perform, plan, try_in_order
 
 KITCHEN = "http://example.org/kitchen.owl#"
 CLOSING = action("ClosingAGripper")
@@ -238,7 +238,7 @@ def told(found: Needs, *unable: str) -> tuple[list[str], list[tuple[str, str]]]:
         (["await par(grasp, partial(look))"], ["ClosingAGripper", "LookingForSomething"]),
         (["await at_location(KITCHEN, reach)"], ["Translation-LocationChange", "Reaching"]),
         (["await planlang.at_location(KITCHEN, lambda: reach())"], ["Translation-LocationChange", "Reaching"]),
-        (["await perform_or(action('GraspingSomething'), grasp)"], ["GraspingSomething", "ClosingAGripper"]),
+        (["await perform(action('GraspingSomething'), otherwise=grasp)"], ["GraspingSomething", "ClosingAGripper"]),
         (["async def inner() -> None:", "    await look()", "await par(inner)"], ["LookingForSomething"]),
         (["async def unused() -> None:", "    await look()", "await grasp()"], ["ClosingAGripper"]),
         (["wanted = action('Reaching')", "await perform(wanted)"], ["Reaching"]),
@@ -257,7 +257,7 @@ def test_actions_are_those_of_what_the_plan_names(tmp_path: Path, body: list[str
     [
         "await try_in_order(grasp, look)",
         "await planlang.try_in_order(partial(grasp, hard=True), look)",
-        "await perform_or(action('PurposefulAction'), partial(try_in_order, grasp, look))",
+        "await perform(action('PurposefulAction'), otherwise=partial(try_in_order, grasp, look))",
         "await try_in_order(first=grasp, second=look)",
     ],
 )
@@ -267,6 +267,16 @@ def test_one_feasible_alternative_is_enough(tmp_path: Path, line: str) -> None:
     assert told(found, "ClosingAGripper") == ([], [("grasp", "ClosingAGripper")])
     assert told(found, "LookingForSomething") == ([], [("look", "LookingForSomething")])
     assert told(found, "ClosingAGripper", "LookingForSomething") == (["ClosingAGripper", "LookingForSomething"], [])
+
+
+def test_a_process_module_is_needed_for_what_no_branch_of_the_plan_does_instead(tmp_path: Path) -> None:
+    found = needs(
+        tmp_path,
+        "await perform(action('GraspingSomething'), otherwise=grasp)",
+        "await par(partial(perform, action('Pouring'), otherwise=reach))",
+        "await perform(action('Stirring'))",
+    )
+    assert sorted(found.modular) == ["ClosingAGripper", "Reaching", "Stirring"]
 
 
 def test_local_branches_are_alternatives_too(tmp_path: Path) -> None:
@@ -342,6 +352,20 @@ Class: Search
 Class: Look
     SubClassOf: knowrob:LookingForSomething, knowrob:objectActedOn value bottle
 """
+
+
+@pytest.mark.parametrize("is_plan", [False, True], ids=["recipe", "plan"])
+def test_a_step_without_process_module_is_refused_before_the_robot_is_bound(is_plan: bool, tmp_path: Path) -> None:
+    recipe = tmp_path / "looking.omn"
+    plan = compiled(recipe, LOOKING.replace("LookingForSomething", "Stirring"))
+    absent = tmp_path / "robot.omn"  # never read
+    options = replace(AMIGO, robot=absent, plan=plan) if is_plan else replace(AMIGO, robot=absent, recipe=recipe)
+    refused = run_plan_file(options)
+    assert (refused.outcome, refused.failure) == (Outcome.LACKS_CAPABILITY, ("ActionUnresolvable",))
+    assert refused.message.startswith("ActionUnresolvable: action ")
+    assert "no process module is registered for it or a class above it" in refused.message
+
+
 SCANNER = "\n    SubClassOf: srdl2-comp:dependsOnComponent some srdl2-comp:Tilting2DLaserScanner\n"
 
 

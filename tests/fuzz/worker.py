@@ -56,7 +56,7 @@ def recipe(path: Path, lines: int) -> None:
     checked(ontology.diagnostics, path, lines)
     for task in (None, *stated_tasks(Actions(ontology))[:MOST_TASKS]):
         try:
-            plan = compile_ontology(ontology, task=task, allow_abstract=True)
+            plan = compile_ontology(ontology, task=task)
         except BadInput as problem:
             refused(problem, path, lines)
             continue
@@ -67,7 +67,7 @@ def recipe(path: Path, lines: int) -> None:
         graph = task_graph(plan.recipes, plan.added)
         for draw in FORMATS.values():
             draw(graph)
-        fix_recipe(path, task=task, allow_abstract=True)
+        fix_recipe(path, task=task)
 
 
 def environment(path: Path, lines: int) -> None:

@@ -12,7 +12,14 @@ from typing import Any
 from reference_model import Outcome, Tree
 
 from planlang import *
-from planlang.failures import BranchEvaporated, BudgetExceeded, CompositeFailure, PolicyViolated, Timeout
+from planlang.failures import (
+    BranchEvaporated,
+    BudgetExceeded,
+    CompositeFailure,
+    GoalNotAchieved,
+    PolicyViolated,
+    Timeout,
+)
 
 SLOT = 2**15
 FLUENTS = 2
@@ -46,6 +53,13 @@ def plan_of(tree: Tree, fluents: list[Fluent[bool]]) -> Branch:
         "work": lambda: partial(work, tree),
         "fluent": lambda: partial(wait_for, fluents[tree.number]),
         "retry": lambda: partial(with_failure_handling, first, Recovery(PlanFailure, attempts=tree.number)),
+        "step": lambda: partial(
+            perform,
+            action("PurposefulAction"),
+            otherwise=first,
+            until=fluents[tree.children[1].number],
+            recoveries=[Recovery(PlanFailure, attempts=tree.number)],
+        ),
         "protected": lambda: partial(unwind_protect, first, partial(work, tree), within=FOREVER),
         "shield": lambda: partial(shielded, tree.number, first),
         "par_each": lambda: partial(par_each, below, called, limit=tree.number or None),
@@ -106,6 +120,8 @@ def told(failure: PlanFailure) -> Any:
         return "budget_of_time" if failure.seconds is not None else "budget"
     if isinstance(failure, PolicyViolated):
         return f"policy {failure.policy.partition(' ')[0]}"
+    if isinstance(failure, GoalNotAchieved):
+        return "goal"
     return "timeout" if isinstance(failure, Timeout) else str(failure)
 
 
@@ -166,7 +182,7 @@ KINDS = (
     "protected",
     "protected",
 )
-KINDS += ("timeout", "budget_of_time", "budget", "retry", "shield", "retry_after_suspension", "tag", "tag")
+KINDS += ("timeout", "budget_of_time", "budget", "retry", "step", "shield", "retry_after_suspension", "tag", "tag")
 
 
 class Grower:
@@ -200,6 +216,8 @@ class Grower:
         if kind == "policies":
             watches = [Tree("fluent", (), self.below(FLUENTS)) for _ in range(1 + self.below(2))]
             return Tree("policies", (child, *watches))
+        if kind == "step":
+            return Tree("step", (child, Tree("fluent", (), self.below(FLUENTS))), self.below(4))
         if kind == "protected":
             end = self.pick("value", "value", "failure")
             return Tree("protected", (child,), SLOT * self.below(4), end, f"cleanup {self.leaves}")

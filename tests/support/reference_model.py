@@ -352,6 +352,32 @@ class Retry(Node):
         return True
 
 
+class Achieving(Node):
+    """A child unless a fluent is true, which it has to be after it; a skipped one is a checkpoint."""
+
+    def __init__(self, tree: Tree, strand: Strand, budgets: tuple[Budget, ...]) -> None:
+        super().__init__(tree, strand, budgets)
+        self.child = None if self.holds() else self.below()
+
+    def holds(self) -> bool:
+        return self.strand.world.fluents[self.tree.children[1].number]
+
+    def run(self) -> Outcome | None:
+        if self.child is None:
+            if self.strand.held:
+                return None
+            return self.strand.delivered() if self.strand.doomed else ("value", None)
+        outcome = self.child.run()
+        return outcome if outcome is None or outcome[0] != "value" or self.holds() else ("failure", "goal")
+
+
+class Step(Retry):
+    """A step with a goal and recoveries, in one call."""
+
+    def below(self, number: int = 0) -> Node:
+        return Achieving(self.tree, self.strand, self.budgets)
+
+
 class Protected(Node):
     """A body, then a shielded cleanup of some steps in any case."""
 
@@ -647,6 +673,7 @@ KINDS: dict[str, type[Node]] = {
     "seq": InOrder,
     "try_in_order": InOrder,
     "retry": Retry,
+    "step": Step,
     "protected": Protected,
     "shield": Shielded,
     "par": All,

@@ -64,7 +64,6 @@ class CheckedFile:
 
     actions: Actions
     recipes: RecipeSet
-    allow_abstract: bool = False
     scopes: bool = True
 
     @property

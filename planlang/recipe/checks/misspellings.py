@@ -23,7 +23,15 @@ from planlang.recipe.fillers import action_properties
 from planlang.recipe.readers import OUTPUTS
 from planlang.recipe.readers.workflow import RELATIONS as INTERVALS
 from planlang.recipe.readers.workflow import is_interval_relation
-from planlang.recipe.statements import MEANINGS, REGISTERED_WORDS, WORDS, ending_of, is_word, words_of
+from planlang.recipe.statements import (
+    CONSTRAINT_CLASSES,
+    MEANINGS,
+    REGISTERED_WORDS,
+    WORDS,
+    ending_of,
+    is_word,
+    words_of,
+)
 from planlang.relations import owl_properties
 
 _W3C = (OWL, RDF, RDFS, XSD)
@@ -247,7 +255,7 @@ def _things(ontology: Ontology, names: _Names) -> Iterator[Diagnostic]:
     """Report names of classes and individuals that nothing defines while a similar name is defined."""
     outcomes = {triple.object for triple in ontology.using("causedBy")}
     for written, row in names.undefined.items():
-        if written not in outcomes:
+        if written not in outcomes and not is_word(written, *CONSTRAINT_CLASSES):
             meant = names.meant(written)
             if meant:
                 yield _misspelt(written, meant, names.span(row), f"`{_shown(written, meant)}` is not defined")

@@ -36,7 +36,7 @@ def incomplete_constraints(checked: CheckedRecipe) -> Iterator[Diagnostic]:
 def contradictions(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     """Report orders and overlaps that cannot hold together."""
     recipe = checked.recipe
-    found = Intervals(recipe).contradiction() if recipe.overlaps else ()
+    found = Intervals(recipe).contradiction() if recipe.overlaps or recipe.phases else ()
     if found:
         stated = ", ".join(_in_words(one) for one in found)
         spans = [one.span for one in found if one.span is not None]
@@ -55,12 +55,10 @@ def _incomplete(ontology: Ontology, statements: Statements, loose: LooseEnd) -> 
     both = " and ".join(loose.missing)
     if len(loose.missing) < 2:
         return error("R011", f"the constraint `{name}` has no {both}", loose.span, f"add {both} to it")
-    known = [
-        triple.subject
-        for word in loose.missing
-        for triple in ontology.triples(p=word)
-        if isinstance(triple.subject, str)
-    ]
+    named = {one.filler for one in ontology.restrictions(statements.iri)}
+    named.update(triple.object for triple in ontology.triples(s=statements.iri))
+    described = [triple.subject for triple in ontology.using(*loose.missing)]
+    known = [name for name in described if isinstance(name, str) and name not in named]
     message = f"`{local_name(statements.iri)}` names `{name}`, which has neither {' nor '.join(loose.missing)}"
     meant = guess(loose.what, known)
     return error("R011", message, loose.span, f"did you mean {meant}?" if meant else f"add {both} to it", meant)
@@ -70,8 +68,8 @@ def _incomplete(ontology: Ontology, statements: Statements, loose: LooseEnd) -> 
 def ordered_strangers(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     """Report names that are ordered but no sub-actions, each once, at its first mention."""
     ontology, statements, recipe = checked.ontology, checked.statements, checked.recipe
-    stated = dict.fromkeys(statements.names)
-    undefined = [iri for iri in stated if not ontology.defined(iri)]
+    stated = dict.fromkeys((*statements.names, *statements.phases))
+    undefined = [iri for iri in statements.names if not ontology.defined(iri)]
     mentions: dict[str, list[Ordering | Overlap]] = {}
     for ordering in recipe.orderings:
         for name in (ordering.before, ordering.after):
@@ -86,7 +84,7 @@ def ordered_strangers(checked: CheckedRecipe) -> Iterator[Diagnostic]:
         if undefined:
             other = local_name(undefined[0])
             guess = f"did you mean `{short}` as the sub-action instead of `{other}`, which is not defined?"
-        elif similar := get_close_matches(short, [local_name(iri) for iri in stated], n=1):
+        elif similar := get_close_matches(short, [local_name(iri) for iri in statements.names], n=1):
             guess = f"did you mean `{similar[0]}`?"
         else:
             guess = f"add `subAction some {short}` to `{recipe.name}`, or remove these constraints"

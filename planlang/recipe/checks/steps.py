@@ -13,13 +13,17 @@ from difflib import get_close_matches
 import networkx as nx
 
 from planlang.designators import local_name, told_apart
-from planlang.diagnostics import Diagnostic, Rename, Severity, Span, error, note, warning
+from planlang.diagnostics import Diagnostic, Rename, Span, error, note, warning
 from planlang.ontology import BNode, Ontology, Restriction, expand
 from planlang.recipe.actions import Actions
 from planlang.recipe.checks import CheckedFile, CheckedRecipe, check, listing
 from planlang.recipe.checks.misspellings import guess
 from planlang.recipe.model import Ending, Recipe, RecipeSet, Step, Transition
+from planlang.recipe.performers import recipes_for
 from planlang.recipe.statements import Statements, SubAction, is_word
+
+MOST_ABOVE = 2
+"""Superclasses that advice on a module names: a module for those farther up would have to do very different things."""
 
 DEEPEST = 50
 """Recipes that may be nested in each other. Hand-written ones nest a few levels; deeper generated ones get a diagnostic
@@ -72,13 +76,11 @@ def foreign_words(checked: CheckedRecipe) -> Iterator[Diagnostic]:
 
 @check("R021")
 def abstract_steps(checked: CheckedRecipe) -> Iterator[Diagnostic]:
-    """Report steps that nothing performs."""
-    severity = Severity.WARNING if checked.file.allow_abstract else Severity.ERROR
+    """Report steps that nothing performs yet: a process module that a program registers may."""
     for step in checked.recipe.steps:
         if step.is_abstract:
-            message = f"nothing performs `{step.name}`: it is not a primitive and has no recipe"
-            advice = _abstract_help(checked.actions, step.action_class, checked.file.allow_abstract)
-            yield Diagnostic(severity, "R021", message, step.span, advice)
+            message = f"nothing performs `{step.name}` yet: it is not a primitive and has no recipe"
+            yield warning("R021", message, step.span, _performers_to_add(checked, step.action_class))
 
 
 @check("R022", "R023")
@@ -143,12 +145,24 @@ def _instead(ontology: Ontology, statements: Statements, undefined: str) -> tupl
     return f"define `{local_name(undefined)}` as a subclass of an action class", None
 
 
-def _abstract_help(actions: Actions, iri: str, allow_abstract: bool) -> str:
-    primitives = ", ".join(sorted(local_name(name) for name in actions.primitives))
-    if len(actions.ontology.ancestors(iri)) == 1:
-        return f"`{local_name(iri)}` has no known superclass: import the ontology that defines it"
-    also = "" if allow_abstract else "; --allow-abstract compiles it anyway"
-    return f"add sub-actions, or make it a subclass of a primitive ({primitives}){also}"
+def _performers_to_add(checked: CheckedRecipe, cls: str) -> str:
+    """Return what would perform a class (IRI): a process module, a recipe, a class nearby that is performed."""
+    ontology, actions = checked.ontology, checked.actions
+    if len(ontology.ancestors(cls)) == 1:
+        return f"`{local_name(cls)}` has no known superclass: import the ontology that defines it"
+    others = (one for one in ontology.subclasses(expand("Action")) if one not in checked.file.recipes.recipes)
+    performed = (one for one in others if any(recipes_for(actions, one)))
+    near = guess(cls, performed, least=_LIKE, telling=_without_number)
+    below = f", or place it below `{local_name(near.meant)}`" if near else ""
+    above = [f"`{local_name(one)}`" for one in ontology.ancestors(cls)[1:] if not actions.is_any(one)][:MOST_ABOVE]
+    module = " or ".join([f"`{local_name(cls)}`", *above])
+    return f"register a process module for {module} (docs/modules.md), or add sub-actions{below}"
+
+
+def _without_number(iri: str) -> str:
+    """Return a local name without the number that tells copies of a class apart: ``Waiting`` of ``Waiting2``."""
+    name = local_name(iri)
+    return name.rstrip("0123456789").rstrip("_-") or name
 
 
 _WORDS = ("dependsOnCapability", "dependsOnComponent", "hasCapabilityDependency")

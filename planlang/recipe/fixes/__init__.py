@@ -7,17 +7,18 @@ make edits of those, each in its syntax; ``fixing`` tries them one after the oth
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from planlang.diagnostics import Span
+from planlang.diagnostics import Declaration, Span
 
-SAFE = ("O012", "O013", "O042", "O043", "R010", "R011", "R013", "R014", "R020", "R024", "R030", "R033", "R038", "R042",
+SAFE = ("O012", "O013", "O016", "O042", "O043", "R010", "R011", "R013", "R014", "R020", "R024", "R030", "R033", "R038",
         "R046", "R049", "R050", "R051", "R057", "R058")  # fmt: skip
 """Codes of fixes that are made unasked: the recipe means the same after them, or nothing else can be meant."""
 
-ACCEPTABLE = ("R010", "R011", "R020", "R033", "R034", "R038", "R039", "R040", "R045", "R046", "R049", "R050", "R058")
+ACCEPTABLE = ("O016", "R010", "R011", "R020", "R033", "R034", "R038", "R039", "R040", "R042", "R045", "R046", "R049",
+              "R050", "R058")  # fmt: skip
 """Codes of fixes that may be guesses, which are made only if they are accepted."""
 
 WITHOUT = {
@@ -47,6 +48,7 @@ WITHOUT = {
     "R055": "the file does not say what comes next",
     "R056": "the file does not say what should follow a failure",
     "R059": "the statement may belong to another task, or be superfluous",
+    "R065": "the file does not say which constraint was meant",
 }
 """Code -> why there is no fix: there is more than one right text, or none follows from the file."""
 
@@ -134,6 +136,10 @@ class Editable(ABC):
     @abstractmethod
     def with_sub_action(self, place: Place, step: Span, kind: str) -> list[Edit]:
         """Add a sub-action, whose head stands at ``step``, to a task, by a restriction of a kind, "some" or "value"."""
+
+    def with_declarations(self, declarations: Sequence[Declaration]) -> list[Edit]:
+        """Declare entities, which only XML has."""
+        raise CannotEdit("only XML has entities")
 
     def with_right_terms(self) -> list[Edit]:
         """Put terms of RDFS and OWL into the namespace that has them; in Manchester syntax they are keywords."""

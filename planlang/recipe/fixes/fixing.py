@@ -16,7 +16,7 @@ from planlang.ontology.documents import Syntax, read_bytes, syntax_of
 from planlang.recipe.actions import Actions
 from planlang.recipe.fixes import CannotEdit, Edit, Editable, Fix
 from planlang.recipe.fixes.manchester_text import ManchesterText
-from planlang.recipe.fixes.proposals import proposed, renames
+from planlang.recipe.fixes.proposals import declarations, proposed, renames
 from planlang.recipe.fixes.xml_text import XmlText
 from planlang.recipe.reading import read_recipe, read_recipes
 
@@ -59,7 +59,6 @@ def fix_recipe(
     *,
     task: str | None = None,
     folders: Sequence[Path] = (),
-    allow_abstract: bool = False,
     accepted: frozenset[str] = frozenset(),
 ) -> Fixed:
     """Fix the recipe in a file, which stays as it is.
@@ -77,12 +76,12 @@ def fix_recipe(
             copy = Path(folder) / path.name
             copy.write_bytes(text.encode(encoding))
             actions = Actions(load(copy, folders=(path.parent, *folders)))
-            reading = read_recipe(actions, task, allow_abstract=allow_abstract)
+            reading = read_recipe(actions, task)
             if reading.actions is actions:
                 raw = read_recipes(actions, reading.recipes.task) if reading.recipes is not None else None
                 fixes = proposed(actions, reading.recipes, raw, reading.diagnostics)
             else:  # what else there is to fix stands beside names that are not yet in the text
-                fixes = list(renames(actions.ontology, reading.misspelt))
+                fixes = [*declarations(reading.diagnostics), *renames(actions.ontology, reading.misspelt)]
         here = tuple(fix for fix in fixes if fix.span is not None and fix.span.file == str(copy))
         return _State(text, str(copy), reading.diagnostics, here)
 

@@ -8,6 +8,7 @@ from itertools import islice
 from planlang.designators import local_name
 from planlang.diagnostics import Span
 from planlang.files import offset_of
+from planlang.ontology.checks import canonical
 from planlang.recipe.fixes import CannotEdit, Edit, Editable, Place
 
 _NAME = re.compile(r"<[^<>\s]*>|[^\s,(){}\[\]\"<>]+")
@@ -23,6 +24,8 @@ _FRAME = re.compile(r"^[ \t]*(?:[A-Z]\w+):(?=\s)", re.MULTILINE)
 _HEADS = ("Class", "Individual", "ObjectProperty", "DataProperty", "AnnotationProperty", "Datatype", "Ontology",
           "DisjointClasses", "EquivalentClasses", "SameIndividual", "DifferentIndividuals")  # fmt: skip
 _NEXT_FRAME = re.compile(rf"^[ \t]*(?:{'|'.join(_HEADS)}):(?=\s)", re.MULTILINE)
+_PREFIX = re.compile(r"^[ \t]*Prefix:\s*([^\s:<>]*):\s*<([^<>\s]*)>", re.MULTILINE)
+_LOCAL = re.compile(r"\w(?:[\w.-]*[\w-])?")
 _LONGEST = 1000
 """Characters before a filler among which its property is looked for: a property and `some` stand right before it, and
 the pattern is tried at each of them."""
@@ -48,7 +51,7 @@ class ManchesterText(Editable):
                 if written.removesuffix(old) == meant.removesuffix(local_name(meant)):
                     return [Edit(match.end() - len(match[0]) + len(name) - len(old), match.start() + len(name),
                                  local_name(meant))]  # fmt: skip
-                return [Edit(match.start(), match.end(), f"<{meant}>")]
+                return [Edit(match.start(), match.end(), self._written(meant))]
         raise CannotEdit(f"the name {old} is not written there")
 
     def without(self, filler: Span) -> list[Edit]:
@@ -145,6 +148,14 @@ class ManchesterText(Editable):
         if found is None or re.search(r"\binverse\s*\Z", self.text[window : window + found.start()]):
             raise CannotEdit("no `property some filler` is written there")
         return window + found.start("property"), window + found.end("property")
+
+    def _written(self, iri: str) -> str:
+        """Return a name as the file writes such ones: with the prefix of its namespace, else in full."""
+        local = local_name(iri)
+        for prefix, namespace in _PREFIX.findall(self.text) if _LOCAL.fullmatch(local) else ():
+            if canonical(namespace) == iri.removesuffix(local):
+                return f"{prefix}:{local}".removeprefix(":")
+        return f"<{iri}>"
 
     def _slice(self, place: tuple[int, int]) -> str:
         return self.text[place[0] : place[1]]

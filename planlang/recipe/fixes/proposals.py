@@ -9,7 +9,7 @@ from operator import methodcaller
 from typing import TypeVar
 
 from planlang.designators import local_name
-from planlang.diagnostics import Diagnostic, Order, Rename, Severity, Span
+from planlang.diagnostics import Declaration, Diagnostic, Order, Rename, Severity, Span
 from planlang.ontology import Ontology, Restriction
 from planlang.ontology.terms import OWL
 from planlang.recipe.actions import Actions
@@ -18,8 +18,8 @@ from planlang.recipe.checks.parameters import exchanged_pair, unused_designators
 from planlang.recipe.checks.steps import unlisted_states
 from planlang.recipe.fixes import CannotEdit, Edit, Editable, Fix, Place
 from planlang.recipe.model import Recipe, RecipeSet, Step, Thing
+from planlang.recipe.performers import statements_for
 from planlang.recipe.readers.partial_order import is_sub_action
-from planlang.recipe.reading import statements_for
 from planlang.recipe.statements import Statements, is_word
 
 _T = TypeVar("_T")
@@ -43,7 +43,7 @@ def proposed(
         for found in diagnostics
         if found.code == "O012" or (found.code == "O013" and found.severity is Severity.ERROR)
     ]
-    fixes += [*_kinds(ontology), *renames(ontology, diagnostics), *_unused(ontology)]
+    fixes += [*declarations(diagnostics), *_kinds(ontology), *renames(ontology, diagnostics), *_unused(ontology)]
     if unrepaired is not None:
         for recipe in unrepaired.recipes.values():
             fixes += _exchanges(ontology, recipe)
@@ -97,6 +97,17 @@ def renames(ontology: Ontology, diagnostics: tuple[Diagnostic, ...]) -> Iterator
             yield Fix(found.code, message, found.span, edit, rename.is_sure)
 
 
+def declarations(diagnostics: tuple[Diagnostic, ...]) -> Iterator[Fix]:
+    """Declare the entities that are not; in one fix, as there may be no document type to hold declarations."""
+    found = [(one.suggestion, one) for one in diagnostics if isinstance(one.suggestion, Declaration)]
+    for is_sure in (True, False):
+        some = [(change, one) for change, one in found if change.is_sure == is_sure]
+        if some:
+            message = f"{', '.join(f'`&{change.entity};`' for change, _ in some)} declared in the DOCTYPE"
+            edit = methodcaller("with_declarations", [change for change, _ in some])
+            yield Fix("O016", message, some[0][1].span, edit, is_sure)
+
+
 def _exchanges(ontology: Ontology, recipe: Recipe) -> Iterator[Fix]:
     """Exchange the properties of fillers that were given for each other's."""
     owners: tuple[Recipe | Step, ...] = (recipe, *recipe.steps)
@@ -138,7 +149,7 @@ def _renamed(places: list[Span], like: Span) -> Callable[[Editable], list[Edit]]
 
 
 def _orders(actions: Actions, recipes: RecipeSet, diagnostics: tuple[Diagnostic, ...]) -> Iterator[Fix]:
-    """Add missing orderings: plausible ones are safe, of two other steps it is a guess which comes first."""
+    """Add missing orderings, which the file does not state: even a plausible one is a guess."""
     ontology = actions.ontology
     for found in diagnostics:
         order = found.suggestion
@@ -161,7 +172,7 @@ def _orders(actions: Actions, recipes: RecipeSet, diagnostics: tuple[Diagnostic,
         ) -> list[Edit]:
             return text.with_ordering(_listed(place), *ends, suffix)
 
-        yield Fix(found.code, f"`{before}` before `{after}`: {why}", found.span, edit, found.code == "R042")
+        yield Fix(found.code, f"`{before}` before `{after}`: {why}", found.span, edit, is_safe=False)
 
 
 def _place(ontology: Ontology, stating: str, *words: str) -> Place | None:

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from xml.parsers import expat
 from xml.sax.saxutils import escape
 
 from planlang.designators import local_name
-from planlang.diagnostics import Span
-from planlang.ontology.checks import meant_term
+from planlang.diagnostics import Declaration, Span
+from planlang.ontology.checks import canonical, meant_term
 from planlang.ontology.terms import OWL, RDF, RDFS
+from planlang.ontology.xml_text import place_of_declarations
 from planlang.recipe.fixes import CannotEdit, Edit, Editable, Place
 
 _START = re.compile(r"<[^\s/>\"'<]+(?:[^\"'<>]|\"[^\"<]*\"|'[^'<]*')*>")
@@ -39,7 +40,7 @@ class Element:
 
 
 class XmlText(Editable):
-    """An RDF/XML file; spans are the starts of elements. Raises CannotEdit if it is no XML."""
+    """An RDF/XML file; spans are the starts of elements. In one that is no XML only entities can be declared."""
 
     def __init__(self, text: str, file: str) -> None:
         super().__init__(text, file)
@@ -47,13 +48,16 @@ class XmlText(Editable):
         self._bytes = self._characters = 0
         self._stack: list[Element] = []
         self._at: dict[tuple[int, int], Element] = {}
+        self._entities: dict[str, str] = {}
+        self._problem = ""
         self._parser = expat.ParserCreate("utf-8")
         self._parser.StartElementHandler = self._begin
         self._parser.EndElementHandler = self._finish
+        self._parser.EntityDeclHandler = self._declared
         try:
             self._parser.Parse(self._data, True)
         except expat.ExpatError as problem:
-            raise CannotEdit(f"the file is not well-formed XML: {expat.ErrorString(problem.code)}") from None
+            self._problem = f"the file is not well-formed XML: {expat.ErrorString(problem.code)}"
 
     def exchanged(self, first: Span, second: Span) -> list[Edit]:
         a, b = self._value(self._property(first), "resource"), self._value(self._property(second), "resource")
@@ -80,7 +84,7 @@ class XmlText(Editable):
                     continue
                 if is_local:
                     return [Edit(end - len(old), end, local_name(meant))]
-                return [Edit(start, end, escape(meant, {'"': "&quot;"}))]
+                return [Edit(start, end, self._in_attribute(element, meant))]
         raise CannotEdit(f"the name {local_name(written)} is not written there")
 
     def without(self, filler: Span) -> list[Edit]:
@@ -122,7 +126,14 @@ class XmlText(Editable):
         restriction, around = self._restriction_of(place.last)
         return [self._restriction(restriction, around, property_name, _KINDS[kind], self._reference(step))]
 
+    def with_declarations(self, declarations: Sequence[Declaration]) -> list[Edit]:
+        offset, before, after = place_of_declarations(self.text)
+        end = self.line_end()
+        lines = [f"{end}    {one}" for one in declarations]
+        return [Edit(offset, offset, "".join([before, *lines, f"{end}{after}{end}" if after == "]>" else after]))]
+
     def with_right_terms(self) -> list[Edit]:
+        self._check()
         edits = []
         for element in self._at.values():
             right = meant_term(element.name)
@@ -199,10 +210,15 @@ class XmlText(Editable):
 
     def _element(self, span: Span) -> Element:
         self.check_file(span)
+        self._check()
         element = self._at.get((span.line, span.column))
         if element is None:
             raise CannotEdit("no element begins there")
         return element
+
+    def _check(self) -> None:
+        if self._problem:
+            raise CannotEdit(self._problem)
 
     def _property(self, filler: Span) -> Element:
         """Return the owl:onProperty beside a filler."""
@@ -219,6 +235,16 @@ class XmlText(Editable):
             if RDF + local in _names(element):
                 return sign + self._slice(self._value(element, local))
         raise CannotEdit("the element names nothing")
+
+    def _in_attribute(self, element: Element, iri: str) -> str:
+        """Return an IRI as the file writes such ones: with its entity, else with the namespace of its prefix."""
+        local = local_name(iri)
+        namespace = iri.removesuffix(local)
+        for name, value in self._entities.items():
+            if canonical(value) == namespace:
+                return f"&{name};{escape(local)}"
+        declared = next((value for value in element.prefixes.values() if canonical(value) == namespace), namespace)
+        return escape(declared + local, {'"': "&quot;"})
 
     def _value(self, element: Element, local: str) -> tuple[int, int]:
         """Return where the value of an RDF attribute stands in the text."""
@@ -248,6 +274,9 @@ class XmlText(Editable):
         if parent is not None:
             parent.children.append(element)
         self._stack.append(element)
+
+    def _declared(self, name: str, is_parameter: bool, value: str | None, *_: object) -> None:
+        self._entities.setdefault(name, value or "")
 
     def _finish(self, tag: str) -> None:
         element = self._stack.pop()
@@ -291,12 +320,12 @@ def _names_it(element: Element, name: str) -> bool:
 
 def _resolved(tag: str, prefixes: Mapping[str, str]) -> str:
     prefix, _, local = tag.rpartition(":")
-    return prefixes.get(prefix, prefix + ":" if prefix else "") + local
+    return canonical(prefixes.get(prefix, prefix + ":" if prefix else "") + local)
 
 
 def _prefix(element: Element, namespace: str) -> str:
-    """Return the prefix of a namespace, with its colon, that holds at an element."""
+    """Return the prefix of a namespace, under its old or its current address, that holds at an element; with colon."""
     for prefix, value in element.prefixes.items():
-        if value == namespace and prefix:
+        if canonical(value) == canonical(namespace) and prefix:
             return prefix + ":"
     raise CannotEdit(f"no prefix is declared for {namespace}")

@@ -10,9 +10,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from planlang.ontology import BNode, Ontology, Restriction
-from planlang.ontology.terms import OWL, RDFS
+from planlang.ontology.terms import OWL, RDF, RDFS
 from planlang.recipe.model import EQUIVALENT, FLAT, INTERSECTION, SUB_EVENTS, Dialect, Ordering
 from planlang.recipe.statements import (
+    CONSTRAINT_CLASSES,
     KINDS,
     Filling,
     LooseEnd,
@@ -22,6 +23,7 @@ from planlang.recipe.statements import (
     filled,
     is_foreign,
     is_word,
+    named,
 )
 
 _DIALECTS = {"intersection": INTERSECTION, "flat": FLAT, "equivalent": EQUIVALENT}
@@ -119,7 +121,8 @@ def foreign_words(ontology: Ontology, restrictions: tuple[Restriction, ...]) -> 
     ends = ("occursBeforeInOrdering", "occursAfterInOrdering", "fromState", "toState", "causedBy", "createsOutput",
             "requiresInput", "resourceType")  # fmt: skip
     properties = dict.fromkeys(restriction.property for restriction in restrictions)
-    if not any(
+    classes = _undefined_classes(ontology)
+    if not classes and not any(
         is_word(iri, *words, *ends) and is_foreign(iri) for iri in (*properties, *ontology.properties_named(*ends))
     ):
         return ()
@@ -130,10 +133,25 @@ def foreign_words(ontology: Ontology, restrictions: tuple[Restriction, ...]) -> 
         used = [Filling(restriction.property, restriction.filler, restriction.span)]
         if isinstance(restriction.filler, (str, BNode)) and not is_sub_action(restriction):
             used += facts(ontology, restriction.filler, *ends)
+            kinds = named(facts(ontology, restriction.filler, "type"))
+            used += (Filling(name, name, span) for name, span in kinds if name in classes)
         for filling in used:
             if is_foreign(filling.property):
                 found.setdefault(filling.property, filling)
     return tuple(found.values())
+
+
+def _undefined_classes(ontology: Ontology) -> frozenset[str]:
+    """Return the classes (IRIs) with a name that the vocabulary has for constraints, but that nothing defines."""
+    if "undefined classes of constraints" not in ontology.kept:
+        store = ontology.store
+        kinds = map(store.name, set(map(store.objects.__getitem__, store.by(RDF.type))))
+        words = frozenset(name for name in kinds if name is not None and is_word(name, *CONSTRAINT_CLASSES))
+        ontology.kept["undefined classes of constraints"] = frozenset(
+            name for name in words if not ontology.defined(name)
+        )
+    found: frozenset[str] = ontology.kept["undefined classes of constraints"]
+    return found
 
 
 def _dialect(subs: list[Restriction]) -> Dialect:

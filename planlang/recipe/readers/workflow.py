@@ -2,14 +2,17 @@
 
 Steps are tasks: individuals of classes of actions. A workflow ``definesTask`` what it performs, so that a step which
 another workflow defines is nested; a step may also be a workflow itself. Relations are those of J. F. Allen between
-intervals, under the names that DUL, EASE, SOMA and OWL-Time give them. What takes part in a task are roles
-(``isTaskOf``), each of a class that gives the property of the action; a role is filled with what it
-``classifies``, or with what the task's class states. A binding (``hasBindingRole``) of roles of two tasks passes it on.
+intervals, under the names that DUL, EASE, SOMA and OWL-Time give them. A relation belongs to the workflow that has
+both tasks as steps, or as phases (processes that go on meanwhile, ``hasPhase``), itself or in workflows below its
+steps. What takes part in a task are roles (``isTaskOf``), each of a class that gives the property of the action; a
+role is filled with what it ``classifies``, or with what the task's class states. A binding (``hasBindingRole``) of
+roles of two tasks passes it on.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import product
 
 from planlang.designators import local_name
 from planlang.ontology import BNode, Ontology, Restriction, expand, shorten
@@ -64,6 +67,7 @@ ROLES: dict[str, str] = {
 OUTPUT = expand("outputsCreated")
 
 _STEPS, _STEP_OF = ("hasStep",), ("isStepOf", "stepOf")
+_PHASES, _PHASE_OF = ("hasPhase",), ("isPhaseOf",)
 _DEFINES, _DEFINED_BY = ("definesTask", "isPlanFor"), ("isTaskDefinedIn", "isDefinedIn", "hasPlan")
 
 
@@ -90,15 +94,16 @@ def read(ontology: Ontology, iri: str) -> Statements | None:
     if not subs:
         return None
     subs.sort(key=lambda sub: sub.iri or "")
+    phases = {str(one.term): None for name in workflows for one in _linked(ontology, name, _PHASES, _PHASE_OF)}
     task = task_of(ontology, iri)
-    names = {name: task_of(ontology, name) for name in (iri, *workflows)}
-    orderings, overlaps = _related(ontology, [task, *workflows, *(str(sub.iri) for sub in subs)], names)
+    orderings, overlaps = _related(ontology, task, [*(str(sub.iri) for sub in subs), *phases])
     return Statements(
         task,
         WORKFLOW,
         tuple(subs),
         orderings,
         overlaps,
+        tuple(phases),
         tuple(_bindings(ontology, [str(sub.iri) for sub in subs])),
         fillings=tuple(_roles(ontology, task)),
     )
@@ -151,29 +156,98 @@ def _relation(predicate: str) -> tuple[Allen | str, bool] | None:
     return RELATIONS.get(name)
 
 
-def _related(
-    ontology: Ontology, names: list[str], same: dict[str, str]
-) -> tuple[tuple[Ordering, ...], tuple[Overlap, ...]]:
-    """Return the orderings and overlaps that relations state, each once; a workflow stands for its task."""
+def _related(ontology: Ontology, task: str, parts: list[str]) -> tuple[tuple[Ordering, ...], tuple[Overlap, ...]]:
+    """Return the orderings and overlaps that relations state among the steps and phases of a task, each once."""
     orderings: dict[tuple[str, str], Ordering] = {}
     overlaps: dict[tuple[str, Allen, str], Overlap] = {}
-    for name, _, other, filling in relations(ontology, names):
+    nesting = _nesting(ontology)
+    for name, _, other, filling in relations(ontology, nesting.stating(task, parts)):
         found = _relation(filling.property)
         assert found is not None
         relation, is_inverse = found
-        ends = (same.get(name, name), same.get(other, other))
-        first, second = ends[::-1] if is_inverse else ends
+        stated = (task_of(ontology, name), task_of(ontology, other))
+        first, second = stated[::-1] if is_inverse else stated
         if isinstance(relation, str):
-            orderings.setdefault((first, second), Ordering(first, second, span=filling.span))
+            for pair in nesting.within(task, parts, (first, second)):
+                orderings.setdefault(pair, Ordering(*pair, span=filling.span))
             continue
         if relation is Allen.EQUALS:
             first, second = sorted((first, second))
-        if first != second:
-            overlaps.setdefault((first, relation, second), Overlap(first, relation, second, filling.span))
+        for pair in nesting.within(task, parts, (first, second), relation):
+            overlaps.setdefault((pair[0], relation, pair[1]), Overlap(pair[0], relation, pair[1], filling.span))
     return (
         tuple(orderings[pair] for pair in sorted(orderings)),
         tuple(overlaps[key] for key in sorted(overlaps, key=lambda key: (key[0], key[1].value, key[2]))),
     )
+
+
+class _Nesting:
+    """Which tasks are steps or phases of which, in all workflows of an ontology."""
+
+    def __init__(self, ontology: Ontology) -> None:
+        self._above: dict[str, dict[str, None]] = {}
+        self._below: dict[str, dict[str, None]] = {}
+        self._workflows: dict[str, dict[str, None]] = {}
+        for triple in ontology.using(*_STEPS, *_STEP_OF, *_PHASES, *_PHASE_OF):
+            ends = (str(triple.subject), str(triple.object))
+            workflow, part = ends if is_word(triple.predicate, *_STEPS, *_PHASES) else ends[::-1]
+            task, step = task_of(ontology, workflow), task_of(ontology, part)
+            self._above.setdefault(step, {})[task] = None
+            self._below.setdefault(task, {})[step] = None
+            self._workflows.setdefault(task, {})[workflow] = None
+
+    def stating(self, task: str, parts: list[str]) -> list[str]:
+        """Return a task, its parts and all below them, with their workflows: all that state relations of its parts."""
+        found = [task, *parts, *_reached(self._below, *parts)]
+        return [name for one in dict.fromkeys(found) for name in (one, *self._workflows.get(one, ()))]
+
+    def within(
+        self, task: str, parts: list[str], ends: tuple[str, str], relation: Allen | None = None
+    ) -> Iterator[tuple[str, str]]:
+        """Yield the pairs that a relation of two tasks relates in the workflow of a task: its parts, or the task.
+
+        What is before a step is before all that is below it, and what is below a step is during all that the step is
+        during. Other relations across workflows cannot be kept: their ends are yielded as they are, as is a task that
+        no workflow has together with the other one; both are mistakes.
+        """
+        above = [{name: None, **_reached(self._above, name)} for name in ends]
+        first, second = (self._owners(name, found, [task, *parts]) for name, found in zip(ends, above, strict=True))
+        if not first or not second:
+            is_own = not {*parts}.isdisjoint(ends) or (task in ends and task not in self._above)
+            if is_own and above[0].keys().isdisjoint(above[1]):
+                yield ends
+        elif {*ends} <= {task, *parts}:
+            if relation is None or ends[0] != ends[1]:
+                yield ends
+        elif first == second or (relation is Allen.DURING and ends[1] == task):
+            return  # it is in the workflow of a step, or true of all steps
+        elif task not in ends and (relation is None or (relation is Allen.DURING and ends[1] in parts)):
+            yield from (pair for pair in product(first, second) if pair[0] != pair[1])
+        else:
+            yield ends
+
+    @staticmethod
+    def _owners(name: str, above: dict[str, None], known: list[str]) -> list[str]:
+        """Return a known task itself, else the known parts that a task is below; ``known[0]`` is the whole task."""
+        return [name] if name in known else [one for one in known[1:] if one in above]
+
+
+def _reached(links: dict[str, dict[str, None]], *starts: str) -> dict[str, None]:
+    """Return all that is reached from some names, in the order in which it is, without these unless on a circle."""
+    found: dict[str, None] = {}
+    waiting = list(starts)
+    for name in waiting:
+        new = [other for other in links.get(name, ()) if other not in found]
+        found.update(dict.fromkeys(new))
+        waiting += new
+    return found
+
+
+def _nesting(ontology: Ontology) -> _Nesting:
+    if "workflows" not in ontology.kept:
+        ontology.kept["workflows"] = _Nesting(ontology)
+    found: _Nesting = ontology.kept["workflows"]
+    return found
 
 
 def _roles(ontology: Ontology, task: str) -> Iterator[Filling]:

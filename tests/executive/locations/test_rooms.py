@@ -47,6 +47,19 @@ from tests.support.locations.stage import Stage, robot_of
 ROOT = Path(__file__).parents[3]
 
 
+def check_answer(kind: str, seed: int) -> None:
+    """Assert that there is an answer in a room, and that the oracle agrees with it."""
+    room, robot = room_of(kind, seed), robot_of("amigo")
+    stage, oracle = Stage(room, robot), Oracle(room, robot)
+    try:
+        answer = stage.ask(asked(room))
+        assert answer.solved, answer.failure
+        assert judged(stage, oracle, answer, asked(room)) is None
+    finally:
+        stage.close()
+        oracle.close()
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_an_answer_is_right_and_there_is_one_where_sampling_finds_one(kind: str) -> None:
     room, robot = room_of(kind, 2), robot_of("amigo")
@@ -66,15 +79,7 @@ def test_an_answer_is_right_and_there_is_one_where_sampling_finds_one(kind: str)
 
 @pytest.mark.parametrize("seed", [1, 8])
 def test_the_hand_can_go_straight_from_pose_to_pose_between_things_that_stand_close(seed: int) -> None:
-    room, robot = room_of("hard", seed), robot_of("amigo")
-    stage, oracle = Stage(room, robot), Oracle(room, robot)
-    try:
-        answer = stage.ask(asked(room))
-        assert answer.solved, answer.failure
-        assert judged(stage, oracle, answer, asked(room)) is None
-    finally:
-        stage.close()
-        oracle.close()
+    check_answer("hard", seed)
 
 
 def test_the_judge_refuses_motions_that_leave_the_straight_line_or_parts_of_it_out() -> None:
@@ -98,15 +103,7 @@ def test_the_judge_refuses_motions_that_leave_the_straight_line_or_parts_of_it_o
 
 @pytest.mark.parametrize("seed", [1, 3, 14])
 def test_the_hand_that_is_in_reach_of_a_person_in_bed_is_clear_of_their_resting_arms(seed: int) -> None:
-    room, robot = room_of("person in bed", seed), robot_of("amigo")
-    stage, oracle = Stage(room, robot), Oracle(room, robot)
-    try:
-        answer = stage.ask(asked(room))
-        assert answer.solved, answer.failure
-        assert judged(stage, oracle, answer, asked(room)) is None
-    finally:
-        stage.close()
-        oracle.close()
+    check_answer("person in bed", seed)
 
 
 @pytest.mark.parametrize(("room", "location"), tuple(infeasible_rooms(1)), ids=list(REASONS))
@@ -302,15 +299,7 @@ def test_no_more_are_moved_than_are_asked_for_and_none_of_none(floor: Floor) -> 
 
 
 def test_a_place_is_found_where_the_base_has_only_centimetres_and_the_maps_have_none() -> None:
-    room, robot = room_of("hard", 31), robot_of("amigo")
-    stage, oracle = Stage(room, robot), Oracle(room, robot)
-    try:
-        answer = stage.ask(asked(room))
-        assert answer.solved, answer.failure
-        assert judged(stage, oracle, answer, asked(room)) is None
-    finally:
-        stage.close()
-        oracle.close()
+    check_answer("hard", 31)
 
 
 def turned(yaw: float) -> Array:

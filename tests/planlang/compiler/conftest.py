@@ -65,14 +65,17 @@ class PlanReader:
         name: str | None = None,
     ) -> Happening:
         assert isinstance(function, ast.Name)
-        is_call = function.id in (*self.functions, "perform_or", "try_in_order")
+        given = {keyword.arg: keyword.value for keyword in keywords}
+        if function.id == "perform" and "otherwise" in given:
+            recipe = given["otherwise"]
+            return Happening([ast.unparse(recipe)]) if self.calls_are_steps else self._branch(recipe, scope)
+        is_call = function.id in (*self.functions, "try_in_order")
         if self.calls_are_steps and is_call and function.id not in scope:
             return Happening([ast.unparse(arguments[-1] if arguments else function)])
         match function.id:
             case "perform":
-                given = [k.value.value for k in keywords if k.arg == "name" and isinstance(k.value, ast.Constant)]
-                return Happening([str(given[0]) if given else str(name)])
-            case "perform_or" | "achieve":
+                return Happening([str(ast.literal_eval(given["name"])) if "name" in given else str(name)])
+            case "achieve":
                 return self._branch(arguments[1], scope)
             case "with_failure_handling":
                 return self._branch(arguments[0], scope)

@@ -19,6 +19,7 @@ from planlang.failures import GraspMissed
 
 CUP = an_object("Cup")
 NEAR = a_location(near=CUP)
+RIM = a_feature("LINE", of=CUP, position=(0.0, 0.0, 0.1), direction=(0.0, 0.0, 1.0))
 
 
 async def works() -> str:
@@ -99,6 +100,8 @@ INSIDE: list[Case] = [
     ("achieve goal", lambda x: achieve(x, works), {"lambda", "class"}),
     ("achieve body", lambda x: achieve(Fluent(read=iter([False, True]).__next__), x), BRANCH),
     ("achieve within", lambda x: achieve(Fluent(True), works, within=x), NUMBERS),
+    ("achieve recoveries", lambda x: achieve(Fluent(True), works, recoveries=x), ITERABLE),
+    ("achieve recovery", lambda x: achieve(Fluent(True), works, recoveries=[x]), set()),
     ("state_machine states", lambda x: state_machine(x, {}, "a", "a"), set()),
     ("state_machine state", lambda x: state_machine({"a": x}, {}, "a", "a"), BRANCH),
     ("state_machine transitions", lambda x: state_machine({"a": works}, x, "a", "a"), set()),
@@ -117,8 +120,11 @@ INSIDE: list[Case] = [
     ("partial_order limit", lambda x: partial_order({}, [], x), COUNT | OPTIONAL),
     ("partial_order name", lambda x: partial_order({}, [], name=x), TEXT | OPTIONAL),
     ("perform", perform, set()),
-    ("perform_or action", lambda x: perform_or(x, works), set()),
-    ("perform_or branch", lambda x: perform_or(action("Reaching"), x), BRANCH),
+    ("perform name", lambda x: perform(action("Reaching"), x, otherwise=works), TEXT | OPTIONAL),
+    ("perform otherwise", lambda x: perform(action("Reaching"), otherwise=x), BRANCH | OPTIONAL),
+    ("perform until", lambda x: perform(action("Reaching"), otherwise=works, until=x), OPTIONAL | {"lambda", "class"}),
+    ("perform recoveries", lambda x: perform(action("Reaching"), otherwise=works, recoveries=x), ITERABLE),
+    ("perform recovery", lambda x: perform(action("Reaching"), otherwise=works, recoveries=[x]), set()),
     ("perform_async", lambda x: with_requests(partial(perform_async, x)), set()),
     ("monitor", monitor, set()),
     ("with_requests", with_requests, BRANCH),
@@ -142,6 +148,8 @@ INSIDE: list[Case] = [
     ("at_location reaching", lambda x: at_location(NEAR, works, reaching=x), ITERABLE),
     ("at_location reaching one", lambda x: at_location(NEAR, works, reaching=[x]), set()),
     ("at_location device", lambda x: at_location(NEAR, works, device=x), OPTIONAL),
+    ("at_location recoveries", lambda x: at_location(NEAR, works, recoveries=x), ITERABLE),
+    ("at_location recovery", lambda x: at_location(NEAR, works, recoveries=[x]), set()),
     ("holds", lambda x: at_once(holds, x), set()),
     ("holds of", lambda x: at_once(partial(holds, NEAR), x), OPTIONAL),
     ("using", lambda x: entered(using(x)), TEXT),
@@ -227,6 +235,22 @@ OUTSIDE: list[Case] = [
     ("Situation properties", lambda x: Situation("Open", x), set()),
     ("Condition predicate", lambda x: Condition(x, ()), TEXT),
     ("Condition arguments", lambda x: Condition("holding", x), set()),
+    ("a_feature kind", lambda x: a_feature(x, of=CUP), OPTIONAL),
+    ("a_feature of", lambda x: a_feature(of=x), set()),
+    ("a_feature position", lambda x: a_feature("POINT", of=CUP, position=x), set()),
+    ("a_feature direction", lambda x: a_feature("LINE", of=CUP, position=(0, 0, 0), direction=x), set()),
+    ("a_feature path", lambda x: a_feature(of=CUP, path=x), {"list"}),
+    ("a_feature held_by", lambda x: a_feature(of=CUP, held_by=x), OPTIONAL),
+    ("a_feature name", lambda x: a_feature(of=CUP, name=x), TEXT | OPTIONAL),
+    ("a_constraint kind", lambda x: a_constraint(x, RIM, RIM), set()),
+    ("a_constraint tool", lambda x: a_constraint("HEIGHT", x, RIM), set()),
+    ("a_constraint world", lambda x: a_constraint("HEIGHT", RIM, x), set()),
+    ("a_constraint lower", lambda x: a_constraint("HEIGHT", RIM, RIM, lower=x), NUMBERS | OPTIONAL | {"negative"}),
+    ("a_constraint upper", lambda x: a_constraint("HEIGHT", RIM, RIM, upper=x), NUMBERS | OPTIONAL | {"negative"}),
+    ("a_constraint weight", lambda x: a_constraint("HEIGHT", RIM, RIM, weight=x), NUMBERS),
+    ("a_constraint speed", lambda x: a_constraint("HEIGHT", RIM, RIM, speed=x), OPTIONAL),
+    ("a_constraint frame", lambda x: a_constraint("HEIGHT", RIM, RIM, frame=x), TEXT | OPTIONAL),
+    ("a_constraint name", lambda x: a_constraint("HEIGHT", RIM, RIM, name=x), TEXT | OPTIONAL),
     ("holding", holding, set()),
     ("located", located, set()),
     ("located what", lambda x: located(NEAR, x), OPTIONAL),

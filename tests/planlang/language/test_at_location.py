@@ -390,3 +390,37 @@ def test_a_place_that_cannot_be_watched_fails_the_scope(executive: Any) -> None:
     with pytest.raises(ObjectLost):
         go(partial(at_location, NEAR_CUP, body), executive)
     assert ended == ["body"]
+
+
+def test_what_must_not_be_repeated_ends_the_scope_with_its_failure_once_it_has_begun(
+    executive: Any, module: Any
+) -> None:
+    async def stir(wanted: Any) -> None:
+        executive.log.append("stirring")
+
+    executive.extra.append(module("stirring", ("Stirring",), stir))
+
+    async def body() -> None:
+        if executive.base[0] == 1.0:
+            raise ManipulationPoseUnreachable  # nothing was stirred yet: the next place is tried
+        await perform(action("Stirring"), once=True)
+        raise ManipulationPoseUnreachable(arm="right")
+
+    with pytest.raises(ManipulationPoseUnreachable):
+        go(partial(at_location, NEAR_CUP, body, attempts=5), executive)
+    assert executive.log == ["at 1", "at 2", "stirring"]
+
+
+def test_what_must_not_be_repeated_inside_a_nested_scope_ends_the_outer_one_too(executive: Any, module: Any) -> None:
+    async def stir(wanted: Any) -> None:
+        executive.log.append("stirring")
+
+    executive.extra.append(module("stirring", ("Stirring",), stir))
+
+    async def body() -> None:
+        await at_location(NEAR_CUP, partial(perform, action("Stirring"), once=True))
+        raise ManipulationPoseUnreachable
+
+    with pytest.raises(ManipulationPoseUnreachable):
+        go(partial(at_location, NEAR_CUP, body), executive)
+    assert executive.log.count("stirring") == 1

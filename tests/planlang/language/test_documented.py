@@ -42,7 +42,18 @@ def test_the_examples_of_the_page_hold() -> None:
 def test_every_name_in_the_page_that_looks_like_one_of_ours_exists() -> None:
     words = set(re.findall(r"`([A-Za-z_]+)(?:\(|`)", PAGE.read_text(encoding="utf-8")))
     others = {"planlang", "async", "partial", "await", "transitions", "check", "recover", "clean_up"}
-    others |= {"ValueError", "TypeError", "handle", "b", "body", "with"}
+    others |= {
+        "ValueError",
+        "TypeError",
+        "handle",
+        "b",
+        "body",
+        "with",
+        "otherwise",
+        "until",
+        "recoveries",
+        "alternatives",
+    }
     homes = (planlang, failures, planlang.Handle, planlang.Plan, planlang.ProcessModule)
     assert sorted(word for word in words - others if not any(hasattr(home, word) for home in homes)) == []
 

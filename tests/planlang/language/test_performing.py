@@ -187,13 +187,13 @@ def test_performing_without_an_executive_says_how_to_run_the_plan() -> None:
         go(partial(perform, REACH))
 
 
-def test_perform_or_prefers_a_module_and_else_runs_the_branch(executive: Any, arm: Any) -> None:
+def test_perform_prefers_a_module_and_otherwise_runs_the_branch(executive: Any, arm: Any) -> None:
     async def recipe() -> str:
         return "by the recipe"
 
-    assert go(partial(perform_or, REACH, recipe), executive) == "moved"
-    assert go(partial(perform_or, action("Cooking"), recipe), executive) == "by the recipe"
-    assert go(partial(perform_or, REACH, recipe)) == "by the recipe"
+    assert go(partial(perform, REACH, otherwise=recipe), executive) == "moved"
+    assert go(partial(perform, action("Cooking"), otherwise=recipe), executive) == "by the recipe"
+    assert go(partial(perform, REACH, otherwise=recipe)) == "by the recipe"
 
 
 def test_a_request_is_named_in_the_tree_and_told_in_the_trace(executive: Any, arm: Any) -> None:

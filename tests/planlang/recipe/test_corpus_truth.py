@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import json
 import random
 from collections.abc import Iterator
@@ -23,8 +24,9 @@ from planlang.recipe import Actions, Recipe, read_recipe, stated_tasks
 from planlang.recipe.fillers import fillings, is_place, read_place, read_thing
 from planlang.recipe.model import Reason
 from planlang.recipe.order import Precedence, order_graph, recipe_order
+from planlang.recipe.performers import recipes_for
 from planlang.recipe.readers import workflow
-from planlang.recipe.reading import read_recipe_of, recipes_for
+from planlang.recipe.reading import read_recipe_of
 
 CLASS_RECIPES = (
     "recipes/ChocolateCakeBaking@2011-03.owl",
@@ -284,7 +286,7 @@ def test_anomalies_are_diagnostics(corpus: Path, file: str) -> None:
     for task in known["tasks"]:
         found = (
             *actions.ontology.diagnostics,
-            *read_recipe(actions, canonical(task["task"]), allow_abstract=True).diagnostics,
+            *read_recipe(actions, canonical(task["task"])).diagnostics,
         )
         codes = {diagnostic.code for diagnostic in found}
         for anomaly in (*task["anomalies"], *known.get("file_anomalies", ()), *known.get("repairs", ())):
@@ -429,12 +431,12 @@ def test_pick_up_carry_put_down_in_any_order_of_triples(statements: list[Triple]
     recipe = read_recipe_of(Actions(ontology), TASK)
     order = [local_name(step) for step in recipe_order(recipe).extension]
     assert order == ["PickingUpAnObject", "CarryingWhileLocomoting", "PuttingDownAnObject"]
-    source = compile_recipe(path, task="PuttingSomethingSomewhere", allow_abstract=True).source
-    calls = [line.strip() for line in source.split("async def putting_something_somewhere")[1].splitlines()[2:]]
-    assert calls == [
-        'await perform_or(action("PickingUpAnObject"), picking_up_an_object)',
-        'await perform(action("CarryingWhileLocomoting"), name="CarryingWhileLocomoting")',
-        'await perform_or(action("PuttingDownAnObject"), putting_down_an_object)',
+    source = compile_recipe(path, task="PuttingSomethingSomewhere").source
+    calls = ast.unparse(ast.parse(source).body[-1]).replace("'", '"').splitlines()[-3:]
+    assert [call.strip() for call in calls] == [
+        'await perform(action("PickingUpAnObject"), otherwise=picking_up_an_object)',
+        'await perform(action("CarryingWhileLocomoting"), name="CarryingWhileLocomoting", once=True)',
+        'await perform(action("PuttingDownAnObject"), otherwise=putting_down_an_object)',
     ]
 
 
@@ -479,7 +481,7 @@ def test_a_real_recipe_is_the_same_in_any_order_of_its_triples(corpus: Path, tmp
         path.write_text(written(triples), encoding="utf-8")
         actions = Actions(load(path))
         for task in sorted(stated_tasks(actions)):
-            recipes = read_recipe(actions, task, allow_abstract=True).recipes
+            recipes = read_recipe(actions, task).recipes
             assert recipes is not None
             found.append((seed, task, without_spans(list(in_one_order(recipes).recipes.values()))))
     first = {task: recipes for seed, task, recipes in found if seed == 0}

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from planlang.designators import local_name
+from planlang.diagnostics import Severity
 from planlang.ontology import Literal, load
 from planlang.recipe import (
     Actions,
@@ -32,6 +33,7 @@ Prefix: : <http://planlang.org/test#>
 Prefix: k: <http://knowrob.org/kb/knowrob.owl#>
 Prefix: dul: <http://www.ontologydesignpatterns.org/ont/dul/DUL.owl#>
 Prefix: ease: <http://www.ease-crc.org/ont/EASE.owl#>
+Prefix: soma: <http://www.ease-crc.org/ont/SOMA.owl#>
 Prefix: obj: <http://www.ease-crc.org/ont/EASE-OBJ.owl#>
 Prefix: acat: <http://knowrob.org/kb/acat-adt.owl#>
 Prefix: unit: <http://qudt.org/vocab/unit#>
@@ -47,7 +49,7 @@ def opened(folder: Path, text: str) -> Actions:
 
 
 def read(folder: Path, text: str, task: str | None = None) -> Recipe:
-    reading: Reading = read_recipe(opened(folder, text), task, allow_abstract=True)
+    reading: Reading = read_recipe(opened(folder, text), task)
     assert reading.recipes is not None, reading.diagnostics
     return reading.recipes.main
 
@@ -197,7 +199,7 @@ Individual: plate
 
 def test_workflows_nest_and_their_relations_order_or_overlap(tmp_path: Path) -> None:
     actions = opened(tmp_path, WORKFLOW)
-    reading = read_recipe(actions, allow_abstract=True)
+    reading = read_recipe(actions)
     assert reading.recipes is not None
     recipe = reading.recipes.main
     assert {local_name(iri): one.dialect.name for iri, one in reading.recipes.recipes.items()} == {
@@ -209,11 +211,101 @@ def test_workflows_nest_and_their_relations_order_or_overlap(tmp_path: Path) -> 
     assert [(local_name(one.first), one.relation) for one in recipe.overlaps] == [("stir", Allen.DURING)]
 
 
+TEA = """
+Individual: wf_tea
+    Types: dul:Workflow
+    Facts: soma:isPlanFor tea, soma:hasStep prepare, soma:hasStep brew
+
+Individual: tea
+    Types: k:Action
+    Facts: soma:startedBy prepare, soma:finishedBy brew
+
+Individual: prepare
+    Types: k:Action
+    Facts: soma:before brew
+
+Individual: wf_prepare
+    Types: dul:Workflow
+    Facts: soma:isPlanFor prepare, soma:hasStep fetch
+
+Individual: fetch
+    Types: k:Perceiving
+    Facts: soma:during prepare
+
+Individual: brew
+    Types: k:Action
+    Facts: soma:after prepare, soma:finishedBy steeping, soma:startedBy boil
+
+Individual: wf_brew
+    Types: dul:Workflow
+    Facts: soma:isPlanFor brew, soma:hasPhase steeping, soma:hasStep boil, soma:hasStep pour, soma:hasStep stir
+
+Individual: boil
+    Types: k:Perceiving
+    Facts: soma:before pour
+
+Individual: pour
+    Types: k:Perceiving
+    Facts: soma:after boil, soma:starts steeping
+
+Individual: stir
+    Types: k:Perceiving
+    Facts: soma:after pour, soma:during steeping
+
+Individual: steeping
+    Types: soma:Creation
+    Facts: soma:startedBy pour
+"""
+
+
+def nested(folder: Path, text: str) -> tuple[dict[str, set[tuple[str, str]]], list[str]]:
+    """Return the orders of each recipe below the task, by its name, and the codes of the errors."""
+    reading = read_recipe(opened(folder, text), "tea")
+    assert reading.recipes is not None
+    found = {local_name(iri): orders(recipe) for iri, recipe in reading.recipes.recipes.items()}
+    return found, [one.code for one in reading.diagnostics if one.severity is Severity.ERROR]
+
+
+def test_relations_of_steps_belong_to_the_workflow_that_has_both(tmp_path: Path) -> None:
+    ordered = {"tea": {("prepare", "brew")}, "prepare": set(), "brew": {("boil", "pour"), ("pour", "stir")}}
+    assert nested(tmp_path, TEA) == (ordered, [])
+
+
+def test_a_step_in_a_workflow_is_ordered_with_one_outside_by_the_steps_that_hold_them(tmp_path: Path) -> None:
+    text = TEA.replace("    Facts: soma:before brew\n", "").replace("soma:after prepare, ", "")
+    assert "brew" not in nested(tmp_path, text)[0]["tea"]
+    text = text.replace("soma:during prepare", "soma:before pour")
+    assert nested(tmp_path, text)[0]["tea"] == {("prepare", "brew")}
+
+
+def test_a_phase_orders_the_steps_around_it(tmp_path: Path) -> None:
+    text = TEA.replace("soma:after pour, soma:during steeping", "soma:after steeping")
+    assert ("pour", "stir") in nested(tmp_path, text.replace("soma:finishedBy steeping, ", ""))[0]["brew"]
+
+
+@pytest.mark.parametrize(
+    ("written", "wrong"),
+    [("soma:during prepare", "soma:before nothing"), ("soma:during prepare", "soma:overlaps pour")],
+    ids=["of no workflow", "overlap across workflows"],
+)
+def test_a_relation_that_no_workflow_can_keep_is_an_error(tmp_path: Path, written: str, wrong: str) -> None:
+    text = TEA.replace(written, wrong) + "\nIndividual: nothing\n    Types: k:Perceiving\n"
+    assert "R010" in nested(tmp_path, text)[1]
+
+
+@pytest.mark.parametrize("number", [2**53 + 1, -(2**63) - 1, 10**26 - 1])
+def test_whole_numbers_are_read_exactly(tmp_path: Path, number: int) -> None:
+    serial = f"k:subAction some Look\n\nDataProperty: serial\n\nClass: Look\n    SubClassOf: serial value {number}"
+    (step,) = read(tmp_path, f"\nClass: T\n    SubClassOf: k:Action, {serial}, k:Perceiving\n").steps
+    assert [(one.filler, type(one.filler)) for one in step.parameters] == [(number, int)]
+    assert Literal(str(number)).number() != Literal(str(number + 1)).number()
+
+
 def test_one_file_may_mix_dialects_and_hold_several_tasks(tmp_path: Path) -> None:
     task = "\nClass: T\n    SubClassOf: k:Action, k:subAction some M, k:subAction some C\n"
     actions = opened(tmp_path, f"{STEPS}{MACHINE}{WORKFLOW}{TABLE}{task}")
     assert {local_name(task) for task in top_tasks(actions)} == {"T", "cook", "pipetting"}
-    recipes = read_recipe(actions, "T", allow_abstract=True).recipes
+    recipes = read_recipe(actions, "T").recipes
     assert recipes is not None
     assert {local_name(iri): one.dialect.name for iri, one in recipes.recipes.items()} == {"T": "D1f", "M": "D3"}
 
@@ -347,7 +439,7 @@ def test_chunks_act_on_the_main_object_of_their_table_unless_they_say_something_
 
 def test_a_supporting_plane_is_found_by_its_name_in_the_namespace_of_a_log(corpus: Path) -> None:
     path = corpus / "recipes" / "acat-adt_example_pipetting@master.owl"
-    reading = read_recipe(Actions(load(path)), allow_abstract=True)
+    reading = read_recipe(Actions(load(path)))
     assert reading.recipes is not None
     (pipette,) = {thing for step in reading.recipes.main.steps for thing in step.fillers("objectActedOn")}
     assert pipette.name == "ActionObjectDescription_dfgINiret8h"

@@ -4,7 +4,7 @@ Compiled by planlang 0.1.0 from serve_a_drink.omn
 (sha256 7b3a485023f303a13a87e153027044e51f9bb691197ef8d6ac64a6b13fde1f16), task
 ServeADrink.
 What follows has sha256
-62c08013e2691f2211ce211c434d1507c1947dbeee32b90c0cdb77f641a309f7 unless
+77562c07cfc4eb8b68f0bedb4fe69c34f76fa6ef7cee0186541a6a5ea7ec58fa unless
 somebody has edited it.
 """
 
@@ -19,7 +19,6 @@ from planlang import (
     a_location,
     a_person,
     a_posture,
-    achieve,
     action,
     an_object,
     at_location,
@@ -28,9 +27,7 @@ from planlang import (
     look_and_repeat,
     look_from_another_place,
     perform,
-    perform_or,
     plan,
-    with_failure_handling,
 )
 from planlang.failures import (
     GraspMissed,
@@ -105,41 +102,41 @@ async def serve_a_drink(*, bottle: Object = BOTTLE, patient: Person = PATIENT) -
     async def fetch_bottle() -> None:
         # drive to where the bottle is in reach
         async def at_grasping_place() -> None:
-            async def grasp_bottle_once() -> None:
-                await perform_or(
-                    action(
-                        "GraspingSomething", object_acted_on=bottle, device_used=GRIPPER
+            await perform(
+                action(
+                    "GraspingSomething", object_acted_on=bottle, device_used=GRIPPER
+                ),
+                otherwise=partial(grasp_bottle, bottle=bottle),
+                until=holding(bottle),
+                recoveries=[
+                    Recovery(
+                        GraspMissed,
+                        look_and_repeat(bottle),
+                        attempts=2,
+                        otherwise=ObjectUnfetchable,
                     ),
-                    partial(grasp_bottle, bottle=bottle),
-                )
+                ],
+            )
 
-            await with_failure_handling(
-                partial(achieve, holding(bottle), grasp_bottle_once),
+        await at_location(
+            grasping_place(bottle),
+            at_grasping_place,
+            attempts=5,
+            reaching=(approach_pose(bottle), grasp_pose(bottle)),
+            recoveries=[
                 Recovery(
-                    GraspMissed,
-                    look_and_repeat(bottle),
+                    ObjectNotFound,
+                    look_from_another_place(bottle),
+                    attempts=3,
+                    otherwise=ObjectNowhereToBeFound,
+                ),
+                Recovery(
+                    ObjectLost,
+                    fetch_again(bottle),
                     attempts=2,
                     otherwise=ObjectUnfetchable,
                 ),
-            )
-
-        await with_failure_handling(
-            partial(
-                at_location,
-                grasping_place(bottle),
-                at_grasping_place,
-                attempts=5,
-                reaching=(approach_pose(bottle), grasp_pose(bottle)),
-            ),
-            Recovery(
-                ObjectNotFound,
-                look_from_another_place(bottle),
-                attempts=3,
-                otherwise=ObjectNowhereToBeFound,
-            ),
-            Recovery(
-                ObjectLost, fetch_again(bottle), attempts=2, otherwise=ObjectUnfetchable
-            ),
+            ],
         )
 
     await fetch_bottle()
@@ -162,24 +159,23 @@ async def serve_a_drink(*, bottle: Object = BOTTLE, patient: Person = PATIENT) -
             name="HandOverBottle",
         )
 
-    await with_failure_handling(
-        partial(
-            at_location,
-            handover_place(patient),
-            at_handover_place,
-            attempts=5,
-            reaching=(handover_pose(patient),),
-        ),
-        Recovery(
-            ObjectNotFound,
-            look_from_another_place(patient),
-            attempts=3,
-            otherwise=ObjectNowhereToBeFound,
-        ),
-        Recovery(
-            ObjectLost,
-            fetch_again(bottle, fetch_bottle),
-            attempts=2,
-            otherwise=ObjectUnfetchable,
-        ),
+    await at_location(
+        handover_place(patient),
+        at_handover_place,
+        attempts=5,
+        reaching=(handover_pose(patient),),
+        recoveries=[
+            Recovery(
+                ObjectNotFound,
+                look_from_another_place(patient),
+                attempts=3,
+                otherwise=ObjectNowhereToBeFound,
+            ),
+            Recovery(
+                ObjectLost,
+                fetch_again(bottle, fetch_bottle),
+                attempts=2,
+                otherwise=ObjectUnfetchable,
+            ),
+        ],
     )

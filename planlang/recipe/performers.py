@@ -1,0 +1,64 @@
+"""What performs an action as far as a recipe's file and the vocabulary know: recipes, or a primitive."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from planlang.ontology import Ontology
+from planlang.recipe.actions import Actions
+from planlang.recipe.fillers import action_class
+from planlang.recipe.statements import Statements
+
+
+def recipes_for(actions: Actions, iri: str) -> tuple[tuple[str, ...], str | None]:
+    """Return the performers of an action: classes with recipes, or a primitive class; the nearer wins.
+
+    An individual's own recipe is nearer than any of its class. On a tie the primitive wins. Several recipes at the same
+    distance are alternatives.
+    """
+    if iri not in actions.performers:
+        actions.performers[iri] = _performers(actions, iri)
+    return actions.performers[iri]
+
+
+def recipes_of_task(actions: Actions, iri: str) -> tuple[str, ...]:
+    """Return what states the recipe of a task: itself also where a primitive performs it as a step of others."""
+    return (iri,) if actions.statements(iri) is not None else recipes_for(actions, iri)[0]
+
+
+def statements_for(actions: Actions, iri: str) -> Statements:
+    """Return what the file states about a task with a recipe, or about the class that it inherits the recipe from."""
+    statements = actions.statements(recipes_of_task(actions, iri)[0])
+    assert statements is not None
+    return statements
+
+
+def _performers(actions: Actions, iri: str) -> tuple[tuple[str, ...], str | None]:
+    for level in _levels(actions.ontology, iri):
+        for ancestor in level:
+            if ancestor in actions.primitives:
+                return (), ancestor
+        found = tuple(ancestor for ancestor in level if actions.statements(ancestor) is not None)
+        if found:
+            return found, None
+    return (), None
+
+
+def _levels(ontology: Ontology, iri: str) -> Iterator[tuple[str, ...]]:
+    """Yield an individual; or a class, its direct superclasses, theirs, ...: each class once, at its least distance."""
+    cls = iri
+    if not ontology.is_class(iri):
+        yield (iri,)
+        cls = action_class(ontology, iri) or iri
+    known = set(ontology.ancestors(cls))
+    seen = {cls, iri}
+    level: tuple[str, ...] = (cls,) if cls != iri or ontology.is_class(iri) else ()
+    while level:
+        yield level
+        above: list[str] = []
+        for member in level:
+            for ancestor in ontology.parents(member):
+                if ancestor in known and ancestor not in seen:
+                    seen.add(ancestor)
+                    above.append(ancestor)
+        level = tuple(above)
