@@ -47,9 +47,13 @@ def _ignore(event: str, details: Mapping[str, Any]) -> None:
 class Belief:
     """Poses of the things of a map as the robot knows them. Only sensing and acting change it."""
 
-    def __init__(self, semantic_map: SemanticMap, world: PlanningWorld) -> None:
-        """``world`` is a planning world of the map's scene; its poses are the first ones believed."""
+    def __init__(self, semantic_map: SemanticMap, world: PlanningWorld, *, trusts_map: bool = False) -> None:
+        """``world`` is a planning world of the map's scene; its poses are the first ones believed.
+
+        With ``trusts_map`` they count as seen, wherever the base is.
+        """
         self.map = semantic_map
+        self.trusts_map = trusts_map
         self.revision = 0
         self.held: dict[str, Grip] = {}
         self.dropped: dict[str, str] = {}
@@ -91,8 +95,8 @@ class Belief:
         return self.held[name].before if name in self.held else self._poses[name]
 
     def seen_from_here(self, name: str) -> bool:
-        """Return True if a thing has been seen since the base last moved."""
-        return self._seen.get(name) == self._moves
+        """Return True if a thing has been seen since the base last moved, or the map is trusted."""
+        return self.trusts_map or self._seen.get(name) == self._moves
 
     def looked_in_vain(self, name: str) -> tuple[tuple[float, float, float], ...]:
         """Places of the base from where a thing was looked for without being seen."""

@@ -296,12 +296,12 @@ class Sensing:
         await control.follow("head", control.timed(gaze.joints, np.stack([control.joints(gaze.joints), neck])))
 
     def see(self) -> tuple[str, ...]:
-        """Take a picture and return the names of what was recognised."""
-        camera = self._control.robot.camera
+        """Take a picture and return the names of what was recognised; without camera, what the map is trusted about."""
+        camera, belief = self._control.robot.camera, self._control.belief
         if camera is None:
-            return ()
+            return self._control.scene.world.names() if belief.trusts_map else ()
         detections = self._control.world.detect(camera.link)
-        self._control.belief.see(detections)
+        belief.see(detections)
         self._control.sync()
         return tuple(detection.name for detection in detections)
 
