@@ -9,7 +9,6 @@ from __future__ import annotations
 import builtins
 import keyword
 import re
-import unicodedata
 from collections.abc import Iterable
 
 from planlang.compiler.layout import Call as CallExpression
@@ -26,7 +25,7 @@ from planlang.compiler.tree import (
     Recover,
     Value,
 )
-from planlang.designators import local_name
+from planlang.designators import local_name, snake_case
 from planlang.language.recovery_strategies import registered_strategies
 from planlang.recipe.model import Kind, Name, Place, RecipeSet, Thing
 
@@ -35,7 +34,7 @@ PLANLANG = frozenset(
         *("Any", "Condition", "Fluent", "Location", "Object", "Person", "Recovery"),
         *("a_device", "a_location", "a_person", "a_posture", "a_situation", "action", "an_object", "holding"),
         *("achieve", "at_location", "par", "partial", "partial_order", "perform", "plan"),
-        *("given", "state_machine", "try_in_order", "using", "wait_for", "with_failure_handling"),
+        *("action_class", "given", "state_machine", "try_in_order", "using", "wait_for", "with_failure_handling"),
     )
 )
 """Names that a plan may import, besides failures and strategies of recovery."""
@@ -52,7 +51,10 @@ class Symbols:
         self._namespaces: dict[str, str] = {namespace(recipes.task): "RECIPE"}
         self._things: dict[Thing, str] = {}
         self._places: dict[str, tuple[Place, str]] = {}
+        self._constants: dict[str, str] = {"recipe": "RECIPE"}
+        self._constant_names = Names(("RECIPE",))
         self.devices = dict(tree.devices)
+        self.stated = dict(tree.classes)
         self.functions = {
             function.iri: self._claim(snake_case(local_name(function.iri))) for function in tree.functions
         }
@@ -66,25 +68,37 @@ class Symbols:
         """Return the parameter name of an object or person, the constant of a device."""
         if thing not in self._things:
             self._things[thing] = self._claim(without_digits(snake_case(thing.name)))
-        return self._things[thing].upper() if thing.kind is Kind.DEVICE else self._things[thing]
+        return self.constant(thing) if thing.kind is Kind.DEVICE else self._things[thing]
 
     def constant(self, thing: Thing) -> str:
         """Return the constant that describes a thing."""
-        return self.thing(thing).upper()
+        if thing not in self._things:
+            self.thing(thing)
+        return self._constant(self._things[thing])
 
     def place(self, place: Place) -> str:
         """Return the function that describes a place, the constant of a posture."""
         if place.iri not in self._places:
             self._places[place.iri] = (place, self._claim(without_digits(snake_case(place.name))))
         name = self._places[place.iri][1]
-        return name.upper() if place.is_posture else name
+        return self._constant(name) if place.is_posture else name
 
     def iri(self, iri: str) -> Sum:
         """Return an expression for an IRI: the constant of its namespace and its local name."""
         start = namespace(iri)
         if start not in self._namespaces:
-            self._namespaces[start] = self._claim(_stem(start)).upper()
+            self._namespaces[start] = self._constant(self._claim(_stem(start)))
         return Sum(self._namespaces[start], quoted(iri[len(start) :]))
+
+    def action_class(self, cls: str) -> str:
+        """Return the constant of a class of actions that the plan states."""
+        return self._constant(cls, snake_case(local_name(cls)))
+
+    def stated_class(self, cls: str) -> Expression:
+        """Return the expression for a class of actions: its constant, or else its name or IRI."""
+        if cls in self.stated:
+            return Text(self.action_class(cls))
+        return self.iri(cls) if is_iri(cls) else Text(quoted(cls))
 
     def local_names(self) -> Names:
         """Return a scope inside a function, in which all names of the module are taken."""
@@ -109,6 +123,12 @@ class Symbols:
     def imports(self) -> list[tuple[str, list[str]]]:
         """Return modules and the names imported from them, sorted as a linter sorts them."""
         return [(module, sorted(names, key=_import_order)) for module, names in sorted(self._imports.items())]
+
+    def _constant(self, key: str, wanted: str | None = None) -> str:
+        """Return the constant for what has a name of its own in lower case, or for an IRI that has none."""
+        if key not in self._constants:
+            self._constants[key] = self._constant_names.claim((wanted or key).upper())
+        return self._constants[key]
 
     def _claim(self, wanted: str) -> str:
         name = self._names.claim(wanted)
@@ -145,25 +165,6 @@ def _import_order(name: str) -> tuple[int, str]:
     return (1 if name[0].isupper() else 2), name
 
 
-def snake_case(name: str) -> str:
-    """Return ``MoveBaseToGraspPose`` as ``move_base_to_grasp_pose``; characters Python does not allow become ``_``.
-
-    Digits stay with the word before them (``bottle1``); a leading digit gets an underscore before it.
-    """
-    text = unicodedata.normalize("NFKC", name)
-    parts: list[str] = []
-    for index, character in enumerate(text):
-        if not f"a{character}".isidentifier():
-            parts.append("_")
-            continue
-        before, after = text[index - 1 : index] if index else "", text[index + 1 : index + 2]
-        if character.isupper() and (before.islower() or before.isdigit() or (before.isupper() and after.islower())):
-            parts.append("_")
-        parts.append(character.lower())
-    result = re.sub("_+", "_", unicodedata.normalize("NFKC", "".join(parts))).strip("_")
-    return result if result.isidentifier() else f"_{result}"
-
-
 def without_digits(name: str) -> str:
     """Return a name without trailing digits and what joins them, ``bottle`` of ``bottle1``, unless it is all digits."""
     return re.sub(r"[_\-]*\d+$", "", name) or name
@@ -177,20 +178,19 @@ class Names:
         self._last: dict[str, int] = {}
         """The greatest number given out with a name, so that the next is not searched from the start."""
 
-    def claim(self, wanted: str, *, is_key: bool = False) -> str:
-        """Return ``wanted``, or the first of ``wanted_2``, ``wanted_3``, ... that is free and no word of the language.
-
-        With ``is_key`` the name is that of a branch: a keyword argument or a parameter, which may be called like a
-        builtin function but not ``name`` or ``limit``, which constructs have themselves.
-        """
+    def claim(self, wanted: str) -> str:
+        """Return ``wanted``, or the first of ``wanted_2``, ``wanted_3``, ... that is free and no word of Python."""
         name, number = wanted, self._last.get(wanted, 1)
-        is_fit = _is_branch_name if is_key else _is_free
-        while name in self._taken or not is_fit(name):
+        while not self.is_free(name):
             number += 1
             name = f"{wanted}_{number}"
         self._last[wanted] = number
         self._taken.add(name)
         return name
+
+    def is_free(self, name: str) -> bool:
+        """Return True for a name that is not given out and no word of the language."""
+        return name not in self._taken and _is_free(name)
 
     def reserve(self, name: str) -> None:
         """Keep a name from being given out."""
@@ -199,10 +199,6 @@ class Names:
 
 def _is_free(name: str) -> bool:
     return not (keyword.iskeyword(name) or keyword.issoftkeyword(name) or hasattr(builtins, name))
-
-
-def _is_branch_name(name: str) -> bool:
-    return not keyword.iskeyword(name) and name not in ("name", "limit")
 
 
 class Expressions:
@@ -266,8 +262,7 @@ class Expressions:
         for name, fillers in properties:
             values = [self.value(filler) for filler in fillers]
             written[name] = values[0] if len(values) == 1 else sequence(values)
-        cls = self._symbols.iri(type) if is_iri(type) else quoted(type)
-        return call(self._symbols.use(maker), cls, **written)
+        return call(self._symbols.use(maker), self._symbols.stated_class(type), **written)
 
     def condition(self, condition: Condition) -> Expression:
         """Return a condition that the executive evaluates."""

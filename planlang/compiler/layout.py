@@ -209,7 +209,8 @@ def _is_wide(expression: Expression) -> bool:
 
 
 def _labelled(keyword: str | None) -> str:
-    return f"{keyword}=" if keyword else ""
+    """Return what stands before an argument; ``**`` stands for itself."""
+    return keyword if keyword == "**" else f"{keyword}=" if keyword else ""
 
 
 def _expression(value: Expression | str) -> Expression:

@@ -435,7 +435,7 @@ def test_pick_up_carry_put_down_in_any_order_of_triples(statements: list[Triple]
     calls = ast.unparse(ast.parse(source).body[-1]).replace("'", '"').splitlines()[-3:]
     assert [call.strip() for call in calls] == [
         'await perform(action("PickingUpAnObject"), otherwise=picking_up_an_object)',
-        'await perform(action("CarryingWhileLocomoting"), name="CarryingWhileLocomoting", once=True)',
+        'await perform(action("CarryingWhileLocomoting"), once=True)',
         'await perform(action("PuttingDownAnObject"), otherwise=putting_down_an_object)',
     ]
 
