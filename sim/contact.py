@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 
 from planlang.geometry import Array, Pose
 from planlang.geometry.shapes import overlaps
-from planlang.protocols import Configuration, Contact
+from planlang.protocols import Configuration, Contact, Touch
 from sim.bodies import Bodies
 from sim.engine import bullet
+from sim.leaves import Leaves, Led
 from sim.robot import Robot
 
 TOLERANCE = 0.0005
@@ -84,8 +85,8 @@ class Query:
 class Contacts:
     """Finds penetrations for the configuration that the robot shows; held objects must be where they belong."""
 
-    def __init__(self, robot: Robot, bodies: Bodies, held: dict[str, Held]) -> None:
-        self.robot, self.bodies, self.held = robot, bodies, held
+    def __init__(self, robot: Robot, bodies: Bodies, held: dict[str, Held], leaves: Leaves) -> None:
+        self.robot, self.bodies, self.held, self.leaves = robot, bodies, held, leaves
         self.self_pairs = watched_pairs(robot)
         """Numbers of the pairs of solid links that must not touch."""
         self._pairs = np.zeros((len(robot.solid), len(robot.solid)), bool)
@@ -111,6 +112,9 @@ class Contacts:
                 self._of_held(name, query, found)
             if query.itself:
                 self._of_held_and_robot(name, query, lower, upper, found)
+        for leaf, led in self.leaves.led.items():
+            if query.others and (query.links is None or self.robot.carrier(led.link) & query.links):
+                self._of_led(leaf, led, query, lower, upper, found)
         return tuple(Contact(part, body, depth) for (part, body), depth in found.items())
 
     def _of_pair(self, part: str, body: str, query: Query, found: dict[tuple[str, str], float]) -> None:
@@ -126,6 +130,8 @@ class Contacts:
         for index in () if other is not None else self.bodies.of[body]:
             piece = self.bodies.pieces[index]
             if piece.yields and (number is None or number in self._hands):
+                continue
+            if self.leaves.led and number in self.leaves.hands_on(body):
                 continue
             if number is not None:
                 _deepen(found, part, body, self.robot.depth_with(number, piece.uid))
@@ -147,6 +153,8 @@ class Contacts:
             if query.ignores(part, piece.body):
                 continue
             if piece.yields and number in self._hands:
+                continue
+            if self.leaves.led and number in self.leaves.hands_on(piece.body):
                 continue
             if number in self.robot.grounded and self.bodies.upper[index, 2] < GROUND:
                 continue
@@ -177,6 +185,23 @@ class Contacts:
                 depth = -self.bodies.gap([mine], [index], 0.0)
                 if piece.body not in held.touched or depth > SUPPORT_DEPTH:
                     _deepen(found, name, piece.body, depth)
+
+    def _of_led(
+        self, leaf: str, led: Led, query: Query, lower: Array, upper: Array, found: dict[tuple[str, str], float]
+    ) -> None:
+        """Look for what a leaf that a hand moves runs into: other bodies, and the robot itself apart from the hand."""
+        for name in (*self.leaves.joints[leaf].bodies, *led.carried):
+            for mine in self.bodies.of[name]:
+                piece, low, high = self.bodies.pieces[mine], self.bodies.lower[mine], self.bodies.upper[mine]
+                for index in np.nonzero(self.bodies.near(low[None], high[None])[0])[0].tolist():
+                    other = self.bodies.pieces[index].body
+                    mate = other == name or other in led.touched or other in led.carried or other in self.held
+                    if not mate and not query.ignores(name, other):
+                        _deepen(found, name, other, -self.bodies.gap([mine], [index], 0.0))
+                overlap = np.all((lower <= high) & (upper >= low), axis=1)
+                for number in np.nonzero(overlap)[0].tolist():
+                    if number not in led.hand and not query.ignores(self.robot.solid_names[number], name):
+                        _deepen(found, self.robot.solid_names[number], name, self.robot.depth_with(number, piece.uid))
 
     def _of_held_and_robot(
         self, name: str, query: Query, lower: Array, upper: Array, found: dict[tuple[str, str], float]
@@ -210,40 +235,43 @@ class Contacts:
             if held.touched:
                 held.touched &= self.touching(name, PARTED)
 
-    def between(self, fingers: Collection[str], reach: float = 0.01) -> str | None:
-        """Return the body that two or more of these finger links have between them within ``reach`` [m]."""
-        numbers = [self.robot.number[link] for link in fingers if link in self.robot.number]
-        if len(numbers) < 2:
-            return None
+    def touches(self, links: Collection[str], reach: float = 0.01) -> tuple[Touch, ...]:
+        """Return where links are touched: the nearest point of each body that is within ``reach`` of a link [m]."""
+        numbers = sorted(self.robot.number[link] for link in links if link in self.robot.number)
         lower, upper = self.robot.boxes()
-        near = self.bodies.near(lower[numbers] - reach, upper[numbers] + reach).sum(axis=0) >= 2
-        names = dict.fromkeys(self.bodies.pieces[index].body for index in np.nonzero(near)[0].tolist())
-        best: tuple[float, str] | None = None
-        for name in names:
-            normals = [self._normal(number, name, reach) for number in numbers]
-            sides = [normal for normal in normals if normal is not None]
-            if len(sides) < 2:
-                continue
-            opposed = min(float(a @ b) for k, a in enumerate(sides) for b in sides[k + 1 :])
-            if opposed < -0.5 and (best is None or opposed < best[0]):
-                best = (opposed, name)
-        return None if best is None else best[1]
+        near = self.bodies.near(lower[numbers] - reach, upper[numbers] + reach)
+        found = []
+        for number, row in zip(numbers, near, strict=True):
+            names = dict.fromkeys(self.bodies.pieces[index].body for index in np.flatnonzero(row).tolist())
+            found += [self._touch(number, name, reach) for name in names]
+        return tuple(touch for touch in found if touch is not None)
 
-    def _normal(self, number: int, name: str, reach: float) -> Array | None:
-        """Return the direction from a body towards a link where they are nearest."""
-        nearest: tuple[float, Array] | None = None
-        for index in self.bodies.of[name]:
+    def felt(self, contact: Contact) -> Touch | None:
+        """Return where a link, or a held object, is touched by a body; None when the robot touches itself."""
+        if contact.body not in self.bodies.of:
+            return None
+        if contact.part in self.robot.number:
+            return self._touch(self.robot.number[contact.part], contact.body, 0.0)
+        uids = [self.bodies.pieces[index].uid for index in self.bodies.of[contact.part]]
+        return self._nearest(self.held[contact.part].link, [(uid, -1) for uid in uids], contact.body, 0.0)
+
+    def _touch(self, number: int, name: str, reach: float) -> Touch | None:
+        """Return where a body is nearest to a link, None if it is nowhere within ``reach`` [m]."""
+        here = [(self.robot.uid, self.robot.solid[number])]
+        return self._nearest(self.robot.solid_names[number], here, name, reach)
+
+    def _nearest(self, link: str, mine: Collection[tuple[int, int]], name: str, reach: float) -> Touch | None:
+        """Return the same for what a link moves, given by ids and link numbers of the client."""
+        points = [
+            point
+            for uid, part in mine
+            for index in self.bodies.of[name]
             for point in bullet.getClosestPoints(
-                self.robot.uid,
-                self.bodies.pieces[index].uid,
-                reach,
-                self.robot.solid[number],
-                -1,
-                physicsClientId=self.robot.client,
-            ):
-                if nearest is None or point[8] < nearest[0]:
-                    nearest = (point[8], np.array(point[7]))
-        return None if nearest is None else nearest[1]
+                uid, self.bodies.pieces[index].uid, reach, part, -1, physicsClientId=self.robot.client
+            )
+        ]
+        nearest = min(points, key=lambda point: float(point[8]), default=None)
+        return None if nearest is None else Touch(link, nearest[6], nearest[7])
 
 
 def _deepen(found: dict[tuple[str, str], float], part: str, body: str, depth: float) -> None:

@@ -12,20 +12,25 @@ from executive.robots import Semantics, bind_robot, match, possessions_of
 from executive.robots.matching import Matcher, Possessions
 from executive.robots.robot import claims_of, parts_of, read_self_model
 from executive.robots.tasks import with_remedies
-from planlang.diagnostics import BadInput, Diagnostic, has_errors, note
+from planlang.diagnostics import BadInput, Diagnostic, Span, has_errors, note
 from planlang.files import Bundled
-from planlang.ontology import Ontology, load
-from planlang.recipe import Actions, read_recipe
+from planlang.ontology import Ontology, expand, load
+from planlang.recipe import Actions, RecipeSet, read_recipe
+from planlang.recipe.reading import choose_task, named_action
 
 LARGEST_LIBRARY = 200
 """Files of the ``--ontologies`` folders that are searched for missing things: more would take minutes."""
+
+
+EXIT_CODES = {True: ExitCode.DONE, False: ExitCode.MISSING_CAPABILITY, None: ExitCode.FAILED}
+"""Exit codes by what is found: feasible, not, unknown."""
 
 
 def command(arguments: MatchArguments) -> Answer:
     """Compare, and explain; a robot without URDF is compared by its self-model alone. Raises BadInput."""
     file = read_recipe_file(arguments.recipe)
     problems: list[Diagnostic] = []
-    check_files(problems, urdf=arguments.urdf)
+    check_files(problems, urdf=arguments.urdf, modules=arguments.modules)
     robot = chosen(Bundled.ROBOT, arguments.robot, "amigo" if file.is_bundled else None, problems)
     environment = None
     if arguments.environment is not None:
@@ -34,19 +39,51 @@ def command(arguments: MatchArguments) -> Answer:
     assert robot is not None
     folders, semantics = arguments.folders, Semantics(arguments.semantics.value)
     ontology = load(file.path, folders=folders)
-    reading = read_recipe(Actions(ontology), arguments.task)
-    found = [*reading.diagnostics]
-    if reading.recipes is None:
-        raise BadInput(found)
+    found: list[Diagnostic] = []
+    task = _task(ontology, arguments.task, semantics, found)
+    performed = _performed(arguments.modules or (), found)
     possessions = _possessions(robot, arguments.urdf, folders, found)
-    matched = match(ontology, reading.recipes, possessions, semantics)
+    matched = match(ontology, task, possessions, semantics, performed)
     if matched.feasible is not True and semantics is Semantics.CLOSURE:
         knowledge = (ontology, *_knowledge(possessions, environment, folders))
-        matched = with_remedies(matched, Matcher(ontology, possessions, semantics), knowledge)
-    code = ExitCode.DONE if matched.feasible is not False else ExitCode.MISSING_CAPABILITY
-    if has_errors(found):
-        code = ExitCode.BAD_INPUT
+        matched = with_remedies(matched, Matcher(ontology, possessions), knowledge)
+    code = ExitCode.BAD_INPUT if has_errors(found) else EXIT_CODES[matched.feasible]
     return Answer(code, tuple(found), "\n".join(matched.lines()), {"task": matched.tree.text, **matched.as_json()})
+
+
+def _task(ontology: Ontology, wanted: str | None, semantics: Semantics, found: list[Diagnostic]) -> RecipeSet | str:
+    """Return the recipe of the task; of an action class without recipe, and for the original semantics, its IRI."""
+    actions, span = Actions(ontology), Span(str(ontology.documents[0].path))
+    if semantics is Semantics.ORIGINAL:
+        found += ontology.diagnostics
+        return choose_task(actions) if wanted is None else _action(actions, wanted, span)
+    reading = read_recipe(actions, wanted)
+    if reading.recipes is not None:
+        found += reading.diagnostics
+        return reading.recipes
+    others = [one for one in reading.diagnostics if one.code != "R004"]
+    if wanted is None or has_errors(others):
+        raise BadInput(reading.diagnostics)
+    found += others
+    return _action(reading.actions, wanted, span)
+
+
+def _action(actions: Actions, wanted: str, span: Span) -> str:
+    """Return the IRI of a named class of actions, with a recipe or without; raises BadInput for anything else."""
+    named = named_action(actions, wanted, span)
+    return named if actions.ontology.is_a(named, expand("knowrob:Event")) else choose_task(actions, wanted)
+
+
+def _performed(files: Sequence[Path], found: list[Diagnostic]) -> frozenset[str]:
+    """Return the action classes that process modules perform; those of the user's files are executed."""
+    from executive.runs.assembly import bundled_registry
+
+    registry = bundled_registry()
+    registry.add_installed()
+    for file in files:
+        registry.add_file(file)
+    registry.resolve(found)
+    return registry.actions
 
 
 def _possessions(robot: Path, urdf: Path | None, folders: Sequence[Path], found: list[Diagnostic]) -> Possessions:

@@ -5,7 +5,7 @@ Three answers: available, missing, and unknown, when neither the self-model nor 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from executive.robots.requirements import (
@@ -14,7 +14,6 @@ from executive.robots.requirements import (
     Finding,
     FindingKind,
     Requirement,
-    Semantics,
     requirements_of,
     together,
 )
@@ -281,34 +280,37 @@ def missing_capabilities(ontology: Ontology, actions: Iterable[str], robot: Robo
 def missing_in(trees: Iterable[Finding]) -> tuple[Missing, ...]:
     """Return what findings lack or may lack, each once, without what only one of several alternatives needs."""
     found: dict[tuple[FindingKind, str], Missing] = {}
-    for finding, path in (pair for tree in trees for pair in tree.walk()):
-        if finding.kind not in NEEDED or finding.state is AVAILABLE:
-            continue
-        choices = [one.state for one in path if one.kind is FindingKind.ALTERNATIVES]
-        if AVAILABLE in choices or (finding.state is MISSING and any(one is not MISSING for one in choices)):
-            continue
-        because = tuple(one.iri or one.text for one in (*path, finding) if one.kind is not FindingKind.ALTERNATIVES)
-        what = finding.iri or finding.text
-        found.setdefault((finding.kind, what), Missing(what, finding.kind, finding.state, because, finding.reason))
+    for finding, path in (pair for tree in trees for pair in lacking_in(tree)):
+        if finding.kind in NEEDED:
+            because = tuple(one.iri or one.text for one in (*path, finding) if one.kind is not FindingKind.ALTERNATIVES)
+            what = finding.iri or finding.text
+            found.setdefault((finding.kind, what), Missing(what, finding.kind, finding.state, because, finding.reason))
     return tuple(found.values())
+
+
+def lacking_in(tree: Finding) -> Iterator[tuple[Finding, tuple[Finding, ...]]]:
+    """Yield the findings that are not available, each with those above; none that only one of several choices needs."""
+    for finding, path in tree.walk():
+        choices = [one.state for one in path if one.kind is FindingKind.ALTERNATIVES]
+        is_excused = finding.state is MISSING and any(one is not MISSING for one in choices)
+        if finding.state is not AVAILABLE and AVAILABLE not in choices and not is_excused:
+            yield finding, path
 
 
 class Matcher:
     """Compares requirements, as one ontology states them, with the possessions of one robot."""
 
-    def __init__(self, ontology: Ontology, robot: Possessions, semantics: Semantics = Semantics.CLOSURE) -> None:
+    def __init__(self, ontology: Ontology, robot: Possessions) -> None:
         self.ontology = ontology
         self.robot = robot
-        self.semantics = semantics
         self.world = ClosedWorld([ontology, *([robot.model.ontology] if robot.model else [])])
         self._known: dict[str, Finding] = {}
         self._open: dict[str, None] = {}
 
     def action(self, cls: str, text: str | None = None, span: Span | None = None) -> Finding:
         """Return what an action class requires itself, with all that this takes, and whether all of it is there."""
-        below = tuple(self.requirement(one) for one in requirements_of(self.ontology, cls, self.semantics))
-        closed = (one for top in below for one, _ in top.walk())
-        state = together(one.state for one in (below if self.semantics is Semantics.ORIGINAL else closed))
+        below = tuple(self.requirement(one) for one in requirements_of(self.ontology, cls))
+        state = together(one.state for top in below for one, _ in top.walk())
         return Finding(FindingKind.ACTION, text or local_name(cls), cls, state, "", span, below)
 
     def requirement(self, needed: Requirement) -> Finding:
@@ -374,7 +376,7 @@ class Matcher:
             return True
         if name is not None and any(self.world.is_below(cls, name) for cls in part.classes):
             return True
-        if self.semantics is Semantics.ORIGINAL or part.iri is None:
+        if part.iri is None:
             return self._by_classes(part, needed.expression)
         return self.world.satisfies(part.iri, needed.expression)
 
@@ -417,7 +419,7 @@ class Matcher:
 
     def _validated(self, cls: str) -> Finding:
         """Return the finding about a capability with all that it takes, which a claimed one takes all the same."""
-        needed = requirements_of(self.ontology, cls, self.semantics)
+        needed = requirements_of(self.ontology, cls)
         components = [self.requirement(one) for one in needed if one.kind is FindingKind.COMPONENT]
         capabilities = [self.requirement(one) for one in needed if one.kind is FindingKind.CAPABILITY]
         below = (*components, *capabilities)
@@ -431,8 +433,6 @@ class Matcher:
             span = self.robot.claims[claim]
         elif not below:
             state, reason = UNKNOWN, f"{self.robot.robot} does not claim it, and nothing is known of what it takes"
-            if self.semantics is Semantics.ORIGINAL:
-                state, reason = AVAILABLE, "it takes nothing"
         else:
             state, reason = together(one.state for one in below), "all that it takes is there"
             if state is not AVAILABLE:
@@ -443,7 +443,7 @@ class Matcher:
         components = tuple(components)
         stated = f"{self.robot.robot} claims {'it' if claim == cls else local_name(claim)}"
         state = together(one.state for one in components)
-        if self.semantics is Semantics.ORIGINAL or state is AVAILABLE:
+        if state is AVAILABLE:
             return AVAILABLE, stated
         return state, f"{stated}, but {_lacking(state, components)}"
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from planlang.designators import local_name
 from planlang.diagnostics import Span
-from planlang.ontology import BNode, Literal, Ontology, Term, expand
+from planlang.ontology import Literal, Ontology, Term, expand
 from planlang.ontology.expression_text import expression_of, text_of
 from planlang.ontology.expressions import Expression
 
@@ -124,9 +124,8 @@ class Semantics(Enum):
     """Semantics of requirements and of capabilities.
 
     CLOSURE: through equivalent classes in both directions, closed under dependencies of capabilities; a claim counts
-    when the components are there. ORIGINAL, for comparison, is what KnowRob's SRDL did: what stands in equivalent
-    classes is not seen, a capability's own requirements of capabilities are not followed, a claim is believed, and what
-    depends on nothing is there.
+    when the components are there. ORIGINAL, for comparison, is what KnowRob's SRDL did: see
+    :mod:`executive.robots.original`.
     """
 
     CLOSURE = "closure"
@@ -159,7 +158,7 @@ class Requirement:
         return f"{self.quantifier} {self.number} {words}" if self.quantifier in ("min", "max", "exactly") else words
 
 
-def requirements_of(ontology: Ontology, cls: str, semantics: Semantics = Semantics.CLOSURE) -> tuple[Requirement, ...]:
+def requirements_of(ontology: Ontology, cls: str) -> tuple[Requirement, ...]:
     """Return what a class requires directly: restrictions of it and its ancestors, nearest first, each once.
 
     ``only`` requires nothing: it says what else may not be needed. Expressions that cannot be read are left out, the
@@ -168,14 +167,8 @@ def requirements_of(ontology: Ontology, cls: str, semantics: Semantics = Semanti
     kinds = {below: kind for kind, prop in PROPERTIES.items() for below in ontology.subproperties(prop)}
     found: dict[tuple[FindingKind, str, Term, int], Requirement] = {}
     for restriction in ontology.inherited_restrictions(cls):
-        kind = kinds.get(restriction.property)
-        if kind is None and semantics is Semantics.CLOSURE:
-            kind = WORDS.get(local_name(restriction.property))
+        kind = kinds.get(restriction.property) or WORDS.get(local_name(restriction.property))
         if kind is None or restriction.kind == "only" or isinstance(restriction.filler, Literal):
-            continue
-        if semantics is Semantics.ORIGINAL and (
-            restriction.form == "equivalent" or isinstance(restriction.filler, BNode)
-        ):
             continue
         expression = expression_of(ontology, restriction.filler, restriction.span)
         if expression is None:

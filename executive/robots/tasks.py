@@ -5,11 +5,11 @@ same way, and the first one without unmet requirement is taken. Hardware cannot 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from executive.robots.matching import Matcher, Missing, Possessions, missing_in
+from executive.robots.matching import Matcher, Missing, Possessions, lacking_in, missing_in
 from executive.robots.requirements import (
     NEEDED,
     Availability,
@@ -20,12 +20,9 @@ from executive.robots.requirements import (
     together,
 )
 from planlang.designators import local_name
-from planlang.ontology import Ontology, expand
+from planlang.ontology import Ontology, expand, shorten
 from planlang.recipe import Recipe, RecipeSet, Step
-from planlang.recipe.model import FLAT, INTERSECTION
-
-SEEN_BY_THE_ORIGINAL = (INTERSECTION, FLAT)
-"""Dialects whose sub-actions KnowRob's SRDL saw; all others read as empty."""
+from planlang.recipe.actions import read_primitives
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,18 +40,17 @@ class Match:
 
     def required(self, kind: FindingKind) -> tuple[Finding, ...]:
         """Return the capabilities, or the components, that the task requires, each once."""
-        found: dict[str, Finding] = {}
-        for finding, path in self.tree.walk():
-            followed = sum(one.kind is FindingKind.CAPABILITY for one in path)
-            if self.semantics is Semantics.ORIGINAL and followed > (kind is FindingKind.COMPONENT):
-                continue
-            if finding.kind == kind:
-                found.setdefault(finding.iri or finding.text, finding)
-        return tuple(found.values())
+        return _distinct(finding for finding, _ in self.tree.walk() if finding.kind == kind)
 
     def in_state(self, state: Availability) -> tuple[Finding, ...]:
-        """Return the required capabilities, then components, that are missing, unknown or available."""
-        return tuple(one for kind in NEEDED for one in self.required(kind) if one.state is state)
+        """Return the capabilities, then components, that are missing or unknown and not avoided by an alternative."""
+        lacking = [one for one, _ in lacking_in(self.tree) if one.state is state]
+        return _distinct(one for kind in NEEDED for one in lacking if one.kind is kind)
+
+    def unknown_steps(self) -> tuple[str, ...]:
+        """Return the names of the steps of which nothing is known: neither what they require nor who performs them."""
+        found = [one for one, _ in lacking_in(self.tree) if one.kind not in NEEDED and one.reason == UNKNOWN_STEP]
+        return tuple(local_name(one.iri or one.text) for one in _distinct(found))
 
     def lacking(self) -> tuple[Missing, ...]:
         """Return what the task lacks or may lack, without what only one of several alternatives needs."""
@@ -67,6 +63,8 @@ class Match:
             names = [f"{one.kind.value} {one.text}" for one in self.in_state(state)]
             if names:
                 yield f"{self.robot} {verb} {', '.join(names)}"
+        if unknown := self.unknown_steps():
+            yield f"nothing performs these steps or says what they require: {', '.join(unknown)}"
         if self.feasible:
             yield f"{self.robot} has all that {self.tree.text} requires"
 
@@ -77,30 +75,54 @@ class Match:
             required = self.required(kind)
             data[f"required_{plural}"] = sorted(one.text for one in required)
             for state in (Availability.MISSING, Availability.UNKNOWN):
-                data[f"{state.value}_{plural}"] = sorted(one.text for one in required if one.state is state)
+                data[f"{state.value}_{plural}"] = sorted(one.text for one in self.in_state(state) if one.kind is kind)
+        data["unknown_steps"] = sorted(self.unknown_steps())
         return {**data, "explanation": self.tree.as_json()}
 
 
+def _distinct(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+    found: dict[str, Finding] = {}
+    for finding in findings:
+        found.setdefault(finding.iri or finding.text, finding)
+    return tuple(found.values())
+
+
+UNKNOWN_STEP = "nothing performs it, and nothing says what it requires"
+
+
 def match(
-    ontology: Ontology, recipes: RecipeSet, robot: Possessions, semantics: Semantics = Semantics.CLOSURE
+    ontology: Ontology,
+    task: RecipeSet | str,
+    robot: Possessions,
+    semantics: Semantics = Semantics.CLOSURE,
+    performed: frozenset[str] = frozenset(),
 ) -> Match:
-    """Compare a recipe with a robot. ``ontology`` is the one that the recipe was read from."""
-    matcher = Matcher(ontology, robot, semantics)
-    return Match(robot.robot, semantics, _Tree(matcher, recipes).task(recipes.main, ()))
+    """Compare a task with a robot: its recipe, or a class of actions (IRI) that has none.
+
+    ``ontology`` is the one that the recipe was read from, ``performed`` the classes that registered process modules
+    perform. The original semantics read the ontology itself.
+    """
+    if semantics is Semantics.ORIGINAL:
+        from executive.robots.original import OriginalMatcher  # rarely asked for
+
+        iri = task if isinstance(task, str) else task.main.iri
+        return Match(robot.robot, semantics, OriginalMatcher(ontology, robot).task(iri))
+    matcher = Matcher(ontology, robot)
+    if isinstance(task, str):
+        return Match(robot.robot, semantics, _Tree(matcher, {}, performed).action(task))
+    return Match(robot.robot, semantics, _Tree(matcher, task.recipes, performed).task(task.main, ()))
 
 
 class _Tree:
-    def __init__(self, matcher: Matcher, recipes: RecipeSet) -> None:
+    def __init__(self, matcher: Matcher, recipes: Mapping[str, Recipe], performed: frozenset[str]) -> None:
         self.matcher = matcher
-        self.recipes = recipes.recipes
+        self.recipes = recipes
+        self.performed = performed | read_primitives(matcher.ontology).keys()
 
     def task(self, recipe: Recipe, above: tuple[str, ...]) -> Finding:
         """Return the finding about a recipe: what its own class requires, and its steps."""
         own = self.matcher.action(recipe.action_class, span=recipe.span)
-        steps: tuple[Step, ...] = recipe.steps
-        if self.matcher.semantics is Semantics.ORIGINAL and recipe.dialect not in SEEN_BY_THE_ORIGINAL:
-            steps = ()
-        performed = [self.step(step, (*above, recipe.iri)) for step in steps]
+        performed = [self.step(step, (*above, recipe.iri)) for step in recipe.steps]
         state = together(one.state for one in (own, *performed))
         text = recipe.name if not above else f"recipe {recipe.name}"
         return Finding(FindingKind.TASK, text, recipe.iri, state, "", recipe.span, (*own.below, *performed))
@@ -114,8 +136,27 @@ class _Tree:
             state = together((one.state for one in performed), any_of=True)
             performed = (Finding(FindingKind.ALTERNATIVES, "one of", None, state, "", None, performed),)
         state = together(one.state for one in (own, *performed))
-        text = step.name if step.action == step.name else f"{step.name} ({local_name(step.action)})"
-        return Finding(FindingKind.ACTION, text, step.iri, state, "", step.span, (*own.below, *performed))
+        text = step.name if local_name(step.action) == step.name else f"{step.name} ({local_name(step.action)})"
+        found = Finding(FindingKind.ACTION, text, step.iri, state, "", step.span, (*own.below, *performed))
+        return self._judged(found, step.action_class) if step.is_abstract else found
+
+    def action(self, cls: str) -> Finding:
+        """Return the finding about a class of actions without recipe."""
+        return self._judged(self.matcher.action(cls, span=self.matcher.ontology.span(cls)), cls)
+
+    def _judged(self, found: Finding, cls: str) -> Finding:
+        """Return the finding about an action without recipe: unknown if nothing is known of it."""
+        if found.below or self._is_performed(cls):
+            return found
+        return replace(found, state=Availability.UNKNOWN, reason=UNKNOWN_STEP)
+
+    def _is_performed(self, cls: str) -> bool:
+        """Return whether a primitive or a process module performs a class of actions or one above it."""
+        ontology = self.matcher.ontology
+        return any(
+            not self.performed.isdisjoint((above, shorten(above), local_name(above)))
+            for above in ontology.ancestors(cls)
+        )
 
 
 HARDWARE = expand("srdl2-comp:HardwareComponent")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Mapping
-from keyword import iskeyword
 
 from planlang.compiler.expressions import Expressions, Names, Symbols, partial_call, quoted
 from planlang.compiler.layout import (
@@ -25,6 +24,7 @@ from planlang.compiler.layout import Call as CallExpression
 from planlang.compiler.structure import DONE, FALSE, TRUE
 from planlang.compiler.tree import (
     Achieve,
+    Again,
     Call,
     Case,
     Event,
@@ -71,7 +71,9 @@ class BodyWriter:
         """The steps whose results a branch of a partial order hands to others, by branch."""
         self._kept: dict[str, str] = {}
         """The fluent that holds the latest of what states make, by name."""
-        self._write = Expressions(symbols, self._variables, self._kept)
+        self._again: dict[str, str] = {}
+        """The local function that runs a step again, by the step's name."""
+        self._write = Expressions(symbols, self._variables, self._kept, self._again)
 
     def lines(self) -> list[str]:
         """Return the statements of the function."""
@@ -104,6 +106,10 @@ class BodyWriter:
             before, expression = self._awaited(node.body, depth)
             inside = self._bound(node, expression, depth + 1)
             return [*before, *statement(holding, depth=depth, before="async with ", after=":"), *inside]
+        if isinstance(node, Again):
+            name = self._again[node.name] = self._local_name(node.name)
+            lines = self._local_function(name, node.body, depth)
+            return [*lines, *self._bound(node, call(name), depth)]
         before, expression = self._awaited(node, depth)
         return [*before, *self._bound(node, expression, depth)]
 
@@ -190,7 +196,7 @@ class BodyWriter:
                 return self._scope(node, depth)
             case Parallel(branches):
                 before, named = self._branches(branches, depth)
-                return before, _side_by_side(use("par"), named)
+                return before, call(use("par"), **named)
             case PartialOrder():
                 return self._partial_order(node, depth)
             case Machine():
@@ -214,7 +220,7 @@ class BodyWriter:
         ``key`` is what the branch is called, if it has a name.
         """
         is_giving_several = isinstance(node, (Parallel, PartialOrder)) and self._is_giving(node)
-        is_body = isinstance(node, (Series, Hold, Gate)) or is_giving_several
+        is_body = isinstance(node, (Series, Hold, Gate, Again)) or is_giving_several
         if not is_body:
             before, expression = self._awaited(node, depth)
             return before, partial_call(self._symbols, expression)
@@ -397,14 +403,6 @@ class BodyWriter:
         else:
             lines = statement(expression, depth=depth, before="await ")
         return [*lines, f"{indent}return {quoted(DONE)}"]
-
-
-def _side_by_side(par: str, branches: Mapping[str, Expression]) -> CallExpression:
-    """Return a call with a keyword for each branch; a dict is unpacked where a name cannot be one."""
-    if all(name.isidentifier() and not iskeyword(name) for name in branches):
-        return call(par, **branches)
-    unpacked = Display("{}", tuple(branches.values()), tuple(Text(quoted(name)) for name in branches))
-    return call(par, **{"**": unpacked})
 
 
 def _spaced(lines: list[str]) -> list[str]:

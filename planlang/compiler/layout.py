@@ -209,8 +209,7 @@ def _is_wide(expression: Expression) -> bool:
 
 
 def _labelled(keyword: str | None) -> str:
-    """Return what stands before an argument; ``**`` stands for itself."""
-    return keyword if keyword == "**" else f"{keyword}=" if keyword else ""
+    return f"{keyword}=" if keyword else ""
 
 
 def _expression(value: Expression | str) -> Expression:

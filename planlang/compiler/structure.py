@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from keyword import iskeyword
 from typing import TypeVar
 
 from planlang.compiler.expressions import Names
@@ -162,18 +163,21 @@ def _modules(order: Precedence[_N], inside: int) -> list[int]:
 class BranchNames:
     """The names of branches and states, as the recipe writes them; a number tells apart what is the same in snake case.
 
-    ``name`` and ``limit`` are what constructs call their own parameters.
+    So functions, and parameters that take results, have names of their own, too.
     """
 
     def __init__(self) -> None:
         self._names = Names()
-        for reserved in ("name", "limit"):
-            self._names.reserve(reserved)
 
     def claim(self, wanted: str) -> str:
         """Return a name that is not given out yet."""
-        wanted_key = f"_{snake_case(wanted)}" if wanted not in ("name", "limit") else wanted
-        return wanted + self._names.claim(wanted_key).removeprefix(wanted_key)
+        key = f"branch_{snake_case(wanted)}"
+        return wanted + self._names.claim(key).removeprefix(key)
+
+
+def _is_keyword(name: str) -> bool:
+    """Return True for a name that a branch of ``par`` may have."""
+    return name.isidentifier() and not iskeyword(name) and name not in ("name", "limit")
 
 
 def structured(order: Precedence[_N], nodes: Sequence[Node], names: Sequence[str]) -> Series:
@@ -205,7 +209,8 @@ def structured(order: Precedence[_N], nodes: Sequence[Node], names: Sequence[str
         if isinstance(part, SerialPart):
             return Series(tuple(map(made, part.parts)))
         if isinstance(part, ParallelPart):
-            return Parallel(tuple((called(inner), made(inner)) for inner in part.parts))
+            branches = tuple((called(inner), made(inner)) for inner in part.parts)
+            return Parallel(branches) if all(map(_is_keyword, dict(branches))) else PartialOrder(branches, ())
         keys = [called(inner) for inner in part.parts]
         orderings = tuple((keys[one], keys[other]) for one, other in part.orderings)
         return PartialOrder(tuple(zip(keys, map(made, part.parts), strict=True)), orderings)

@@ -64,9 +64,43 @@ def explain(problem: UnexpectedInput, parser: Lark, text: str, offset: int, file
     if found == '"':
         message = "a text is not closed, or its quotation marks are unexpected here"
     keywords, spoken = _expected(problem, parser)
+    if "," in keywords and word is not None and _mends(",", parser, text, offset):
+        begins_line = not text[text.rfind("\n", 0, offset) + 1 : offset].strip()
+        other = "" if begins_line or "some" not in spoken else ", or a word such as some,"
+        message = f"a comma{other} is missing before {found}"
+        return error("O020", message, position_of(text, offset, file), f"write `, {found}`")
     similar = get_close_matches(found, (*keywords, *FRAME_WORDS), n=1, cutoff=0.75)
     guess = f"did you mean {similar[0]}? " if similar and similar[0] != found else ""
     return error("O020", message, position_of(text, offset, file), f"{guess}expected: {_phrase(keywords, spoken)}")
+
+
+def _mends(sign: str, parser: Lark, text: str, offset: int) -> bool:
+    """Return True if a sign at an offset lets the parser read on behind the word there, within the frame."""
+    begin = max((one.start() for one in _FRAME_START.finditer(text, 0, offset)), default=0)
+    following = _FRAME_START.search(text, offset)
+    frame = f"{text[begin:offset]}{sign} {text[offset : following.start() if following else len(text)]}"
+    try:
+        parser.parse(frame)
+    except UnexpectedInput as problem:
+        word = _WORD.match(text, offset)
+        return where(problem, frame) > offset - begin + len(sign) + (len(word[0]) if word else 0)
+    except BadInput:
+        return True
+    return True
+
+
+def unclosed(text: str, offset: int) -> int | None:
+    """Return the offset of the quotation mark of a text that ends right before a mistake, and hardly should end there.
+
+    Such a text runs over words that begin sections, or up to the quotation mark that should open the next text.
+    """
+    last = next(
+        (one for one in _BESIDE.finditer(text) if one.end() <= offset and not text[one.end() : offset].strip()), None
+    )
+    if last is None or last[0][0] != '"':
+        return None
+    is_joined = last.end() == offset and text[offset : offset + 1].isalnum()
+    return last.start() if is_joined or _SECTION.search(last[0]) else None
 
 
 def _is_at_end(problem: UnexpectedInput) -> bool:
@@ -105,6 +139,7 @@ MOST_ERRORS = 20
 """Syntax errors reported of one file."""
 
 _FRAME_START = re.compile(rf"^[ \t]*(?:{'|'.join(FRAME_WORDS)})(?=\s)", re.MULTILINE)
+_SECTION = re.compile(r"^[ \t]*[A-Z]\w+:(?=\s)", re.MULTILINE)
 _BESIDE = re.compile(r'"[^"\\]*(?:\\.[^"\\]*)*"|#[^\n]*|<[^<>\s]*>', re.DOTALL)
 _PREFIX = re.compile(r"Prefix:(?<!\SPrefix:)\s*([^\s:<>]*):\s*<([^<>\s]*)>")
 _ONTOLOGY = re.compile(r"Ontology:(?<!\SOntology:)\s*<([^<>\s]*)>")
@@ -182,7 +217,14 @@ def _parse(text: str, file: str, frames: Frames, problems: list[Diagnostic]) -> 
             offset = len(text) if span is None else offset_of(text, span)
         except UnexpectedInput as problem:
             offset = where(problem, text)
-            problems.append(explain(problem, parser, text, offset, file))
+            opening = unclosed(text, offset)
+            if opening is None:
+                problems.append(explain(problem, parser, text, offset, file))
+            else:
+                line = text.count("\n", 0, offset) + 1
+                advice = f"it runs up to the next quotation mark, in line {line}; close it where it should end"
+                problems.append(error("O020", "a text is not closed", position_of(text, opening, file), advice))
+                offset = opening
         finally:
             relay.frames = None
     begun = len(text) - len(text.lstrip())

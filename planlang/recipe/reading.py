@@ -18,6 +18,7 @@ from planlang.recipe.checks import (
     CheckedFile,
     CheckedRecipe,
     check,
+    constraints,
     losses,
     orderings,
     parameters,
@@ -25,6 +26,7 @@ from planlang.recipe.checks import (
 )
 from planlang.recipe.checks.misspellings import corrected, misspellings
 from planlang.recipe.checks.parameters import repaired
+from planlang.recipe.constraints import read_constraints
 from planlang.recipe.fillers import action_class, nearest_in_vocabulary, read_filler, read_parameters
 from planlang.recipe.model import Description, Ordering, Parameter, Reason, Recipe, RecipeSet, Source, Step
 from planlang.recipe.order import implied_by_overlaps
@@ -101,13 +103,29 @@ def _below(actions: Actions, task: str) -> set[str]:
 
 
 def _named(actions: Actions, wanted: str, span: Span) -> str:
+    task, ontology = named_action(actions, wanted, span), actions.ontology
+    if recipes_of_task(actions, task):
+        return task
+    where = ontology.span(task) or span
+    advice = "add restrictions such as `subAction some Reaching` to it, or choose another task"
+    raise BadInput([error("R004", f"`{local_name(task)}` has no sub-actions: the recipe is empty", where, advice)])
+
+
+def named_action(actions: Actions, wanted: str, span: Span) -> str:
+    """Return the IRI of a class or individual, by IRI or local name.
+
+    One with a recipe in the file comes before the file's others, these before the vocabulary's, and that before any.
+    Raises BadInput when there is none or several.
+    """
     ontology = actions.ontology
     stated = stated_tasks(actions)
     matches = [task for task in stated if wanted in (task, local_name(task))]
     if not matches:
         own = [triple.subject for triple in ontology.triples(p=_TYPE) if isinstance(triple.subject, str)]
         named = [iri for iri in dict.fromkeys(own) if local_name(iri) == wanted and ontology.defined(iri)]
-        matches = named or [wanted if ontology.defined(wanted) else expand(wanted)]
+        main = [iri for iri in named if ontology.main(iri)]
+        matches = main or [iri for iri in named if iri == expand(wanted)] or named
+        matches = matches or [wanted if ontology.defined(wanted) else expand(wanted)]
     task = matches[0]
     if len(matches) > 1:
         raise BadInput([error("R002", f"{wanted} names several tasks", span, "use one of " + ", ".join(matches))])
@@ -118,11 +136,7 @@ def _named(actions: Actions, wanted: str, span: Span) -> str:
         raise BadInput(
             [error("R001", f"there is no task {wanted}", span, f"{guess}this file states {', '.join(known) or 'none'}")]
         )
-    if recipes_of_task(actions, task):
-        return task
-    where = ontology.span(task) or span
-    advice = "add restrictions such as `subAction some Reaching` to it, or choose another task"
-    raise BadInput([error("R004", f"`{local_name(task)}` has no sub-actions: the recipe is empty", where, advice)])
+    return task
 
 
 def read_recipes(actions: Actions, task: str) -> RecipeSet:
@@ -156,7 +170,7 @@ def read_step(actions: Actions, sub_action: SubAction, known: frozenset[str] = f
     return Step(
         iri,
         nearest_in_vocabulary(ontology, cls or iri, primitive),
-        read_parameters(ontology, iri, sub_action.fillings, known),
+        read_constraints(ontology, read_parameters(ontology, iri, sub_action.fillings, known)),
         recipes,
         primitive,
         _label(ontology, iri) if shorten(iri) == iri else None,
@@ -273,6 +287,7 @@ ANY_RECIPE: tuple[Check[[CheckedRecipe], Iterable[Diagnostic]], ...] = (
     parameters.fillers,
     parameters.left_out,
     parameters.unrelated_places,
+    constraints.incomplete_constraints,
 )
 """Checks of recipes in any dialect."""
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from typer.testing import CliRunner
@@ -51,8 +52,7 @@ def matched(
 ) -> Match:
     ontology = load(recipe)
     recipes = read_recipe(Actions(ontology), task).recipes
-    assert recipes is not None
-    return match(ontology, recipes, robot, semantics)
+    return match(ontology, recipes or KITCHEN + str(task), robot, semantics)
 
 
 def modelled(path: Path) -> Possessions:
@@ -302,6 +302,91 @@ def test_match_explains_and_ends_with_3_if_something_is_missing(tmp_path: Path) 
     data = json.loads(told.stdout)
     assert (data["feasible"], data["missing_components"]) == (False, ["MobileBase"])
     assert data["explanation"]["requires"][0]["name"] == "Pouring (Action)"
+
+
+STIRRING = """
+Class: :Breakfast
+    SubClassOf: knowrob:Action, knowrob:subAction some :Stirring, knowrob:subAction some :Pouring
+Class: :Stirring
+    SubClassOf: knowrob:PurposefulAction
+"""
+STIRRER = """
+from planlang.modules import process_module
+
+@process_module
+class Stirrer:
+    name, actions, failures = "stirrer", ("Stirring",), ()
+
+    def __init__(self, platform): ...
+    def resources(self, action): return ()
+    async def execute(self, action): ...
+"""
+
+
+def breakfast(folder: Path, *options: str, claims: str = CLAIM) -> tuple[int, dict[str, Any]]:
+    path = written(folder, TASK.replace("{requires}", "") + ROBOT.replace("{claims}", claims) + STIRRING)
+    asked = ["match", str(path), "--robot", str(path), "--task", "Breakfast", "--json", *options]
+    result = CliRunner().invoke(app, asked)
+    return result.exit_code, json.loads(result.stdout)
+
+
+def test_a_step_that_nobody_knows_is_unknown_and_named(tmp_path: Path) -> None:
+    code, data = breakfast(tmp_path)
+    assert (code, data["feasible"], data["unknown_steps"]) == (1, None, ["Stirring"])
+    found = matched(tmp_path / "kitchen.omn", modelled(tmp_path / "kitchen.omn"), task="Breakfast")
+    assert list(found.lines())[-1] == "nothing performs these steps or says what they require: Stirring"
+
+
+def test_what_is_missing_outweighs_what_is_unknown(tmp_path: Path) -> None:
+    moving = (
+        TASK.replace("{requires}", needing("some srdl2-comp:MobileBase")) + ROBOT.replace("{claims}", "") + STIRRING
+    )
+    path = written(tmp_path, moving)
+    found = matched(path, modelled(path), task="Breakfast")
+    assert (found.feasible, found.unknown_steps()) == (False, ("Stirring",))
+
+
+def test_a_step_is_known_by_a_module_that_performs_it_or_by_what_its_class_requires(tmp_path: Path) -> None:
+    module = tmp_path / "stirrer.py"
+    module.write_text(STIRRER, encoding="utf-8")
+    code, data = breakfast(tmp_path, "--modules", str(module))
+    assert (code, data["feasible"], data["unknown_steps"]) == (0, True, [])
+    path = written(tmp_path, TASK.replace("{requires}", "") + ROBOT.replace("{claims}", CLAIM))
+    assert matched(path, modelled(path), task="Pouring").feasible is True
+
+
+def test_an_alternative_that_is_known_outweighs_one_that_is_not(tmp_path: Path) -> None:
+    text = """
+Class: :Boiling
+    SubClassOf: knowrob:Action, knowrob:subAction some :Pouring
+Class: :Warming
+    SubClassOf: knowrob:Action, knowrob:subAction some :Stirring
+Class: :Heating
+    SubClassOf: :Boiling, :Warming
+Class: :Lunch
+    SubClassOf: knowrob:Action, knowrob:subAction some :Heating
+"""
+    path = written(tmp_path, TASK.replace("{requires}", "") + ROBOT.replace("{claims}", CLAIM) + STIRRING + text)
+    found = matched(path, modelled(path), task="Lunch")
+    assert (found.feasible, found.unknown_steps()) == (True, ())
+
+
+def test_six_steps_of_the_exploration_recipe_are_unknown_on_the_pioneer(corpus: Path) -> None:
+    found = matched(
+        corpus / "recipes" / "exploration-recipe@hydro.owl", modelled(corpus / "robots" / "pioneer@hydro.owl")
+    )
+    assert found.feasible is None
+    assert len(found.unknown_steps()) == 6
+    assert not {"move-to-nbv", "move-to-origin"} & set(found.unknown_steps())
+
+
+@pytest.mark.parametrize("semantics", ["closure", "original"])
+def test_an_action_class_of_the_vocabulary_may_be_asked(semantics: str) -> None:
+    for task, code in (("PickingUpAnObject", 0), ("Reaching", 0), ("Bottle", 2), ("NoSuchClass", 2)):
+        asked = ["match", "serve_a_drink", "--task", task, "--semantics", semantics]
+        assert CliRunner().invoke(app, asked).exit_code == code, task
+    result = CliRunner().invoke(app, ["match", "serve_a_drink", "--task", "PuttingSomethingSomewhere", "--json"])
+    assert (result.exit_code, json.loads(result.stdout)["unknown_steps"]) == (1, ["PuttingSomethingSomewhere"])
 
 
 def test_match_of_the_bundled_recipe_and_robot_lacks_nothing() -> None:

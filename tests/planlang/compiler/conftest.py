@@ -97,11 +97,8 @@ class PlanReader:
                 assert isinstance(place.func, ast.Name)
                 return Happening([f"at {place.func.id}"]).then(self._branch(arguments[1], scope))
             case "par":
-                named = {k.arg: k.value for k in keywords if k.arg is not None}
-                for unpacked in (k.value for k in keywords if k.arg is None):
-                    assert isinstance(unpacked, ast.Dict)
-                    named |= {ast.literal_eval(k): v for k, v in zip(unpacked.keys, unpacked.values, strict=True) if k}
-                return self._side_by_side({key: self._branch(value, scope, key) for key, value in named.items()}, [])
+                named = {str(k.arg): self._branch(k.value, scope, k.arg) for k in keywords}
+                return self._side_by_side(named, [])
             case "partial_order":
                 steps, pairs = arguments
                 assert isinstance(steps, ast.Dict)

@@ -62,7 +62,7 @@ def test_hydro_recipe_grasps_in_six_steps_at_one_place_and_hands_over_at_another
 
 
 def test_hydro_recipe_gets_its_exchanged_fillers_the_right_way_round(hydro: CompiledPlan) -> None:
-    grasp = "action(GRASP_BOTTLE, object_acted_on=bottle, device_used=ROBOT_RIGHT_GRIPPER)"
+    grasp = "action(GRASP_OBJECT_WITH_RIGHT_GRIPPER, object_acted_on=bottle, device_used=ROBOT_RIGHT_GRIPPER)"
     assert grasp in unbroken(hydro.source)
     assert ("R030", 308) in codes(hydro.diagnostics, Severity.NOTE)
 

@@ -221,6 +221,31 @@ def test_a_syntax_error_says_where_it_is_and_what_was_expected(
     assert expected in problem.help
 
 
+@pytest.mark.parametrize(
+    ("text", "line", "column", "message"),
+    [
+        ("Class: A\n  SubClassOf:\n    B\n    p some C\n", 8, 5, "a comma is missing before p"),
+        ("Class: A\n  SubClassOf:\n    p some B # b\n    p some C,\n    D\n", 8, 5, "a comma is missing before p"),
+        ("Individual: a\n  Facts: p b q c\n", 6, 14, "a comma is missing before q"),
+        ("Class: A SubClassOf: p B\n", 5, 24, "a comma, or a word such as some, is missing before B"),
+        ("Class: A SubClassOf: B )\n", 5, 24, "unexpected )"),
+        ('Class: A\n  Annotations: p "one\n  SubClassOf: B\nClass: B\n  Annotations: p "two"\n', 6, 18, "not closed"),
+        ('Class: A\n  Annotations: p "one, p "two"\n', 6, 18, "not closed"),
+        ('Class: A\n  Annotations: p "one\n  SubClassOf: B\n', 6, 18, "a text is not closed"),
+        ('Class: A\n  Annotations: p "Class: in words\n" q r\n', 7, 3, "unexpected q"),
+    ],
+)
+def test_a_missing_comma_and_a_text_that_is_not_closed_are_reported_where_they_are(
+    text: str, line: int, column: int, message: str
+) -> None:
+    with pytest.raises(BadInput) as caught:
+        read(text)
+    first = caught.value.diagnostics[0]
+    assert first.span is not None
+    assert (first.span.line, first.span.column) == (line, column)
+    assert message in first.message
+
+
 def test_cardinalities_are_whole_numbers() -> None:
     with pytest.raises(BadInput, match="whole number"):
         read("Class: A SubClassOf: p min 1.5\n")

@@ -4,7 +4,7 @@ Compiled by planlang 0.1.0 from serve_a_drink.omn
 (sha256 7b3a485023f303a13a87e153027044e51f9bb691197ef8d6ac64a6b13fde1f16), task
 ServeADrink.
 What follows has sha256
-6ab2b65de3f8741344fdba1cf1ab059c3cac1ca4bc980d4543c1e90282fc5e27 unless
+8a6e24d946351079220c1740613c56fa24777bab0966074b125c3be9fe136239 unless
 somebody has edited it.
 """
 
@@ -23,6 +23,7 @@ from planlang import (
     action_class,
     an_object,
     at_location,
+    fetch_again,
     holding,
     look_and_repeat,
     look_from_another_place,
@@ -31,6 +32,7 @@ from planlang import (
 )
 from planlang.failures import (
     GraspMissed,
+    ObjectLost,
     ObjectNotFound,
     ObjectNowhereToBeFound,
     ObjectUnfetchable,
@@ -109,37 +111,46 @@ async def grasp_bottle(*, bottle: Object = BOTTLE) -> None:
 async def serve_a_drink(*, bottle: Object = BOTTLE, patient: Person = PATIENT) -> None:
     """Serve a drink."""
 
-    # drive to where the bottle is in reach
-    async def at_grasping_place() -> None:
-        await perform(
-            action(GRASP_BOTTLE, object_acted_on=bottle, device_used=GRIPPER),
-            otherwise=partial(grasp_bottle, bottle=bottle),
-            until=holding(bottle),
+    async def fetch_bottle() -> None:
+        # drive to where the bottle is in reach
+        async def at_grasping_place() -> None:
+            await perform(
+                action(GRASP_BOTTLE, object_acted_on=bottle, device_used=GRIPPER),
+                otherwise=partial(grasp_bottle, bottle=bottle),
+                until=holding(bottle),
+                recoveries=[
+                    Recovery(
+                        GraspMissed,
+                        look_and_repeat(bottle),
+                        attempts=2,
+                        otherwise=ObjectUnfetchable,
+                    ),
+                ],
+            )
+
+        await at_location(
+            grasping_place(bottle),
+            at_grasping_place,
+            attempts=5,
+            reaching=(approach_pose(bottle), grasp_pose(bottle)),
+            by=MOVE_BASE_TO_GRASP_POSE,
             recoveries=[
                 Recovery(
-                    GraspMissed,
-                    look_and_repeat(bottle),
+                    ObjectNotFound,
+                    look_from_another_place(bottle),
+                    attempts=3,
+                    otherwise=ObjectNowhereToBeFound,
+                ),
+                Recovery(
+                    ObjectLost,
+                    fetch_again(bottle),
                     attempts=2,
                     otherwise=ObjectUnfetchable,
                 ),
             ],
         )
 
-    await at_location(
-        grasping_place(bottle),
-        at_grasping_place,
-        attempts=5,
-        reaching=(approach_pose(bottle), grasp_pose(bottle)),
-        by=MOVE_BASE_TO_GRASP_POSE,
-        recoveries=[
-            Recovery(
-                ObjectNotFound,
-                look_from_another_place(bottle),
-                attempts=3,
-                otherwise=ObjectNowhereToBeFound,
-            ),
-        ],
-    )
+    await fetch_bottle()
 
     # drive to where the patient is in reach
     async def at_handover_place() -> None:
@@ -173,6 +184,12 @@ async def serve_a_drink(*, bottle: Object = BOTTLE, patient: Person = PATIENT) -
                 look_from_another_place(patient),
                 attempts=3,
                 otherwise=ObjectNowhereToBeFound,
+            ),
+            Recovery(
+                ObjectLost,
+                fetch_again(bottle, fetch_bottle),
+                attempts=2,
+                otherwise=ObjectUnfetchable,
             ),
         ],
     )

@@ -1,0 +1,240 @@
+"""Tasks compared with robots by the rules of KnowRob's SRDL (November 2014), for comparison with ours.
+
+What a class has of a property stands in restrictions (some, value) on it or a property below it, on the class and
+everything above: its superclasses, the members of an intersection that it is, the unions that it is in, and what states
+that it is equivalent to it. The other direction is not followed, so that what stands in a class's own equivalent class
+is not seen. Sub-actions are all that have the property ``subAction``, stated and inherited, and theirs; order, states
+and alternatives do not matter. Required are
+
+* the capabilities of the task and its sub-actions, and those that the task's own depend on directly;
+* the components of the task, of its sub-actions and of the required capabilities.
+
+A capability is there if it, or one below it, is claimed, whatever components it takes, or if all components and
+capabilities are there that it depends on, which may be none. There are two answers: what nobody knows requires nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from functools import cache, cached_property
+
+from executive.robots.matching import ClosedWorld, Possessions
+from executive.robots.requirements import NEEDED, PROPERTIES, Availability, Finding, FindingKind, together
+from planlang.designators import local_name
+from planlang.diagnostics import Span
+from planlang.ontology import BNode, Literal, Ontology, Term, expand
+from planlang.ontology.classes import twin
+from planlang.ontology.expression_text import expression_of, text_of
+from planlang.ontology.terms import OWL, RDF, RDFS
+
+Node = str | tuple[int, BNode]
+"""An IRI, or a nameless node with the number of its ontology."""
+
+CAPABILITY, COMPONENT = NEEDED
+AVAILABLE, MISSING = Availability.AVAILABLE, Availability.MISSING
+_SUB_ACTION, _HAS_CAPABILITY = expand("knowrob:subAction"), expand("srdl2-cap:hasCapability")
+_ANY_CAPABILITY, _ROBOT = expand("srdl2-cap:Capability"), expand("knowrob:Robot")
+
+
+class ClassProperties:
+    """What classes have of properties, as several ontologies say together."""
+
+    def __init__(self, ontologies: Iterable[Ontology]) -> None:
+        self.ontologies = tuple(ontologies)
+        self.above = cache(self._above)
+        self.values = cache(self._values)
+        self._unions: dict[Node, list[Node]] = {}
+        for number, ontology in enumerate(self.ontologies):
+            for triple in ontology.triples(p=OWL.unionOf):
+                for member in self._items(number, triple.object):
+                    self._unions.setdefault(member, []).append(_node(number, triple.subject))
+
+    def _above(self, cls: Node) -> dict[Node, None]:
+        """Return a class and everything above it."""
+        return _reached(cls, self._directly_above)
+
+    def _directly_above(self, cls: Node) -> Iterator[Node]:
+        for number, ontology in enumerate(self.ontologies):
+            if isinstance(cls, tuple) and cls[0] != number:
+                continue
+            name = cls if isinstance(cls, str) else cls[1]
+            for triple in ontology.triples(name, RDFS.subClassOf):
+                yield _node(number, triple.object)
+            for triple in ontology.triples(None, OWL.equivalentClass, name):
+                yield _node(number, triple.subject)
+            for triple in ontology.triples(name, OWL.intersectionOf):
+                yield from self._items(number, triple.object)
+        yield from self._unions.get(cls, ())
+        other = twin(cls) if isinstance(cls, str) else None
+        if other is not None and any(ontology.is_class(other) for ontology in self.ontologies):
+            yield other
+
+    def _items(self, number: int, cell: Term | None) -> Iterator[Node]:
+        """Yield the items of a list; one that leads back to itself ends there."""
+        ontology, seen = self.ontologies[number], set[Term]()
+        while isinstance(cell, BNode) and cell not in seen:
+            seen.add(cell)
+            yield from (_node(number, item) for item in ontology.values(cell, RDF.first))
+            cell = ontology.value(cell, RDF.rest)
+
+    def _values(self, cls: Node, prop: str) -> dict[Node, Span]:
+        """Return what a class has of a property (IRI), each with where it is first stated."""
+        below = {name for ontology in self.ontologies for name in ontology.subproperties(prop)}
+        found: dict[Node, Span] = {}
+        for one in self.above(cls):
+            if isinstance(one, str):
+                continue
+            number, nameless = one
+            for stated in self.ontologies[number].restrictions(nameless):
+                is_read = stated.property in below and stated.kind in ("some", "value")
+                if is_read and not isinstance(stated.filler, Literal):
+                    found.setdefault(_node(number, stated.filler), stated.span)
+        return found
+
+    def text(self, node: Node) -> str:
+        """Return the name of a class, or a nameless one in Manchester syntax."""
+        if isinstance(node, str):
+            return local_name(node)
+        expression = expression_of(self.ontologies[node[0]], node[1], Span(""))
+        return "an expression" if expression is None else text_of(expression)
+
+
+def _reached(start: Node, following: Callable[[Node], Iterable[Node]]) -> dict[Node, None]:
+    """Return a node and everything that is reached from it, nearest first."""
+    found = {start: None}
+    queue = [start]
+    for one in queue:  # grows while it is walked
+        new = dict.fromkeys(other for other in following(one) if other not in found)
+        found |= new
+        queue += new
+    return found
+
+
+def _node(number: int, term: Term) -> Node:
+    return (number, term) if isinstance(term, BNode) else str(term)
+
+
+class OriginalMatcher:
+    """Compares tasks, as an ontology states them, with one robot by the original rules."""
+
+    def __init__(self, ontology: Ontology, robot: Possessions) -> None:
+        own = [] if robot.model is None or robot.model.ontology is ontology else [robot.model.ontology]
+        self.classes = ClassProperties([ontology, *own])
+        self.robot = robot
+        self._world = ClosedWorld(self.classes.ontologies)
+        self._claimed: dict[Node, str] = {}
+        for claim in self._claims():
+            for capability in self.classes.above(claim):
+                self._claimed.setdefault(capability, self.classes.text(claim))
+        self._derived: dict[Node, bool] = {}
+
+    def task(self, cls: str) -> Finding:
+        """Return what a class of actions requires, itself and by its sub-actions, and whether it is there."""
+        stated = self.classes.values(cls, PROPERTIES[CAPABILITY])
+        own = (*(self._capability(one, span, deeper=True) for one, span in stated.items()), *self._components(cls))
+        subs = _reached(cls, lambda action: self.classes.values(action, _SUB_ACTION))
+        below = (*own, *(self._action(sub) for sub in subs if sub != cls))
+        span = next(filter(None, (ontology.span(cls) for ontology in self.classes.ontologies)), None)
+        return Finding(FindingKind.TASK, local_name(cls), cls, _all_there(below), "", span, below)
+
+    def _action(self, cls: Node) -> Finding:
+        stated = self.classes.values(cls, PROPERTIES[CAPABILITY])
+        below = (*(self._capability(one, span) for one, span in stated.items()), *self._components(cls))
+        iri = cls if isinstance(cls, str) else None
+        return Finding(FindingKind.ACTION, self.classes.text(cls), iri, _all_there(below), "", None, below)
+
+    def _components(self, cls: Node) -> tuple[Finding, ...]:
+        stated = self.classes.values(cls, PROPERTIES[COMPONENT])
+        return tuple(self._component(one, span) for one, span in stated.items())
+
+    def _component(self, component: Node, required: Span) -> Finding:
+        part = self._part(component)
+        state, reason = (MISSING, f"{self.robot.robot} has none") if part is None else (AVAILABLE, part)
+        iri = component if isinstance(component, str) else None
+        return Finding(COMPONENT, self.classes.text(component), iri, state, reason, None, (), required)
+
+    def _capability(self, capability: Node, required: Span, *, deeper: bool = False) -> Finding:
+        """Return whether a capability is there; what it depends on is required, too, with ``deeper``."""
+        takes = self.classes.values(capability, PROPERTIES[CAPABILITY]) if deeper else {}
+        below = (*self._components(capability), *(self._capability(one, span) for one, span in takes.items()))
+        state, reason = self._judged(capability)
+        iri = capability if isinstance(capability, str) else None
+        return Finding(CAPABILITY, self.classes.text(capability), iri, state, reason, None, below, required)
+
+    def _judged(self, capability: Node) -> tuple[Availability, str]:
+        name, claim = self.robot.robot, self._claimed.get(capability)
+        if claim is not None:
+            return AVAILABLE, f"{name} claims {'it' if claim == self.classes.text(capability) else claim}"
+        if self._is_derived(capability):
+            return AVAILABLE, "all that it takes is there" if any(self._takes(capability)) else "it takes nothing"
+        components, capabilities = self._takes(capability)
+        lacking = [one for one in components if self._part(one) is None]
+        lacking += [one for one in capabilities if one not in self._claimed and not self._is_derived(one)]
+        short = ", ".join(map(self.classes.text, lacking))
+        return MISSING, f"{name} does not claim it and lacks {short}" if short else f"{name} does not claim it"
+
+    def _takes(self, capability: Node) -> tuple[tuple[Node, ...], tuple[Node, ...]]:
+        """Return the components and the capabilities on which a capability depends."""
+        values = self.classes.values
+        return tuple(values(capability, PROPERTIES[COMPONENT])), tuple(values(capability, PROPERTIES[CAPABILITY]))
+
+    def _is_derived(self, capability: Node) -> bool:
+        """Return whether all is there that a capability depends on; not by way of itself."""
+        if capability not in self._derived:
+            reached = _reached(capability, lambda one: self._takes(one)[1])
+            there = {one for one in reached if one in self._claimed}
+            while new := [one for one in reached if one not in there and self._follows(one, there)]:
+                there.update(new)
+            self._derived |= {one: self._follows(one, there) for one in reached}
+        return self._derived[capability]
+
+    def _follows(self, capability: Node, there: set[Node]) -> bool:
+        if _ANY_CAPABILITY not in self.classes.above(capability) or capability == _ANY_CAPABILITY:
+            return False
+        components, capabilities = self._takes(capability)
+        return self._is_robot() and there.issuperset(capabilities) and None not in map(self._part, components)
+
+    def _is_robot(self) -> bool:
+        return self.robot.model is None or any(_ROBOT in self.classes.above(kind) for kind in self.robot.model.types)
+
+    def _claims(self) -> Iterator[Node]:
+        """Yield the capabilities that the robot's classes claim, and the robot itself."""
+        model = self.robot.model
+        if model is None:
+            yield from self.robot.claims
+            return
+        if not self._is_robot():
+            return
+        below = set(model.ontology.subproperties(_HAS_CAPABILITY))
+        for triple in model.ontology.triples(model.iri):
+            if triple.predicate in below and isinstance(triple.object, str):
+                yield triple.object
+        for kind in model.types:
+            yield from self.classes.values(kind, _HAS_CAPABILITY)
+
+    @cached_property
+    def _kinds(self) -> dict[Node, str]:
+        """Classes of which the robot has a part -> its name."""
+        found: dict[Node, str] = {}
+        for part in self.robot.parts:
+            for kind in sorted(part.classes):
+                for cls in self.classes.above(kind):
+                    found.setdefault(cls, part.name)
+        return found
+
+    def _part(self, component: Node) -> str | None:
+        """Return the name of a part that is of a class, named or not; None if there is none."""
+        if isinstance(component, str) or component in self._kinds:
+            return self._kinds.get(component)
+        expression = expression_of(self.classes.ontologies[component[0]], component[1], Span(""))
+        fitting = (
+            part.name
+            for part in self.robot.parts
+            if expression is not None and part.iri is not None and self._world.satisfies(part.iri, expression)
+        )
+        return next(fitting, None)
+
+
+def _all_there(below: Iterable[Finding]) -> Availability:
+    """Return whether all is there of what counts; what a claimed capability takes is required, too."""
+    return together(one.state for top in below for one, _ in top.walk())
