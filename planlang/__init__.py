@@ -87,7 +87,13 @@ from planlang.language.recovery import (
     retry,
     with_failure_handling,
 )
-from planlang.language.recovery_strategies import ignore, look_and_repeat, look_from_another_place, recovery_strategy
+from planlang.language.recovery_strategies import (
+    fetch_again,
+    ignore,
+    look_and_repeat,
+    look_from_another_place,
+    recovery_strategy,
+)
 from planlang.language.running import run
 from planlang.runs import Trace
 
@@ -101,10 +107,12 @@ __all__ = [
     "Device",
     "Evaporated",
     "Executive",
+    "Feature",
     "Fluent",
     "Handle",
     "Host",
     "Location",
+    "MotionConstraint",
     "NoProgress",
     "Object",
     "Person",
@@ -145,6 +153,7 @@ __all__ = [
     "checkpoint",
     "evaporate",
     "explain",
+    "fetch_again",
     "given",
     "holding",
     "holds",
@@ -197,11 +206,13 @@ if TYPE_CHECKING:
     from planlang.language.ordering import given, partial_order
     from planlang.language.state_machine import state_machine
     from planlang.language.tasktree import TaskNode, TaskTree
-    from planlang.motion_constraints import a_constraint, a_feature
+    from planlang.motion_constraints import Feature, MotionConstraint, a_constraint, a_feature
 
     __version__: str
 else:  # for mypy every name would be one of planlang's
     _LATER = {
+        "Feature": "motion_constraints",
+        "MotionConstraint": "motion_constraints",
         "TaskNode": "language.tasktree",
         "TaskTree": "language.tasktree",
         "a_constraint": "motion_constraints",

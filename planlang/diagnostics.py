@@ -222,6 +222,7 @@ CODES: dict[str, str] = {
     "R057": "ordering constraints of a finite-state recipe are ignored",
     "R058": "a name is misspelt: it is unknown, and nearly the same as a known one",
     "R059": "a statement about steps or their order has no effect, or says more than was probably meant",
+    "R065": "a constraint of a motion lacks its kind or a feature, or nothing can be within its limits",
     # M: maps and worlds
     "M001": "a pose's matrix was repaired: a reflection, or not orthonormal",
     "M002": "a number is expected, and a finite one",
@@ -283,6 +284,7 @@ CODES: dict[str, str] = {
     "X010": "the environment was chosen automatically, as only it contains the named objects",
     "X011": "a file or package of process modules cannot be used",
     "X012": "several process modules perform the same action class",
+    "X013": "a robot without camera needs --trust-map to handle things",
     "X020": "the file is not a trace, or is damaged",
     "X021": "the run of a trace has ended; nothing is left to resume",
     "X022": "a trace is of another run: plan, seed, robot, map, modules or parameters differ",

@@ -270,6 +270,19 @@ class MotionConstraint(Filler):
         upper = math.inf if self.upper is None or self.upper >= most else self.upper
         return lower, upper
 
+    def within(
+        self,
+        lower: float | None,
+        upper: float | None,
+        *,
+        weight: float = 1.0,
+        speed: Speed | str | None = None,
+        name: str | None = None,
+    ) -> MotionConstraint:
+        """Return the constraint with these limits, weight and speed, and by the same name unless another is given."""
+        pace = None if speed is None else _member(_CONSTRAINT, "speed", Speed, speed)
+        return replace(self, lower=lower, upper=upper, weight=weight, speed=pace, name=name or self.name)
+
     def asks_the_same(self, other: MotionConstraint) -> bool:
         """Return True if both bound the same function by the same limits."""
         mine, others = (replace(one, weight=1.0, speed=None) for one in (self, other))

@@ -117,8 +117,9 @@ class CompileArguments(TaskArguments, VerboseArguments):
 class CheckArguments(TaskArguments):
     """Check a recipe or a plan; nothing is run.
 
-    For a recipe, lists all problems. For a plan, tells whether its recipe or the compiler has changed since it was
-    compiled, whether it was edited, and how a fresh compilation differs from it.
+    For a recipe, lists all problems; for a folder, tabulates its recipes. For a plan, tells whether its recipe
+    or the compiler has changed since it was compiled, whether it was edited, and how a fresh compilation differs from
+    it.
     """
 
     file: RecipeOrPlan
@@ -188,6 +189,9 @@ class RunArguments(TaskArguments, VerboseArguments):
     urdf: Urdf = None
     environment: Environment = None
     start: Start = None
+    trust_map: Annotated[
+        bool, typer.Option("--trust-map", help="Things count as seen where the map has them; needs no camera.")
+    ] = False
     set_: Annotated[
         list[str] | None,
         typer.Option("--set", metavar="NAME=OBJECT", help="Bind a parameter of the plan to an object; repeatable."),

@@ -24,6 +24,7 @@ from planlang.compiler.structure import DONE, FALSE, TRUE
 from planlang.compiler.tree import (
     Achieve,
     ActionTerm,
+    Again,
     Call,
     Case,
     Event,
@@ -70,7 +71,9 @@ class BodyWriter:
         """The steps whose results a branch of a partial order hands to others, by branch."""
         self._kept: dict[str, str] = {}
         """The fluent that holds the latest of what states make, by name."""
-        self._write = Expressions(symbols, self._variables, self._kept)
+        self._again: dict[str, str] = {}
+        """The local function that runs a step again, by the step's name."""
+        self._write = Expressions(symbols, self._variables, self._kept, self._again)
 
     def lines(self) -> list[str]:
         """Return the statements of the function."""
@@ -103,6 +106,10 @@ class BodyWriter:
             before, expression = self._awaited(node.body, depth)
             inside = self._bound(node, expression, depth + 1)
             return [*before, *statement(holding, depth=depth, before="async with ", after=":"), *inside]
+        if isinstance(node, Again):
+            name = self._again[node.name] = self._local_name(node.name)
+            lines = self._local_function(name, node.body, depth)
+            return [*lines, *self._bound(node, call(name), depth)]
         before, expression = self._awaited(node, depth)
         return [*before, *self._bound(node, expression, depth)]
 
@@ -210,7 +217,7 @@ class BodyWriter:
         ``key`` is what the branch is called, if it has a name.
         """
         is_giving_several = isinstance(node, (Parallel, PartialOrder)) and self._is_giving(node)
-        is_body = isinstance(node, (Series, Hold, Gate)) or is_giving_several
+        is_body = isinstance(node, (Series, Hold, Gate, Again)) or is_giving_several
         if not is_body:
             if isinstance(node, Perform) and key is not None:
                 more = {"once": "True"} if node.once else {}

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from planlang.compiler.bodies import BodyWriter
-from planlang.compiler.expressions import Symbols, is_iri, quoted
+from planlang.compiler.expressions import Expressions, Symbols, is_iri, quoted, things_of
 from planlang.compiler.layout import INDENT, WIDTH, Expression, Text, assignment, call, sequence, signature, statement
 from planlang.compiler.lowering import Lowering, check_recoveries
 from planlang.compiler.tree import Function, PlanTree
@@ -23,6 +23,7 @@ from planlang.outputs import NO_DATA_FLOW, NO_SCOPES, PlanHeader, digest
 from planlang.recipe import read_recipe
 from planlang.recipe.actions import Actions
 from planlang.recipe.model import (
+    Constraint,
     Description,
     Filler,
     Kind,
@@ -56,7 +57,7 @@ def emit(
         for thing in function.parameters:
             symbols.thing(thing)
     functions = [_function(symbols, function) for function in tree.functions]
-    places = _places(symbols)
+    places = [*_places(symbols), *(_constraint(symbols, one) for one in symbols.constraints())]
     constants = [line for thing in symbols.things() for line in _thing(symbols, thing)]
     constants += [line for place in symbols.places() if place.is_posture for line in _posture(symbols, place)]
     parts = ["", *_imports(symbols), "", *_namespaces(symbols)]
@@ -147,6 +148,22 @@ def _place(symbols: Symbols, place: Place) -> list[str]:
         *signature(f"def {symbols.place(place)}", parameters, symbols.use("Location"), depth=0),
         *_docstring([_sentence(text)], depth=1),
         *statement(call(symbols.use("a_location"), quoted(place.name), **keywords), depth=1, before="return "),
+    ]
+
+
+def _constraint(symbols: Symbols, constraint: Constraint) -> list[str]:
+    """Return the function that describes what a constraint relates; its limits stand where it is used."""
+    write = Expressions(symbols, {}, {}, {})
+    more: dict[str, Expression | str] = {} if constraint.frame is None else {"frame": quoted(constraint.frame)}
+    more["name"] = quoted(local_name(constraint.template))
+    parts = [write.feature(part) for part in (constraint.tool, constraint.world)]
+    parameters = [f"{symbols.thing(thing)}: {symbols.use(TYPES[thing.kind])}" for thing in things_of(constraint)]
+    made = call(symbols.use("a_constraint"), quoted(constraint.kind.name), *parts, **more)
+    name = symbols.constraint(constraint)
+    return [
+        *signature(f"def {name}", parameters, symbols.use("MotionConstraint"), depth=0),
+        *_docstring([_sentence(constraint.label or humanised(name))], depth=1),
+        *statement(made, depth=1, before="return "),
     ]
 
 

@@ -28,17 +28,21 @@ from planlang.compiler.tree import (
 )
 from planlang.designators import local_name
 from planlang.language.recovery_strategies import registered_strategies
-from planlang.recipe.model import Kind, Name, Place, RecipeSet, Thing
+from planlang.recipe.model import Constraint, Kind, Name, Part, Place, RecipeSet, Thing
 
 PLANLANG = frozenset(
     (
-        *("Any", "Condition", "Fluent", "Location", "Object", "Person", "Recovery"),
-        *("a_device", "a_location", "a_person", "a_posture", "a_situation", "action", "an_object", "holding"),
-        *("achieve", "at_location", "par", "partial", "partial_order", "perform", "plan"),
+        *("Any", "Condition", "Fluent", "Location", "MotionConstraint", "Object", "Person", "Recovery"),
+        *("a_constraint", "a_device", "a_feature", "a_location", "a_person", "a_posture", "a_situation", "action"),
+        *("achieve", "an_object", "at_location", "holding", "par", "partial", "partial_order", "perform", "plan"),
         *("given", "state_machine", "try_in_order", "using", "wait_for", "with_failure_handling"),
     )
 )
 """Names that a plan may import, besides failures and strategies of recovery."""
+
+
+_GENERATED = re.compile(r"_[A-Za-z0-9]{8}$")
+"""What ontology editors append to a name to make it unique."""
 
 
 class Symbols:
@@ -53,6 +57,7 @@ class Symbols:
         self._things: dict[Thing, tuple[str, str]] = {}
         """Name as a parameter, which a device is not, and as a constant."""
         self._places: dict[str, tuple[Place, str]] = {}
+        self._constraints: dict[tuple[str, Part, Part], tuple[Constraint, str]] = {}
         self.devices = dict(tree.devices)
         self.functions = {
             function.iri: self._claim(snake_case(local_name(function.iri))) for function in tree.functions
@@ -86,6 +91,14 @@ class Symbols:
             self._places[place.iri] = (place, self._claim(wanted.upper() if place.is_posture else wanted))
         return self._places[place.iri][1]
 
+    def constraint(self, constraint: Constraint) -> str:
+        """Return the function that describes the constraint without its limits."""
+        key = constraint.template, constraint.tool, constraint.world
+        if key not in self._constraints:
+            name = _GENERATED.sub("", local_name(constraint.template)) or local_name(constraint.template)
+            self._constraints[key] = constraint, self._claim(snake_case(name))
+        return self._constraints[key][1]
+
     def iri(self, iri: str) -> Sum:
         """Return an expression for an IRI: the constant of its namespace and its local name."""
         start = namespace(iri)
@@ -108,6 +121,10 @@ class Symbols:
     def places(self) -> tuple[Place, ...]:
         """Return all places named so far, by first use."""
         return tuple(place for place, _ in self._places.values())
+
+    def constraints(self) -> tuple[Constraint, ...]:
+        """Return a constraint for each function that describes some, by first use."""
+        return tuple(constraint for constraint, _ in self._constraints.values())
 
     def namespaces(self) -> list[tuple[str, str]]:
         """Return constants and the namespaces they stand for, that of the recipe first."""
@@ -215,13 +232,17 @@ def _is_branch_name(name: str) -> bool:
 class Expressions:
     """Writes expressions with the names of one module.
 
-    ``variables`` hold the results of steps (IRIs), ``kept`` what states have made last, by name.
+    ``variables`` hold the results of steps (IRIs), ``kept`` what states have made last, by name, and ``again`` runs
+    steps again, by name.
     """
 
-    def __init__(self, symbols: Symbols, variables: dict[str, str], kept: dict[str, str]) -> None:
+    def __init__(
+        self, symbols: Symbols, variables: dict[str, str], kept: dict[str, str], again: dict[str, str]
+    ) -> None:
         self._symbols = symbols
         self._variables = variables
         self._kept = kept
+        self._again = again
 
     def alternatives(self, calls: tuple[FunctionCall, ...]) -> Expression:
         """Return called functions as one branch."""
@@ -252,6 +273,10 @@ class Expressions:
                 if place.is_posture:
                     return Text(self._symbols.place(place))
                 return call(self._symbols.place(place), *map(self._symbols.thing, arguments))
+            case Part():
+                return self.feature(value)
+            case Constraint():
+                return self._constraint(value)
             case Passed(producer, otherwise):
                 return call(self._symbols.use("given"), self._variables[producer], self.value(otherwise))
             case Kept(name, otherwise):
@@ -264,6 +289,29 @@ class Expressions:
                 return Text(quoted(value))
             case _:
                 return Text(repr(value))
+
+    def feature(self, part: Part) -> Expression:
+        """Return a feature of a thing, which is a constant if it is found by the hand that holds it."""
+        thing = self._symbols.constant(part.of) if part.held_by is not None else self._symbols.thing(part.of)
+        more: dict[str, Expression | str] = {"of": thing}
+        if part.path:
+            more["path"] = sequence([self._symbols.iri(one) if is_iri(one) else Text(quoted(one)) for one in part.path])
+        if part.held_by is not None:
+            more["held_by"] = self._symbols.thing(part.held_by)
+        return call(self._symbols.use("a_feature"), **more)
+
+    def _constraint(self, constraint: Constraint) -> Expression:
+        """Return a constraint: the function of its template, with limits."""
+        things = map(self._symbols.thing, things_of(constraint))
+        template = f"{self._symbols.constraint(constraint)}({', '.join(things)})"
+        more: dict[str, Expression | str] = {}
+        if constraint.weight != 1.0:
+            more["weight"] = repr(constraint.weight)
+        if constraint.speed is not None:
+            more["speed"] = quoted(constraint.speed.name)
+        if not constraint.iri.startswith(constraint.template):
+            more["name"] = quoted(local_name(constraint.iri))
+        return call(f"{template}.within", repr(constraint.lower), repr(constraint.upper), **more)
 
     def _described(
         self, maker: str, type: str, properties: tuple[tuple[str, tuple[Value, ...]], ...]
@@ -291,11 +339,19 @@ class Expressions:
         if recovery.strategy.origin is not None:
             module, function = recovery.strategy.origin
             do = use(function, module)
-            arguments.append(do if recovery.about is None else call(do, self._symbols.thing(recovery.about)))
+            about = [] if recovery.about is None else [self._symbols.thing(recovery.about)]
+            again = [] if recovery.again is None else [self._again[recovery.again]]
+            arguments.append(call(do, *about, *again) if about else do)
         more: dict[str, Expression | str] = {"attempts": str(attempts)}
         if recovery.otherwise is not None:
             more["otherwise"] = use(recovery.otherwise, "planlang.failures")
         return call(use("Recovery"), *arguments, **more)
+
+
+def things_of(constraint: Constraint) -> list[Thing]:
+    """Return the things that a constraint is a function of: those that are found by no hand."""
+    parts = (constraint.tool, constraint.world)
+    return list(dict.fromkeys(part.of for part in parts if part.held_by is None and part.of.kind is not Kind.DEVICE))
 
 
 def partial_call(symbols: Symbols, expression: CallExpression) -> Expression:

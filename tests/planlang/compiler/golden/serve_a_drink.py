@@ -4,7 +4,7 @@ Compiled by planlang 0.1.0 from serve_a_drink.omn
 (sha256 7b3a485023f303a13a87e153027044e51f9bb691197ef8d6ac64a6b13fde1f16), task
 ServeADrink.
 What follows has sha256
-5d9749c8a53e42a19e8f9f12e8542f26393692dab4485287a99d8553962e6fdd unless
+77562c07cfc4eb8b68f0bedb4fe69c34f76fa6ef7cee0186541a6a5ea7ec58fa unless
 somebody has edited it.
 """
 
@@ -22,6 +22,7 @@ from planlang import (
     action,
     an_object,
     at_location,
+    fetch_again,
     holding,
     look_and_repeat,
     look_from_another_place,
@@ -30,6 +31,7 @@ from planlang import (
 )
 from planlang.failures import (
     GraspMissed,
+    ObjectLost,
     ObjectNotFound,
     ObjectNowhereToBeFound,
     ObjectUnfetchable,
@@ -97,36 +99,47 @@ async def grasp_bottle(*, bottle: Object = BOTTLE) -> None:
 async def serve_a_drink(*, bottle: Object = BOTTLE, patient: Person = PATIENT) -> None:
     """Serve a drink."""
 
-    # drive to where the bottle is in reach
-    async def at_grasping_place() -> None:
-        await perform(
-            action("GraspingSomething", object_acted_on=bottle, device_used=GRIPPER),
-            otherwise=partial(grasp_bottle, bottle=bottle),
-            until=holding(bottle),
+    async def fetch_bottle() -> None:
+        # drive to where the bottle is in reach
+        async def at_grasping_place() -> None:
+            await perform(
+                action(
+                    "GraspingSomething", object_acted_on=bottle, device_used=GRIPPER
+                ),
+                otherwise=partial(grasp_bottle, bottle=bottle),
+                until=holding(bottle),
+                recoveries=[
+                    Recovery(
+                        GraspMissed,
+                        look_and_repeat(bottle),
+                        attempts=2,
+                        otherwise=ObjectUnfetchable,
+                    ),
+                ],
+            )
+
+        await at_location(
+            grasping_place(bottle),
+            at_grasping_place,
+            attempts=5,
+            reaching=(approach_pose(bottle), grasp_pose(bottle)),
             recoveries=[
                 Recovery(
-                    GraspMissed,
-                    look_and_repeat(bottle),
+                    ObjectNotFound,
+                    look_from_another_place(bottle),
+                    attempts=3,
+                    otherwise=ObjectNowhereToBeFound,
+                ),
+                Recovery(
+                    ObjectLost,
+                    fetch_again(bottle),
                     attempts=2,
                     otherwise=ObjectUnfetchable,
                 ),
             ],
         )
 
-    await at_location(
-        grasping_place(bottle),
-        at_grasping_place,
-        attempts=5,
-        reaching=(approach_pose(bottle), grasp_pose(bottle)),
-        recoveries=[
-            Recovery(
-                ObjectNotFound,
-                look_from_another_place(bottle),
-                attempts=3,
-                otherwise=ObjectNowhereToBeFound,
-            ),
-        ],
-    )
+    await fetch_bottle()
 
     # drive to where the patient is in reach
     async def at_handover_place() -> None:
@@ -157,6 +170,12 @@ async def serve_a_drink(*, bottle: Object = BOTTLE, patient: Person = PATIENT) -
                 look_from_another_place(patient),
                 attempts=3,
                 otherwise=ObjectNowhereToBeFound,
+            ),
+            Recovery(
+                ObjectLost,
+                fetch_again(bottle, fetch_bottle),
+                attempts=2,
+                otherwise=ObjectUnfetchable,
             ),
         ],
     )
