@@ -128,6 +128,12 @@ def test_a_test_about_a_step_holds_with_and_without_an_order(pairs: list[tuple[s
     assert failed.unused == ("rule PurposefulAction",)
 
 
+def test_a_request_that_waits_for_a_role_is_not_in_the_way_of_the_one_that_has_it(tmp_path: Path) -> None:
+    """Import may need all roles, so Name holds the head; limit, unordered with Name, has the same module."""
+    plan = plan_in(recipe(["Import", "limit", "Name"], [("Import", "limit")]), tmp_path)
+    assert run_plan(plan, script=Script().performs("PurposefulAction")).failure is None
+
+
 def test_a_module_for_a_farther_class_does_not_replace_a_steps_own_recipe(tmp_path: Path) -> None:
     text = recipe(["Waiting2"], []).replace(
         "Class: Waiting2 SubClassOf: ", "Class: Waiting2 SubClassOf: k:subAction some Name, "
