@@ -189,9 +189,16 @@ class RunArguments(TaskArguments, VerboseArguments):
     urdf: Urdf = None
     environment: Environment = None
     start: Start = None
+    trust_map: Annotated[
+        bool, typer.Option("--trust-map", help="Things count as seen where the map has them; needs no camera.")
+    ] = False
     set_: Annotated[
         list[str] | None,
-        typer.Option("--set", metavar="NAME=OBJECT", help="Bind a parameter of the plan to an object; repeatable."),
+        typer.Option(
+            "--set",
+            metavar="NAME=THING",
+            help="Bind a parameter (NAME or STEP.PROPERTY) to a thing of the map, or a place to a phrase; repeatable.",
+        ),
     ] = None
     seed: Annotated[
         int | None,

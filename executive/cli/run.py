@@ -41,7 +41,7 @@ def command(arguments: RunArguments) -> Answer:
     notes: list[Diagnostic] = []
     environment = arguments.environment or header.environment
     if environment is None and is_bundled:
-        environment = default_environment(bindings.values(), notes)
+        environment = default_environment(found.path, bindings.values(), notes)
     semantic_map = chosen(
         Bundled.ENVIRONMENT, environment, DEFAULT_ENVIRONMENT if is_bundled else None, problems, needs=_NEEDS
     )
@@ -70,6 +70,7 @@ def command(arguments: RunArguments) -> Answer:
         urdf=arguments.urdf,
         environment=semantic_map,
         start=start or header.start,
+        trust_map=arguments.trust_map or header.trusts_map,
         bindings=bindings,
         seed=header.seed if arguments.seed is None else arguments.seed,
         schedule=header.schedule if arguments.schedule is None else arguments.schedule,
@@ -112,7 +113,7 @@ def _bindings(texts: Sequence[str]) -> dict[str, str]:
     for text in texts:
         name, equals, value = text.partition("=")
         if not (name and equals and value):
-            raise typer.BadParameter(f"{text!r} is not NAME=OBJECT; write for example --set bottle=bottle2")
+            raise typer.BadParameter(f"{text!r} is not NAME=THING; write for example --set bottle=bottle2")
         if name in bindings:
             raise typer.BadParameter(f"{name!r} is set twice")
         bindings[name] = value

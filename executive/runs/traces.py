@@ -5,13 +5,14 @@ from __future__ import annotations
 import hashlib
 import math
 import stat
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from executive.runs.parameters import Bound
 from planlang import Trace
-from planlang.designators import Object, local_name
+from planlang.designators import Location, Object, local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
 from planlang.files import Bundled
 from planlang.kernel.tree import Node
@@ -84,7 +85,7 @@ def line_of(record: Record) -> str | None:
 
 AGREE = (
     "plan", "iri", "plan_sha256", "parameters", "seed", "schedule", "rate", "start", "robot", "robot_sha256",
-    "urdf_sha256", "map", "map_sha256", "modules",
+    "urdf_sha256", "map", "map_sha256", "modules", "trusts_map",
 )  # fmt: skip
 """Keys of the header that a trace and the run that resumes it must have in common."""
 CALLED = {
@@ -95,6 +96,7 @@ CALLED = {
     "rate": "the number of steps per second",
     "start": "the robot's start",
     "modules": "the list of --modules files",
+    "trusts_map": "--trust-map",
 }
 
 
@@ -112,6 +114,7 @@ class TraceHeader:
     schedule: int | None = None
     modules: tuple[str, ...] = ()
     """Names of the files that were given by ``--modules``."""
+    trusts_map: bool = False
 
     @staticmethod
     def of(recorded: RecordedRun) -> TraceHeader:
@@ -137,6 +140,7 @@ class TraceHeader:
             seed,
             schedule,
             tuple(map(str, modules)) if isinstance(modules, Mapping) else (),
+            header.get("trusts_map") is True,
         )
 
     def plan(self, trace: str) -> str:
@@ -166,12 +170,12 @@ def read_trace(path: Path) -> tuple[RecordedRun, TraceHeader]:
     return recorded, TraceHeader.of(recorded)
 
 
-def recorded_parameters(recorded: RecordedRun, defaults: Mapping[str, Object]) -> dict[str, Object]:
+def recorded_parameters(recorded: RecordedRun, names: Collection[str]) -> dict[str, Bound]:
     """Return the parameters that the plan was run with; raises BadInput when they are not this plan's."""
     try:
         found = load(recorded.header["parameters"])
-        if found.keys() != defaults.keys() or not all(isinstance(what, Object) for what in found.values()):
-            raise ValueError(f"the plan has the parameters {', '.join(defaults) or 'none'}")
+        if found.keys() != set(names) or not all(isinstance(what, (Object, Location)) for what in found.values()):
+            raise ValueError(f"the plan has the parameters {', '.join(names) or 'none'}")
         return dict(found)
     except (KeyError, ValueError, TypeError, AttributeError, RecursionError) as problem:
         message = f"the parameters of the plan cannot be read: {problem}"
@@ -199,7 +203,8 @@ def past_of(recorded: RecordedRun) -> tuple[Past, list[Diagnostic]]:
 
 def check_same_run(recorded: RecordedRun, header: Mapping[str, Any]) -> list[Diagnostic]:
     """Raise BadInput, listing the differences, when a trace is of another run; return warnings about versions."""
-    now = {key: header[key] for key in AGREE if key in header} | {"modules": header.get("modules")}
+    now = {key: header[key] for key in AGREE if key in header}
+    now |= {key: header.get(key) for key in ("modules", "trusts_map")}
     span, problems = Span(recorded.name), []
     for key, (before, after) in differences(recorded.header, now).items():
         called = CALLED.get(key, f"the {key}")
