@@ -8,7 +8,7 @@ The header of a plan is its first docstring: what it was compiled from and how, 
     Compiled by planlang 0.1.0 from serve_a_drink.omn
     (sha256 7b3a...), task ServeADrink.
     Compiled with --no-scopes.
-    What follows has sha256 91c0... unless somebody has edited it.
+    What follows has sha256 91c0... unless it was edited.
 
 The digest is that of everything after the docstring, lines ended by a line feed, whatever ends them in the file.
 """
@@ -250,7 +250,7 @@ class PlanHeader:
             f"(sha256 {self.sha256}), task {self.task}.",
         ]
         lines += [f"Compiled with {' '.join(self.options)}."] if self.options else []
-        lines += [f"What follows has sha256 {self.digest} unless", "somebody has edited it."] if self.digest else []
+        lines += [f"What follows has sha256 {self.digest} unless it was edited."] if self.digest else []
         return lines
 
 

@@ -44,6 +44,7 @@ from planlang.compiler.tree import (
     uses_kept,
 )
 from planlang.designators import local_name
+from planlang.language.location import ATTEMPTS
 
 MOST_UNPACKED = 4
 """Branches of which results are taken by position; of more they are taken from a list, as a reader would have to count
@@ -70,7 +71,7 @@ class BodyWriter:
         """The steps whose results a branch of a partial order hands to others, by branch."""
         self._kept: dict[str, str] = {}
         """The fluent that holds the latest of what states make, by name."""
-        self._write = Expressions(symbols, self._variables, self._kept)
+        self._write = Expressions(symbols, self._variables, self._kept, self._local_name)
 
     def lines(self) -> list[str]:
         """Return the statements of the function."""
@@ -87,11 +88,22 @@ class BodyWriter:
             lines += assignment([Text(self._events[event])], made, depth=depth)
         for node in series.nodes:
             written = self._statement(node, depth)
-            lines += [*_comment(node, depth), *written]
+            places = self._places() if depth == 1 else []
+            if places and lines and any(line.startswith(f"{INDENT}async def ") for line in written):
+                lines.append("")
+            lines += [*places, *_comment(node, depth), *written]
         leaving = self._passing.leaving(series)
         if leaving:
             lines += returned(self._targets(leaving), depth=depth)
         return lines or [f"{INDENT * depth}pass"]
+
+    def _places(self) -> list[str]:
+        """Return statements that describe the places that what follows is the first to use."""
+        lines: list[str] = []
+        for name, place, location in self._write.take_places():
+            label = self._symbols.explanation(place)
+            lines += [*(_words(label, 1) if label else ()), *assignment([Text(name)], location, depth=1)]
+        return lines
 
     def _statement(self, node: Node, depth: int) -> list[str]:
         if isinstance(node, Series):
@@ -270,9 +282,11 @@ class BodyWriter:
     def _scope(self, scope: Scope, depth: int) -> tuple[list[str], CallExpression]:
         where = scope.place.otherwise if isinstance(scope.place, Passed) else scope.place
         assert isinstance(where, PlaceUse)
-        name = self._local_name(f"at_{self._symbols.place(where.place)}".lower())
+        name = self._local_name(f"at_{self._write.place(where)}".lower())
         reaching = [self._write.value(where) for where in scope.reaching]
-        more: dict[str, Expression | str] = {"attempts": str(scope.attempts)}
+        more: dict[str, Expression | str] = {}
+        if scope.attempts != ATTEMPTS:
+            more["attempts"] = str(scope.attempts)
         if reaching:
             more["reaching"] = sequence(reaching)
         use = self._symbols.use("at_location")

@@ -10,7 +10,7 @@ import builtins
 import keyword
 import re
 import unicodedata
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 from planlang.compiler.layout import Call as CallExpression
 from planlang.compiler.layout import Expression, Sum, Text, call, sequence
@@ -32,13 +32,17 @@ from planlang.recipe.model import Kind, Name, Place, RecipeSet, Thing
 
 PLANLANG = frozenset(
     (
-        *("Any", "Condition", "Fluent", "Location", "Object", "Person", "Recovery"),
-        *("a_device", "a_location", "a_person", "a_posture", "a_situation", "action", "an_object", "holding"),
-        *("achieve", "at_location", "par", "partial", "partial_order", "perform", "plan"),
-        *("given", "state_machine", "try_in_order", "using", "wait_for", "with_failure_handling"),
+        *("Any", "Condition", "Fluent", "Recovery", "achieve", "action", "at_location", "given", "holding", "par"),
+        *("partial", "partial_order", "perform", "plan", "state_machine", "try_in_order", "using", "wait_for"),
+        "with_failure_handling",
     )
 )
-"""Names that a plan may import, besides failures and strategies of recovery."""
+"""Names that a plan may import, besides designators, failures and strategies of recovery."""
+
+DESIGNATORS = frozenset(
+    ("Object", "Person", "a_device", "a_location", "a_person", "a_posture", "a_situation", "an_object")
+)
+"""Names for the things and places that a plan is about, which it imports from ``planlang.designators``."""
 
 
 class Symbols:
@@ -46,13 +50,15 @@ class Symbols:
 
     def __init__(self, tree: PlanTree, recipes: RecipeSet) -> None:
         functions = (one.origin[1] for one in registered_strategies() if one.origin is not None)
-        self._claimed: set[str] = {*PLANLANG, *functions, "RECIPE"}
+        self._claimed: set[str] = {*PLANLANG, *DESIGNATORS, *functions, "RECIPE"}
         self._names = Names(self._claimed)
         self._imports: dict[str, set[str]] = {}
         self._namespaces: dict[str, str] = {namespace(recipes.task): "RECIPE"}
         self._things: dict[Thing, tuple[str, str]] = {}
         """Name as a parameter, which a device is not, and as a constant."""
-        self._places: dict[str, tuple[Place, str]] = {}
+        self._postures: dict[str, tuple[Place, str]] = {}
+        self._explained: set[str] = set()
+        """The places (IRIs) whose description stands in the plan."""
         self.devices = dict(tree.devices)
         self.functions = {
             function.iri: self._claim(snake_case(local_name(function.iri))) for function in tree.functions
@@ -60,6 +66,8 @@ class Symbols:
 
     def use(self, name: str, module: str = "planlang") -> str:
         """Import the name from the module and return it."""
+        if name in DESIGNATORS:
+            module = "planlang.designators"
         self._imports.setdefault(module, set()).add(name)
         return name
 
@@ -79,12 +87,17 @@ class Symbols:
             self._things[thing] = name, self._claim(wanted.upper()) if has_cases else name
         return self._things[thing]
 
-    def place(self, place: Place) -> str:
-        """Return the function that describes a place, the constant of a posture."""
-        if place.iri not in self._places:
-            wanted = without_digits(snake_case(place.name))
-            self._places[place.iri] = (place, self._claim(wanted.upper() if place.is_posture else wanted))
-        return self._places[place.iri][1]
+    def posture(self, place: Place) -> str:
+        """Return the constant of a posture."""
+        if place.iri not in self._postures:
+            self._postures[place.iri] = place, self._claim(without_digits(snake_case(place.name)).upper())
+        return self._postures[place.iri][1]
+
+    def explanation(self, place: Place) -> str | None:
+        """Return the description of a place the first time that it is asked for, None afterwards."""
+        is_new = place.iri not in self._explained
+        self._explained.add(place.iri)
+        return place.label if is_new else None
 
     def iri(self, iri: str) -> Sum:
         """Return an expression for an IRI: the constant of its namespace and its local name."""
@@ -105,9 +118,9 @@ class Symbols:
         """Return all things named so far, by first use."""
         return tuple(self._things)
 
-    def places(self) -> tuple[Place, ...]:
-        """Return all places named so far, by first use."""
-        return tuple(place for place, _ in self._places.values())
+    def postures(self) -> tuple[tuple[Place, str], ...]:
+        """Return all postures named so far, by first use, each with its constant."""
+        return tuple(self._postures.values())
 
     def namespaces(self) -> list[tuple[str, str]]:
         """Return constants and the namespaces they stand for, that of the recipe first."""
@@ -215,13 +228,27 @@ def _is_branch_name(name: str) -> bool:
 class Expressions:
     """Writes expressions with the names of one module.
 
-    ``variables`` hold the results of steps (IRIs), ``kept`` what states have made last, by name.
+    ``variables`` hold the results of steps (IRIs), ``kept`` what states have made last, by name. ``claim`` gives out
+    names inside of the function that the expressions stand in.
     """
 
-    def __init__(self, symbols: Symbols, variables: dict[str, str], kept: dict[str, str]) -> None:
+    def __init__(
+        self, symbols: Symbols, variables: dict[str, str], kept: dict[str, str], claim: Callable[[str], str]
+    ) -> None:
         self._symbols = symbols
         self._variables = variables
         self._kept = kept
+        self._claim = claim
+        self._places: dict[tuple[str, tuple[Thing, ...]], str] = {}
+        self._undefined: list[tuple[str, Place, CallExpression]] = []
+
+    def take_places(self) -> list[tuple[str, Place, CallExpression]]:
+        """Return the places that have been used since the last call: variable, place, and the call that describes it.
+
+        One that refers to another stands after it.
+        """
+        taken, self._undefined = self._undefined, []
+        return taken
 
     def alternatives(self, calls: tuple[FunctionCall, ...]) -> Expression:
         """Return called functions as one branch."""
@@ -248,10 +275,8 @@ class Expressions:
         match value:
             case Thing():
                 return Text(self._symbols.thing(value))
-            case PlaceUse(place, arguments):
-                if place.is_posture:
-                    return Text(self._symbols.place(place))
-                return call(self._symbols.place(place), *map(self._symbols.thing, arguments))
+            case PlaceUse():
+                return Text(self.place(value))
             case Passed(producer, otherwise):
                 return call(self._symbols.use("given"), self._variables[producer], self.value(otherwise))
             case Kept(name, otherwise):
@@ -264,6 +289,35 @@ class Expressions:
                 return Text(quoted(value))
             case _:
                 return Text(repr(value))
+
+    def place(self, use: PlaceUse) -> str:
+        """Return the variable that holds a place, the constant of a posture."""
+        if use.place.is_posture:
+            return self._symbols.posture(use.place)
+        key = use.place.iri, use.arguments
+        if key not in self._places:
+            location = self._location(use)
+            self._places[key] = self._claim(without_digits(snake_case(use.place.name)))
+            self._undefined.append((self._places[key], use.place, location))
+        return self._places[key]
+
+    def _location(self, use: PlaceUse) -> CallExpression:
+        """Return the call that describes a place by its relations."""
+        own = dict(zip(use.place.changeable(), use.arguments, strict=True))
+        relations: dict[str, list[Expression]] = {}
+        for relation, reference in use.place.relations:
+            if isinstance(reference, Thing):
+                referred: Value = own.get(reference, reference)
+            else:
+                referred = PlaceUse(reference, tuple(own[thing] for thing in reference.changeable()))
+            relations.setdefault(relation, []).append(self.value(referred))
+        written: dict[str, Expression | str] = {
+            relation: references[0] if len(references) == 1 else sequence(references)
+            for relation, references in relations.items()
+        }
+        if (device := self._symbols.devices.get(use.place.iri)) is not None:
+            written["using"] = self._symbols.thing(device)
+        return call(self._symbols.use("a_location"), quoted(use.place.name), **written)
 
     def _described(
         self, maker: str, type: str, properties: tuple[tuple[str, tuple[Value, ...]], ...]

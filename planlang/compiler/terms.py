@@ -190,8 +190,7 @@ class Terms:
 
     def use(self, place: Place, renaming: Renaming | None = None) -> PlaceUse:
         """Return a place with the things that it depends on, renamed."""
-        things = dict.fromkeys(thing for thing in place.things() if thing.kind is not Kind.DEVICE)
-        return PlaceUse(place, tuple((renaming or {}).get(thing, thing) for thing in things))
+        return PlaceUse(place, tuple((renaming or {}).get(thing, thing) for thing in place.changeable()))
 
     def device(self, recipe: Recipe, step: Step) -> Thing | None:
         """Return the device of a step of the hand: its own, else its recipe's."""

@@ -81,9 +81,8 @@ class PlanReader:
                 return self._branch(arguments[0], scope)
             case "at_location":
                 place = arguments[0]
-                assert isinstance(place, ast.Call)
-                assert isinstance(place.func, ast.Name)
-                return Happening([f"at {place.func.id}"]).then(self._branch(arguments[1], scope))
+                assert isinstance(place, ast.Name)
+                return Happening([f"at {place.id}"]).then(self._branch(arguments[1], scope))
             case "par":
                 return self._side_by_side({k.arg: self._branch(k.value, scope, k.arg) for k in keywords}, [])
             case "partial_order":

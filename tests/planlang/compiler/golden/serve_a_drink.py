@@ -1,39 +1,15 @@
 """Serve a drink.
 
 Compiled by planlang 0.1.0 from serve_a_drink.omn
-(sha256 7b3a485023f303a13a87e153027044e51f9bb691197ef8d6ac64a6b13fde1f16), task
-ServeADrink.
-What follows has sha256
-5d9749c8a53e42a19e8f9f12e8542f26393692dab4485287a99d8553962e6fdd unless
-somebody has edited it.
+(sha256 7b3a485023f303a13a87e153027044e51f9bb691197ef8d6ac64a6b13fde1f16), task ServeADrink.
+What follows has sha256 0ad43ef3a8191776c93522c0b9314360eff24008cfee662c51872f8c8958e63d unless it was edited.
 """
 
 from functools import partial
 
-from planlang import (
-    Location,
-    Object,
-    Person,
-    Recovery,
-    a_device,
-    a_location,
-    a_person,
-    a_posture,
-    action,
-    an_object,
-    at_location,
-    holding,
-    look_and_repeat,
-    look_from_another_place,
-    perform,
-    plan,
-)
-from planlang.failures import (
-    GraspMissed,
-    ObjectNotFound,
-    ObjectNowhereToBeFound,
-    ObjectUnfetchable,
-)
+from planlang import Recovery, action, at_location, holding, look_and_repeat, look_from_another_place, perform, plan
+from planlang.designators import Object, Person, a_device, a_location, a_person, a_posture, an_object
+from planlang.failures import GraspMissed, ObjectNotFound, ObjectNowhereToBeFound, ObjectUnfetchable
 
 RECIPE = "http://planlang.org/kb/serve_a_drink.owl#"
 HOSPITAL_ROOM = "http://planlang.org/kb/hospital_room.owl#"
@@ -44,58 +20,30 @@ GRIPPER = a_device("HolderGripper", RECIPE + "gripper")
 CARRYING = a_posture("carrying")
 
 
-def approach_pose(bottle: Object) -> Location:
-    """Where the hand waits before it grasps: in front of the bottle."""
-    return a_location("approachPose", in_front_of=bottle, using=GRIPPER)
-
-
-def grasp_pose(bottle: Object) -> Location:
-    """Where the hand closes: at the centre of the bottle."""
-    return a_location("graspPose", in_center_of=bottle, using=GRIPPER)
-
-
-def grasping_place(bottle: Object) -> Location:
-    """Where the base stands to grasp: in reach of the bottle."""
-    return a_location("graspingPlace", in_reach_of=bottle, using=GRIPPER)
-
-
-def handover_place(patient: Person) -> Location:
-    """Where the base stands to hand over: in reach of the patient."""
-    return a_location("handoverPlace", in_reach_of=patient, using=GRIPPER)
-
-
-def handover_pose(patient: Person) -> Location:
-    """Where the hand offers the bottle: in reach of the patient."""
-    return a_location("handoverPose", in_reach_of=patient, using=GRIPPER)
-
-
 @plan(RECIPE + "GraspBottle")
 async def grasp_bottle(*, bottle: Object = BOTTLE) -> None:
     """Grasp a bottle."""
-    await perform(
-        action("Reaching", to_location=approach_pose(bottle), device_used=GRIPPER),
-        name="ApproachBottle",
-    )
+    # where the hand waits before it grasps
+    approach_pose = a_location("approachPose", in_front_of=bottle, using=GRIPPER)
+    await perform(action("Reaching", to_location=approach_pose, device_used=GRIPPER), name="ApproachBottle")
     await perform(action("OpeningAGripper", device_used=GRIPPER), name="OpenGripper")
-    await perform(
-        action("Reaching", to_location=grasp_pose(bottle), device_used=GRIPPER),
-        name="ReachForBottle",
-    )
+    # where the hand closes
+    grasp_pose = a_location("graspPose", in_center_of=bottle, using=GRIPPER)
+    await perform(action("Reaching", to_location=grasp_pose, device_used=GRIPPER), name="ReachForBottle")
     await perform(action("ClosingAGripper", device_used=GRIPPER), name="CloseGripper")
     # lift the bottle to where the hand came from
-    await perform(
-        action("Reaching", to_location=approach_pose(bottle), device_used=GRIPPER),
-        name="LiftBottle",
-    )
+    await perform(action("Reaching", to_location=approach_pose, device_used=GRIPPER), name="LiftBottle")
     # bring the bottle close to the robot
-    await perform(
-        action("Reaching", to_location=CARRYING, device_used=GRIPPER), name="ParkArm"
-    )
+    await perform(action("Reaching", to_location=CARRYING, device_used=GRIPPER), name="ParkArm")
 
 
 @plan(RECIPE + "ServeADrink")
 async def serve_a_drink(*, bottle: Object = BOTTLE, patient: Person = PATIENT) -> None:
     """Serve a drink."""
+    # where the base stands to grasp
+    grasping_place = a_location("graspingPlace", in_reach_of=bottle, using=GRIPPER)
+    approach_pose = a_location("approachPose", in_front_of=bottle, using=GRIPPER)
+    grasp_pose = a_location("graspPose", in_center_of=bottle, using=GRIPPER)
 
     # drive to where the bottle is in reach
     async def at_grasping_place() -> None:
@@ -103,60 +51,38 @@ async def serve_a_drink(*, bottle: Object = BOTTLE, patient: Person = PATIENT) -
             action("GraspingSomething", object_acted_on=bottle, device_used=GRIPPER),
             otherwise=partial(grasp_bottle, bottle=bottle),
             until=holding(bottle),
-            recoveries=[
-                Recovery(
-                    GraspMissed,
-                    look_and_repeat(bottle),
-                    attempts=2,
-                    otherwise=ObjectUnfetchable,
-                ),
-            ],
+            recoveries=[Recovery(GraspMissed, look_and_repeat(bottle), attempts=2, otherwise=ObjectUnfetchable)],
         )
 
     await at_location(
-        grasping_place(bottle),
+        grasping_place,
         at_grasping_place,
-        attempts=5,
-        reaching=(approach_pose(bottle), grasp_pose(bottle)),
+        reaching=(approach_pose, grasp_pose),
         recoveries=[
-            Recovery(
-                ObjectNotFound,
-                look_from_another_place(bottle),
-                attempts=3,
-                otherwise=ObjectNowhereToBeFound,
-            ),
+            Recovery(ObjectNotFound, look_from_another_place(bottle), attempts=3, otherwise=ObjectNowhereToBeFound),
         ],
     )
+
+    # where the base stands to hand over
+    handover_place = a_location("handoverPlace", in_reach_of=patient, using=GRIPPER)
+    # where the hand offers the bottle
+    handover_pose = a_location("handoverPose", in_reach_of=patient, using=GRIPPER)
 
     # drive to where the patient is in reach
     async def at_handover_place() -> None:
         # offer the bottle to the patient
-        await perform(
-            action("Reaching", to_location=handover_pose(patient), device_used=GRIPPER),
-            name="ReachToHandoverPose",
-        )
+        await perform(action("Reaching", to_location=handover_pose, device_used=GRIPPER), name="ReachToHandoverPose")
         # let go of the bottle when the patient has taken it
         await perform(
-            action(
-                "HandingOverAnObject",
-                object_acted_on=bottle,
-                recipient=patient,
-                device_used=GRIPPER,
-            ),
+            action("HandingOverAnObject", object_acted_on=bottle, recipient=patient, device_used=GRIPPER),
             name="HandOverBottle",
         )
 
     await at_location(
-        handover_place(patient),
+        handover_place,
         at_handover_place,
-        attempts=5,
-        reaching=(handover_pose(patient),),
+        reaching=(handover_pose,),
         recoveries=[
-            Recovery(
-                ObjectNotFound,
-                look_from_another_place(patient),
-                attempts=3,
-                otherwise=ObjectNowhereToBeFound,
-            ),
+            Recovery(ObjectNotFound, look_from_another_place(patient), attempts=3, otherwise=ObjectNowhereToBeFound),
         ],
     )
