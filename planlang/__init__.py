@@ -101,10 +101,12 @@ __all__ = [
     "Device",
     "Evaporated",
     "Executive",
+    "Feature",
     "Fluent",
     "Handle",
     "Host",
     "Location",
+    "MotionConstraint",
     "NoProgress",
     "Object",
     "Person",
@@ -197,11 +199,13 @@ if TYPE_CHECKING:
     from planlang.language.ordering import given, partial_order
     from planlang.language.state_machine import state_machine
     from planlang.language.tasktree import TaskNode, TaskTree
-    from planlang.motion_constraints import a_constraint, a_feature
+    from planlang.motion_constraints import Feature, MotionConstraint, a_constraint, a_feature
 
     __version__: str
 else:  # for mypy every name would be one of planlang's
     _LATER = {
+        "Feature": "motion_constraints",
+        "MotionConstraint": "motion_constraints",
         "TaskNode": "language.tasktree",
         "TaskTree": "language.tasktree",
         "a_constraint": "motion_constraints",

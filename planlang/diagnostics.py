@@ -222,6 +222,7 @@ CODES: dict[str, str] = {
     "R057": "ordering constraints of a finite-state recipe are ignored",
     "R058": "a name is misspelt: it is unknown, and nearly the same as a known one",
     "R059": "a statement about steps or their order has no effect, or says more than was probably meant",
+    "R065": "a constraint of a motion lacks its kind or a feature, or nothing can be within its limits",
     # M: maps and worlds
     "M001": "a pose's matrix was repaired: a reflection, or not orthonormal",
     "M002": "a number is expected, and a finite one",
@@ -235,9 +236,12 @@ CODES: dict[str, str] = {
     "M010": "a pose is relative to something that has no place",
     "M011": "the time of a perception cannot be read; it counts as the oldest",
     "M012": "a thing has a size but no place; it is not in the world",
-    "M013": "a compartment in which things lie is a place, not a box",
+    "M013": "furniture in which things lie is hollow behind its doors and at its compartments",
     "M014": "things lie inside of something that is modelled as a solid box",
     "M015": "a thing stands on nothing",
+    "M016": "a door inside of its furniture is moved to a face of it",
+    "M017": "the limits of a joint leave it no way to be closed and opened; those of its box are used",
+    "M018": "a direction has no three numbers, or is of length zero",
     # B: binding robots
     "B001": "a robot file is not as it should be",
     "B002": "there is no robot in the file",

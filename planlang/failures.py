@@ -347,6 +347,18 @@ class LocationUnresolvable(DesignatorFailure):
         return text
 
 
+@dataclass(eq=False, repr=False)
+class BehindClosedDoor(LocationUnresolvable):
+    """What is to be reached is behind a door, or in a drawer, that is closed; ``door`` names it."""
+
+    what: str | None = field(default=None, kw_only=True)
+    door: str | None = field(default=None, kw_only=True)
+
+    def describe(self) -> str:
+        """``no place found: DESIGNATOR: bottle1 is behind door1, which is closed``."""
+        return f"{self.text}: {self.designator}: {self.what} is behind {self.door}, which is closed"
+
+
 class ObjectUnresolvable(DesignatorFailure):
     """No known object fits the description."""
 

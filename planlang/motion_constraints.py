@@ -18,7 +18,7 @@ from inspect import signature
 from typing import TypeVar
 
 from planlang.designators import Device, Filler, Object, local_name
-from planlang.misuse import Usage, WrongType, WrongValue, amount
+from planlang.misuse import Usage, WrongType, WrongValue, amount, is_iterable
 
 Vector = tuple[float, float, float]
 
@@ -92,7 +92,7 @@ class ConstraintType:
     world_direction: bool = False
     """The same of the world feature."""
     axis: Vector = (0.0, 0.0, 0.0)
-    """Direction in the reference frame in which an offset is measured."""
+    """Direction in the reference frame in which an offset, or a height over a point, is measured."""
 
 
 class ConstraintKind(_Named):
@@ -108,7 +108,11 @@ class ConstraintKind(_Named):
         world_direction=True,
     )
     HEIGHT = ConstraintType(
-        "HeightConstraint", Measure.HEIGHT, "n . v; without d_o the z of v in the reference frame", "m"
+        "HeightConstraint",
+        Measure.HEIGHT,
+        "n . v; without d_o the z of v in the reference frame",
+        "m",
+        axis=(0.0, 0.0, 1.0),
     )
     DISTANCE = ConstraintType(
         "DistanceConstraint", Measure.DISTANCE, "|v - (n . v) n|; without d_o |v|", "m", (0.0, math.inf)
@@ -128,11 +132,6 @@ class ConstraintKind(_Named):
     RIGHT_OF = ConstraintType("RightOfConstraint", Measure.OFFSET, "-y of v", "m", axis=(0.0, -1.0, 0.0))
     BEHIND = ConstraintType("BehindConstraint", Measure.OFFSET, "x of v", "m", axis=(1.0, 0.0, 0.0))
     IN_FRONT_OF = ConstraintType("InFrontOfConstraint", Measure.OFFSET, "-x of v", "m", axis=(-1.0, 0.0, 0.0))
-
-    @property
-    def uses_frame(self) -> bool:
-        """Return True if the reference frame may matter."""
-        return self.value.measure in (Measure.OFFSET, Measure.HEIGHT)
 
     @staticmethod
     def of_owl_class(owl: str) -> ConstraintKind | None:
@@ -271,6 +270,19 @@ class MotionConstraint(Filler):
         upper = math.inf if self.upper is None or self.upper >= most else self.upper
         return lower, upper
 
+    def within(
+        self,
+        lower: float | None,
+        upper: float | None,
+        *,
+        weight: float = 1.0,
+        speed: Speed | str | None = None,
+        name: str | None = None,
+    ) -> MotionConstraint:
+        """Return the constraint with these limits, weight and speed, and by the same name unless another is given."""
+        pace = None if speed is None else _member(_CONSTRAINT, "speed", Speed, speed)
+        return replace(self, lower=lower, upper=upper, weight=weight, speed=pace, name=name or self.name)
+
     def asks_the_same(self, other: MotionConstraint) -> bool:
         """Return True if both bound the same function by the same limits."""
         mine, others = (replace(one, weight=1.0, speed=None) for one in (self, other))
@@ -353,9 +365,7 @@ def _names(kind: type[Enum]) -> str:
 def _vector(parameter: str, value: Sequence[float] | None) -> Vector | None:
     if value is None:
         return None
-    if isinstance(value, str) or not isinstance(value, Sequence):
-        raise _not_a_vector(parameter, value)
-    numbers = tuple(value)
+    numbers = tuple(value) if hasattr(value, "__len__") and is_iterable(value) and not isinstance(value, str) else value
     _check_vector(parameter, numbers)
     x, y, z = map(float, numbers)
     return x, y, z

@@ -6,7 +6,7 @@ two arrays, so that a contact query asks PyBullet about near pairs only.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from planlang.geometry import Array, Pose
 from planlang.geometry.shapes import SolidKind, half_extents, overlaps
 from sim.engine import bullet
-from sim.scene import Body, BodyShape, Scene
+from sim.scene import Body, BodyShape, Cavity, Scene
 
 FLOOR = "floor"
 """Name that the ground has in a scene without a room."""
@@ -209,8 +209,37 @@ def plain(body: Body) -> tuple[Part, ...]:
             return ()
         case BodyShape.ROOM:
             return _room(body)
+        case BodyShape.BOX if body.cavities:
+            return tuple(_around(body.size, body.cavities))
         case shape:
             return (Part(SolidKind(shape), body.size, _HERE),)
+
+
+def _around(size: tuple[float, float, float], cavities: Sequence[Cavity]) -> Iterator[Part]:
+    """Yield boxes that fill what cavities leave of a box."""
+    low, high = -np.asarray(size) / 2, np.asarray(size) / 2
+    rooms = [(np.clip(c - s / 2, low, high), np.clip(c + s / 2, low, high)) for c, s in _arrays(cavities)]
+    planes = [np.unique([low[k], high[k], *(end[k] for room in rooms for end in room)]) for k in range(3)]
+    middles = np.stack(np.meshgrid(*((axis[1:] + axis[:-1]) / 2 for axis in planes), indexing="ij"), axis=-1)
+    full = ~np.any([np.all((middles > lower) & (middles < upper), axis=-1) for lower, upper in rooms], axis=0)
+    for cell in np.argwhere(full):
+        if not full[tuple(cell)]:
+            continue  # it is a part of a box before
+        end = cell + 1
+        for k in range(3):
+            while (
+                end[k] < full.shape[k]
+                and full[tuple(map(slice, cell, np.where(np.arange(3) == k, end + 1, end)))].all()
+            ):
+                end[k] += 1
+        full[tuple(map(slice, cell, end))] = False
+        begin, stop = (np.array([planes[k][corner[k]] for k in range(3)]) for corner in (cell, end))
+        (x, y, z), (dx, dy, dz) = ((begin + stop) / 2).tolist(), (stop - begin).tolist()
+        yield Part(SolidKind.BOX, (dx, dy, dz), Pose((x, y, z)))
+
+
+def _arrays(cavities: Sequence[Cavity]) -> Iterator[tuple[Array, Array]]:
+    return ((np.array(cavity.centre), np.array(cavity.size)) for cavity in cavities)
 
 
 def _room(body: Body) -> tuple[Part, ...]:

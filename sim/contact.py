@@ -19,6 +19,7 @@ from planlang.geometry.shapes import overlaps
 from planlang.protocols import Configuration, Contact
 from sim.bodies import Bodies
 from sim.engine import bullet
+from sim.leaves import Leaves, Led
 from sim.robot import Robot
 
 TOLERANCE = 0.0005
@@ -84,8 +85,8 @@ class Query:
 class Contacts:
     """Finds penetrations for the configuration that the robot shows; held objects must be where they belong."""
 
-    def __init__(self, robot: Robot, bodies: Bodies, held: dict[str, Held]) -> None:
-        self.robot, self.bodies, self.held = robot, bodies, held
+    def __init__(self, robot: Robot, bodies: Bodies, held: dict[str, Held], leaves: Leaves) -> None:
+        self.robot, self.bodies, self.held, self.leaves = robot, bodies, held, leaves
         self.self_pairs = watched_pairs(robot)
         """Numbers of the pairs of solid links that must not touch."""
         self._pairs = np.zeros((len(robot.solid), len(robot.solid)), bool)
@@ -111,6 +112,9 @@ class Contacts:
                 self._of_held(name, query, found)
             if query.itself:
                 self._of_held_and_robot(name, query, lower, upper, found)
+        for leaf, led in self.leaves.led.items():
+            if query.others and (query.links is None or self.robot.carrier(led.link) & query.links):
+                self._of_led(leaf, led, query, lower, upper, found)
         return tuple(Contact(part, body, depth) for (part, body), depth in found.items())
 
     def _of_pair(self, part: str, body: str, query: Query, found: dict[tuple[str, str], float]) -> None:
@@ -126,6 +130,8 @@ class Contacts:
         for index in () if other is not None else self.bodies.of[body]:
             piece = self.bodies.pieces[index]
             if piece.yields and (number is None or number in self._hands):
+                continue
+            if self.leaves.led and number in self.leaves.hands_on(body):
                 continue
             if number is not None:
                 _deepen(found, part, body, self.robot.depth_with(number, piece.uid))
@@ -147,6 +153,8 @@ class Contacts:
             if query.ignores(part, piece.body):
                 continue
             if piece.yields and number in self._hands:
+                continue
+            if self.leaves.led and number in self.leaves.hands_on(piece.body):
                 continue
             if number in self.robot.grounded and self.bodies.upper[index, 2] < GROUND:
                 continue
@@ -177,6 +185,23 @@ class Contacts:
                 depth = -self.bodies.gap([mine], [index], 0.0)
                 if piece.body not in held.touched or depth > SUPPORT_DEPTH:
                     _deepen(found, name, piece.body, depth)
+
+    def _of_led(
+        self, leaf: str, led: Led, query: Query, lower: Array, upper: Array, found: dict[tuple[str, str], float]
+    ) -> None:
+        """Look for what a leaf that a hand moves runs into: other bodies, and the robot itself apart from the hand."""
+        for name in (*self.leaves.joints[leaf].bodies, *led.carried):
+            for mine in self.bodies.of[name]:
+                piece, low, high = self.bodies.pieces[mine], self.bodies.lower[mine], self.bodies.upper[mine]
+                for index in np.nonzero(self.bodies.near(low[None], high[None])[0])[0].tolist():
+                    other = self.bodies.pieces[index].body
+                    mate = other == name or other in led.touched or other in led.carried or other in self.held
+                    if not mate and not query.ignores(name, other):
+                        _deepen(found, name, other, -self.bodies.gap([mine], [index], 0.0))
+                overlap = np.all((lower <= high) & (upper >= low), axis=1)
+                for number in np.nonzero(overlap)[0].tolist():
+                    if number not in led.hand and not query.ignores(self.robot.solid_names[number], name):
+                        _deepen(found, self.robot.solid_names[number], name, self.robot.depth_with(number, piece.uid))
 
     def _of_held_and_robot(
         self, name: str, query: Query, lower: Array, upper: Array, found: dict[tuple[str, str], float]

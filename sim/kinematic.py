@@ -16,9 +16,13 @@ from sim.camera import Camera, Painter, Picture, Rays, View
 from sim.contact import PARTED, Contacts, Held, Query
 from sim.engine import bullet, connect
 from sim.falling import Falling
+from sim.leaves import Leaves, Led
 from sim.people import ComfortZone, People, parts_of
 from sim.robot import Robot
 from sim.scene import BodyShape, CameraModel, RobotBody, Scene
+
+NEAR_BY = 0.01
+"""What a leaf is not farther from when a hand begins to lead it may touch it [m]: frames, neighbours, seals."""
 
 
 class KinematicScene:
@@ -36,6 +40,7 @@ class KinematicScene:
         self._camera = Camera(self._client, self._bodies)
         self._people = People(self._bodies, rate)
         self._held: dict[str, Held] = {}
+        self._leaves = Leaves(scene, self._bodies)
         self._robot: Robot | None = None
         self._now = Configuration(scene.start, {})
         if robot is not None:
@@ -45,7 +50,7 @@ class KinematicScene:
                 self.close()
                 raise
             self._now = Configuration(scene.start, dict(self._robot.shown))
-            self._contacts = Contacts(self._robot, self._bodies, self._held)
+            self._contacts = Contacts(self._robot, self._bodies, self._held, self._leaves)
         self._rays = Rays(self._client, self._bodies, self._robot)
         self._falling = Falling(self._bodies, self._rays, rate)
         self._show(self._now)
@@ -91,6 +96,10 @@ class KinematicScene:
             if held.placed != self._robot.moves:
                 self._bodies.place(name, self._robot.link_pose(held.link) @ held.offset)
                 held.placed = self._robot.moves
+        for leaf, led in self._leaves.led.items():
+            if led.placed != self._robot.moves:
+                self._leaves.follow(leaf, self._robot.link_pose(led.link))
+                led.placed = self._robot.moves
 
     def _find(self, configuration: Configuration, query: Query) -> tuple[Contact, ...]:
         self._show(configuration)
@@ -165,6 +174,47 @@ class KinematicScene:
         """Body -> link of the robot that holds it."""
         return {name: held.link for name, held in self._held.items()}
 
+    # Doors and drawers
+
+    def joint(self, leaf: str) -> float:
+        """Return the value of a leaf's joint [rad, m]; ``KeyError`` for what is no leaf."""
+        self._here()
+        return self._leaves.values[leaf]
+
+    def set_joint(self, leaf: str, value: float) -> None:
+        """Put a leaf, with its parts and what lies inside, to a value of its joint; a hand that led it lets go.
+
+        ``KeyError`` for what is no leaf, ``ValueError`` for a value beyond the limits.
+        """
+        joint = self._leaves.joints[leaf]
+        if not joint.lower <= value <= joint.upper:
+            raise ValueError(f"the joint of {leaf} has values from {joint.lower} to {joint.upper}, not {value}")
+        self._here()
+        self._leaves.led.pop(leaf, None)
+        self._leaves.put(leaf, value, self._leaves.inside(leaf, self._held))
+
+    def lead(self, link: str, leaf: str) -> None:
+        """Let a leaf follow a link of the robot, whose fingers are closed on it, as far as its joint lets it."""
+        joint = self._leaves.joints[leaf]
+        self._here()
+        hand = self.robot.link_pose(link)
+        near = {other for name in joint.bodies for other in self._contacts.touching(name, NEAR_BY)}
+        touched = frozenset((*near, *joint.bodies, *((joint.holder,) if joint.holder else ())))
+        carried = self._leaves.inside(leaf, self._held)
+        place = self._leaves.held_place(leaf, hand)
+        self._leaves.led[leaf] = Led(link, place, self.robot.hand_of(link), touched, carried, self.robot.moves)
+
+    def let_go(self, leaf: str) -> None:
+        """Let a leaf stay where it is; nothing happens if no hand leads it."""
+        self._here()
+        self._leaves.led.pop(leaf, None)
+
+    def led(self) -> Mapping[str, str]:
+        """Leaf -> link of the robot that leads it."""
+        return {leaf: led.link for leaf, led in self._leaves.led.items()}
+
+    # Questions
+
     def support(self, name: str) -> str | None:
         """Return what a body would rest on if it were let go here; None when that is nothing."""
         self.scene.body(name)
@@ -206,6 +256,7 @@ class KinematicScene:
             tuple(sorted(self._now.joints.items())),
             tuple((name, pose.position, pose.orientation) for name, pose in self._bodies.poses.items()),
             tuple(self.attached().items()),
+            tuple(self.led().items()),
             tuple(self._falling.on_the_way),
             self._people.state(),
         )
@@ -217,6 +268,7 @@ class KinematicScene:
             **snapshots.configuration(self._now),
             **snapshots.bodies(self._bodies, self._held),
             "held": snapshots.held(self._held),
+            **snapshots.leaves(self._leaves),
             "falling": snapshots.falling(self._falling),
             **snapshots.people(self._people),
         }
@@ -228,6 +280,7 @@ class KinematicScene:
             if now.joints.keys() != self._now.joints.keys():
                 raise ValueError("the robot has other joints")
             snapshots.restore_bodies(self._bodies, state)
+            snapshots.restore_leaves(self._leaves, self._robot, self._bodies, state)
             if self._robot is not None:
                 snapshots.restore_held(self._held, self._robot, self._bodies, state["held"])
             snapshots.restore_falling(self._falling, state["falling"])

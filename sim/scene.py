@@ -16,6 +16,7 @@ import numpy as np
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import rotated
 from planlang.geometry.shapes import footprint, half_extents, inside
+from sim.joints import Articulation
 
 
 class BodyShape(StrEnum):
@@ -37,6 +38,17 @@ GRASPABLE_WIDTH = 0.12
 
 
 @dataclass(frozen=True, slots=True)
+class Cavity:
+    """Room inside a box, along the box's axes: its centre in the box's frame and its extents [m].
+
+    Where it goes beyond the box, the box is open.
+    """
+
+    centre: tuple[float, float, float]
+    size: tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
 class Body:
     """A body of the map: a box of ``size`` (along its own axes) whose centre is at ``pose``."""
 
@@ -51,6 +63,8 @@ class Body:
     movable: bool = False
     """True for what may stand elsewhere than in the map: see :func:`sim.scene.perturb`."""
     color: tuple[float, float, float, float] | None = None
+    cavities: tuple[Cavity, ...] = ()
+    """Rooms inside a box: compartments, the inside of a drawer."""
 
     def __post_init__(self) -> None:
         if self.shape not in tuple(BodyShape):
@@ -78,12 +92,17 @@ class Scene:
     """The rectangle in which a robot may drive: x_min, y_min, x_max, y_max."""
     start: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Base of the robot at the beginning: x, y, yaw."""
+    joints: tuple[Articulation, ...] = ()
+    """What turns or slides; the poses of these bodies are those when it is closed."""
 
     def __post_init__(self) -> None:
         names = [body.name for body in self.bodies]
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
             raise ValueError(f"bodies of a scene have names of their own, these occur twice: {', '.join(twice)}")
+        moving = [name for joint in self.joints for name in joint.bodies]
+        if not set(moving) <= set(names) or len(set(moving)) != len(moving):
+            raise ValueError("each body that a joint moves is a body of the scene, and moved by no other joint")
 
     def body(self, name: str) -> Body:
         """Return the body of that name; ``KeyError`` lists the names there are."""
@@ -170,7 +189,7 @@ def perturb(scene: Scene, seed: int, *, radius: float = 0.45, height: float = 1.
         if body.graspable and body.name not in room.supports.values():
             room.move_object(body)
     start = room.moved_start(radius, height)
-    return Scene(scene.with_poses(room.poses).bodies, scene.bounds, start)
+    return replace(scene.with_poses(room.poses), start=start)
 
 
 class _Room:
@@ -201,10 +220,10 @@ class _Room:
         support = self.supports[body.name]
         if support is None:
             return
-        surface = _outline(self.bodies[support], self.poses[support])
+        surfaces = list(_surfaces(self.bodies[support], self.poses[support], self.poses[body.name]))
         for shift in self._shifts(OBJECT_DISTANCE, math.pi):
             pose = _shifted(self.poses[body.name], shift, self.poses[body.name])
-            stands = all(inside(surface, point, _RIM) for point in _outline(body, pose))
+            stands = all(inside(surface, point, _RIM) for surface in surfaces for point in _outline(body, pose))
             if stands and self._is_free(body, pose, (body.name, support)):
                 self.poses[body.name] = pose
                 return
@@ -240,6 +259,15 @@ class _Room:
 
 def _outline(body: Body, pose: Pose) -> Array:
     return footprint(pose, body.size, cylinder=body.shape is BodyShape.CYLINDER)
+
+
+def _surfaces(support: Body, pose: Pose, of: Pose) -> Iterator[Array]:
+    """Yield outlines, within all of which a thing stays that stands on a body, or in a room inside of it."""
+    yield _outline(support, pose)
+    for cavity in support.cavities:
+        centre = pose @ Pose(cavity.centre)
+        if (np.abs((centre.inverse() @ of).position) < np.asarray(cavity.size) / 2).all():
+            yield footprint(centre, cavity.size)
 
 
 def _support(body: Body, bodies: Sequence[Body]) -> str | None:

@@ -16,6 +16,7 @@ from planlang.protocols import Configuration
 from sim.bodies import Bodies
 from sim.contact import Held
 from sim.falling import Falling
+from sim.leaves import Leaves, Led
 from sim.people import People
 from sim.robot import Robot
 
@@ -71,6 +72,32 @@ def restore_held(all_: dict[str, Held], robot: Robot, known: Bodies, state: Mapp
         if link not in robot.links:
             raise ValueError(f"the robot has no link {link!r}")
         all_[name] = Held(link, pose_of(offset), robot.hand_of(link), set(touched))
+
+
+def leaves(all_: Leaves) -> JSON:
+    """Return the joints that are not shut, and which hands lead leaves."""
+    led = {
+        leaf: [one.link, one.closed.tolist(), sorted(one.touched), {k: pose_json(v) for k, v in one.carried.items()}]
+        for leaf, one in all_.led.items()
+    }
+    return {"leaves": {leaf: value for leaf, value in all_.values.items() if value}, "led": led}
+
+
+def restore_leaves(all_: Leaves, robot: Robot | None, known: Bodies, state: Mapping[str, Any]) -> None:
+    """Put joints to their values, and let leaves follow the hands that led them; poses are restored before."""
+    joints, led = state["leaves"], state["led"]
+    if not {*joints, *led} <= all_.joints.keys():
+        raise ValueError(f"there is no joint of {', '.join(sorted({*joints, *led} - all_.joints.keys()))}")
+    for leaf, joint in all_.joints.items():
+        all_.values[leaf] = joint.within(_numbers([joints.get(leaf, 0.0)], 1)[0])
+    all_.led.clear()
+    for leaf, (link, closed, touched, carried) in led.items():
+        if robot is None or link not in robot.links:
+            raise ValueError(f"the robot has no link {link!r}")
+        _known(known, carried)
+        inside = {str(name): pose_of(pose) for name, pose in carried.items()}
+        place = np.array(_numbers(closed, 3), float)
+        all_.led[leaf] = Led(link, place, robot.hand_of(link), frozenset(map(str, touched)), inside)
 
 
 def falling(all_: Falling) -> JSON:

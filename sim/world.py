@@ -181,9 +181,16 @@ class PyBulletWorld(KinematicScene):
         self._here()
         if self._robot is not None:
             self._contacts.part()
+            self._slip(self._robot)
         self._people.step({name: self._bodies.poses[name] for name in self._held})
         self._falling.step()
         self.steps += 1
+
+    def _slip(self, robot: Robot) -> None:
+        """Let leaves stay behind from which a hand has slipped off."""
+        for leaf, link in self.led().items():
+            if self._leaves.strayed(leaf, robot.link_pose(link)):
+                self.let_go(leaf)
 
     def start(self, group: str, trajectory: Trajectory) -> None:
         """Begin a motion. A joint obeys the newest motion: another group that moves one of these joints is halted.

@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from executive.belief.semantic_map import MapObject, SemanticMap
 from planlang.designators import Object, local_name
 from planlang.failures import AmbiguousPerception, ObjectUnresolvable
@@ -15,6 +17,8 @@ from planlang.ontology import expand
 from planlang.protocols import Configuration, Detection
 from planlang.runs.codec import dump, load
 from sim import PlanningWorld
+from sim.joints import Articulation
+from sim.leaves import inside
 
 MOVED = 0.002
 """A thing seen within this distance of where it was believed to be has not moved [m]."""
@@ -58,8 +62,19 @@ class Belief:
         self._moves = 0
         self._bound: dict[Object, str] = {}
         self._in_vain: dict[str, list[tuple[float, float, float]]] = {}
+        self.joints: dict[str, Articulation] = {joint.leaf: joint for joint in world.scene.joints}
+        """What turns or slides, by leaf."""
+        self._values = dict.fromkeys(self.joints, 0.0)
+        self.led: dict[str, str] = {}
+        """Leaf -> link of the hand that moves it."""
+        self._moving = {name: leaf for leaf, joint in self.joints.items() for name in joint.bodies}
+        self._boxes = {body.name: body.size for body in world.scene.bodies if body.movable or body.name in self.joints}
 
     # Asking
+
+    def joint(self, leaf: str) -> float:
+        """Return how far a door or drawer is believed to be open [rad, m]; 0 is closed."""
+        return self._values[leaf]
 
     def names(self) -> tuple[str, ...]:
         """Return the names of all things with a place, in the order of the map."""
@@ -143,6 +158,31 @@ class Belief:
         if name in self._poses:
             self._put(name, pose, "felt")
 
+    def moved(self, leaf: str, value: float, how: str = "moved") -> None:
+        """Record that a leaf is at a value of its joint: its parts, and what lies inside of it, move with it."""
+        joint = self.joints[leaf]
+        value = joint.within(value)
+        if value == self._values[leaf]:
+            return
+        content = [name for name in self._boxes if name not in self.joints and name not in {*self.held, *self._taken}]
+        at, places = self._poses[leaf], np.array([self._poses[name].position for name in content]).reshape(-1, 3)
+        within = np.flatnonzero(inside(at, self._boxes[leaf], places)).tolist()
+        offsets = {content[index]: at.inverse() @ self._poses[content[index]] for index in within}
+        motion, self._values[leaf] = joint.motion(value), value
+        self._poses |= {name: motion @ self._first[name] if value else self._first[name] for name in joint.bodies}
+        self._poses |= {name: self._poses[leaf] @ offset for name, offset in offsets.items()}
+        self._changed(how, name=leaf, value=value)
+
+    def leads(self, leaf: str, link: str) -> None:
+        """Record that a hand has closed on a leaf's handle: the leaf moves with it."""
+        self.led[leaf] = link
+        self._changed("leads", name=leaf, link=link)
+
+    def let_go(self, leaf: str) -> None:
+        """Record that a leaf stays where it is."""
+        if self.led.pop(leaf, None) is not None:
+            self._changed("let go", name=leaf)
+
     def base_moved(self) -> None:
         """Record that the base has moved: things have to be looked at again before they are manipulated."""
         self._moves += 1
@@ -163,6 +203,12 @@ class Belief:
 
     def _put(self, name: str, pose: Pose, how: str) -> None:
         before = self._poses[name]
+        if name in self._moving:
+            leaf = self._moving[name]
+            value = self.joints[leaf].value_of(self._first[name], pose)
+            if abs(value - self._values[leaf]) > TURNED:
+                self.moved(leaf, value, how)
+            return
         if pose.distance(before) <= MOVED and _angle(pose, before) <= TURNED:
             return
         self._poses[name] = pose
@@ -183,6 +229,8 @@ class Belief:
             "poses": moved,
             "held": held,
             "taken": sorted(self._taken),
+            "leaves": {leaf: value for leaf, value in self._values.items() if value},
+            "led": dict(self.led),
             "seen": dict(self._seen),
             "moves": self._moves,
             "bound": [[dump(what), name] for what, name in self._bound.items()],
@@ -193,8 +241,12 @@ class Belief:
         """Believe what was believed; raises ValueError for what is no snapshot of a belief about this map."""
         try:
             unknown = {*state["poses"], *state["held"], *state["taken"], *(name for _, name in state["bound"])}
+            unknown |= {leaf for leaf in (*state["leaves"], *state["led"]) if leaf not in self.joints}
             if not unknown <= self._poses.keys():
                 raise ValueError(f"the map has no {', '.join(sorted(unknown - self._poses.keys()))}")
+            values = {leaf: float(state["leaves"].get(leaf, 0.0)) for leaf in self.joints}
+            self._values = {leaf: self.joints[leaf].within(value) for leaf, value in values.items()}
+            self.led = {leaf: str(link) for leaf, link in state["led"].items()}
             self._poses = {**self._first, **{name: _pose(pose) for name, pose in state["poses"].items()}}
             self.held = {
                 name: Grip(str(arm), str(link), _pose(offset), _pose(before))
@@ -218,7 +270,15 @@ class Belief:
         for name in world.attached():
             if name not in self.held or world.attached()[name] != self.held[name].link:
                 world.release(name)
+        for leaf in world.led():
+            if self.led.get(leaf) != world.led()[leaf]:
+                world.let_go(leaf)
         world.set_configuration(configuration)
+        for leaf, value in self._values.items():
+            if world.joint(leaf) != value:
+                world.set_joint(leaf, value)
+            if leaf in self.led and leaf not in world.led():
+                world.lead(self.led[leaf], leaf)
         there = set(world.names())
         for name, pose in self._poses.items():
             if name in self._taken:

@@ -9,11 +9,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from executive.belief.belief import Belief
+from executive.belief.hollow import room_behind
 from planlang.designators import Object
 from planlang.failures import LocationUnresolvable
 from planlang.geometry import Array, Pose
 from planlang.ontology import expand
 from sim import ComfortZone, PlanningWorld
+from sim.joints import JointKind
+from sim.leaves import inside
 from sim.scene import BodyShape
 
 LEANING = 0.05
@@ -199,6 +202,24 @@ class BelievedBodies:
                 return block.yaw + turn
         return block.yaw
 
+    def closed_before(self, name: str) -> str | None:
+        """Return the closed door behind which a body is, or the closed drawer in which it is; None without one."""
+        point = np.array(self.pose(name).position)
+        for leaf, joint in self._belief.joints.items():
+            if not joint.is_shut(self._belief.joint(leaf)):
+                continue
+            if joint.kind is JointKind.PRISMATIC:
+                if name not in joint.bodies and inside(self.pose(leaf), self.size(leaf), point[None])[0]:
+                    return leaf
+            elif joint.holder is not None and name not in (*joint.bodies, joint.holder):
+                scene = self._world.scene
+                furniture = scene.body(joint.holder)
+                room = room_behind(scene.body(leaf), furniture)
+                centre = furniture.pose @ Pose(room.centre)
+                if inside(furniture.pose, furniture.size, point[None])[0] and inside(centre, room.size, point[None])[0]:
+                    return leaf
+        return None
+
     def doors(self, name: str) -> Sequence[Door]:
         """Return the doors that a body is or has: things of the class Door, itself or hinged to it."""
         known = {thing.iri: thing for thing in self._belief.map.objects}
@@ -214,7 +235,12 @@ class BelievedBodies:
         return any(ontology.is_a(one, expand(cls)) for one in types for cls in ("Door", "DoorwayCovering"))
 
     def _door(self, name: str, owner: str) -> Door:
-        """Return a closed leaf: hinged at the vertical edge nearer to a side of its owner, else at its left edge."""
+        """Return a closed leaf: at its hinge, else at the edge nearer to a side of its owner, else at its left edge."""
+        joint = self._belief.joints.get(name)
+        if joint is not None and joint.kind is JointKind.HINGED and abs(joint.axis[2]) > 0.7:
+            closed, (x, y, _) = self._world.scene.body(name), joint.point
+            heading = math.atan2(closed.pose.position[1] - y, closed.pose.position[0] - x)
+            return Door(name, x, y, 2 * math.dist(closed.pose.position[:2], (x, y)), heading)
         leaf = self.block(name)
         along = leaf.yaw if leaf.half_x >= leaf.half_y else leaf.yaw + math.pi / 2
         half = max(leaf.half_x, leaf.half_y)

@@ -7,12 +7,15 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from executive.belief.articulation import articulated
+from executive.belief.hollow import hollowed
 from executive.belief.semantic_map import MapObject, SemanticMap
 from planlang.diagnostics import Diagnostic, note, warning
 from planlang.geometry import Array, Pose
 from planlang.geometry.shapes import corners, footprint, inside
 from planlang.ontology import expand, shorten
 from sim import Body, Scene
+from sim.joints import Articulation
 from sim.scene import GRASPABLE_WIDTH, BodyShape
 
 PENETRATION = 0.02
@@ -90,7 +93,8 @@ def scene_of(semantic_map: SemanticMap, found: list[Diagnostic] | None = None) -
     """Return the bodies of a map, in its order; what was decided on the way is appended to ``found``.
 
     Poses are box centres, the floor is z = 0. Bottles, cups and the like are cylinders, persons are persons, a room
-    with a size is its walls; things without size are markers. Things without place are left out.
+    with a size is its walls; things without size are markers. Things without place are left out. Furniture is hollow
+    where things lie in it; what turns or slides is closed.
     """
     found = [] if found is None else found
     bodies = []
@@ -99,7 +103,9 @@ def scene_of(semantic_map: SemanticMap, found: list[Diagnostic] | None = None) -
             bodies.append(_body(thing, thing.pose, semantic_map))
         elif thing.size is not None:
             found.append(note("M012", f"{thing.name} has a size but no place: not in the world", thing.span))
-    scene = Scene(tuple(_opened(bodies, semantic_map, found)), _bounds(bodies))
+    bodies, joints = articulated(bodies, semantic_map, found)
+    bodies = _opened(bodies, joints, semantic_map, found)
+    scene = Scene(tuple(bodies), _bounds(bodies), joints=joints)
     _check_support(scene, semantic_map, found)
     return scene
 
@@ -138,24 +144,29 @@ def _movable(thing: MapObject, semantic_map: SemanticMap) -> bool:
     return min(thing.size[:2]) <= GRASPABLE_WIDTH and max(thing.size) <= LONGEST
 
 
-def _opened(bodies: list[Body], semantic_map: SemanticMap, found: list[Diagnostic]) -> list[Body]:
-    """Return all bodies; a compartment with movable things inside becomes a place, other containers are reported."""
-    opened = []
-    for body in bodies:
+def _opened(
+    bodies: list[Body], joints: Sequence[Articulation], semantic_map: SemanticMap, found: list[Diagnostic]
+) -> list[Body]:
+    """Return all bodies; furniture with movable things inside is hollow, if it can be, and reported."""
+    by_iri = {body.iri: body for body in bodies}
+
+    def compartments(body: Body) -> list[Body]:
         thing = semantic_map.find(body.iri)
-        inside = [other.name for other in bodies if other.movable and other.name != body.name and holds(body, other)]
-        if thing is None or body.shape is not BodyShape.BOX or body.movable or not inside:
-            opened.append(body)
-            continue
-        holder = semantic_map.holder(thing)
-        if holder is not None and _is_a(thing, semantic_map, CONTAINERS):
-            found.append(note("M013", f"{body.name} is a compartment of {holder.name}: a place, not a box", thing.span))
-            opened.append(Body(body.name, body.pose, body.size, BodyShape.MARKER, body.iri, body.type))
-            continue
-        message = f"{', '.join(inside)} inside {body.name}, which is modelled as a solid box: out of reach"
-        found.append(warning("M014", message, thing.span, f"place it on {body.name}, or leave {body.name} out"))
-        opened.append(body)
-    return opened
+        parts = (semantic_map.find(iri) for iri in (() if thing is None else thing.parts))
+        kept = (part for part in parts if part is not None and _is_a(part, semantic_map, CONTAINERS))
+        return [by_iri[part.iri] for part in kept if part.iri in by_iri]
+
+    def report(body: Body, content: Sequence[Body], openings: Sequence[str]) -> None:
+        thing, names = semantic_map.find(body.iri), ", ".join(one.name for one in content)
+        span = None if thing is None else thing.span
+        if openings:
+            message = f"{names} inside {body.name}, which is hollow at {', '.join(openings)}"
+            found.append(note("M013", message, span))
+        elif not any(body in compartments(other) for other in bodies):
+            message = f"{names} inside {body.name}, which is modelled as a solid box: out of reach"
+            found.append(warning("M014", message, span, f"place it on {body.name}, or leave {body.name} out"))
+
+    return hollowed(bodies, joints, compartments, report)
 
 
 def _check_support(scene: Scene, semantic_map: SemanticMap, found: list[Diagnostic]) -> None:

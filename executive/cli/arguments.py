@@ -117,8 +117,9 @@ class CompileArguments(TaskArguments, VerboseArguments):
 class CheckArguments(TaskArguments):
     """Check a recipe or a plan; nothing is run.
 
-    For a recipe, lists all problems. For a plan, tells whether its recipe or the compiler has changed since it was
-    compiled, whether it was edited, and how a fresh compilation differs from it.
+    For a recipe, lists all problems; for a folder, tabulates its recipes. For a plan, tells whether its recipe
+    or the compiler has changed since it was compiled, whether it was edited, and how a fresh compilation differs from
+    it.
     """
 
     file: RecipeOrPlan

@@ -29,6 +29,10 @@ def command(arguments: CheckArguments) -> Answer:
         raise typer.BadParameter("--accept and --output need --fix")
     if arguments.fix:
         return _fixed(read_recipe_file(arguments.file), arguments)
+    if Path(arguments.file).is_dir():
+        from executive.cli.recipe_table import check_folder
+
+        return check_folder(Path(arguments.file), arguments.folders)
     found = read(arguments.file)
     if isinstance(found, RecipeFile):
         plan = compile_recipe(found.path, task=arguments.task, folders=arguments.folders)

@@ -19,7 +19,7 @@ from executive.locations.rejections import COLLISION, NO_ROOM, NOT_VISIBLE, OUT_
 from executive.motion import QuickCheck
 from executive.robots.arms import ArmModel
 from planlang.designators import Location
-from planlang.failures import LocationUnresolvable
+from planlang.failures import BehindClosedDoor, LocationUnresolvable
 from planlang.geometry import Array
 from planlang.protocols import Solution
 
@@ -97,7 +97,9 @@ class BaseValidator:
         return [arm for arm in arms if self.scene.arms.held(arm.name) is not None] or full
 
     def check_hands(self, reach: Reach, location: Location) -> None:
-        """Raise LocationUnresolvable if something is to be grasped and all hands that may do it are full."""
+        """Raise LocationUnresolvable if what is to be grasped is behind a closed door, or all hands for it are full."""
+        if reach.kind is ReachKind.GRASP and (door := self.scene.bodies.closed_before(reach.body)) is not None:
+            raise BehindClosedDoor(designator=str(location), what=reach.body, door=door)
         if self.arms_for(reach, self.scene.arms.all):
             return
         arms = [arm.name for arm in self.scene.arms.all if reach.arms is None or arm.name in reach.arms]

@@ -173,6 +173,18 @@ class QuickCheck:
         np.minimum.at(found, pairs, gaps)
         return found
 
+    def room(self, q: Array, within: float) -> tuple[Index, Index, Array]:
+        """Return pairs and rows (k,) of configurations (n, d) that have at most so much room [m], and how much (k,).
+
+        Room is what a gap has beyond the least that the pair is to keep, negative where it has less.
+        """
+        pair, row, gap, _ = self._within(self._limit + within, self._here(len(q)), q)
+        order = np.lexsort((row, pair))
+        pair, row, gap = pair[order], row[order], gap[order]
+        first = np.flatnonzero(np.diff(pair * len(q) + row, prepend=-1))
+        room = np.minimum.reduceat(gap - self._limit[pair], first) if len(first) else gap
+        return pair[first], row[first], room
+
     def keep(self, distance: float, ends: Iterable[Array]) -> None:
         """Keep everything so far apart [m], or, where that is less, as far as it is at the nearer of ``ends`` (d,).
 
@@ -181,11 +193,11 @@ class QuickCheck:
         self._most = np.min([self.gaps(q, distance + NEAREST) for q in ends], axis=0, initial=np.inf) - TOUCHING
         self._limit = np.minimum(self._least + TOUCHING + distance, self._most)
 
-    def learn(self, q: Array, pairs: Iterable[tuple[str, str]]) -> None:
-        """Learn that bodies touch at a configuration (d,): keep them farther apart, as far as the ends allow."""
+    def learn(self, q: Array, pairs: Iterable[tuple[str, str]], by: float = APART) -> None:
+        """Learn that bodies touch at a configuration (d,): keep them farther apart [m], as far as the ends allow."""
         touching = {frozenset(pair) for pair in pairs}
         hit = np.array([frozenset(pair) in touching for pair in self.names], bool)
-        raised = np.minimum(self.gaps(q, NEAREST) + APART, self._most)
+        raised = np.minimum(self.gaps(q, NEAREST + by) + by, self._most)
         # among the shapes of a link only the ones that may have touched
         hit &= raised <= raised[hit].min(initial=np.inf) + NEAREST
         self._limit = np.where(hit, np.maximum(self._limit, raised), self._limit)

@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from planlang.motion_constraints import MotionConstraint
 
 
 class MotionError(Exception):
@@ -46,6 +50,37 @@ class NoPath(MotionError):
         self.counts = dict(counts)
         done = ", ".join(f"{name} {number}" for name, number in self.counts.items())
         super().__init__(f"no path from {_numbers(self.start)} to {_numbers(self.goal)} ({done})")
+
+
+class ConstraintsContradict(MotionError):
+    """Constraints of a phase that cannot all hold; ``pairs`` are bodies that would be in each other where they do.
+
+    ``constraints`` is a smallest such set: each is needed for it. One alone contradicts the reach of the arm.
+    """
+
+    def __init__(
+        self, phase: int, constraints: Sequence[MotionConstraint], pairs: Sequence[tuple[str, str]] = ()
+    ) -> None:
+        self.phase, self.constraints, self.pairs = phase, tuple(constraints), tuple(pairs)
+        names = "; ".join(map(str, self.constraints))
+        if self.pairs:
+            problem = f"what these ask for is blocked: {names}{_told(self.pairs)}"
+        elif len(self.constraints) == 1:
+            problem = f"this is beyond the arm's reach, or is never so: {names}"
+        else:
+            problem = f"these contradict each other within the arm's reach: {names}"
+        super().__init__(f"phase {phase + 1}: {problem}")
+
+
+class NoConstrainedPath(MotionError):
+    """The end of a phase is known, but no way to it that keeps ``constraints`` and touches nothing of ``pairs``."""
+
+    def __init__(
+        self, phase: int, constraints: Sequence[MotionConstraint], pairs: Sequence[tuple[str, str]] = ()
+    ) -> None:
+        self.phase, self.constraints, self.pairs = phase, tuple(constraints), tuple(pairs)
+        kept = f" that keeps {'; '.join(map(str, self.constraints))}" if self.constraints else ""
+        super().__init__(f"phase {phase + 1}: no way was found to where it ends{kept}{_told(self.pairs)}")
 
 
 def _told(pairs: Sequence[tuple[str, str]]) -> str:

@@ -229,27 +229,27 @@ class ChainFunctions:
 
     def __init__(self, symbolic: SymbolicChain, lower: Array, upper: Array) -> None:
         """``lower`` and ``upper`` (d,) are infinite for joints that turn without end."""
-        self._symbolic, self._lower, self._upper = symbolic, lower, upper
+        self.symbolic, self._lower, self._upper = symbolic, lower, upper
 
     @cached_property
     def tip(self) -> RowFunction:
         """Forward kinematics of the tip."""
-        return RowFunction(self._symbolic.tip_function())
+        return RowFunction(self.symbolic.tip_function())
 
     @cached_property
     def jacobian(self) -> RowFunction:
         """The Jacobian of the tip."""
-        return RowFunction(self._symbolic.jacobian_function())
+        return RowFunction(self.symbolic.jacobian_function())
 
     @cached_property
     def frames(self) -> RowFunction:
         """Forward kinematics of all moving links."""
-        return RowFunction(self._symbolic.frames_function())
+        return RowFunction(self.symbolic.frames_function())
 
     @cached_property
     def step(self) -> RowFunction:
         """A step of inverse kinematics."""
-        return RowFunction(self._symbolic.step_function(self._lower, self._upper))
+        return RowFunction(self.symbolic.step_function(self._lower, self._upper))
 
     def within(self, q: Array) -> Array:
         """Return configurations (d, n) with each joint at the limit that it is beyond."""

@@ -88,21 +88,20 @@ class BodyWriter:
             lines += assignment([Text(self._events[event])], made, depth=depth)
         for node in series.nodes:
             written = self._statement(node, depth)
-            places = self._places() if depth == 1 else []
-            if places and lines and any(line.startswith(f"{INDENT}async def ") for line in written):
+            used = self._variables_used() if depth == 1 else []
+            if used and lines and any(line.startswith(f"{INDENT}async def ") for line in written):
                 lines.append("")
-            lines += [*places, *_comment(node, depth), *written]
+            lines += [*used, *_comment(node, depth), *written]
         leaving = self._passing.leaving(series)
         if leaving:
             lines += returned(self._targets(leaving), depth=depth)
         return lines or [f"{INDENT * depth}pass"]
 
-    def _places(self) -> list[str]:
-        """Return statements that describe the places that what follows is the first to use."""
+    def _variables_used(self) -> list[str]:
+        """Return statements that describe the places and constraints that what follows is the first to use."""
         lines: list[str] = []
-        for name, place, location in self._write.take_places():
-            label = self._symbols.explanation(place)
-            lines += [*(_words(label, 1) if label else ()), *assignment([Text(name)], location, depth=1)]
+        for name, comment, value in self._write.take_variables():
+            lines += [*(_words(comment, 1) if comment else ()), *assignment([Text(name)], value, depth=1)]
         return lines
 
     def _statement(self, node: Node, depth: int) -> list[str]:

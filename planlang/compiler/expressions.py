@@ -10,7 +10,7 @@ import builtins
 import keyword
 import re
 import unicodedata
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Hashable, Iterable
 
 from planlang.compiler.layout import Call as CallExpression
 from planlang.compiler.layout import Expression, Sum, Text, call, sequence
@@ -28,13 +28,13 @@ from planlang.compiler.tree import (
 )
 from planlang.designators import local_name
 from planlang.language.recovery_strategies import registered_strategies
-from planlang.recipe.model import Kind, Name, Place, RecipeSet, Thing
+from planlang.recipe.model import Constraint, Kind, Name, Part, Place, RecipeSet, Thing
 
 PLANLANG = frozenset(
     (
-        *("Any", "Condition", "Fluent", "Recovery", "achieve", "action", "at_location", "given", "holding", "par"),
-        *("partial", "partial_order", "perform", "plan", "state_machine", "try_in_order", "using", "wait_for"),
-        "with_failure_handling",
+        *("Any", "Condition", "Fluent", "Recovery", "a_constraint", "a_feature", "achieve", "action", "at_location"),
+        *("given", "holding", "par", "partial", "partial_order", "perform", "plan", "state_machine", "try_in_order"),
+        *("using", "wait_for", "with_failure_handling"),
     )
 )
 """Names that a plan may import, besides designators, failures and strategies of recovery."""
@@ -43,6 +43,10 @@ DESIGNATORS = frozenset(
     ("Object", "Person", "a_device", "a_location", "a_person", "a_posture", "a_situation", "an_object")
 )
 """Names for the things and places that a plan is about, which it imports from ``planlang.designators``."""
+
+
+_GENERATED = re.compile(r"_[A-Za-z0-9]{8}$")
+"""What ontology editors append to a name to make it unique."""
 
 
 class Symbols:
@@ -58,7 +62,7 @@ class Symbols:
         """Name as a parameter, which a device is not, and as a constant."""
         self._postures: dict[str, tuple[Place, str]] = {}
         self._explained: set[str] = set()
-        """The places (IRIs) whose description stands in the plan."""
+        """The places and templates of constraints (IRIs) whose description stands in the plan."""
         self.devices = dict(tree.devices)
         self.functions = {
             function.iri: self._claim(snake_case(local_name(function.iri))) for function in tree.functions
@@ -93,11 +97,12 @@ class Symbols:
             self._postures[place.iri] = place, self._claim(without_digits(snake_case(place.name)).upper())
         return self._postures[place.iri][1]
 
-    def explanation(self, place: Place) -> str | None:
-        """Return the description of a place the first time that it is asked for, None afterwards."""
-        is_new = place.iri not in self._explained
-        self._explained.add(place.iri)
-        return place.label if is_new else None
+    def explanation(self, what: Place | Constraint) -> str | None:
+        """Return the description of a place, or of what constraints relate, the first time that it is asked for."""
+        iri = what.iri if isinstance(what, Place) else what.template
+        is_new = iri not in self._explained
+        self._explained.add(iri)
+        return what.label if is_new else None
 
     def iri(self, iri: str) -> Sum:
         """Return an expression for an IRI: the constant of its namespace and its local name."""
@@ -239,13 +244,14 @@ class Expressions:
         self._variables = variables
         self._kept = kept
         self._claim = claim
-        self._places: dict[tuple[str, tuple[Thing, ...]], str] = {}
-        self._undefined: list[tuple[str, Place, CallExpression]] = []
+        self._held: dict[Hashable, str] = {}
+        """The variables that hold places and constraints."""
+        self._undefined: list[tuple[str, str | None, CallExpression]] = []
 
-    def take_places(self) -> list[tuple[str, Place, CallExpression]]:
-        """Return the places that have been used since the last call: variable, place, and the call that describes it.
+    def take_variables(self) -> list[tuple[str, str | None, CallExpression]]:
+        """Return the variables that have been used since the last call, each with a comment and its value.
 
-        One that refers to another stands after it.
+        One whose value refers to another stands after it.
         """
         taken, self._undefined = self._undefined, []
         return taken
@@ -277,6 +283,10 @@ class Expressions:
                 return Text(self._symbols.thing(value))
             case PlaceUse():
                 return Text(self.place(value))
+            case Part():
+                return self._feature(value)
+            case Constraint():
+                return self._constraint(value)
             case Passed(producer, otherwise):
                 return call(self._symbols.use("given"), self._variables[producer], self.value(otherwise))
             case Kept(name, otherwise):
@@ -294,12 +304,18 @@ class Expressions:
         """Return the variable that holds a place, the constant of a posture."""
         if use.place.is_posture:
             return self._symbols.posture(use.place)
-        key = use.place.iri, use.arguments
-        if key not in self._places:
-            location = self._location(use)
-            self._places[key] = self._claim(without_digits(snake_case(use.place.name)))
-            self._undefined.append((self._places[key], use.place, location))
-        return self._places[key]
+        key = use.place.iri, *use.arguments
+        return self._variable(key, use.place.name, use.place, lambda: self._location(use))
+
+    def _variable(
+        self, key: Hashable, wanted: str, what: Place | Constraint, described: Callable[[], CallExpression]
+    ) -> str:
+        """Return the variable that holds what is described; what that refers to is described before it."""
+        if key not in self._held:
+            description = described()
+            self._held[key] = self._claim(without_digits(snake_case(wanted)))
+            self._undefined.append((self._held[key], self._symbols.explanation(what), description))
+        return self._held[key]
 
     def _location(self, use: PlaceUse) -> CallExpression:
         """Return the call that describes a place by its relations."""
@@ -318,6 +334,38 @@ class Expressions:
         if (device := self._symbols.devices.get(use.place.iri)) is not None:
             written["using"] = self._symbols.thing(device)
         return call(self._symbols.use("a_location"), quoted(use.place.name), **written)
+
+    def _feature(self, part: Part) -> Expression:
+        """Return a feature of a thing, which is a constant if it is found by the hand that holds it."""
+        thing = self._symbols.constant(part.of) if part.held_by is not None else self._symbols.thing(part.of)
+        more: dict[str, Expression | str] = {"of": thing}
+        if part.path:
+            more["path"] = sequence([self._symbols.iri(one) if is_iri(one) else Text(quoted(one)) for one in part.path])
+        if part.held_by is not None:
+            more["held_by"] = self._symbols.thing(part.held_by)
+        return call(self._symbols.use("a_feature"), **more)
+
+    def _constraint(self, constraint: Constraint) -> Expression:
+        """Return a constraint: the variable that holds what its template relates, with limits."""
+        template = local_name(constraint.template)
+        key = constraint.template, constraint.tool, constraint.world
+        wanted = _GENERATED.sub("", template) or template
+        related = self._variable(key, wanted, constraint, lambda: self._related(constraint))
+        more: dict[str, Expression | str] = {}
+        if constraint.weight != 1.0:
+            more["weight"] = repr(constraint.weight)
+        if constraint.speed is not None:
+            more["speed"] = quoted(constraint.speed.name)
+        if not constraint.iri.startswith(constraint.template):
+            more["name"] = quoted(local_name(constraint.iri))
+        return call(f"{related}.within", repr(constraint.lower), repr(constraint.upper), **more)
+
+    def _related(self, constraint: Constraint) -> CallExpression:
+        """Return the call that describes what a constraint relates, without limits."""
+        features = [self._feature(part) for part in (constraint.tool, constraint.world)]
+        more: dict[str, Expression | str] = {} if constraint.frame is None else {"frame": quoted(constraint.frame)}
+        more["name"] = quoted(local_name(constraint.template))
+        return call(self._symbols.use("a_constraint"), quoted(constraint.kind.name), *features, **more)
 
     def _described(
         self, maker: str, type: str, properties: tuple[tuple[str, tuple[Value, ...]], ...]

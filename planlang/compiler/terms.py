@@ -16,10 +16,23 @@ from planlang.compiler.tree import ActionTerm, Described, Kept, Passed, PlaceUse
 from planlang.designators import local_name
 from planlang.ontology import Ontology, shorten
 from planlang.recipe.actions import Actions
-from planlang.recipe.model import Description, Filler, Flow, Kind, Name, Place, Recipe, RecipeSet, Step, Thing
+from planlang.recipe.model import (
+    Constraint,
+    Description,
+    Filler,
+    Flow,
+    Kind,
+    Name,
+    Part,
+    Place,
+    Recipe,
+    RecipeSet,
+    Step,
+    Thing,
+)
 from planlang.recipe.order import Precedence, recipe_order
 
-_T = Thing | PlaceUse | Name | str | int | float | bool
+_T = Thing | PlaceUse | Part | Constraint | Name | str | int | float | bool
 
 Renaming = dict[Thing, Thing]
 """Parameter of a called function -> thing of its caller."""
@@ -314,6 +327,10 @@ def _things(fillers: Iterable[Filler]) -> Iterator[Thing]:
             yield filler
         elif isinstance(filler, Place):
             yield from filler.things()
+        elif isinstance(filler, Constraint):
+            yield from _things((filler.tool, filler.world))
+        elif isinstance(filler, Part) and filler.held_by is None:  # what a hand holds is found by the hand
+            yield filler.of
 
 
 def _device(fillers: Iterable[Filler]) -> Thing | None:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from planlang.language.recovery_strategies import Strategy
-from planlang.recipe.model import Name, Place, Thing
+from planlang.recipe.model import Constraint, Name, Part, Place, Thing
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +31,7 @@ class Passed:
     """The result of an earlier step (IRI), or ``otherwise`` if that is not of the right kind."""
 
     producer: str
-    otherwise: Thing | PlaceUse | Name | str | int | float | bool
+    otherwise: Thing | PlaceUse | Part | Constraint | Name | str | int | float | bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,10 +39,10 @@ class Kept:
     """The last value that states have made under a name, or ``otherwise`` if it is not of the right kind."""
 
     name: str
-    otherwise: Thing | PlaceUse | Name | str | int | float | bool
+    otherwise: Thing | PlaceUse | Part | Constraint | Name | str | int | float | bool
 
 
-Value = Thing | PlaceUse | Described | Passed | Kept | Name | str | int | float | bool
+Value = Thing | PlaceUse | Part | Constraint | Described | Passed | Kept | Name | str | int | float | bool
 """A filler of a property of an action in a plan."""
 
 

@@ -81,7 +81,7 @@ def read_syntax(content: bytes, file: str, *, base: str, label: str) -> Parsed:
 MOST_DOCUMENTS = 200
 """Files that one ontology may be made of."""
 
-VOCABULARY = ("knowrob", "srdl", "roboearth", "dul", "primitives", "recovery")
+VOCABULARY = ("knowrob", "srdl", "roboearth", "dul", "motion_constraints", "primitives", "recovery")
 """Bundled files that every ontology has, then objects/."""
 
 
@@ -235,6 +235,7 @@ VOCABULARY_FILES: dict[str, str | None] = {
     "srdl2-action": "srdl.omn",
     "srdl": "srdl.omn",
     "roboearth": "roboearth.omn",
+    "motion-constraints": "motion_constraints.omn",
     "primitives": "primitives.omn",
     "recovery": "recovery.omn",
     "computable": None,

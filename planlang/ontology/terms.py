@@ -88,6 +88,7 @@ VOCABULARIES: dict[str, str] = {
     "srdl2-cap": "http://knowrob.org/kb/srdl2-cap.owl#",
     "srdl2-comp": "http://knowrob.org/kb/srdl2-comp.owl#",
     "srdl2-action": "http://knowrob.org/kb/srdl2-action.owl#",
+    "motion-constraints": "http://knowrob.org/kb/motion-constraints.owl#",
     "roboearth": ROBOEARTH,
 }
 """Prefix -> namespace of what the bundled files define; a bare name is looked for in this order."""

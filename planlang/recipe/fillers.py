@@ -342,6 +342,9 @@ def read_literal(literal: Literal, *, is_number: bool = False) -> str | int | fl
     return literal.value
 
 
+CONSTRAINED_BY = "constrainedBy"
+"""The property of motions whose fillers add up."""
+
 NO_PARAMETERS = (
     *ON_ACTIONS,
     "dependsOnCapability",
@@ -397,7 +400,8 @@ def read_parameters(
 ) -> tuple[Parameter, ...]:
     """Return the parameters of an action: ``more``, those that it states itself, and those of its ancestors.
 
-    A nearer filler replaces a farther one of the same property. A robot part given as a body part is the device used.
+    A nearer filler replaces a farther one of the same property; constraints of motions all count. A robot part given as
+    a body part is the device used.
     ``made`` are individuals that need not be defined, as another step creates them.
     """
     found: dict[str, list[Parameter]] = {}
@@ -405,7 +409,7 @@ def read_parameters(
         nearer = set(found)
         for filling in level:
             parameter = _parameter(ontology, filling, made)
-            if parameter is not None and parameter.property not in nearer:
+            if parameter is not None and (parameter.property not in nearer or parameter.property == CONSTRAINED_BY):
                 found.setdefault(parameter.property, []).append(parameter)
     return tuple(dict.fromkeys(parameter for parameters in found.values() for parameter in parameters))
 

@@ -27,6 +27,7 @@ from typing import Any, NamedTuple
 
 from planlang.designators import local_name
 from planlang.diagnostics import Span
+from planlang.motion_constraints import ConstraintKind, Speed
 
 
 class _Named:
@@ -138,7 +139,46 @@ class Name(_Named):
     iri: str
 
 
-Filler = Thing | Place | Name | str | int | float | bool
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A part of a thing, or with an empty path the thing itself.
+
+    ``path`` are the classes of the parts that lead to it, the nearest to the thing first: local names of the
+    vocabulary, else IRIs; an individual has its IRI. ``held_by`` says which thing of its class is meant.
+    """
+
+    of: Thing
+    path: tuple[str, ...] = ()
+    held_by: Thing | None = None
+
+    @property
+    def name(self) -> str:
+        """Local name of the part itself."""
+        return local_name(self.path[-1]) if self.path else self.of.name
+
+
+@dataclass(frozen=True, slots=True)
+class Constraint(_Named):
+    """A constraint of a motion: the class ``iri`` of constraints, or an individual.
+
+    ``template`` is the class (IRI) that states its features, itself or an ancestor; ``label`` that one's description.
+    For lengths in m and cosines; a limit that is None binds nothing.
+    """
+
+    iri: str
+    template: str
+    kind: ConstraintKind
+    tool: Part
+    world: Part
+    lower: float | None = None
+    upper: float | None = None
+    weight: float = 1.0
+    speed: Speed | None = None
+    frame: str | None = None
+    label: str | None = None
+
+
+Filler = Thing | Place | Part | Constraint | Name | str | int | float | bool
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,6 +18,7 @@ from planlang.recipe.checks import (
     CheckedFile,
     CheckedRecipe,
     check,
+    constraints,
     losses,
     orderings,
     parameters,
@@ -25,6 +26,7 @@ from planlang.recipe.checks import (
 )
 from planlang.recipe.checks.misspellings import corrected, misspellings
 from planlang.recipe.checks.parameters import repaired
+from planlang.recipe.constraints import read_constraints
 from planlang.recipe.fillers import action_class, nearest_in_vocabulary, read_filler, read_parameters
 from planlang.recipe.model import Description, Ordering, Parameter, Reason, Recipe, RecipeSet, Source, Step
 from planlang.recipe.order import implied_by_overlaps
@@ -168,7 +170,7 @@ def read_step(actions: Actions, sub_action: SubAction, known: frozenset[str] = f
     return Step(
         iri,
         nearest_in_vocabulary(ontology, cls or iri, primitive),
-        read_parameters(ontology, iri, sub_action.fillings, known),
+        read_constraints(ontology, read_parameters(ontology, iri, sub_action.fillings, known)),
         recipes,
         primitive,
         _label(ontology, iri) if shorten(iri) == iri else None,
@@ -285,6 +287,7 @@ ANY_RECIPE: tuple[Check[[CheckedRecipe], Iterable[Diagnostic]], ...] = (
     parameters.fillers,
     parameters.left_out,
     parameters.unrelated_places,
+    constraints.incomplete_constraints,
 )
 """Checks of recipes in any dialect."""
 

@@ -236,7 +236,7 @@ def test_only_fixes_that_wait_for_acceptance_can_be_accepted(broken_recipe: Path
     result = check(broken_recipe, "--fix", "--accept", "R999")
     assert result.exit_code == 2
     assert "error C015" in result.stderr
-    assert "codes with uncertain fixes: R010" in result.stderr
+    assert "codes with uncertain fixes: O016, R010" in result.stderr
     assert "fixes of R013 are safe: --fix applies them" in check(broken_recipe, "--fix", "--accept", "R013").stderr
     assert "R012 has no fix: any constraint of the cycle" in check(broken_recipe, "--fix", "--accept", "R012").stderr
 
@@ -245,3 +245,28 @@ def test_a_plan_is_not_fixed(tmp_path: Path) -> None:
     path = tmp_path / "plan.py"
     path.write_text("from planlang import plan\n")
     assert "error C007" in check(path, "--fix").stderr
+
+
+def test_a_folder_of_recipes_is_tabulated_task_by_task(tmp_path: Path, recipe: Path) -> None:
+    text = recipe.read_text(encoding="utf-8")
+    below = tmp_path / "below"
+    below.mkdir()
+    (below / "broken.omn").write_text(
+        text.replace("subAction some GraspBottle", "subAction some Gone"), encoding="utf-8"
+    )
+    (below / "no_ontology.omn").write_text("Class: {", encoding="utf-8")
+    result = CliRunner().invoke(app, ["check", str(tmp_path), "--json"])
+    rows = json.loads(result.stdout)["recipes"]
+    assert [(row["file"], row["task"], row["refused"] is None) for row in rows] == [
+        ("serve.omn", "ServeADrink", True),
+        ("below/broken.omn", "ServeADrink", False),
+        ("below/no_ontology.omn", None, False),
+    ]
+    assert rows[1]["refused"].startswith("R020, line ")
+    assert result.exit_code == 2
+    assert "1 of 3 compile" in CliRunner().invoke(app, ["check", str(tmp_path)]).stdout
+
+
+def test_a_folder_without_recipes_is_an_error(tmp_path: Path) -> None:
+    result = CliRunner().invoke(app, ["check", str(tmp_path)])
+    assert (result.exit_code, "no recipes in the folder" in result.stderr) == (2, True)

@@ -150,14 +150,12 @@ def test_the_real_recipe_puts_the_bottle_on_the_bed_in_the_real_room(corpus: Pat
     assert released["to"] is None, "nobody is there to take it"
 
 
-def test_a_bottle_inside_a_closed_cabinet_ends_in_a_failure_that_names_the_cabinet(
-    corpus: Path, tmp_path: Path
-) -> None:
+def test_a_bottle_inside_a_closed_cabinet_ends_in_a_failure_that_names_the_door(corpus: Path, tmp_path: Path) -> None:
     options = replace(of_corpus(corpus, "ias_hospital_room@re_stack.owl.in"), trace=tmp_path / "run.jsonl")
     result = run_plan_file(options)
     assert result.outcome is Outcome.FAILED
-    assert result.failure == ("ObjectUnreachable", "LocationUnresolvable")
-    assert re.search(r"in the way: cabinet1 \d+", result.message)
+    assert result.failure == ("ObjectUnreachable", "BehindClosedDoor")
+    assert "bottle1 is behind door1, which is closed" in result.message
     assert_complete(records_of(tmp_path / "run.jsonl"))
 
 

@@ -81,6 +81,8 @@ def prepare(command: str, folder: Path, corpus: Path) -> bool:
     """Put what a command reads into its folder: a trace, real OWL files; False when these are not at hand."""
     if command.startswith("replay") and not (folder / "run.jsonl").exists():
         output("run serve_a_drink --trace run.jsonl", folder)
+    if "corpus/" in command and not (folder / "corpus").exists():
+        (folder / "corpus").symlink_to(corpus)
     for name in re.findall(r"\S+@\S+", command):
         found = next(corpus.rglob(name), None)
         if found is None:
@@ -114,7 +116,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_an_output_in_the_documentation_is_what_its_command_prints(
     command: str, folder: Path, request: pytest.FixtureRequest
 ) -> None:
-    corpus = request.getfixturevalue("corpus") if "@" in command else folder
+    corpus = request.getfixturevalue("corpus") if "@" in command or "corpus/" in command else folder
     assert prepare(command, folder, corpus), "the corpus lacks a file that the documentation uses"
     real = output(command, folder)
     for shown in shown_outputs()[command]:

@@ -179,7 +179,8 @@ PlanFailure
   HighLevelFailure
     ObjectUnreachable ObjectUnfetchable ObjectUndeliverable ObjectNowhereToBeFound EnvironmentUnreachable
   DesignatorFailure
-    LocationUnresolvable ObjectUnresolvable ActionUnresolvable MissingCapability
+    ObjectUnresolvable ActionUnresolvable MissingCapability LocationUnresolvable
+      BehindClosedDoor
   CompositeFailure Timeout BudgetExceeded BranchEvaporated PolicyViolated GoalNotAchieved TransitionMissing
 """
 

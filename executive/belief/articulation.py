@@ -1,0 +1,350 @@
+"""The doors, drawers and lids of a map: which bodies they are, about or along which axis they move, and how far.
+
+What a file says counts first: a hinge's or slide's limits and axis. Else the box tells: a door hangs on the edge
+opposite of its handle, without one on the edge nearer to the side of its furniture; drawers slide out.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from executive.belief.semantic_map import MapObject, SemanticMap, length, stated
+from planlang.designators import local_name
+from planlang.diagnostics import Diagnostic, note, warning
+from planlang.geometry import Array, Pose
+from planlang.geometry.matrices import rotated
+from planlang.geometry.shapes import half_extents
+from planlang.ontology import Ontology, expand
+from sim import Body
+from sim.joints import Articulation, JointKind
+from sim.scene import BodyShape
+
+DOORS = ("Door", "DoorwayCovering", "ContainerLid")
+"""Classes of leaves that turn."""
+BELOW = ("Oven", "Dishwasher")
+"""Classes of furniture whose doors are hinged at the lower edge."""
+GRIPS = ("Handle", "ControlKnob")
+"""Classes of parts by which a hand moves a leaf; the first is preferred."""
+OPENED = 1.57
+"""Upper limit of a hinge of which no file says one [rad]."""
+EXTENDED = 0.8
+"""How far a drawer comes out of which no file says it, as a share of its depth."""
+UPRIGHT = 1.5
+"""A door that is wider than this many times its height turns about a level axis, unless its handle is upright."""
+LEVEL = 0.7
+"""A direction whose share of the vertical is greater is up or down."""
+AT_FACE = 0.03
+"""A door not farther than this from a face of its furniture is where it belongs [m]."""
+AT_EDGE = 0.05
+"""A hinge that a map places within this distance of an edge of the door is at that edge [m]."""
+
+
+def articulated(
+    bodies: Sequence[Body], semantic_map: SemanticMap, found: list[Diagnostic]
+) -> tuple[list[Body], tuple[Articulation, ...]]:
+    """Return the bodies, some doors moved to the face of their furniture, and the joints, in the order of the map.
+
+    What was decided on the way is appended to ``found``.
+    """
+    return _Reader(bodies, semantic_map, found).read()
+
+
+@dataclass(slots=True)
+class _Leaf:
+    """A leaf with its furniture, its parts, and unit vectors in the map: outwards, and both directions of its edges."""
+
+    thing: MapObject
+    body: Body
+    holder: Body
+    parts: list[MapObject]
+    handle: Body | None
+    outwards: Array
+    up: Array
+    across: Array
+
+    def half(self, direction: Array) -> float:
+        """Return how far the leaf extends from its middle in a direction [m]."""
+        return _half(self.body, direction)
+
+
+class _Reader:
+    def __init__(self, bodies: Sequence[Body], semantic_map: SemanticMap, found: list[Diagnostic]) -> None:
+        self.bodies = {body.iri: body for body in bodies}
+        self.map, self.found = semantic_map, found
+        self.things = {thing.iri: thing for thing in semantic_map.objects}
+        self.around = {part: thing for thing in semantic_map.objects for part in thing.parts}
+
+    def read(self) -> tuple[list[Body], tuple[Articulation, ...]]:
+        joints = []
+        for thing in self.map.objects:
+            body = self.bodies.get(thing.iri)
+            if body is None or body.shape is not BodyShape.BOX:
+                continue
+            if self.is_a(thing, DOORS):
+                joint = self._door(thing, body)
+            else:
+                joint = self._drawer(thing, body) if self.is_a(thing, ("Drawer",)) else None
+            if joint is not None:
+                joints.append(joint)
+        return list(self.bodies.values()), tuple(joints)
+
+    def is_a(self, thing: MapObject, classes: Iterable[str]) -> bool:
+        """Return whether a thing is of one of some classes."""
+        return any(self.map.ontology.is_a(cls, expand(name)) for cls in thing.types for name in classes)
+
+    # Kinds
+
+    def _door(self, thing: MapObject, body: Body) -> Articulation | None:
+        holder = self._holder(thing)
+        if holder is None or self.is_a(self.things[holder.iri], ("Drawer",)):
+            return None  # a door between rooms has no furniture, and the front of a drawer slides with it
+        leaf = self._leaf(thing, body, holder)
+        leaf = self._at_face(leaf)
+        stated = self._stated(leaf)
+        return stated if stated is not None else self._hinged(leaf)
+
+    def _drawer(self, thing: MapObject, body: Body) -> Articulation:
+        parts = self._parts(thing)
+        fronts = [part for part in parts if self.is_a(part, DOORS) and part.iri in self.bodies]
+        handle = self._handle(parts)
+        there = self.bodies[fronts[0].iri] if fronts else handle
+        holder = self._holder(thing)
+        outwards = _nearest_axis(body, None if there is None else _arrow(body, there))
+        leaf = _Leaf(thing, body, holder or body, parts, handle, outwards, *_edges(body, outwards))
+        return self._stated(leaf, JointKind.PRISMATIC) or self._joint(
+            leaf, JointKind.PRISMATIC, body.pose.position, outwards, 0.0, EXTENDED * 2 * leaf.half(outwards)
+        )
+
+    def _hinged(self, leaf: _Leaf) -> Articulation:
+        """Return the hinge that the box of a door, its handle and its furniture tell."""
+        away = None if leaf.handle is None else np.array(leaf.handle.pose.position) - leaf.body.pose.position
+        if abs(leaf.outwards[2]) > LEVEL:
+            to_hinge = self._back_of_lid(leaf, away)
+        elif self._turns_level(leaf):
+            below = self.is_a(self.things[leaf.holder.iri], BELOW) or away is None or float(away @ leaf.up) > 0
+            to_hinge = -leaf.up if below else leaf.up
+        else:
+            to_hinge = self._hinge_side(leaf, away) * leaf.across
+        x, y, z = (np.array(leaf.body.pose.position) + leaf.half(to_hinge) * to_hinge).tolist()
+        # the free edge moves outwards
+        return self._joint(leaf, JointKind.HINGED, (x, y, z), np.cross(leaf.outwards, to_hinge), 0.0, OPENED)
+
+    def _back_of_lid(self, leaf: _Leaf, away: Array | None) -> Array:
+        """Return the direction of a lid's hinge: opposite of its handle, else at the back of what it is on."""
+        wanted = -leaf.holder.pose.rotation[:, 0] if away is None else -away
+        edges = [sign * edge for edge in (leaf.up, leaf.across) for sign in (1.0, -1.0)]
+        return np.asarray(max(edges, key=lambda edge: round(float(edge @ wanted), 9)))
+
+    def _turns_level(self, leaf: _Leaf) -> bool:
+        """Return whether a door turns about a level axis."""
+        if self.is_a(self.things[leaf.holder.iri], BELOW):
+            return True
+        handle = leaf.handle
+        if handle is not None and self._is_handle(handle):
+            reach = half_extents(handle.pose, handle.size)
+            if reach[2] > max(reach[:2]):
+                return False
+        return leaf.half(leaf.up) * UPRIGHT < leaf.half(leaf.across)
+
+    def _hinge_side(self, leaf: _Leaf, away: Array | None) -> float:
+        """Return on which side the hinge of a door is: 1 in the direction ``across``, else -1."""
+        if away is not None and abs(float(away @ leaf.across)) > 1e-3:
+            return -math.copysign(1.0, float(away @ leaf.across))
+        edges = {
+            side: np.array(leaf.body.pose.position) + side * leaf.half(leaf.across) * leaf.across
+            for side in (-1.0, 1.0)
+        }
+        for hinge in self._hinges(leaf.thing):
+            place = self.things[hinge].pose if hinge in self.things else None
+            if place is not None:
+                gaps = {s: abs(float((np.array(place.position) - edge) @ leaf.across)) for s, edge in edges.items()}
+                if min(gaps.values()) <= AT_EDGE:
+                    return min(gaps, key=gaps.__getitem__)
+        room = _half(leaf.holder, leaf.across)
+        spare = {s: room - abs(float((edge - leaf.holder.pose.position) @ leaf.across)) for s, edge in edges.items()}
+        return -1.0 if spare[-1.0] <= spare[1.0] else 1.0
+
+    # What the file says
+
+    def _stated(self, leaf: _Leaf, kind: JointKind | None = None) -> Articulation | None:
+        """Return the joint that a file describes by its limits and its axis; None if it does not."""
+        for iri in self._hinges(leaf.thing):
+            lower, upper = self._limit(iri, "minJointValue"), self._limit(iri, "maxJointValue")
+            slides = self._is_joint(iri, "PrismaticJoint")
+            wanted = JointKind.PRISMATIC if slides else JointKind.HINGED
+            if upper is None or kind not in (None, wanted):
+                continue
+            joint = self._with_axis(leaf, iri, wanted)
+            low, high = sorted((lower or 0.0, upper))
+            if abs(low) > abs(high):  # it opens towards smaller values
+                axis = np.negative(joint.axis)
+                joint = replace(joint, axis=tuple(axis.tolist()))
+                low, high = -high, -low
+            if not low <= 0.0 < high:
+                message = f"{leaf.body.name} cannot be closed or not be opened: its limits are {lower} and {upper}"
+                self.found.append(
+                    warning("M017", message, leaf.thing.span, "closed is 0; limits are radians or metres")
+                )
+                continue
+            return replace(joint, lower=low, upper=high)
+        return None
+
+    def _with_axis(self, leaf: _Leaf, iri: str, kind: JointKind) -> Articulation:
+        """Return a joint with the axis of a file, else that of the box."""
+        told = self._hinged(leaf) if kind is JointKind.HINGED else None
+        point = leaf.body.pose.position if told is None else told.point
+        axis = leaf.outwards if told is None else np.array(told.axis)
+        pose = self.things[iri].pose if iri in self.things else None
+        direction = _vector(self.map.ontology, iri, "direction", self.found)
+        if direction is not None:
+            axis = direction if pose is None else rotated(pose.rotation, direction)
+            if pose is not None:
+                point = pose.position
+            else:
+                radius = self._limit(iri, "turnRadius")
+                if radius and told is not None:
+                    point = _at_radius(leaf, np.array(told.point), radius)
+        return self._joint(leaf, kind, point, axis, 0.0, OPENED)
+
+    def _limit(self, iri: str, name: str) -> float | None:
+        triple = stated(self.map.ontology, iri, name)
+        return None if triple is None else length(triple, self.found)
+
+    def _hinges(self, thing: MapObject) -> list[str]:
+        """Return the joints of a thing, which is a part of theirs, of which they are a part, or hinged to them."""
+        ontology, rigidly = self.map.ontology, expand("connectedTo-Rigidly")
+        named = [*thing.parts, *thing.hinged_to]
+        for triple in (*ontology.triples(None, rigidly), *ontology.triples(None, expand("properPhysicalParts"))):
+            if triple.object == thing.iri and isinstance(triple.subject, str):
+                named.append(triple.subject)
+        named += [one for one in ontology.values(thing.iri, rigidly) if isinstance(one, str)]
+        return [iri for iri in dict.fromkeys(named) if self._is_joint(iri, "HingedJoint", "PrismaticJoint")]
+
+    def _is_joint(self, iri: str, *classes: str) -> bool:
+        ontology = self.map.ontology
+        return any(ontology.is_a(cls, expand(name)) for cls in ontology.types(iri) for name in classes)
+
+    # Furniture and parts
+
+    def _holder(self, thing: MapObject) -> Body | None:
+        """Return the furniture that a leaf belongs to: what it is a part of, or hinged to, directly or by a joint."""
+        around = self.around.get(thing.iri)
+        names = [*((around.iri,) if around is not None else ()), *thing.hinged_to]
+        for joint in self._hinges(thing):
+            named = self.map.ontology.values(joint, expand("connectedTo-Rigidly"))
+            names += [one for one in named if isinstance(one, str) and one != thing.iri]
+            names += [one.iri for one in self.map.objects if joint in one.parts and one.iri != thing.iri]
+        for name in names:
+            body = self.bodies.get(name)
+            if body is not None and body.shape is BodyShape.BOX and name != thing.iri:
+                return body
+        return None
+
+    def _parts(self, thing: MapObject) -> list[MapObject]:
+        """Return the parts of a thing, and theirs."""
+        found = [thing]
+        for one in found:
+            found += [self.things[iri] for iri in one.parts if iri in self.things and self.things[iri] not in found]
+        return [one for one in found[1:] if one.iri in self.bodies and not self._is_joint(one.iri, "Joint-Physical")]
+
+    def _handle(self, parts: Sequence[MapObject]) -> Body | None:
+        for cls in GRIPS:
+            for part in parts:
+                if self.is_a(part, (cls,)) and self.bodies[part.iri].shape is not BodyShape.MARKER:
+                    return self.bodies[part.iri]
+        return None
+
+    def _is_handle(self, body: Body) -> bool:
+        return self.is_a(self.things[body.iri], GRIPS[:1])
+
+    # Where it is
+
+    def _leaf(self, thing: MapObject, body: Body, holder: Body) -> _Leaf:
+        parts = self._parts(thing)
+        handle = self._handle(parts)
+        normal = body.pose.rotation[:, int(np.argmin(body.size))]
+        inside = float((np.array(body.pose.position) - holder.pose.position) @ normal)
+        gap = _half(holder, normal) - abs(inside)
+        if abs(gap) > AT_FACE:  # inside of its furniture it does not say which way it opens
+            towards = _arrow(holder, handle) if handle is not None else holder.pose.rotation[:, 0]
+            inside = float(towards @ normal)
+        outwards = normal * math.copysign(1.0, inside)
+        return _Leaf(thing, body, holder, parts, handle, outwards, *_edges(body, outwards))
+
+    def _at_face(self, leaf: _Leaf) -> _Leaf:
+        """Return the leaf, moved along its normal to the face of its furniture if it is not there."""
+        local = leaf.holder.pose.rotation.T @ leaf.outwards
+        axis = int(np.argmax(np.abs(local)))
+        normal = leaf.holder.pose.rotation[:, axis] * math.copysign(1.0, local[axis])
+        away = float((np.array(leaf.body.pose.position) - leaf.holder.pose.position) @ normal)
+        missing = (leaf.holder.size[axis] / 2 - away) / float(normal @ leaf.outwards)
+        if abs(missing) <= AT_FACE:
+            return leaf
+        position = np.array(leaf.body.pose.position) + missing * leaf.outwards
+        body = replace(leaf.body, pose=Pose(tuple(position.tolist()), leaf.body.pose.orientation))
+        self.bodies[body.iri] = body
+        where = "the face where its handle is" if leaf.handle is not None else "its front"
+        message = f"{body.name} is {abs(missing):.2f} m away from {where} of {leaf.holder.name}: moved there"
+        self.found.append(note("M016", message, leaf.thing.span))
+        return replace(leaf, body=body)
+
+    def _joint(
+        self, leaf: _Leaf, kind: JointKind, point: tuple[float, float, float], axis: Array, lower: float, upper: float
+    ) -> Articulation:
+        x, y, z = (axis / np.linalg.norm(axis)).tolist()
+        parts = tuple(self.bodies[part.iri].name for part in leaf.parts)
+        holder = None if leaf.holder is leaf.body else leaf.holder.name
+        handle = None if leaf.handle is None else leaf.handle.name
+        return Articulation(leaf.body.name, kind, point, (x, y, z), lower, upper, holder, parts, handle)
+
+
+def _half(body: Body, direction: Array) -> float:
+    """Return how far a body's box extends from its middle in a direction [m]."""
+    return float(np.abs(body.pose.rotation.T @ direction) @ (np.asarray(body.size) / 2))
+
+
+def _arrow(of: Body, to: Body) -> Array:
+    return np.array(to.pose.position) - of.pose.position
+
+
+def _nearest_axis(body: Body, arrow: Array | None) -> Array:
+    """Return the level axis of a body, in the map, that points most along an arrow; its x axis without one."""
+    if arrow is None:
+        return np.asarray(body.pose.rotation[:, 0])
+    axes = [sign * body.pose.rotation[:, k] for k in range(3) for sign in (1.0, -1.0)]
+    return np.asarray(max((a for a in axes if abs(a[2]) < LEVEL), key=lambda a: round(float(a @ arrow), 9)))
+
+
+def _edges(body: Body, outwards: Array) -> tuple[Array, Array]:
+    """Return the axes of a leaf that lie in it: the one that points up most, and the other one."""
+    normal = int(np.argmax(np.abs(body.pose.rotation.T @ outwards)))
+    axes = [body.pose.rotation[:, k] for k in range(3) if k != normal]
+    up, across = sorted(axes, key=lambda axis: -abs(round(float(axis[2]), 6)))
+    return np.asarray(up * math.copysign(1.0, up[2])), np.asarray(across)
+
+
+def _at_radius(leaf: _Leaf, point: Array, radius: float) -> tuple[float, float, float]:
+    """Return the point of an axis that is so far from the free edge, beside an edge of the leaf."""
+    centre = np.array(leaf.body.pose.position)
+    towards = (point - centre) / np.linalg.norm(point - centre)
+    x, y, z = (centre + (radius - leaf.half(towards)) * towards).tolist()
+    return (x, y, z)
+
+
+def _vector(ontology: Ontology, subject: str, prop: str, found: list[Diagnostic]) -> Array | None:
+    """Return the unit vector (3,) that a property of a subject names, by vectorX, vectorY and vectorZ; None without."""
+    triple = stated(ontology, subject, prop)
+    if triple is None or not isinstance(triple.object, str):
+        return None
+    parts = [stated(ontology, triple.object, name) for name in ("vectorX", "vectorY", "vectorZ")]
+    values = [None if part is None else length(part, found) for part in parts]
+    if None in values or not any(values):
+        message = f"{local_name(triple.object)} is no direction"
+        found.append(warning("M018", message, triple.span, "a direction has vectorX, vectorY and vectorZ, not all 0"))
+        return None
+    vector = np.array(values, float)
+    return np.asarray(vector / np.linalg.norm(vector))

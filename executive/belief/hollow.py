@@ -1,0 +1,146 @@
+"""Furniture in which things lie: it is hollow behind its doors, where it has compartments, and drawers are open above.
+
+What is empty stays a solid box: nobody reaches into it, and boxes are cheap.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from planlang.geometry import Array
+from planlang.geometry.shapes import corners
+from sim import Body
+from sim.joints import Articulation, JointKind
+from sim.leaves import inside
+from sim.scene import BodyShape, Cavity
+
+WALL = 0.02
+"""Thickness of walls and shelves of which nothing is known [m]."""
+SHEET = 0.01
+"""The same for drawers [m]."""
+BEYOND = 0.1
+"""How far the room of a compartment goes beyond the open side of its furniture [m]."""
+ROOM_FOR_IT = 0.05
+"""A thing that sticks into a shelf or a wall by no more than this has room there: maps are not better [m]."""
+
+
+def hollowed(
+    bodies: Sequence[Body],
+    joints: Iterable[Articulation],
+    compartments: Callable[[Body], Sequence[Body]],
+    report: Callable[[Body, Sequence[Body], Sequence[str]], None],
+) -> list[Body]:
+    """Return all bodies, those with movable things inside hollow where these can be reached.
+
+    ``compartments`` are parts of furniture inside of which things may lie. ``report`` is told the furniture, what lies
+    inside and the names of its openings, none if there is no way to reach into it.
+    """
+    by_name = {body.name: body for body in bodies}
+    slides = {joint.leaf for joint in joints if joint.kind is JointKind.PRISMATIC}
+    doors: dict[str, list[Body]] = {}
+    for joint in joints:
+        if joint.kind is JointKind.HINGED and joint.holder is not None:
+            doors.setdefault(joint.holder, []).append(by_name[joint.leaf])
+    movable = [body for body in bodies if body.movable]
+    for body in bodies if movable else ():
+        content = [] if body.movable or body.shape is not BodyShape.BOX else _content(body, movable)
+        if not content:
+            continue
+        parts = [part for part in compartments(body) if part.name not in slides]
+        rooms = {door.name: room_behind(door, body) for door in doors.get(body.name, ())}
+        front = _front(body, doors.get(body.name, ()))
+        rooms |= {part.name: _compartment(part, body, *front) for part in parts if part.name not in doors}
+        if body.name in slides:
+            rooms = {body.name: _open_above(body)}
+        held = [thing for thing in content if any(_is_in(room, body, thing) for room in rooms.values())]
+        report(body, content, [*rooms] if held else [])
+        if held:
+            cavities = tuple(_with_room(room, body, held) for room in rooms.values())
+            by_name[body.name] = replace(body, cavities=cavities)
+            for part in parts:
+                if part.name in rooms:
+                    by_name[part.name] = replace(by_name[part.name], shape=BodyShape.MARKER, cavities=())
+    return list(by_name.values())
+
+
+def room_behind(leaf: Body, furniture: Body) -> Cavity:
+    """Return the room in furniture, in its frame, that a leaf closes: as high and wide as the leaf, up to the back."""
+    half, (axis, sign) = np.asarray(furniture.size) / 2, face_of(leaf, furniture)
+    local = _in_frame(leaf, furniture)
+    low, high = (np.clip(end, -half + WALL, half - WALL) for end in (local.min(axis=0), local.max(axis=0)))
+    back, front = -half[axis] + WALL, half[axis] + BEYOND
+    low[axis], high[axis] = (back, front) if sign > 0 else (-front, -back)
+    return _cavity(low, high)
+
+
+def face_of(leaf: Body, furniture: Body) -> tuple[int, float]:
+    """Return the face of furniture that a closed leaf is at: an axis of the furniture, and 1 or -1 along it."""
+    normal = leaf.pose.rotation[:, int(np.argmin(leaf.size))]
+    axis = int(np.argmax(np.abs(furniture.pose.rotation.T @ normal)))
+    local = (furniture.pose.inverse() @ leaf.pose).position
+    return axis, 1.0 if local[axis] >= 0 else -1.0
+
+
+def _content(body: Body, movable: Sequence[Body]) -> list[Body]:
+    """Return those of movable bodies whose centre is inside a piece of furniture."""
+    found = inside(body.pose, body.size, np.array([other.pose.position for other in movable]))
+    return [movable[index] for index in np.flatnonzero(found).tolist()]
+
+
+def _front(body: Body, doors: Sequence[Body]) -> tuple[int, float]:
+    """Return the open face of furniture: where its doors are, else its x axis."""
+    return face_of(doors[0], body) if doors else (0, 1.0)
+
+
+def _compartment(part: Body, furniture: Body, axis: int, sign: float) -> Cavity:
+    half, local = np.asarray(furniture.size) / 2, _in_frame(part, furniture)
+    low, high = local.min(axis=0), local.max(axis=0)
+    if sign > 0:
+        high[axis] = half[axis] + BEYOND
+    else:
+        low[axis] = -half[axis] - BEYOND
+    return _cavity(low, high)
+
+
+def _open_above(body: Body) -> Cavity:
+    """Return the inside of a drawer."""
+    half = np.asarray(body.size) / 2
+    up = body.pose.rotation[2]
+    axis = int(np.argmax(np.abs(up)))
+    low, high = -half + SHEET, half - SHEET
+    if up[axis] > 0:
+        high[axis] = half[axis] + BEYOND
+    else:
+        low[axis] = -half[axis] - BEYOND
+    return _cavity(low, high)
+
+
+def _is_in(room: Cavity, body: Body, thing: Body) -> bool:
+    local = np.array((body.pose.inverse() @ thing.pose).position) - room.centre
+    return bool(np.all(np.abs(local) < np.asarray(room.size) / 2))
+
+
+def _with_room(room: Cavity, body: Body, things: Iterable[Body]) -> Cavity:
+    """Return a cavity in which things are that belong there: a shelf into which one sticks a little gives way."""
+    low, high = (np.asarray(room.centre) + sign * np.asarray(room.size) / 2 for sign in (-1.0, 1.0))
+    for thing in things:
+        if _is_in(room, body, thing):
+            local = _in_frame(thing, body)
+            lower, upper = local.min(axis=0), local.max(axis=0)
+            low = np.where((lower < low) & (lower > low - ROOM_FOR_IT), lower, low)
+            high = np.where((upper > high) & (upper < high + ROOM_FOR_IT), upper, high)
+    return _cavity(low, high)
+
+
+def _in_frame(body: Body, furniture: Body) -> Array:
+    """Return the corners (8, 3) of a body's box in the frame of furniture."""
+    pose = furniture.pose.inverse() @ body.pose
+    return corners(pose, body.size)
+
+
+def _cavity(low: Array, high: Array) -> Cavity:
+    (x, y, z), (dx, dy, dz) = ((low + high) / 2).tolist(), np.maximum(high - low, 0.0).tolist()
+    return Cavity((x, y, z), (dx, dy, dz))

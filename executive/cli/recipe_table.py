@@ -1,0 +1,96 @@
+"""A folder of recipes as a table: of each task in each file whether it compiles, and what stands against it."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from executive.cli.console import Answer, ExitCode
+from planlang.compiler import compile_ontology
+from planlang.designators import local_name
+from planlang.diagnostics import BadInput, Diagnostic, Severity, error
+from planlang.files import printable
+from planlang.ontology import load
+from planlang.recipe import Actions
+from planlang.recipe.reading import top_tasks
+
+SUFFIXES = (".omn", ".owl", ".owl.in", ".ttl", ".nt", ".rdf")
+"""Suffixes of the files that are looked at."""
+MOST_FILES = 2_000
+"""Files of a folder: more belong to no collection of recipes."""
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """A task of a file: ``steps`` in its recipes, how many of them nothing performs, codes of what is reported.
+
+    ``refused`` is the first error, None if the task compiles; ``task`` is None for a file without one.
+    """
+
+    file: str
+    task: str | None
+    steps: int = 0
+    unperformed: int = 0
+    warnings: str = ""
+    refused: str | None = None
+
+
+def check_folder(folder: Path, folders: Sequence[Path]) -> Answer:
+    """Compile every task of every file; raises BadInput for a folder without ontologies."""
+    files = list(_files(folder))
+    if not files:
+        advice = f"recipes have one of the suffixes {', '.join(SUFFIXES)}"
+        raise BadInput([error("C001", f"no recipes in the folder {folder}", help=advice)])
+    if len(files) > MOST_FILES:
+        raise BadInput(
+            [error("C001", f"more than {MOST_FILES} files in the folder {folder}", help="name one below it")]
+        )
+    rows = [row for file in files for row in _rows(file, folder, folders)]
+    compiled = sum(row.refused is None for row in rows)
+    lines = ["| file | task | steps | nothing performs | warnings | refused for |", "|---|---|---|---|---|---|"]
+    lines += [f"| {' | '.join(_cells(row))} |" for row in rows]
+    text = "\n".join((*lines, "", f"{compiled} of {len(rows)} compile"))
+    code = ExitCode.DONE if compiled == len(rows) else ExitCode.BAD_INPUT
+    return Answer(code, (), text, {"kind": "folder", "recipes": [asdict(row) for row in rows]})
+
+
+def _files(folder: Path) -> Iterator[Path]:
+    """Yield the files below a folder, by name; links to folders are not followed."""
+    for here, below, names in os.walk(folder):
+        below.sort()
+        yield from (Path(here, name) for name in sorted(names) if name.endswith(SUFFIXES))
+
+
+def _rows(file: Path, folder: Path, folders: Sequence[Path]) -> Iterator[Row]:
+    name = printable(str(file.relative_to(folder)))
+    try:
+        ontology = load(file, folders=folders)
+    except BadInput as problem:
+        yield Row(name, None, refused=_reason(problem.diagnostics))
+        return
+    for task in top_tasks(Actions(ontology)) or (None,):
+        short = local_name(task) if task is not None else None
+        try:
+            plan = compile_ontology(ontology, task=task)
+        except BadInput as problem:
+            yield Row(name, short, refused=_reason(problem.diagnostics))
+            continue
+        steps = sum(len(recipe.steps) for recipe in plan.recipes.recipes.values())
+        codes = Counter(one.code for one in plan.diagnostics if one.severity is Severity.WARNING)
+        unperformed = codes.pop("R021", 0)
+        warnings = ", ".join(f"{number} {code}" for code, number in sorted(codes.items()))
+        yield Row(name, plan.task, steps, unperformed, warnings)
+
+
+def _reason(diagnostics: Sequence[Diagnostic]) -> str:
+    first = next(one for one in diagnostics if one.severity is Severity.ERROR)
+    line = f", line {first.span.line}" if first.span is not None and first.span.line else ""
+    return f"{first.code}{line}: {first.message}"
+
+
+def _cells(row: Row) -> tuple[str, ...]:
+    numbers = ("", "") if row.refused else (str(row.steps), str(row.unperformed))
+    return row.file, row.task or "", *numbers, row.warnings, (row.refused or "").replace("|", "\\|")

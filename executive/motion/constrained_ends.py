@@ -1,0 +1,237 @@
+"""Where the phases of a motion under constraints end: configurations at which each phase's constraints hold.
+
+All phases are solved together, so that each end is near to those before and after it, from several beginnings, as the
+search is a local one. Where that finds nothing each phase is looked at by itself: of constraints that cannot all hold a
+smallest set is found by leaving out one after another (J. Chinneck, E. Dravnieks, Locating minimal infeasible
+constraint sets in linear programs, ORSA J. Computing 1991). The lightest of it are given up; if all weigh the same the
+problem has no solution.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from executive.motion.arm_group import ArmGroup
+from executive.motion.constraint_functions import Bound, ConstraintFunctions, Surroundings
+from executive.motion.constraint_optimisation import Optimiser, Optimum, Rows
+from executive.motion.errors import ConstraintsContradict
+from planlang.geometry import Array
+from planlang.motion_constraints import MotionConstraint
+
+BEGINNINGS = 16
+"""Configurations from which ends are looked for: of 180 random problems one needed 8, all others 3."""
+NUDGE = 0.1
+"""Size of the random move to the second beginning [rad, m]: where the arm is a function may be flat."""
+NEAR = 0.05
+"""Room up to which optimisation looks at bodies [m]."""
+FARTHER = 0.01
+"""By how much farther bodies are kept apart that have turned out to touch [m]."""
+CORRECTIONS = 12
+"""Exact hits after which an end, or a way, is given up."""
+GIVEN_UP = 1e-4
+"""Price of the excess of a constraint that heavier ones exclude, beside 1."""
+MOST_UNEQUAL = 50.0
+"""Largest ratio of the price of a joint's moves to the median."""
+
+
+class Obstacles(Protocol):
+    """What must not be touched: :class:`executive.motion.collision.QuickCheck` of a group of arms."""
+
+    @property
+    def names(self) -> tuple[tuple[str, str], ...]:
+        """The two bodies of each pair."""
+
+    def free(self, q: Array) -> NDArray[np.bool_]:
+        """Return which configurations (m, n) are free as far as is known."""
+
+    def sure(self, q: Array) -> NDArray[np.bool_]:
+        """Return which configurations (m, n) are free for sure."""
+
+    def room(self, q: Array, within: float) -> tuple[NDArray[np.intp], NDArray[np.intp], Array]:
+        """Return pairs and configurations (k,) that have at most so much room [m], and how much (k,)."""
+
+    def keep(self, distance: float, ends: Sequence[Array]) -> None:
+        """Keep bodies so far apart [m] where the ends (n,), which are free, allow it; forget what was learnt."""
+
+    def learn(self, q: Array, pairs: Sequence[tuple[str, str]], by: float = ...) -> None:
+        """Learn which pairs touch at a configuration (n,): keep them farther apart [m]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JointRates:
+    """Limits of moving joints (n,), and how many rows a trajectory has in a second."""
+
+    velocity: Array
+    acceleration: Array
+    jerk: Array
+    rate: int
+
+    def prices(self) -> Array:
+        """Return the prices of squared moves (n,): those of slow joints are high."""
+        slowness = self.velocity**-2.0
+        return np.clip(slowness / np.median(slowness), 1 / MOST_UNEQUAL, MOST_UNEQUAL)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MotionProblem:
+    """Arms and what is around them."""
+
+    group: ArmGroup
+    where: Surroundings
+    rates: JointRates
+    obstacles: Obstacles | None = None
+    touching: Callable[[Array], Sequence[tuple[str, str]]] = lambda q: ()
+    """The exact check of a configuration (n,): which two bodies touch, wrongly."""
+    seed: int = 0
+    """Of the configurations at random from which it is searched."""
+
+    def hits(self, q: Array) -> list[tuple[Array, Sequence[tuple[str, str]]]]:
+        """Return those of configurations (m, n) where something touches, exactly, each with the pairs."""
+        rows = q if self.obstacles is None else q[~self.obstacles.sure(q)]
+        return [(row, pairs) for row in rows if (pairs := self.touching(row.copy()))]
+
+    def learn(self, hits: Sequence[tuple[Array, Sequence[tuple[str, str]]]]) -> None:
+        """Keep what touches farther apart from now on."""
+        for row, pairs in hits:
+            if self.obstacles is not None:
+                self.obstacles.learn(row, pairs, FARTHER)
+
+    def clearances(self, q: Array) -> tuple[NDArray[np.intp], NDArray[np.intp], Array]:
+        """Return pairs of bodies, configurations, and their room [m]: :data:`Clearances`."""
+        assert self.obstacles is not None
+        return self.obstacles.room(q, NEAR)
+
+
+@dataclass(slots=True)
+class Ends:
+    """The search for the ends of phases; each phase is a set of constraints, by number."""
+
+    problem: MotionProblem
+    start: Array
+    functions: ConstraintFunctions
+    phases: Mapping[int, Sequence[int]]
+    """Number of a phase, of those that ask for something -> its constraints."""
+    given_up: dict[int, set[int]] = field(default_factory=dict)
+    """Phase -> constraints that heavier ones exclude."""
+
+    @staticmethod
+    def of(problem: MotionProblem, start: Array, asked: Sequence[Sequence[MotionConstraint]]) -> Ends:
+        """Return the search for phases of active constraints from a configuration (n,)."""
+        every = list(dict.fromkeys(one for phase in asked for one in phase))
+        functions = ConstraintFunctions(problem.group, [Bound.of(one, problem.where) for one in every])
+        number = {one: k for k, one in enumerate(every)}
+        phases = {k: [number[one] for one in phase] for k, phase in enumerate(asked) if phase}
+        return Ends(problem, start, functions, phases)
+
+    def found(self) -> Iterator[dict[int, Array]]:
+        """Yield ends (n,) of phases, by their numbers, better ones first.
+
+        Raises :class:`ConstraintsContradict` if there are none.
+        """
+        nothing = True
+        for beginning in self._beginnings(len(self.phases)):
+            optimum = self._optimum(beginning, list(self.phases.items()))
+            if optimum.holds:
+                nothing = False
+                yield self._by_phase(optimum.q)
+            if not self.phases:
+                return
+        if nothing:
+            alone = np.array([self._alone(phase) for phase in self.phases])
+            optimum = self._optimum(alone, list(self.phases.items()))
+            yield self._by_phase(optimum.q if optimum.holds else alone)
+
+    def _by_phase(self, q: Array) -> dict[int, Array]:
+        return dict(zip(self.phases, q, strict=True))
+
+    def _beginnings(self, count: int) -> Iterator[Array]:
+        """Yield configurations (count, n): the start, the start nudged, then any, the same for all phases."""
+        rng, group = np.random.default_rng(self.problem.seed), self.problem.group
+        yield np.repeat(self.start[None], count, axis=0)
+        yield np.repeat(self.start[None] + rng.normal(0.0, NUDGE, group.dof), count, axis=0)
+        for _ in range(BEGINNINGS - 2):
+            anywhere = group.near(rng.uniform(group.lower, group.upper), self.start)
+            yield np.repeat(anywhere[None], count, axis=0)
+
+    def _optimum(self, q: Array, phases: Sequence[tuple[int, Collection[int]]], *, blocked: bool = True) -> Optimum:
+        """Return the optimum of phases from configurations (m, n); what touches exactly does not hold."""
+        problem = self.problem
+        pairs = [(k, one) for k, (_, asked) in enumerate(phases) for one in asked]
+        soft = [one in self.given_up.get(phase, ()) for phase, asked in phases for one in asked]
+        if problem.obstacles is None or not blocked:
+            return self._optimiser(pairs, soft, blocked=False).found_from(q)
+        problem.obstacles.keep(0.0, (self.start,))
+        optimiser = self._optimiser(pairs, soft, blocked=True)
+        for _ in range(CORRECTIONS):
+            optimum = optimiser.found_from(q)
+            hits = problem.hits(optimum.q) if optimum.holds else []
+            if not hits:
+                return optimum
+            problem.learn(hits)
+            q = optimum.q
+        return replace(optimum, blocked=np.inf)
+
+    def _optimiser(self, pairs: Sequence[tuple[int, int]], soft: Sequence[bool], *, blocked: bool) -> Optimiser:
+        return Optimiser(
+            self.functions,
+            Rows.of(pairs),
+            self.start,
+            None,
+            self.problem.rates.prices(),
+            np.where(soft, GIVEN_UP, 1.0),
+            self.problem.clearances if blocked else None,
+        )
+
+    # What contradicts
+
+    def _alone(self, phase: int) -> Array:
+        """Return an end (n,) of a phase by itself, giving up what heavier constraints exclude."""
+        given_up = self.given_up.setdefault(phase, set())
+        while True:
+            q = self._holding(phase, self.phases[phase])
+            if q is not None:
+                return q
+            hard = [one for one in self.phases[phase] if one not in given_up]
+            conflict, pairs = self._conflict(phase, hard)
+            weights = {one: self._constraint(one).weight for one in conflict}
+            lightest = min(weights.values())
+            if lightest == max(weights.values()):
+                raise ConstraintsContradict(phase, [self._constraint(one) for one in conflict], pairs)
+            given_up.update(one for one, weight in weights.items() if weight == lightest)
+
+    def _holding(self, phase: int, asked: Collection[int], *, blocked: bool = True) -> Array | None:
+        """Return a configuration (n,) at which constraints of a phase hold; None if none is found."""
+        for beginning in self._beginnings(1):
+            optimum = self._optimum(beginning, [(phase, asked)], blocked=blocked)
+            if optimum.holds:
+                return np.asarray(optimum.q[0])
+        return None
+
+    def _conflict(self, phase: int, hard: Sequence[int]) -> tuple[list[int], Sequence[tuple[str, str]]]:
+        """Return a smallest set of constraints that cannot all hold, and the bodies that are in the way of it."""
+        free = self._holding(phase, hard, blocked=False)
+        conflict = list(hard)
+        for one in sorted(hard, key=lambda k: self._constraint(k).weight):
+            rest = [k for k in conflict if k != one]
+            if self._holding(phase, rest, blocked=free is not None) is None:
+                conflict = rest
+        return conflict, () if free is None else self._in_the_way(phase, conflict)
+
+    def _in_the_way(self, phase: int, conflict: Sequence[int]) -> Sequence[tuple[str, str]]:
+        """Return what would be in each other where constraints hold."""
+        problem, q = self.problem, self._holding(phase, conflict, blocked=False)
+        assert problem.obstacles is not None
+        assert q is not None
+        exact = problem.touching(q)
+        if exact:
+            return exact
+        pairs, _, room = problem.obstacles.room(q[None], 0.0)
+        return [problem.obstacles.names[pair] for pair in pairs[np.argsort(room, kind="stable")].tolist()]
+
+    def _constraint(self, number: int) -> MotionConstraint:
+        return self.functions.bounds[number].constraint

@@ -1,0 +1,238 @@
+"""Optimisation of a few configurations in a row: short joint moves under bounds of constraint functions and clearances.
+
+Minimised is the sum of squared moves from one configuration to the next, beside the squares of what is beyond bounds,
+in tolerances, by sequential quadratic programming: functions are linearised by casadi, the convex programs are solved
+by casadi's interface to DAQP (D. Arnström, A. Bemporad, D. Axehill, A dual active-set solver for embedded quadratic
+programming, IEEE TAC 2022), and steps are kept within a trust region (J. Nocedal, S. Wright, Numerical Optimization,
+chapter 18). Clearances are linearised as in J. Schulman et al., Motion planning with sequential convex optimization
+and convex collision checking (IJRR 2014).
+
+Squares leave a bound of a joint move of 1 rad beyond by less than a hundredth of its tolerance. Where bounds contradict
+each other, what is left is spread over all that do, and over no others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any
+
+import casadi
+import numpy as np
+from numpy.typing import NDArray
+
+from executive.motion.constraint_functions import ConstraintFunctions
+from planlang.geometry import Array
+
+STEPS = 40
+"""Quadratic programs after which the best that was found is taken."""
+RADIUS, LARGEST_RADIUS, LEAST_RADIUS = 0.5, 1.5, 1e-5
+"""Largest change of a joint in one step: at first, ever, and when the search ends [rad, m]."""
+HOLDS = 0.5
+"""Share of its tolerance by which a function may be beyond its limits: the rest is for what is between waypoints."""
+ENOUGH, FLAT, STALLED = 0.2, 0.02, 1e-3
+"""The search ends where all bounds hold to this share and a step improves by less than the second share; or, whatever
+holds, by less than the third."""
+CLEARANCE_TOLERANCE = 5e-3
+"""Missing clearance that weighs as much as a function beyond its limits by its tolerance [m]."""
+UNBOUNDED = 1e20
+PROBE = 1e-4
+"""Change of a joint by which the gradient of a clearance is measured [rad, m]."""
+
+Clearances = Callable[[Array], tuple[NDArray[np.intp], NDArray[np.intp], Array]]
+"""Configurations (m, n) -> for each of k near pairs of bodies its number and configuration (k,), what it has more than
+it needs (k,) [m]; pairs come in the order of their numbers."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rows:
+    """r bounds: of which configuration and constraint each is."""
+
+    configurations: NDArray[np.intp]
+    constraints: NDArray[np.intp]
+
+    @staticmethod
+    def of(pairs: Sequence[tuple[int, int]]) -> Rows:
+        """Return bounds from pairs (configuration, constraint)."""
+        rows = np.array(pairs, np.intp).reshape(-1, 2)
+        return Rows(rows[:, 0], rows[:, 1])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Optimum:
+    """What was found."""
+
+    q: Array
+    """Configurations (m, n)."""
+    excess: Array
+    """How far the function of each row is beyond its limits, in tolerances (r,)."""
+    blocked: float
+    """How much clearance is missing at most [m]; 0 where nothing is in the way."""
+    needed: NDArray[np.bool_]
+    """Which rows have to hold (r,)."""
+
+    @property
+    def holds(self) -> bool:
+        """Return True if all that has to holds, and nothing is in the way."""
+        beyond = float(self.excess[self.needed].max(initial=0.0))
+        return beyond <= HOLDS and self.blocked <= HOLDS * CLEARANCE_TOLERANCE
+
+
+@dataclass(slots=True)
+class Optimiser:
+    """A sequence of configurations (m, n) that begins at a fixed one and may end at one."""
+
+    functions: ConstraintFunctions
+    rows: Rows
+    start: Array
+    """What comes before the first (n,)."""
+    end: Array | None
+    """What comes after the last (n,), if anything does."""
+    weights: Array
+    """Price of squared moves of each joint (n,)."""
+    penalties: Array
+    """Price of squared excess of each row (r,): 1 for what has to hold."""
+    clearances: Clearances | None = None
+    lower: Array = field(init=False)
+    upper: Array = field(init=False)
+    tolerance: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        which, functions = self.rows.constraints, self.functions
+        self.tolerance = functions.tolerance[which]
+        # inside by a part of the tolerance where there is room: between waypoints functions are a little different
+        room = np.minimum((functions.upper[which] - functions.lower[which]) / 2, HOLDS * self.tolerance)
+        self.lower, self.upper = functions.lower[which] + room, functions.upper[which] - room
+
+    def found_from(self, q: Array) -> Optimum:
+        """Return what is found from configurations (m, n)."""
+        low, high = self.functions.group.bounds
+        q = np.clip(q, low, high)
+        here = self._at(q)
+        radius, steps = RADIUS, 0
+        straight = np.abs(self._slope(q)).max(initial=0.0) < LEAST_RADIUS
+        if straight and here.price <= self._moves(q):  # nothing is beyond its bounds, and no way is shorter
+            steps = STEPS
+        while steps < STEPS:
+            steps += 1
+            move, predicted = self._step(here, radius)
+            length = float(np.abs(move).max(initial=0.0))
+            there = self._at(np.clip(here.q + move, low, high))
+            gained, promised = here.price - there.price, here.price - predicted
+            before = here.price
+            if gained > 0:
+                here = there
+            if gained > 0.75 * promised:
+                radius = min(max(radius, 2 * length), LARGEST_RADIUS)
+            elif gained < 0.25 * promised:
+                radius = 0.35 * length
+            if radius < LEAST_RADIUS or (gained > 0 and gained < self._least_gain(here) * before):
+                break
+        values = self.functions.values(here.q[self.rows.configurations], self.rows.constraints)[0]
+        which = self.rows.constraints
+        beyond = np.maximum(self.functions.lower[which] - values, values - self.functions.upper[which])
+        blocked = float(-here.room.min(initial=0.0))
+        return Optimum(here.q, np.maximum(beyond, 0.0) / self.tolerance, blocked, self.penalties >= 1.0)
+
+    @staticmethod
+    def _least_gain(here: _Here) -> float:
+        """Return the share of the price below which another step is not worth while."""
+        return FLAT if here.excess.max(initial=0.0) <= ENOUGH else STALLED
+
+    def _at(self, q: Array) -> _Here:
+        """Return functions, gradients and the price at configurations."""
+        values, gradients = self.functions.values(q[self.rows.configurations], self.rows.constraints)
+        excess = np.maximum(np.maximum(self.lower - values, values - self.upper), 0.0) / self.tolerance
+        of, room, slopes = self._clearances(q)
+        missing = np.maximum(-room, 0.0) / CLEARANCE_TOLERANCE
+        price = self._moves(q) + (self.penalties @ (excess * excess) + missing @ missing) / 2
+        return _Here(q, values, gradients, excess, of, room, slopes, float(price))
+
+    def _moves(self, q: Array) -> float:
+        """Return the price of the moves."""
+        return float((np.diff(self._whole(q), axis=0) ** 2 @ self.weights).sum() / 2)
+
+    def _whole(self, q: Array) -> Array:
+        return np.vstack([self.start, q] if self.end is None else [self.start, q, self.end])
+
+    def _clearances(self, q: Array) -> tuple[NDArray[np.intp], Array, Array]:
+        """Return configurations (k,), room (k,) and its gradients (k, n) of pairs of bodies that are near."""
+        n = q.shape[1]
+        if self.clearances is None:
+            return np.zeros(0, np.intp), np.zeros(0), np.zeros((0, n))
+        pairs, of, room = self.clearances(q)
+        slopes = np.zeros((len(pairs), n))
+        if not len(pairs):
+            return of, room, slopes
+        # each configuration with something near is moved by each joint in turn
+        near, place = np.unique(of, return_inverse=True)
+        moved = (q[near][:, None] + PROBE * np.eye(n)).reshape(-1, n)
+        known = {(int(pair), int(row)): gap for pair, row, gap in zip(*self.clearances(moved), strict=True)}
+        for k, (pair, row) in enumerate(zip(pairs.tolist(), place.tolist(), strict=True)):
+            there = [known.get((pair, row * n + joint), room[k]) for joint in range(n)]
+            slopes[k] = (np.array(there) - room[k]) / PROBE
+        return of, room, slopes
+
+    def _step(self, here: _Here, radius: float) -> tuple[Array, float]:
+        """Return the move (m, n) that the quadratic program says, and the price that it promises."""
+        m, n = here.q.shape
+        count, near = len(self.rows.constraints), len(here.room)
+        slack, size = count + near, m * n
+        hessian = np.zeros((size + slack, size + slack))
+        hessian[:size, :size] = np.kron(self._coupling(m), np.diag(self.weights))
+        penalties = np.append(self.penalties, np.ones(near))
+        hessian[range(size, size + slack), range(size, size + slack)] = penalties
+        jacobian = np.zeros((slack, m, n))
+        jacobian[np.arange(count), self.rows.configurations] = here.gradients / self.tolerance[:, None]
+        jacobian[count + np.arange(near), here.of] = here.slopes / CLEARANCE_TOLERANCE
+        least = np.append((self.lower - here.values) / self.tolerance, -here.room / CLEARANCE_TOLERANCE)
+        most = np.append((self.upper - here.values) / self.tolerance, np.full(near, UNBOUNDED))
+        low, high = self.functions.group.bounds
+        free = np.full(slack, UNBOUNDED)
+        found = _program(size + slack, slack)(
+            h=hessian,
+            g=np.append((self._slope(here.q) * self.weights).ravel(), np.zeros(slack)),
+            a=np.hstack([jacobian.reshape(slack, size), np.eye(slack)]),
+            lba=np.maximum(least, -UNBOUNDED),
+            uba=np.minimum(most, UNBOUNDED),
+            lbx=np.append(np.maximum(low - here.q, -radius).ravel(), -free),
+            ubx=np.append(np.minimum(high - here.q, radius).ravel(), free),
+        )
+        x = np.asarray(found["x"].full()).ravel()
+        move, beyond = x[:size].reshape(m, n), x[size:]
+        return move, self._moves(here.q + move) + float(penalties @ (beyond * beyond)) / 2
+
+    def _slope(self, q: Array) -> Array:
+        """Return the gradient of the moves (m, n), of joints of weight 1."""
+        moves = np.diff(self._whole(q), axis=0)
+        after = moves[1:] if self.end is not None else np.vstack([moves[1:], np.zeros(q.shape[1])])
+        return np.asarray(moves[: len(q)] - after)
+
+    def _coupling(self, m: int) -> Array:
+        """Return the second derivative of the moves of one joint of weight 1 (m, m)."""
+        matrix = 2 * np.eye(m) - np.eye(m, k=1) - np.eye(m, k=-1)
+        if self.end is None:
+            matrix[-1, -1] = 1.0
+        return np.asarray(matrix)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Here:
+    """Configurations and what is known there."""
+
+    q: Array
+    values: Array
+    gradients: Array
+    excess: Array
+    of: NDArray[np.intp]
+    room: Array
+    slopes: Array
+    price: float
+
+
+@lru_cache(64)
+def _program(size: int, rows: int) -> Any:
+    """Return the solver of dense programs of so many variables and rows."""
+    shape = {"h": casadi.Sparsity.dense(size, size), "a": casadi.Sparsity.dense(rows, size)}
+    return casadi.conic("program", "daqp", shape, {"error_on_fail": False})

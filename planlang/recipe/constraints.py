@@ -1,0 +1,229 @@
+"""Reading constraints of motions: kind, limits, weight, and the parts of things that they relate.
+
+A motion is ``constrainedBy`` classes of constraints (:mod:`planlang.motion_constraints`). Features are class
+expressions over parts, as in "a handle that is part of a spatula that the left arm holds"; one that names no whole is a
+part of the device that the motion uses, or in the world of the object that it acts on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from planlang.designators import local_name
+from planlang.motion_constraints import ConstraintKind, Speed
+from planlang.ontology import BNode, Literal, Ontology, Term, shorten
+from planlang.ontology.terms import OWL, RDFS
+from planlang.recipe.fillers import CONSTRAINED_BY, kind_of, nearest_in_vocabulary
+from planlang.recipe.model import Constraint, Kind, Name, Parameter, Part, Thing
+from planlang.recipe.statements import KINDS, is_word
+
+ROLES = ("deviceUsed", "objectActedOn")
+"""The properties of a motion whose fillers features are parts of that name no whole: the tool's and the world's."""
+FEATURES = ("toolFeature", "worldFeature")
+LIMITS = ("constrLowerLimit", "constrUpperLimit", "constrWeight")
+
+_OF_WHOLE = ("physicalPartOf", "properPhysicalPartOf", "partOf")
+"""Properties from a part to the whole."""
+_OF_PARTS = ("physicalParts", "properPhysicalParts", "parts")
+"""Properties from the whole to a part, of which expressions use the inverse."""
+_HELD_BY = ("predecessorInKinematicChain",)
+_DEEPEST = 20
+"""Parts of parts that are followed: more stand in no model of a thing."""
+
+
+def read_constraints(ontology: Ontology, parameters: tuple[Parameter, ...]) -> tuple[Parameter, ...]:
+    """Return the parameters of a motion with its constraints and the parts that it is about in the place of names.
+
+    A constraint below another one replaces it. One that is incomplete stays a name:
+    :mod:`planlang.recipe.checks.constraints` says what it lacks.
+    """
+    if not any(one.property == CONSTRAINED_BY for one in parameters):
+        return parameters
+    read = [_with_part(ontology, one) for one in parameters]
+    tool, world = (_whole(next((p.filler for p in read if p.property == name), None)) for name in ROLES)
+    named = [one.filler.iri for one in read if one.property == CONSTRAINED_BY and isinstance(one.filler, Name)]
+    replaced = {ancestor for name in named for ancestor in _levels(ontology, name)[1:]}
+    found = []
+    for one in read:
+        if one.property != CONSTRAINED_BY or not isinstance(one.filler, Name):
+            found.append(one)
+        elif one.filler.iri not in replaced:
+            found.append(replace(one, filler=read_constraint(ontology, one.filler.iri, tool, world) or one.filler))
+    return tuple(found)
+
+
+def _whole(filler: object) -> Part | None:
+    """Return what a motion uses or acts on as a part; None if that is no thing."""
+    return Part(filler) if isinstance(filler, Thing) else filler if isinstance(filler, Part) else None
+
+
+def read_constraint(ontology: Ontology, iri: str, tool: Part | None, world: Part | None) -> Constraint | None:
+    """Return the constraint that a class or an individual is; None if it lacks its kind, a feature, or its limits.
+
+    ``tool`` and ``world`` are what features are parts of that name no whole.
+    """
+    kind = kind_of_constraint(ontology, iri)
+    parts = [stated_feature(ontology, iri, word, whole) for word, whole in zip(FEATURES, (tool, world), strict=True)]
+    numbers = [number_of(ontology, iri, word) for word in LIMITS]
+    lower, upper, weight = (number if isinstance(number, float) else None for number in numbers)
+    is_wrong = any(isinstance(number, str) for number in numbers) or _is_above(lower, upper) or (weight or 0.0) < 0.0
+    if kind is None or parts[0] is None or parts[1] is None or is_wrong:
+        return None
+    template = max(_distance(ontology, iri, word) for word in FEATURES)
+    stating = _levels(ontology, iri)[template]
+    speeds = (Speed.of_owl_class(ancestor) for ancestor in _levels(ontology, iri))
+    frame = _stated(ontology, iri, "refFeature")
+    return Constraint(
+        iri,
+        stating,
+        kind,
+        parts[0],
+        parts[1],
+        lower,
+        upper,
+        1.0 if weight is None else weight,
+        next((speed for speed in speeds if speed is not None), None),
+        frame[1].value if frame is not None and isinstance(frame[1], Literal) else None,
+        ontology.label(stating) or _comment(ontology, stating),
+    )
+
+
+def _comment(ontology: Ontology, iri: str) -> str | None:
+    return next((term.value for term in ontology.values(iri, RDFS.comment) if isinstance(term, Literal)), None)
+
+
+def kind_of_constraint(ontology: Ontology, iri: str) -> ConstraintKind | None:
+    """Return the kind of the nearest class above that has one."""
+    kinds = (ConstraintKind.of_owl_class(ancestor) for ancestor in _levels(ontology, iri))
+    return next((kind for kind in kinds if kind is not None), None)
+
+
+def number_of(ontology: Ontology, iri: str, word: str) -> float | str | None:
+    """Return the number that a constraint states or inherits, the text of what is no number, None without any."""
+    stated = _stated(ontology, iri, word)
+    if stated is None:
+        return None
+    term = stated[1]
+    try:
+        return term.number() if isinstance(term, Literal) else local_name(str(term))
+    except ValueError:
+        return term.value if isinstance(term, Literal) else str(term)
+
+
+def _is_above(lower: float | None, upper: float | None) -> bool:
+    return lower is not None and upper is not None and lower > upper
+
+
+def _levels(ontology: Ontology, iri: str) -> tuple[str, ...]:
+    """Return a class and its ancestors, nearest first; of an individual itself, then its classes and theirs."""
+    if ontology.is_class(iri) or not ontology.types(iri):
+        return ontology.ancestors(iri)
+    above = (ancestor for cls in ontology.types(iri) for ancestor in ontology.ancestors(cls))
+    return tuple(dict.fromkeys((iri, *above)))
+
+
+def _said(ontology: Ontology, iri: str, word: str) -> Term | None:
+    """Return what a class or an individual itself states for a property."""
+    for restriction in ontology.restrictions(iri):
+        if restriction.kind in KINDS and is_word(restriction.property, word):
+            return restriction.filler
+    return next((triple.object for triple in ontology.said(iri, word)), None)
+
+
+def _stated(ontology: Ontology, iri: str, word: str) -> tuple[int, Term] | None:
+    """Return the value nearest to a constraint, and how far above it is stated; None if nothing states one."""
+    for distance, level in enumerate(_levels(ontology, iri)):
+        if (term := _said(ontology, level, word)) is not None:
+            return distance, term
+    return None
+
+
+def _distance(ontology: Ontology, iri: str, word: str) -> int:
+    stated = _stated(ontology, iri, word)
+    return stated[0] if stated is not None else 0
+
+
+def stated_feature(ontology: Ontology, iri: str, word: str, whole: Part | None = None) -> Part | None:
+    """Return the part of a thing that a constraint states for ``toolFeature`` or ``worldFeature``; None if it does not.
+
+    An expression, a class or an individual that names no whole is a part of ``whole``, or that itself if its class is
+    one of these; without ``whole`` it is a thing.
+    """
+    stated = _stated(ontology, iri, word)
+    described = _described(ontology, stated[1]) if stated is not None else None
+    if described is None:
+        return None
+    if described.path or described.held_by is not None or whole is None:
+        return described
+    cls = described.of.iri or described.of.stated
+    if ontology.is_a(whole.of.stated, cls) and not whole.path:
+        return whole
+    return replace(whole, path=(*whole.path, shorten(cls)))
+
+
+def _described(ontology: Ontology, term: Term, depth: int = 0) -> Part | None:
+    if isinstance(term, Literal) or depth > _DEEPEST:
+        return None
+    if isinstance(term, str) and ontology.is_individual(term) and not ontology.is_class(term):
+        return _individual_part(ontology, term, depth)
+    cls, whole, holder = None, None, None
+    for conjunct in _conjuncts(ontology, term):
+        if isinstance(conjunct, str):
+            cls = cls or conjunct
+        for name, filler in _related(ontology, conjunct) if isinstance(conjunct, BNode) else ():
+            if name in _HELD_BY and isinstance(filler, str):
+                holder = filler
+            elif name in _OF_WHOLE:
+                whole = _described(ontology, filler, depth + 1)
+    if cls is None:
+        return None
+    held_by = Thing(Kind.DEVICE, nearest_in_vocabulary(ontology, holder), None, holder) if holder else None
+    if whole is None:
+        return Part(Thing(kind_of(ontology, cls), nearest_in_vocabulary(ontology, cls), None, cls), (), held_by)
+    return Part(whole.of, (*whole.path, shorten(cls)), whole.held_by or held_by)
+
+
+def _individual_part(ontology: Ontology, iri: str, depth: int) -> Part | None:
+    """Return an individual as a part of the thing that states it among its parts, else as a thing."""
+    for word in _OF_PARTS:
+        for prop in ontology.properties_named(word):
+            for triple in ontology.triples(p=prop, o=iri):
+                whole = _described(ontology, triple.subject, depth + 1) if isinstance(triple.subject, str) else None
+                if whole is not None:
+                    return replace(whole, path=(*whole.path, iri))
+    cls = next(iter(ontology.types(iri)), None)
+    if cls is None:
+        return None
+    return Part(Thing(kind_of(ontology, cls), nearest_in_vocabulary(ontology, cls), iri, cls))
+
+
+def _conjuncts(ontology: Ontology, term: str | BNode) -> Iterator[Term]:
+    """Yield the parts of an intersection; of a named class that is equivalent to one those of that one."""
+    if isinstance(term, str):
+        for triple in ontology.triples(s=term, p=OWL.equivalentClass):
+            if isinstance(triple.object, BNode):
+                yield from ontology.members(triple.object)
+    yield from ontology.members(term)
+
+
+def _related(ontology: Ontology, node: BNode) -> Iterator[tuple[str, Term]]:
+    """Yield the property of a restriction, as if from a part to its whole, and its filler."""
+    prop = ontology.value(node, OWL.onProperty)
+    fillers = (*ontology.values(node, OWL.someValuesFrom), *ontology.values(node, OWL.hasValue))
+    if isinstance(prop, BNode):
+        inverse = ontology.value(prop, OWL.inverseOf)
+        name = _OF_WHOLE[0] if isinstance(inverse, str) and is_word(inverse, *_OF_PARTS) else ""
+    else:
+        name = local_name(str(prop))
+    yield from ((name, filler) for filler in fillers)
+
+
+def _with_part(ontology: Ontology, parameter: Parameter) -> Parameter:
+    """Return a parameter of a motion; what a class describes as a part of something is that part."""
+    thing = parameter.filler
+    if not isinstance(thing, Thing) or thing.iri is not None:
+        return parameter
+    described = _described(ontology, thing.stated)
+    is_part = described is not None and (described.path or described.held_by is not None)
+    return replace(parameter, filler=described) if is_part and described is not None else parameter
