@@ -87,7 +87,13 @@ from planlang.language.recovery import (
     retry,
     with_failure_handling,
 )
-from planlang.language.recovery_strategies import ignore, look_and_repeat, look_from_another_place, recovery_strategy
+from planlang.language.recovery_strategies import (
+    fetch_again,
+    ignore,
+    look_and_repeat,
+    look_from_another_place,
+    recovery_strategy,
+)
 from planlang.language.running import run
 from planlang.runs import Trace
 
@@ -147,6 +153,7 @@ __all__ = [
     "checkpoint",
     "evaporate",
     "explain",
+    "fetch_again",
     "given",
     "holding",
     "holds",

@@ -284,6 +284,7 @@ CODES: dict[str, str] = {
     "X010": "the environment was chosen automatically, as only it contains the named objects",
     "X011": "a file or package of process modules cannot be used",
     "X012": "several process modules perform the same action class",
+    "X013": "a robot without camera needs --trust-map to handle things",
     "X020": "the file is not a trace, or is damaged",
     "X021": "the run of a trace has ended; nothing is left to resume",
     "X022": "a trace is of another run: plan, seed, robot, map, modules or parameters differ",

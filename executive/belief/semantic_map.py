@@ -10,6 +10,7 @@ import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 
@@ -459,7 +460,7 @@ class _Poses:
 
 
 DEFAULT_ENVIRONMENT = "hospital_room"
-"""The environment in which bundled recipes are run without ``--environment``."""
+"""The environment in which bundled recipes are run without ``--environment`` if they name things of no other one."""
 
 
 def environments_with(things: Iterable[str]) -> tuple[str, ...]:
@@ -468,17 +469,20 @@ def environments_with(things: Iterable[str]) -> tuple[str, ...]:
     return tuple(name for name in Bundled.ENVIRONMENT.names() if all(_has(_map(name), thing) for thing in wanted))
 
 
-def default_environment(things: Iterable[str], notes: list[Diagnostic]) -> str:
+def default_environment(recipe: Path, things: Iterable[str], notes: list[Diagnostic]) -> str:
     """Return the bundled environment for a run of a bundled recipe with these things.
 
-    The default is replaced, with a note, if only one environment contains the named objects.
+    That whose namespace the recipe's prefixes name is replaced, with a note, if only one other contains the things.
     """
+    text = recipe.read_text(encoding="utf-8")
+    named = (name for name in Bundled.ENVIRONMENT.names() if f"/{name}.owl#>" in text)
+    usual = next(named, DEFAULT_ENVIRONMENT)
     wanted = tuple(things)
     fitting = environments_with(wanted) if wanted else ()
-    if len(fitting) != 1 or fitting[0] == DEFAULT_ENVIRONMENT:
-        return DEFAULT_ENVIRONMENT
-    lacking = ", ".join(thing for thing in wanted if not _has(_map(DEFAULT_ENVIRONMENT), thing))
-    message = f"the environment {fitting[0]} is chosen, as {DEFAULT_ENVIRONMENT} has no {lacking}"
+    if len(fitting) != 1 or fitting[0] == usual:
+        return usual
+    lacking = ", ".join(thing for thing in wanted if not _has(_map(usual), thing))
+    message = f"the environment {fitting[0]} is chosen, as {usual} has no {lacking}"
     notes.append(note("X010", message, help="--environment names one"))
     return fitting[0]
 

@@ -189,6 +189,9 @@ class RunArguments(TaskArguments, VerboseArguments):
     urdf: Urdf = None
     environment: Environment = None
     start: Start = None
+    trust_map: Annotated[
+        bool, typer.Option("--trust-map", help="Things count as seen where the map has them; needs no camera.")
+    ] = False
     set_: Annotated[
         list[str] | None,
         typer.Option("--set", metavar="NAME=OBJECT", help="Bind a parameter of the plan to an object; repeatable."),

@@ -41,7 +41,7 @@ def command(arguments: RunArguments) -> Answer:
     notes: list[Diagnostic] = []
     environment = arguments.environment or header.environment
     if environment is None and is_bundled:
-        environment = default_environment(bindings.values(), notes)
+        environment = default_environment(found.path, bindings.values(), notes)
     semantic_map = chosen(
         Bundled.ENVIRONMENT, environment, DEFAULT_ENVIRONMENT if is_bundled else None, problems, needs=_NEEDS
     )
@@ -70,6 +70,7 @@ def command(arguments: RunArguments) -> Answer:
         urdf=arguments.urdf,
         environment=semantic_map,
         start=start or header.start,
+        trust_map=arguments.trust_map or header.trusts_map,
         bindings=bindings,
         seed=header.seed if arguments.seed is None else arguments.seed,
         schedule=header.schedule if arguments.schedule is None else arguments.schedule,

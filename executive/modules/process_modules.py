@@ -19,7 +19,7 @@ from executive.locations.demands import asks_for
 from executive.modules.platform import Platform
 from executive.motion import GoalInCollision, MotionError, StartInCollision
 from executive.robots.arms import ArmModel
-from planlang import perform, wait_for
+from planlang import perform
 from planlang.designators import Action, Device, Location, Object, Person, Relation, action
 from planlang.failures import (
     ActionUnresolvable,
@@ -40,6 +40,7 @@ from planlang.failures import (
     NavigationGoalInCollision,
     NavigationGoalNotReached,
     NavigationPoseUnreachable,
+    ObjectLost,
     ObjectNotFound,
     PerceptionFailure,
 )
@@ -58,7 +59,7 @@ class Navigation:
 
     name = "navigation"
     actions = ("Translation-LocationChange",)
-    failures = (NavigationFailure, DesignatorFailure)
+    failures = (NavigationFailure, ObjectLost, DesignatorFailure)
 
     def __init__(self, platform: Platform) -> None:
         self.platform = platform
@@ -74,12 +75,15 @@ class Navigation:
         for _ in range(REPLANS):
             if _close(goal, self.platform.base()):
                 return
-            motion = await self.platform.follow("base", self._path(goal))
-            self.platform.drive.moved()
+            path = self._path(goal)
+            try:
+                motion = await self.platform.follow("base", path)
+            finally:
+                self.platform.drive.moved()
             if motion.state is MotionState.DONE:
                 return
             blocked_by = motion.blocked_by
-            self.platform.sensing.bump(blocked_by)
+            self.platform.sensing.bump(motion)
         raise NavigationGoalNotReached(target=goal, blocked_by=blocked_by)
 
     def _goal(self, action: Action) -> BasePose:
@@ -188,7 +192,11 @@ class Reaching:
                     await perform(action("LookingForSomething", object_acted_on=what))
 
     async def _to_posture(self, arm: ArmModel, name: str) -> None:
-        await self._joint_path(arm, self.platform.arms.posture(arm, name), None, name)
+        # what the hand has just lost need not be where it is believed to be, which may be around the fingers
+        belief = self.platform.belief
+        lost = belief.dropped.get(arm.name)
+        beside = None if lost is None or belief.seen_from_here(lost) else lost
+        await self._joint_path(arm, self.platform.arms.posture(arm, name), beside, name)
 
     async def _reach(self, arm: ArmModel, location: Location) -> None:
         """Try hand poses that satisfy the location until one has a path."""
@@ -245,7 +253,7 @@ class Reaching:
     async def _follow(self, arm: ArmModel, trajectory: Trajectory, label: str) -> None:
         motion = await self.platform.follow(arm.name, trajectory)
         if motion.state is not MotionState.DONE:
-            self.platform.sensing.bump(motion.blocked_by)
+            self.platform.sensing.bump(motion)
             raise ManipulationGoalInCollision(arm=arm.name, what=label, blocked_by=motion.blocked_by)
 
 
@@ -255,7 +263,7 @@ class Grasping:
 
     name = "gripper"
     actions = ("OpeningAGripper", "ClosingAGripper")
-    failures = (GripperFailure, DesignatorFailure)
+    failures = (GripperFailure, ObjectLost, DesignatorFailure)
 
     def __init__(self, platform: Platform) -> None:
         self.platform = platform
@@ -300,6 +308,7 @@ class Grasping:
     async def _open(self, arm: ArmModel) -> str | None:
         hands, held = self.platform.hands, self.platform.scene.arms.held(arm.name)
         if held is not None:
+            self.platform.check_hold([arm.name])
             hands.let_go(held.name)
         motion = await hands.move(arm, closed=False)
         if motion.state is not MotionState.DONE:
@@ -320,7 +329,7 @@ class Handover:
 
     name = "handover"
     actions = ("HandingOverAnObject",)
-    failures = (CommunicationFailure, GripperFailure, DesignatorFailure)
+    failures = (CommunicationFailure, GripperFailure, ObjectLost, DesignatorFailure)
 
     def __init__(self, platform: Platform) -> None:
         self.platform = platform
@@ -339,14 +348,14 @@ class Handover:
         assert held is not None
         recipient = action.get("recipient")
         wanted = str(recipient) if isinstance(recipient, Person) else None
-        person = await wait_for(platform.hands.taken(held.name), timeout=PATIENCE)
+        person = await platform.hands.offer(arm, held.name, PATIENCE)
         if person is None:
             raise HandoverNotTaken(what=held.name, recipient=wanted)
         if isinstance(recipient, Person) and platform.scene.bodies.bind(recipient) != person:
             raise HandoverNotTaken(f"{person} takes {held.name} instead of {wanted}", what=held.name, recipient=wanted)
         platform.hands.let_go(held.name, to=person)
         await platform.hands.move(arm, closed=False)
-        return str(person)
+        return person
 
     def _arm(self, action: Action) -> list[ArmModel]:
         platform = self.platform
@@ -366,7 +375,7 @@ class Head:
 
     name = "head"
     actions = ("LookingAtSomething",)
-    failures = (LookingFailure, DesignatorFailure)
+    failures = (LookingFailure, ObjectLost, DesignatorFailure)
 
     def __init__(self, platform: Platform) -> None:
         self.platform = platform

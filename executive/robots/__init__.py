@@ -9,7 +9,7 @@ robot as planning asks it.
 from executive.robots.binding import bind_robot, robots
 from executive.robots.matching import Missing, missing_capabilities, possessions_of
 from executive.robots.requirements import Availability, Finding, FindingKind, Semantics, requirements
-from executive.robots.robot import CARRYING, Arm, BaseDrive, Gripper, JointLimits, Robot
+from executive.robots.robot import CARRYING, Arm, BaseDrive, Gripper, JointLimits, Robot, trusting_map
 from executive.robots.tasks import match
 
 __all__ = [
@@ -30,4 +30,5 @@ __all__ = [
     "possessions_of",
     "requirements",
     "robots",
+    "trusting_map",
 ]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 from pathlib import Path
 
@@ -217,15 +217,19 @@ def inherent(arms: Iterable[tuple[str, bool]], has_camera: bool) -> tuple[tuple[
             "srdl2-cap:PickingUpAnObjectCapability",
         ]
     if has_camera:
-        parts.append(_part("camera", "srdl2-comp:Camera"))
-        parts.append(_part("object recognition", "srdl2-comp:ObjectRecognitionComponent"))
-        parts.append(_part("object models", "knowrob:ObjectRecognitionModel"))
-        claims += ["srdl2-cap:PerceptionCapability", "srdl2-cap:ObjectRecognitionCapability"]
-    return tuple(parts), dict.fromkeys(map(expand, claims))
+        parts += [_part("camera", "srdl2-comp:Camera"), *_RECOGNITION]
+    return tuple(parts), dict.fromkeys([*map(expand, claims), *(_RECOGNISING if has_camera else ())])
 
 
 def _part(name: str, *classes: str) -> Part:
     return Part(name, frozenset(map(expand, classes)))
+
+
+_RECOGNITION = (
+    _part("object recognition", "srdl2-comp:ObjectRecognitionComponent"),
+    _part("object models", "knowrob:ObjectRecognitionModel"),
+)
+_RECOGNISING = tuple(map(expand, ("srdl2-cap:PerceptionCapability", "srdl2-cap:ObjectRecognitionCapability")))
 
 
 def _upwards(ontology: Ontology, classes: Iterable[str]) -> frozenset[str]:
@@ -377,6 +381,11 @@ class Robot:
     def posture(self, name: str) -> Mapping[str, float] | None:
         """Return the joint positions of a named posture; None if the robot knows none of that name."""
         return self.postures.get(name)
+
+
+def trusting_map(robot: Robot) -> Robot:
+    """Return the robot as one that recognises things: the map, which its user vouches for, tells where they are."""
+    return replace(robot, parts=(*robot.parts, *_RECOGNITION), claims={**dict.fromkeys(_RECOGNISING), **robot.claims})
 
 
 def side_of(*names: str) -> str | None:

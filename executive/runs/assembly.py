@@ -102,9 +102,14 @@ def platform_of(
     believed: PlanningWorld,
     seed: int,
     say: Callable[[str], None] = lambda line: None,
+    *,
+    trusts_map: bool = False,
 ) -> Platform:
-    """Return a robot in a true and a believed world; ``say`` is told of reachability maps that have to be built."""
-    belief = Belief(semantic_map, believed)
+    """Return a robot in a true and a believed world; ``say`` is told of reachability maps that have to be built.
+
+    With ``trusts_map`` the poses of the map count as seen.
+    """
+    belief = Belief(semantic_map, believed, trusts_map=trusts_map)
     belief.sync(believed, truth.configuration())
     planning_scene = PlanningScene(believed, robot, belief, arm_models(robot, believed), gaze_of(robot))
     ontology = semantic_map.ontology
@@ -189,8 +194,10 @@ class RobotExecutive:
         )
 
     def before_retry(self) -> Iterable[Action]:
-        """Yield motions of the arms to the carrying posture; first the base backs off if there is no room for them."""
+        """Yield motions that open emptied hands and bring the arms, after the base if they need room, to carrying."""
         platform = self.platform
+        for name in platform.belief.dropped:  # what was lost may stand between the fingers
+            yield action("OpeningAGripper", device_used=self._device(name))
         platform.sync()
         untucked = platform.arms.untucked()
         if not untucked:

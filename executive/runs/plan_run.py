@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from executive.belief import Belief, read_map, scene_of
-from executive.robots import FindingKind, Missing, bind_robot, missing_capabilities
+from executive.robots import FindingKind, Missing, bind_robot, missing_capabilities, trusting_map
 from executive.robots.arms import with_carrying
 from executive.runs.assembly import RobotExecutive, bundled_registry, platform_of, real_scene, world_at_start
 from executive.runs.plan_files import (
@@ -34,7 +34,7 @@ from executive.runs.plan_files import (
 from executive.runs.traces import ListenedTrace, check_same_run, lines_of, past_of, recorded_parameters, sha256
 from planlang import PlanFailure, RunError, SimulationHost, budget, explain, run
 from planlang.designators import Object
-from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
+from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
 from planlang.failures import ActionUnresolvable, MissingCapability
 from planlang.language.plans import Plan
 from planlang.language.running import known as run_header
@@ -76,6 +76,8 @@ class RunOptions:
     urdf: Path | None = None
     environment: Path | None = None
     start: tuple[float, float, float] | None = None
+    trust_map: bool = False
+    """The poses of the map count as seen: a robot without camera works from them."""
     bindings: Mapping[str, str] | None = None
     seed: int = 0
     schedule: int | None = None
@@ -188,6 +190,7 @@ class Run:
             options.announce(found)
             return self._refused(assessment.missing)
         bare = bind_robot(options.robot, urdf=options.urdf, folders=options.ontologies)
+        bare = trusting_map(bare) if options.trust_map else bare
         assessment = assess(needs, partial(missing_capabilities, semantic_map.ontology, robot=bare), unperformed)
         if self._requirements is not None:
             assessment = assessment.also(self._requirements(bare))
@@ -198,6 +201,9 @@ class Run:
             if not options.bindings:
                 bound = recorded_parameters(options.resume, bound)
         robot = bare if assessment.missing and not options.force else with_carrying(bare)
+        if assessment.missing and robot.camera is None and not options.trust_map:
+            help = "--trust-map: things count as seen where the map has them"
+            notes.append(note("X013", f"{robot.name} has no camera to look for things", help=help))
         found += (*robot.diagnostics, *assessment.notes(options.plan), *notes)
         options.announce(found)
         if assessment.missing and not options.force:
@@ -209,7 +215,10 @@ class Run:
             real_scene(scene, options.seed, believed), robot.body(), gui=options.gui, seed=options.seed
         )
         self._stack.callback(truth.close)
-        platform = platform_of(robot, semantic_map, truth, believed, options.seed, options.progress)
+        trusts_map = options.trust_map
+        platform = platform_of(
+            robot, semantic_map, truth, believed, options.seed, options.progress, trusts_map=trusts_map
+        )
         executive = RobotExecutive(platform, self._modules)
         platform.scene.collisions.prepare()
         # What a trace must have in common with another to be equal to it, beside seed and schedule.
@@ -224,6 +233,8 @@ class Run:
             "map_sha256": [document.sha256 for document in semantic_map.ontology.documents],
             "versions": _versions(),
         }
+        if options.trust_map:
+            header["trusts_map"] = True
         if self.registry.identity:
             header["modules"] = self.registry.identity
         if assessment.infeasible:

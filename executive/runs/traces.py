@@ -84,7 +84,7 @@ def line_of(record: Record) -> str | None:
 
 AGREE = (
     "plan", "iri", "plan_sha256", "parameters", "seed", "schedule", "rate", "start", "robot", "robot_sha256",
-    "urdf_sha256", "map", "map_sha256", "modules",
+    "urdf_sha256", "map", "map_sha256", "modules", "trusts_map",
 )  # fmt: skip
 """Keys of the header that a trace and the run that resumes it must have in common."""
 CALLED = {
@@ -95,6 +95,7 @@ CALLED = {
     "rate": "the number of steps per second",
     "start": "the robot's start",
     "modules": "the list of --modules files",
+    "trusts_map": "--trust-map",
 }
 
 
@@ -112,6 +113,7 @@ class TraceHeader:
     schedule: int | None = None
     modules: tuple[str, ...] = ()
     """Names of the files that were given by ``--modules``."""
+    trusts_map: bool = False
 
     @staticmethod
     def of(recorded: RecordedRun) -> TraceHeader:
@@ -137,6 +139,7 @@ class TraceHeader:
             seed,
             schedule,
             tuple(map(str, modules)) if isinstance(modules, Mapping) else (),
+            header.get("trusts_map") is True,
         )
 
     def plan(self, trace: str) -> str:
@@ -199,7 +202,8 @@ def past_of(recorded: RecordedRun) -> tuple[Past, list[Diagnostic]]:
 
 def check_same_run(recorded: RecordedRun, header: Mapping[str, Any]) -> list[Diagnostic]:
     """Raise BadInput, listing the differences, when a trace is of another run; return warnings about versions."""
-    now = {key: header[key] for key in AGREE if key in header} | {"modules": header.get("modules")}
+    now = {key: header[key] for key in AGREE if key in header}
+    now |= {key: header.get(key) for key in ("modules", "trusts_map")}
     span, problems = Span(recorded.name), []
     for key, (before, after) in differences(recorded.header, now).items():
         called = CALLED.get(key, f"the {key}")

@@ -24,6 +24,7 @@ from planlang.compiler.structure import DONE, FALSE, TRUE
 from planlang.compiler.tree import (
     Achieve,
     ActionTerm,
+    Again,
     Call,
     Case,
     Event,
@@ -71,7 +72,9 @@ class BodyWriter:
         """The steps whose results a branch of a partial order hands to others, by branch."""
         self._kept: dict[str, str] = {}
         """The fluent that holds the latest of what states make, by name."""
-        self._write = Expressions(symbols, self._variables, self._kept, self._local_name)
+        self._again: dict[str, str] = {}
+        """The branch that runs a step again, by the step's name."""
+        self._write = Expressions(symbols, self._variables, self._kept, self._again, self._local_name)
 
     def lines(self) -> list[str]:
         """Return the statements of the function."""
@@ -114,6 +117,13 @@ class BodyWriter:
             before, expression = self._awaited(node.body, depth)
             inside = self._bound(node, expression, depth + 1)
             return [*before, *statement(holding, depth=depth, before="async with ", after=":"), *inside]
+        if isinstance(node, Again):
+            before, branch = self._branch(node.body, depth, None if isinstance(node.body, Perform) else node.name)
+            if not isinstance(branch, Text):
+                name = self._local_name(node.name)
+                before, branch = [*before, *assignment([Text(name)], branch, depth=depth)], Text(name)
+            self._again[node.name] = branch.text
+            return [*before, *self._bound(node, call(branch.text), depth)]
         before, expression = self._awaited(node, depth)
         return [*before, *self._bound(node, expression, depth)]
 
@@ -221,7 +231,7 @@ class BodyWriter:
         ``key`` is what the branch is called, if it has a name.
         """
         is_giving_several = isinstance(node, (Parallel, PartialOrder)) and self._is_giving(node)
-        is_body = isinstance(node, (Series, Hold, Gate)) or is_giving_several
+        is_body = isinstance(node, (Series, Hold, Gate, Again)) or is_giving_several
         if not is_body:
             if isinstance(node, Perform) and key is not None:
                 more = {"once": "True"} if node.once else {}
@@ -427,7 +437,7 @@ def _comment(node: Node, depth: int) -> list[str]:
             return _words(label, depth) if says_more else []
         case Gate(body=body, overlaps=overlaps):
             return [*(_words(overlaps, depth) if overlaps else ()), *_comment(body, depth)]
-        case Handle(body=body) | Achieve(body=body) | Hold(body=body):
+        case Handle(body=body) | Achieve(body=body) | Again(body=body) | Hold(body=body):
             return _comment(body, depth)
         case _:
             return []

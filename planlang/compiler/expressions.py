@@ -233,16 +233,22 @@ def _is_branch_name(name: str) -> bool:
 class Expressions:
     """Writes expressions with the names of one module.
 
-    ``variables`` hold the results of steps (IRIs), ``kept`` what states have made last, by name. ``claim`` gives out
-    names inside of the function that the expressions stand in.
+    ``variables`` hold the results of steps (IRIs), ``kept`` what states have made last, by name, and ``again`` runs
+    steps again, by name. ``claim`` gives out names inside of the function that the expressions stand in.
     """
 
     def __init__(
-        self, symbols: Symbols, variables: dict[str, str], kept: dict[str, str], claim: Callable[[str], str]
+        self,
+        symbols: Symbols,
+        variables: dict[str, str],
+        kept: dict[str, str],
+        again: dict[str, str],
+        claim: Callable[[str], str],
     ) -> None:
         self._symbols = symbols
         self._variables = variables
         self._kept = kept
+        self._again = again
         self._claim = claim
         self._held: dict[Hashable, str] = {}
         """The variables that hold places and constraints."""
@@ -393,7 +399,9 @@ class Expressions:
         if recovery.strategy.origin is not None:
             module, function = recovery.strategy.origin
             do = use(function, module)
-            arguments.append(do if recovery.about is None else call(do, self._symbols.thing(recovery.about)))
+            about = [] if recovery.about is None else [self._symbols.thing(recovery.about)]
+            again = [] if recovery.again is None else [self._again[recovery.again]]
+            arguments.append(call(do, *about, *again) if about else do)
         more: dict[str, Expression | str] = {"attempts": str(attempts)}
         if recovery.otherwise is not None:
             more["otherwise"] = use(recovery.otherwise, "planlang.failures")

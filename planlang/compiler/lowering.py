@@ -7,7 +7,8 @@ from collections.abc import Set as AbstractSet
 from difflib import get_close_matches
 
 from planlang import failures
-from planlang.compiler.expressions import snake_case
+from planlang.compiler.expressions import snake_case, without_digits
+from planlang.compiler.going_back import Keeping, going_back
 from planlang.compiler.structure import Overlaps, machine, structured
 from planlang.compiler.terms import HandUse, Renaming, Roles, Terms, callees_first
 from planlang.compiler.tree import (
@@ -135,6 +136,7 @@ class Recoveries:
             for failure, rule in self._of(cls)
             if (strategy := find_strategy(rule.strategy)) is not None
             and not strategy.moves_base
+            and not strategy.goes_back
             and rule.name not in written
             and (about is not None or not strategy.about_object)
         )
@@ -153,9 +155,17 @@ class Recoveries:
             for cls in classes:
                 for failure, rule in self._of(cls):
                     strategy = find_strategy(rule.strategy)
-                    if strategy is not None and strategy.moves_base:
+                    if strategy is not None and strategy.moves_base and not strategy.goes_back:
                         found.setdefault(failure, _recover(failure, rule, strategy, about))
         return tuple(found.values())
+
+    def going_back(self, cls: str, about: Thing | None) -> tuple[Recover, ...]:
+        """Return the recoveries that go back to an action of a class from what follows it."""
+        return tuple(
+            _recover(failure, rule, strategy, about)
+            for failure, rule in self._of(cls)
+            if about is not None and (strategy := find_strategy(rule.strategy)) is not None and strategy.goes_back
+        )
 
     def looked_at(self, step: Step) -> Thing | None:
         """Return the thing that a step looks at before it acts: the object that it handles, or the recipient."""
@@ -208,7 +218,9 @@ class Lowering:
         if recipe.iri == self._recipes.task:
             things = [thing for thing in self._terms.parameters(recipe) if thing.kind is Kind.OBJECT]
             about = things[0] if things else None
-            recoveries = self._steps.recoveries.around_step(recipe.action_class, about, frozenset())
+            known = self._steps.recoveries
+            recoveries = known.around_step(recipe.action_class, about, frozenset())
+            recoveries += known.going_back(recipe.action_class, about)
             if recoveries:
                 body = Series((Handle(body, recoveries),))
         return Function(recipe.iri, recipe.label, self._terms.parameters(recipe), body)
@@ -247,7 +259,9 @@ class Lowering:
             return overlaps.gated(iri, made)
 
         nodes = [unit_node(unit) for unit in found.units]
-        return structured(found.order, nodes, [self._name(recipe, unit.members()[0]) for unit in found.units])
+        body = structured(found.order, nodes, [self._name(recipe, unit.members()[0]) for unit in found.units])
+        steps = ([recipe.step(iri) for iri in unit.members()] for unit in found.units)
+        return self._steps.with_going_back(recipe, body, zip(nodes, steps, strict=True))
 
     def _scope(self, recipe: Recipe, unit: Unit, nodes: list[Node]) -> Node:
         assert unit.base is not None
@@ -304,6 +318,8 @@ class Steps:
         self._around: dict[str, tuple[Recover, ...]] = {}
         """The recoveries that leave the place, one for each failure, of each recipe that does not move the base."""
 
+        self._open: dict[str, Keeping] = {}
+        """What each recipe holds at its end, with the recoveries that go back to it from what follows."""
         self._unrepeatable: dict[str, bool] = {}
         """Whether a recipe (IRI) has a step that must not be repeated, itself or in a recipe below it."""
 
@@ -345,6 +361,34 @@ class Steps:
         if isinstance(node, Handle):
             return Handle(node.body, (*node.recoveries, *found))
         return Handle(node, found)
+
+    def with_going_back(self, recipe: Recipe, body: Series, units: Iterable[tuple[Node, list[Step]]]) -> Series:
+        """Return the body with the recoveries that go back to a step; what is still held is left to callers, too.
+
+        What must not be repeated gets none.
+        """
+        keeping = {id(node): self._kept_by(recipe, steps) for node, steps in units}
+        made, self._open[recipe.iri] = going_back(body, keeping)
+        assert isinstance(made, Series)
+        return made
+
+    def _kept_by(self, recipe: Recipe, steps: Iterable[Step]) -> Keeping:
+        steps = tuple(steps)
+        kept = Keeping(once=any(map(self._is_unrepeatable, steps)))
+        for step in steps:
+            own = self.recoveries.going_back(step.iri, self.recoveries.looked_at(step))
+            if own:
+                kept |= Keeping(own, name=_fetching(own[0], step))
+                continue
+            if self._actions.releases(step):
+                kept |= Keeping(let_go=self._actions.released(step))
+            for callee in step.recipes:
+                renaming = self._terms.renaming(recipe, step, callee)
+                inner = self._open.get(callee, Keeping())
+                let_go = frozenset(renaming.get(thing, thing) if thing else None for thing in inner.let_go)
+                lasting = tuple(_renamed(recovery, renaming) for recovery in inner.lasting)
+                kept |= Keeping(lasting, let_go, inner.name)
+        return kept
 
     def _is_unrepeatable(self, step: Step) -> bool:
         """Return True for a step that nothing performs, or that calls a recipe with such a step."""
@@ -407,3 +451,8 @@ def _renamed(recovery: Recover, renaming: Renaming) -> Recover:
     """Return a recovery of a called function in terms of its caller."""
     about = renaming.get(recovery.about, recovery.about) if recovery.about is not None else None
     return Recover(recovery.failure, recovery.strategy, about, recovery.attempts, recovery.otherwise)
+
+
+def _fetching(recovery: Recover, step: Step) -> str:
+    """Return the name of a function that gets hold of what a recovery is about."""
+    return f"fetch_{snake_case(without_digits(recovery.about.name))}" if recovery.about else snake_case(step.name)

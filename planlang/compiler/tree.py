@@ -113,13 +113,25 @@ class Achieve:
 
 @dataclass(frozen=True, slots=True)
 class Recover:
-    """One recovery: failure class, strategy and what it is about, how often, and what to raise then."""
+    """One recovery: failure class, strategy and what it is about, how often, and what to raise then.
+
+    ``again`` names what the strategy runs again (:class:`Again`).
+    """
 
     failure: str
     strategy: Strategy
     about: Thing | None
     attempts: int
     otherwise: str | None
+    again: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Again:
+    """Run the body, which recoveries of later nodes run again by this name."""
+
+    name: str
+    body: Node
 
 
 @dataclass(frozen=True, slots=True)
@@ -233,7 +245,7 @@ class Machine:
     ends: tuple[str, ...]
 
 
-Node = Perform | Call | Achieve | Handle | Hold | Scope | Parallel | PartialOrder | Series | Gate | Machine
+Node = Perform | Call | Achieve | Handle | Again | Hold | Scope | Parallel | PartialOrder | Series | Gate | Machine
 
 
 @dataclass(frozen=True, slots=True)
@@ -264,7 +276,7 @@ def inside(node: Node) -> tuple[Node, ...]:
             return tuple(branch for _, branch in branches)
         case Machine(states):
             return tuple(state.body for state in states)
-        case Achieve() | Handle() | Hold() | Scope() | Gate():
+        case Achieve() | Handle() | Again() | Hold() | Scope() | Gate():
             return (node.body,)
     return ()
 

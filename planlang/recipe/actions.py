@@ -135,6 +135,13 @@ class Actions:
             return True
         return self.is_a(step, "ReleasingGraspOfSomething", "PuttingDownAnObject")
 
+    def released(self, step: Step) -> frozenset[Thing | None]:
+        """Return the things that a step lets go of; None if it does not say which."""
+        primitive = self.primitive(step)
+        names = primitive.releases if primitive is not None and primitive.releases else ("objectActedOn",)
+        things = {filler for name in names for filler in step.fillers(name) if isinstance(filler, Thing)}
+        return frozenset(things) if things else frozenset({None})
+
 
 @dataclass(frozen=True, slots=True)
 class Primitive:

@@ -25,7 +25,7 @@ from executive.runs.plan_files import (
 from executive.runs.plan_run import Outcome, RunOptions, run_plan_file
 from planlang.compiler import compile_recipe
 from planlang.diagnostics import BadInput, Diagnostic, Severity
-from planlang.files import bundled
+from planlang.files import Bundled, bundled
 from planlang.ontology import load
 
 CHOSEN = "the environment visiting_hours is chosen, as hospital_room has no cup2"
@@ -161,23 +161,31 @@ def test_a_thing_without_a_place_is_not_said_to_be_missing(tmp_path: Path, room:
 
 
 @pytest.mark.parametrize(
-    ("things", "environment", "told"),
+    ("recipe", "things", "environment", "told"),
     [
-        ([], "hospital_room", []),
-        (["bottle1"], "hospital_room", []),
+        ("serve_a_drink", [], "hospital_room", []),
+        ("serve_a_drink", ["bottle1"], "hospital_room", []),
+        ("pass_a_drink", [], "dining_room", []),
         (
+            "pass_a_drink",
+            ["visitor1"],
+            "visiting_hours",
+            ["the environment visiting_hours is chosen, as dining_room has no visitor1"],
+        ),
+        (
+            "serve_a_drink",
             ["cup2", "patient1"],
             "visiting_hours",
             ["the environment visiting_hours is chosen, as hospital_room has no cup2"],
         ),
-        (["cup2", "nobody"], "hospital_room", []),
+        ("serve_a_drink", ["cup2", "nobody"], "hospital_room", []),
     ],
 )
-def test_the_default_environment_is_the_only_one_that_has_what_is_named(
-    things: list[str], environment: str, told: list[str]
+def test_the_default_environment_is_that_of_the_recipe_or_the_only_one_that_has_what_is_named(
+    recipe: str, things: list[str], environment: str, told: list[str]
 ) -> None:
     notes: list[Diagnostic] = []
-    assert default_environment(things, notes) == environment
+    assert default_environment(Bundled.RECIPE.find(recipe), things, notes) == environment
     assert [one.message for one in notes] == told
 
 

@@ -322,6 +322,37 @@ def test_task_that_is_run_by_itself_has_its_own_recoveries(compiled: Any) -> Non
     assert unbroken(plan.source).count("Recovery(GraspMissed") == 1
 
 
+def carrying(*after: str) -> tuple[str, ...]:
+    """Statements of a recipe that grasps the bottle at one place, and then has further steps in order."""
+    names = "Drive", "Grasp", *(line.split()[1] for line in after)
+    return (
+        task("Serve", " ".join(names), constraints=len(names) * (len(names) - 1) // 2),
+        orderings(*(f"{one}<{other}" for number, one in enumerate(names) for other in names[number + 1 :])),
+        step("Drive", "k:Translation-LocationChange", "k:toLocation value room:bottle1"),
+        task("Grasp", "Close", "k:objectActedOn value room:bottle1", above="k:GraspingSomething"),
+        step("Close", "k:ClosingAGripper"),
+        *after,
+    )
+
+
+def test_steps_between_a_grasp_and_the_release_go_back_to_the_grasp_when_the_thing_is_lost(compiled: Any) -> None:
+    away = step("Away", "k:Translation-LocationChange", "k:toLocation value room:patient1")
+    give = step("Give", "k:HandingOverAnObject", "k:objectActedOn value room:bottle1")
+    back = step("Back", "k:Translation-LocationChange", "k:toLocation value room:cup1")
+    text = unbroken(compiled(*carrying(away, give, back), scopes=False).source)
+    assert "async def fetch_bottle() -> None:" in text
+    assert text.count("Recovery(ObjectLost, fetch_again(bottle), attempts=2") == 1, "around the grasp itself"
+    assert text.count("Recovery(ObjectLost, fetch_again(bottle, fetch_bottle), attempts=2") == 2
+    assert "ObjectLost" not in text[text.index("name='Give'") :].partition("otherwise=ObjectUnfetchable")[2], "let go"
+
+
+def test_letting_go_of_another_thing_leaves_the_first_one_watched(compiled: Any) -> None:
+    give = step("Give", "k:HandingOverAnObject", "k:objectActedOn value room:cup1")
+    look = step("Look", "k:LookingForSomething")
+    text = unbroken(compiled(*carrying(give, look), scopes=False).source)
+    assert text.count("fetch_again(bottle, fetch_bottle)") == 2
+
+
 def test_label_of_a_step_stands_above_it(compiled: Any) -> None:
     plan = compiled(
         task("Serve", "Look"),

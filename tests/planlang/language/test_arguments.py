@@ -205,6 +205,8 @@ OUTSIDE: list[Case] = [
     ("recovery_strategy", recovery_strategy, TEXT),
     ("look_and_repeat", look_and_repeat, set()),
     ("look_from_another_place", look_from_another_place, set()),
+    ("fetch_again", fetch_again, set()),
+    ("fetch_again again", lambda x: fetch_again(CUP, x), BRANCH | OPTIONAL | {"lambda"}),
     *((f"{f.__name__}", f, TEXT) for f in (an_object, a_person, a_device, Object, Person, Device)),
     *((f"{f.__name__} iri", lambda x, f=f: f("Cup", x), TEXT | OPTIONAL) for f in (an_object, a_person, a_device)),
     ("Relation name", lambda x: Relation(x, CUP), set()),

@@ -1,0 +1,80 @@
+"""``--trust-map``: what the map says counts as seen, so that a robot without camera handles things."""
+
+from __future__ import annotations
+
+import json
+from importlib.metadata import distributions
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from executive.cli.app import app
+
+
+def run(*arguments: str | Path) -> dict[str, Any]:
+    """The answer of ``planlang run`` as JSON."""
+    result = CliRunner().invoke(app, ["run", *map(str, arguments), "--json"], prog_name="planlang")
+    assert "Traceback" not in result.stdout + result.stderr
+    found: dict[str, Any] = json.loads(result.stdout)
+    return found
+
+
+def performed(trace: Path) -> list[str]:
+    """The actions that were performed, in order, with their arguments."""
+    records = [json.loads(line) for line in trace.read_text().splitlines()]
+    return [json.dumps(record["action"]) for record in records if record["event"] == "started" and "action" in record]
+
+
+def header(trace: Path) -> dict[str, Any]:
+    """The header of a trace."""
+    with trace.open() as file:
+        found: dict[str, Any] = json.loads(file.readline())
+    return found
+
+
+def test_a_robot_without_camera_is_refused_with_what_lets_it_work() -> None:
+    found = run("pass_a_drink", "--robot", "panda")
+    assert (found["exit_code"], found["failure"]) == (3, ["MissingCapability"])
+    (advice,) = (one for one in found["diagnostics"] if one["code"] == "X013")
+    assert "--trust-map" in advice["help"]
+
+
+@pytest.mark.parametrize(("recipe", "holder"), [("serve_a_drink", "patient1"), ("pass_a_drink", "guest1")])
+def test_a_robot_without_camera_that_trusts_the_map_hands_the_bottle_over(
+    tmp_path: Path, recipe: str, holder: str
+) -> None:
+    trace = tmp_path / "run.jsonl"
+    found = run(recipe, "--robot", "panda", "--trust-map", "--trace", trace)
+    assert found["final_state"] == [f"bottle1: held by {holder}"]
+    assert header(trace)["trusts_map"] is True
+
+
+def test_a_robot_with_a_camera_looks_unless_it_trusts_the_map(tmp_path: Path) -> None:
+    looking, trusting = tmp_path / "looking.jsonl", tmp_path / "trusting.jsonl"
+    for trace, options in ((looking, ()), (trusting, ("--trust-map",))):
+        found = run("pass_a_drink", "--robot", "amigo", *options, "--trace", trace)
+        assert found["final_state"] == ["bottle1: held by guest1"]
+    assert any("LookingForSomething" in one for one in performed(looking))
+    assert not any("LookingForSomething" in one for one in performed(trusting))
+    assert "trusts_map" not in header(looking)
+
+
+@pytest.mark.skipif(not list(distributions(name="example-robot-data")), reason="the PR2's URDF is in the extra pr2")
+def test_the_pr2_passes_the_drink_without_moving_its_base(tmp_path: Path) -> None:
+    trace = tmp_path / "run.jsonl"
+    assert run("pass_a_drink", "--robot", "pr2", "--trace", trace)["final_state"] == ["bottle1: held by guest1"]
+    assert not any("Translation" in one for one in performed(trace))
+
+
+def test_a_run_that_trusted_the_map_is_resumed_so(tmp_path: Path) -> None:
+    trace = tmp_path / "run.jsonl"
+    run("pass_a_drink", "--robot", "panda", "--trust-map", "--trace", trace)
+    lines = trace.read_text().splitlines(keepends=True)
+    grasped = next(number for number, line in enumerate(lines) if '"change":"grasped"' in line.replace(" ", ""))
+    completed = next(n for n in range(grasped, len(lines)) if '"event":"completed"' in lines[n].replace(" ", ""))
+    trace.write_text("".join(lines[: completed + 1]))
+    found = run("--resume", trace)
+    assert found["final_state"] == ["bottle1: held by guest1"]
+    assert header(trace)["trusts_map"] is True
