@@ -27,8 +27,8 @@ from planlang.compiler.tree import (
     Value,
 )
 from planlang.designators import local_name
-from planlang.language.recovery_strategies import registered_strategies
 from planlang.recipe.model import Constraint, Kind, Name, Part, Place, RecipeSet, Thing
+from planlang.recoveries import registered_strategies
 
 PLANLANG = frozenset(
     (

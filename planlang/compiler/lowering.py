@@ -30,13 +30,13 @@ from planlang.compiler.tree import (
 from planlang.diagnostics import Diagnostic, error, note, warning
 from planlang.failures import ObjectUndeliverable, ObjectUnreachable, PlanFailure
 from planlang.language.location import CURABLE
-from planlang.language.recovery_strategies import Strategy, find_strategy, registered_strategies
 from planlang.ontology import Ontology
 from planlang.recipe.actions import Actions, RecoveryRule, recoveries_of
 from planlang.recipe.checks import check
 from planlang.recipe.checks.orderings import ordering_to_write
 from planlang.recipe.model import Kind, Place, Recipe, RecipeSet, Step, Thing
 from planlang.recipe.order import Precedence, Unit, recipe_order, scopes_of, single_steps
+from planlang.recoveries import Strategy, find_strategy, registered_strategies
 
 NEXT_SOLUTION = "NextSolution"
 """The next solution, which is no registered strategy: a location scope performs it."""

@@ -340,7 +340,7 @@ def test_steps_between_a_grasp_and_the_release_go_back_to_the_grasp_when_the_thi
     give = step("Give", "k:HandingOverAnObject", "k:objectActedOn value room:bottle1")
     back = step("Back", "k:Translation-LocationChange", "k:toLocation value room:cup1")
     text = unbroken(compiled(*carrying(away, give, back), scopes=False).source)
-    assert "async def fetch_bottle() -> None:" in text
+    assert "fetch_bottle = partial(perform," in text
     assert text.count("Recovery(ObjectLost, fetch_again(bottle), attempts=2") == 1, "around the grasp itself"
     assert text.count("Recovery(ObjectLost, fetch_again(bottle, fetch_bottle), attempts=2") == 2
     assert "ObjectLost" not in text[text.index("name='Give'") :].partition("otherwise=ObjectUnfetchable")[2], "let go"

@@ -308,7 +308,7 @@ def test_golden_plan_is_formatted_linted_and_strictly_typed() -> None:
 
 def test_golden_plan_imports_planlang_only(plan: CompiledPlan) -> None:
     lines = [line for line in plan.source.splitlines() if line.startswith(("import ", "from "))]
-    known = ("functools", "planlang", "planlang.designators", "planlang.failures")
+    known = ("functools", "planlang", "planlang.designators", "planlang.failures", "planlang.recoveries")
     assert all(line.split()[1] in known for line in lines)
 
 

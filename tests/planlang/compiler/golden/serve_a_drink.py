@@ -1,52 +1,15 @@
 """Serve a drink.
 
-Compiled by planlang 0.1.0 from serve_a_drink.omn
-<<<<<<< HEAD
-(sha256 7b3a485023f303a13a87e153027044e51f9bb691197ef8d6ac64a6b13fde1f16), task ServeADrink.
-What follows has sha256 0ad43ef3a8191776c93522c0b9314360eff24008cfee662c51872f8c8958e63d unless it was edited.
-=======
-(sha256 7b3a485023f303a13a87e153027044e51f9bb691197ef8d6ac64a6b13fde1f16), task
-ServeADrink.
-What follows has sha256
-77562c07cfc4eb8b68f0bedb4fe69c34f76fa6ef7cee0186541a6a5ea7ec58fa unless
-somebody has edited it.
->>>>>>> main
+Compiled by planlang 0.1.0 from serve_a_drink.omn (sha256 7b3a485023f303a1), task ServeADrink.
+What follows has sha256 f6cd8b94bd34cf021d076ecbdbacb5882b8e9d1e25a78d81d46b616a5a6fb8cb unless it was edited.
 """
 
 from functools import partial
 
-<<<<<<< HEAD
-from planlang import Recovery, action, at_location, holding, look_and_repeat, look_from_another_place, perform, plan
+from planlang import Recovery, action, at_location, holding, perform, plan
 from planlang.designators import Object, Person, a_device, a_location, a_person, a_posture, an_object
-from planlang.failures import GraspMissed, ObjectNotFound, ObjectNowhereToBeFound, ObjectUnfetchable
-=======
-from planlang import (
-    Location,
-    Object,
-    Person,
-    Recovery,
-    a_device,
-    a_location,
-    a_person,
-    a_posture,
-    action,
-    an_object,
-    at_location,
-    fetch_again,
-    holding,
-    look_and_repeat,
-    look_from_another_place,
-    perform,
-    plan,
-)
-from planlang.failures import (
-    GraspMissed,
-    ObjectLost,
-    ObjectNotFound,
-    ObjectNowhereToBeFound,
-    ObjectUnfetchable,
-)
->>>>>>> main
+from planlang.failures import GraspMissed, ObjectLost, ObjectNotFound, ObjectNowhereToBeFound, ObjectUnfetchable
+from planlang.recoveries import fetch_again, look_and_repeat, look_from_another_place
 
 RECIPE = "http://planlang.org/kb/serve_a_drink.owl#"
 HOSPITAL_ROOM = "http://planlang.org/kb/hospital_room.owl#"
@@ -82,7 +45,6 @@ async def serve_a_drink(*, bottle: Object = BOTTLE, patient: Person = PATIENT) -
     approach_pose = a_location("approachPose", in_front_of=bottle, using=GRIPPER)
     grasp_pose = a_location("graspPose", in_center_of=bottle, using=GRIPPER)
 
-<<<<<<< HEAD
     # drive to where the bottle is in reach
     async def at_grasping_place() -> None:
         await perform(
@@ -92,57 +54,17 @@ async def serve_a_drink(*, bottle: Object = BOTTLE, patient: Person = PATIENT) -
             recoveries=[Recovery(GraspMissed, look_and_repeat(bottle), attempts=2, otherwise=ObjectUnfetchable)],
         )
 
-    await at_location(
+    fetch_bottle = partial(
+        at_location,
         grasping_place,
         at_grasping_place,
         reaching=(approach_pose, grasp_pose),
         recoveries=[
             Recovery(ObjectNotFound, look_from_another_place(bottle), attempts=3, otherwise=ObjectNowhereToBeFound),
+            Recovery(ObjectLost, fetch_again(bottle), attempts=2, otherwise=ObjectUnfetchable),
         ],
     )
-=======
-    async def fetch_bottle() -> None:
-        # drive to where the bottle is in reach
-        async def at_grasping_place() -> None:
-            await perform(
-                action(
-                    "GraspingSomething", object_acted_on=bottle, device_used=GRIPPER
-                ),
-                otherwise=partial(grasp_bottle, bottle=bottle),
-                until=holding(bottle),
-                recoveries=[
-                    Recovery(
-                        GraspMissed,
-                        look_and_repeat(bottle),
-                        attempts=2,
-                        otherwise=ObjectUnfetchable,
-                    ),
-                ],
-            )
-
-        await at_location(
-            grasping_place(bottle),
-            at_grasping_place,
-            attempts=5,
-            reaching=(approach_pose(bottle), grasp_pose(bottle)),
-            recoveries=[
-                Recovery(
-                    ObjectNotFound,
-                    look_from_another_place(bottle),
-                    attempts=3,
-                    otherwise=ObjectNowhereToBeFound,
-                ),
-                Recovery(
-                    ObjectLost,
-                    fetch_again(bottle),
-                    attempts=2,
-                    otherwise=ObjectUnfetchable,
-                ),
-            ],
-        )
-
     await fetch_bottle()
->>>>>>> main
 
     # where the base stands to hand over
     handover_place = a_location("handoverPlace", in_reach_of=patient, using=GRIPPER)
@@ -164,21 +86,7 @@ async def serve_a_drink(*, bottle: Object = BOTTLE, patient: Person = PATIENT) -
         at_handover_place,
         reaching=(handover_pose,),
         recoveries=[
-<<<<<<< HEAD
             Recovery(ObjectNotFound, look_from_another_place(patient), attempts=3, otherwise=ObjectNowhereToBeFound),
-=======
-            Recovery(
-                ObjectNotFound,
-                look_from_another_place(patient),
-                attempts=3,
-                otherwise=ObjectNowhereToBeFound,
-            ),
-            Recovery(
-                ObjectLost,
-                fetch_again(bottle, fetch_bottle),
-                attempts=2,
-                otherwise=ObjectUnfetchable,
-            ),
->>>>>>> main
+            Recovery(ObjectLost, fetch_again(bottle, fetch_bottle), attempts=2, otherwise=ObjectUnfetchable),
         ],
     )
