@@ -38,7 +38,7 @@ from planlang.recipe.model import (
     Thing,
 )
 
-TYPES = {Kind.OBJECT: "Object", Kind.PERSON: "Person", Kind.DEVICE: "Device"}
+TYPES = {Kind.OBJECT: "Object", Kind.PERSON: "Person", Kind.DEVICE: "Device", Kind.PLACE: "Location"}
 MAKERS = {Kind.OBJECT: "an_object", Kind.PERSON: "a_person", Kind.DEVICE: "a_device"}
 
 
@@ -55,7 +55,7 @@ def emit(
         for thing in function.parameters:
             symbols.thing(thing)
     functions = [_function(symbols, function) for function in tree.functions]
-    constants = [line for thing in symbols.things() for line in _thing(symbols, thing)]
+    constants = [line for thing in symbols.things() if thing.slot is None for line in _thing(symbols, thing)]
     constants += [line for place, name in symbols.postures() for line in _posture(symbols, place, name)]
     parts = ["", *_imports(symbols), "", *_namespaces(symbols)]
     if constants:
@@ -116,10 +116,7 @@ def _posture(symbols: Symbols, place: Place, name: str) -> list[str]:
 
 def _function(symbols: Symbols, function: Function) -> list[str]:
     name = symbols.functions[function.iri]
-    parameters = [
-        f"{symbols.thing(thing)}: {symbols.use(TYPES[thing.kind])} = {symbols.constant(thing)}"
-        for thing in function.parameters
-    ]
+    parameters = [_parameter(symbols, thing) for thing in function.parameters]
     title = _sentence(function.label or humanised(local_name(function.iri)))
     body = BodyWriter(symbols, name, function.body).lines()
     first = next((line.lstrip() for line in body if not line.lstrip().startswith("#")), "")
@@ -131,6 +128,19 @@ def _function(symbols: Symbols, function: Function) -> list[str]:
         *_docstring([title], depth=1),
         *body,
     ]
+
+
+def _parameter(symbols: Symbols, thing: Thing) -> str:
+    """Return a parameter with its default; without one, and with its name outside of Python, if it fills a slot."""
+    name, type = symbols.thing(thing), _type(symbols, thing)
+    if thing.slot is None:
+        return f"{name}: {type} = {symbols.constant(thing)}"
+    return f"{name}: {symbols.use('Annotated', 'typing')}[{type}, {quoted(thing.name)}]"
+
+
+def _type(symbols: Symbols, thing: Thing) -> str:
+    kinds = (thing.kind,) if thing.slot is None else thing.slot.kinds
+    return " | ".join(symbols.use(TYPES[kind]) for kind in kinds)
 
 
 def _docstring(paragraphs: list[str], *, depth: int) -> list[str]:

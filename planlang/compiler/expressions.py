@@ -40,7 +40,10 @@ PLANLANG = frozenset(
 """Names that a plan may import, besides designators, failures and strategies of recovery."""
 
 DESIGNATORS = frozenset(
-    ("Object", "Person", "a_device", "a_location", "a_person", "a_posture", "a_situation", "an_object")
+    (
+        *("Location", "Object", "Person", "a_device", "a_location", "a_person", "a_posture", "a_situation"),
+        "an_object",
+    )
 )
 """Names for the things and places that a plan is about, which it imports from ``planlang.designators``."""
 

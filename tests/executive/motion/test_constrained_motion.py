@@ -118,6 +118,12 @@ def test_a_phase_whose_weights_are_0_moves_nothing() -> None:
     assert robot.objection(problem, start, [impossible, [UPRIGHT], []], motions) is None
 
 
+def test_phases_that_ask_for_nothing_move_nothing() -> None:
+    problem, start = with_cup(arms("amigo"))
+    motions = solve_motion(problem, start, [[], []])
+    assert [motion.trajectory.positions.tolist() for motion in motions] == [[start.tolist()]] * 2
+
+
 @pytest.mark.parametrize("name", ["amigo", "panda"])
 def test_constraints_that_contradict_each_other_are_named_and_no_others(name: str) -> None:
     problem, start = with_cup(arms(name))
