@@ -12,7 +12,7 @@ from typing import TypeVar
 
 from planlang.compiler.bodies import BodyWriter
 from planlang.compiler.expressions import Symbols, is_iri, quoted
-from planlang.compiler.layout import INDENT, WIDTH, Expression, Text, assignment, call, signature, statement
+from planlang.compiler.layout import INDENT, WIDTH, Expression, Text, assignment, call, sequence, signature, statement
 from planlang.compiler.lowering import Lowering, check_recoveries
 from planlang.compiler.tree import Function, PlanTree
 from planlang.designators import local_name
@@ -57,9 +57,10 @@ def emit(
     functions = [_function(symbols, function) for function in tree.functions]
     constants = [line for thing in symbols.things() if thing.slot is None for line in _thing(symbols, thing)]
     constants += [line for place, name in symbols.postures() for line in _posture(symbols, place, name)]
+    classes = _classes(symbols)
     parts = ["", *_imports(symbols), "", *_namespaces(symbols)]
-    if constants:
-        parts += ["", *constants]
+    for block in (classes, constants):
+        parts += ["", *block] if block else []
     for block in functions:
         parts += ["", "", *block]
     below = "\n".join(parts) + "\n"
@@ -101,6 +102,17 @@ def _namespaces(symbols: Symbols) -> list[str]:
     return [
         line for name, start in symbols.namespaces() for line in assignment([Text(name)], Text(quoted(start)), depth=0)
     ]
+
+
+def _classes(symbols: Symbols) -> list[str]:
+    """Return statements about the classes of actions that only the recipe knows."""
+    lines: list[str] = []
+    for cls, above in symbols.stated.items():
+        name = symbols.iri(cls) if is_iri(cls) else quoted(cls)
+        below = [symbols.stated_class(one) for one in above]
+        stated = call(symbols.use("action_class"), name, below=below[0] if len(below) == 1 else sequence(below))
+        lines += assignment([Text(symbols.action_class(cls))], stated, depth=0)
+    return lines
 
 
 def _thing(symbols: Symbols, thing: Thing) -> list[str]:

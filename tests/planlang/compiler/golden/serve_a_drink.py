@@ -1,18 +1,30 @@
 """Serve a drink.
 
 Compiled by planlang 0.1.0 from serve_a_drink.omn (sha256 7b3a485023f303a1), task ServeADrink.
-What follows has sha256 f6cd8b94bd34cf021d076ecbdbacb5882b8e9d1e25a78d81d46b616a5a6fb8cb unless it was edited.
+What follows has sha256 6dc30bf3bbeff3f5555fe8ac8b1d76ce63900a117e76b7adb5b2f914136bdf6e unless it was edited.
 """
 
 from functools import partial
 
-from planlang import Recovery, action, at_location, holding, perform, plan
+from planlang import Recovery, action, action_class, at_location, holding, perform, plan
 from planlang.designators import Object, Person, a_device, a_location, a_person, a_posture, an_object
 from planlang.failures import GraspMissed, ObjectLost, ObjectNotFound, ObjectNowhereToBeFound, ObjectUnfetchable
 from planlang.recoveries import fetch_again, look_and_repeat, look_from_another_place
 
 RECIPE = "http://planlang.org/kb/serve_a_drink.owl#"
 HOSPITAL_ROOM = "http://planlang.org/kb/hospital_room.owl#"
+
+MOVE_BASE_TO_GRASP_POSE = action_class(RECIPE + "MoveBaseToGraspPose", below="Translation-LocationChange")
+GRASP_BOTTLE = action_class(RECIPE + "GraspBottle", below="GraspingSomething")
+MOVE_BASE_TO_HANDOVER_POSE = action_class(RECIPE + "MoveBaseToHandoverPose", below="Translation-LocationChange")
+REACH_TO_HANDOVER_POSE = action_class(RECIPE + "ReachToHandoverPose", below="Reaching")
+HAND_OVER_BOTTLE = action_class(RECIPE + "HandOverBottle", below="HandingOverAnObject")
+APPROACH_BOTTLE = action_class(RECIPE + "ApproachBottle", below="Reaching")
+OPEN_GRIPPER = action_class(RECIPE + "OpenGripper", below="OpeningAGripper")
+REACH_FOR_BOTTLE = action_class(RECIPE + "ReachForBottle", below="Reaching")
+CLOSE_GRIPPER = action_class(RECIPE + "CloseGripper", below="ClosingAGripper")
+LIFT_BOTTLE = action_class(RECIPE + "LiftBottle", below="Reaching")
+PARK_ARM = action_class(RECIPE + "ParkArm", below="Reaching")
 
 BOTTLE = an_object("DrinkingBottle", HOSPITAL_ROOM + "bottle1")
 PATIENT = a_person("Patient", HOSPITAL_ROOM + "patient1")
@@ -25,16 +37,16 @@ async def grasp_bottle(*, bottle: Object = BOTTLE) -> None:
     """Grasp a bottle."""
     # where the hand waits before it grasps
     approach_pose = a_location("approachPose", in_front_of=bottle, using=GRIPPER)
-    await perform(action("Reaching", to_location=approach_pose, device_used=GRIPPER), name="ApproachBottle")
-    await perform(action("OpeningAGripper", device_used=GRIPPER), name="OpenGripper")
+    await perform(action(APPROACH_BOTTLE, to_location=approach_pose, device_used=GRIPPER))
+    await perform(action(OPEN_GRIPPER, device_used=GRIPPER))
     # where the hand closes
     grasp_pose = a_location("graspPose", in_center_of=bottle, using=GRIPPER)
-    await perform(action("Reaching", to_location=grasp_pose, device_used=GRIPPER), name="ReachForBottle")
-    await perform(action("ClosingAGripper", device_used=GRIPPER), name="CloseGripper")
+    await perform(action(REACH_FOR_BOTTLE, to_location=grasp_pose, device_used=GRIPPER))
+    await perform(action(CLOSE_GRIPPER, device_used=GRIPPER))
     # lift the bottle to where the hand came from
-    await perform(action("Reaching", to_location=approach_pose, device_used=GRIPPER), name="LiftBottle")
+    await perform(action(LIFT_BOTTLE, to_location=approach_pose, device_used=GRIPPER))
     # bring the bottle close to the robot
-    await perform(action("Reaching", to_location=CARRYING, device_used=GRIPPER), name="ParkArm")
+    await perform(action(PARK_ARM, to_location=CARRYING, device_used=GRIPPER))
 
 
 @plan(RECIPE + "ServeADrink")
@@ -48,7 +60,7 @@ async def serve_a_drink(*, bottle: Object = BOTTLE, patient: Person = PATIENT) -
     # drive to where the bottle is in reach
     async def at_grasping_place() -> None:
         await perform(
-            action("GraspingSomething", object_acted_on=bottle, device_used=GRIPPER),
+            action(GRASP_BOTTLE, object_acted_on=bottle, device_used=GRIPPER),
             otherwise=partial(grasp_bottle, bottle=bottle),
             until=holding(bottle),
             recoveries=[Recovery(GraspMissed, look_and_repeat(bottle), attempts=2, otherwise=ObjectUnfetchable)],
@@ -59,6 +71,7 @@ async def serve_a_drink(*, bottle: Object = BOTTLE, patient: Person = PATIENT) -
         grasping_place,
         at_grasping_place,
         reaching=(approach_pose, grasp_pose),
+        by=MOVE_BASE_TO_GRASP_POSE,
         recoveries=[
             Recovery(ObjectNotFound, look_from_another_place(bottle), attempts=3, otherwise=ObjectNowhereToBeFound),
             Recovery(ObjectLost, fetch_again(bottle), attempts=2, otherwise=ObjectUnfetchable),
@@ -74,17 +87,15 @@ async def serve_a_drink(*, bottle: Object = BOTTLE, patient: Person = PATIENT) -
     # drive to where the patient is in reach
     async def at_handover_place() -> None:
         # offer the bottle to the patient
-        await perform(action("Reaching", to_location=handover_pose, device_used=GRIPPER), name="ReachToHandoverPose")
+        await perform(action(REACH_TO_HANDOVER_POSE, to_location=handover_pose, device_used=GRIPPER))
         # let go of the bottle when the patient has taken it
-        await perform(
-            action("HandingOverAnObject", object_acted_on=bottle, recipient=patient, device_used=GRIPPER),
-            name="HandOverBottle",
-        )
+        await perform(action(HAND_OVER_BOTTLE, object_acted_on=bottle, recipient=patient, device_used=GRIPPER))
 
     await at_location(
         handover_place,
         at_handover_place,
         reaching=(handover_pose,),
+        by=MOVE_BASE_TO_HANDOVER_POSE,
         recoveries=[
             Recovery(ObjectNotFound, look_from_another_place(patient), attempts=3, otherwise=ObjectNowhereToBeFound),
             Recovery(ObjectLost, fetch_again(bottle, fetch_bottle), attempts=2, otherwise=ObjectUnfetchable),
