@@ -199,8 +199,7 @@ class Terms:
 
     def use(self, place: Place) -> PlaceUse:
         """Return a place with the things that it depends on."""
-        things = dict.fromkeys(thing for thing in place.things() if thing.kind is not Kind.DEVICE)
-        return PlaceUse(place, tuple(things))
+        return PlaceUse(place, place.changeable())
 
     def device(self, recipe: Recipe, step: Step) -> Thing | None:
         """Return the device of a step of the hand: its own, else its recipe's."""
