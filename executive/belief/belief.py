@@ -101,7 +101,11 @@ class Belief:
 
     def seen_from_here(self, name: str) -> bool:
         """Return True if a thing has been seen since the base last moved, or the map is trusted."""
-        return self.trusts_map or self._seen.get(name) == self._moves
+        return self.trusts_map or self.seen(name)
+
+    def seen(self, name: str) -> bool:
+        """Return True if the camera has shown a thing since the base last moved."""
+        return self._seen.get(name) == self._moves
 
     def by_map_alone(self, name: str) -> bool:
         """Return True if a thing is believed to be where the map has it, and was never seen."""

@@ -356,9 +356,8 @@ class Sensing:
         explained, belief = control.scene.bodies.explained(touch), control.belief
         if explained is None:
             belief.obstacle(behind(touch), motion.blocked_by)
-        elif not control.scene.bodies.is_person(explained[0]):
-            if belief.trusts_map or not belief.seen_from_here(explained[0]):
-                belief.bump(*explained)
+        elif not (belief.seen(explained[0]) or control.scene.bodies.is_person(explained[0])):
+            belief.bump(*explained)
         control.sync()
 
     def support_of(self, name: str) -> Block | None:
