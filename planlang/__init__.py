@@ -3,6 +3,7 @@
 from importlib import import_module
 from typing import TYPE_CHECKING
 
+from planlang.action_classes import action_class
 from planlang.designators import (
     Action,
     Condition,
@@ -87,8 +88,14 @@ from planlang.language.recovery import (
     retry,
     with_failure_handling,
 )
-from planlang.language.recovery_strategies import ignore, look_and_repeat, look_from_another_place, recovery_strategy
 from planlang.language.running import run
+from planlang.recoveries import (
+    fetch_again,
+    ignore,
+    look_and_repeat,
+    look_from_another_place,
+    recovery_strategy,
+)
 from planlang.runs import Trace
 
 __all__ = [
@@ -141,12 +148,14 @@ __all__ = [
     "a_situation",
     "achieve",
     "action",
+    "action_class",
     "an_object",
     "at_location",
     "budget",
     "checkpoint",
     "evaporate",
     "explain",
+    "fetch_again",
     "given",
     "holding",
     "holds",

@@ -33,6 +33,17 @@ class Contact:
 
 
 @dataclass(frozen=True, slots=True)
+class Touch:
+    """What a link of the robot feels on its surface; it tells where it is touched, not by what."""
+
+    link: str
+    point: tuple[float, float, float]
+    """Where it is touched, in the map."""
+    normal: tuple[float, float, float]
+    """Unit vector from what touches towards the link, in the map."""
+
+
+@dataclass(frozen=True, slots=True)
 class Trajectory:
     """Positions sampled at the world's rate: row k is reached k world steps after the start, row 0 is the start.
 
@@ -56,10 +67,13 @@ class MotionState(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """State of a commanded motion, and what blocks it by name."""
+    """State of a commanded motion, and what blocks it."""
 
     state: MotionState
     blocked_by: str | None = None
+    """Its name for messages; nothing is concluded from it, and a robot that cannot know it leaves it out."""
+    touch: Touch | None = None
+    """Where the robot, or what it holds, was touched when it was blocked."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,8 +125,8 @@ class World(Protocol):
     def detect(self, camera_link: str) -> tuple[Detection, ...]:
         """Return what the camera sees, unoccluded and within its limits, in the order of the scene."""
 
-    def between_fingers(self, fingers: str | Collection[str]) -> str | None:
-        """Return the body that the fingers of a hand (its link, or the finger links) feel between them."""
+    def touches(self, links: Collection[str]) -> tuple[Touch, ...]:
+        """Return what links of a hand feel on their skins, or by the currents of their motors."""
 
     def attach(self, link: str, name: str) -> None:
         """Fix a body to a link of the robot."""

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from planlang.geometry import Array, Pose
 from planlang.geometry.shapes import overlaps
-from planlang.protocols import Configuration, Contact
+from planlang.protocols import Configuration, Contact, Touch
 from sim.bodies import Bodies
 from sim.engine import bullet
 from sim.leaves import Leaves, Led
@@ -136,6 +136,8 @@ class Contacts:
             if number is not None:
                 _deepen(found, part, body, self.robot.depth_with(number, piece.uid))
                 continue
+            if self.bodies.lets_touch(part, body):
+                continue
             depth = -self.bodies.gap(self.bodies.of[part], [index], 0.0)
             if body not in self.held[part].touched or depth > SUPPORT_DEPTH:
                 _deepen(found, part, body, depth)
@@ -181,6 +183,8 @@ class Contacts:
             for index in np.nonzero(near)[0].tolist():
                 piece = self.bodies.pieces[index]
                 if piece.body == name or piece.yields or query.ignores(name, piece.body):
+                    continue
+                if self.bodies.lets_touch(name, piece.body):
                     continue
                 depth = -self.bodies.gap([mine], [index], 0.0)
                 if piece.body not in held.touched or depth > SUPPORT_DEPTH:
@@ -235,40 +239,43 @@ class Contacts:
             if held.touched:
                 held.touched &= self.touching(name, PARTED)
 
-    def between(self, fingers: Collection[str], reach: float = 0.01) -> str | None:
-        """Return the body that two or more of these finger links have between them within ``reach`` [m]."""
-        numbers = [self.robot.number[link] for link in fingers if link in self.robot.number]
-        if len(numbers) < 2:
-            return None
+    def touches(self, links: Collection[str], reach: float = 0.01) -> tuple[Touch, ...]:
+        """Return where links are touched: the nearest point of each body that is within ``reach`` of a link [m]."""
+        numbers = sorted(self.robot.number[link] for link in links if link in self.robot.number)
         lower, upper = self.robot.boxes()
-        near = self.bodies.near(lower[numbers] - reach, upper[numbers] + reach).sum(axis=0) >= 2
-        names = dict.fromkeys(self.bodies.pieces[index].body for index in np.nonzero(near)[0].tolist())
-        best: tuple[float, str] | None = None
-        for name in names:
-            normals = [self._normal(number, name, reach) for number in numbers]
-            sides = [normal for normal in normals if normal is not None]
-            if len(sides) < 2:
-                continue
-            opposed = min(float(a @ b) for k, a in enumerate(sides) for b in sides[k + 1 :])
-            if opposed < -0.5 and (best is None or opposed < best[0]):
-                best = (opposed, name)
-        return None if best is None else best[1]
+        near = self.bodies.near(lower[numbers] - reach, upper[numbers] + reach)
+        found = []
+        for number, row in zip(numbers, near, strict=True):
+            names = dict.fromkeys(self.bodies.pieces[index].body for index in np.flatnonzero(row).tolist())
+            found += [self._touch(number, name, reach) for name in names]
+        return tuple(touch for touch in found if touch is not None)
 
-    def _normal(self, number: int, name: str, reach: float) -> Array | None:
-        """Return the direction from a body towards a link where they are nearest."""
-        nearest: tuple[float, Array] | None = None
-        for index in self.bodies.of[name]:
+    def felt(self, contact: Contact) -> Touch | None:
+        """Return where a link, or a held object, is touched by a body; None when the robot touches itself."""
+        if contact.body not in self.bodies.of:
+            return None
+        if contact.part in self.robot.number:
+            return self._touch(self.robot.number[contact.part], contact.body, 0.0)
+        uids = [self.bodies.pieces[index].uid for index in self.bodies.of[contact.part]]
+        return self._nearest(self.held[contact.part].link, [(uid, -1) for uid in uids], contact.body, 0.0)
+
+    def _touch(self, number: int, name: str, reach: float) -> Touch | None:
+        """Return where a body is nearest to a link, None if it is nowhere within ``reach`` [m]."""
+        here = [(self.robot.uid, self.robot.solid[number])]
+        return self._nearest(self.robot.solid_names[number], here, name, reach)
+
+    def _nearest(self, link: str, mine: Collection[tuple[int, int]], name: str, reach: float) -> Touch | None:
+        """Return the same for what a link moves, given by ids and link numbers of the client."""
+        points = [
+            point
+            for uid, part in mine
+            for index in self.bodies.of[name]
             for point in bullet.getClosestPoints(
-                self.robot.uid,
-                self.bodies.pieces[index].uid,
-                reach,
-                self.robot.solid[number],
-                -1,
-                physicsClientId=self.robot.client,
-            ):
-                if nearest is None or point[8] < nearest[0]:
-                    nearest = (point[8], np.array(point[7]))
-        return None if nearest is None else nearest[1]
+                uid, self.bodies.pieces[index].uid, reach, part, -1, physicsClientId=self.robot.client
+            )
+        ]
+        nearest = min(points, key=lambda point: float(point[8]), default=None)
+        return None if nearest is None else Touch(link, nearest[6], nearest[7])
 
 
 def _deepen(found: dict[tuple[str, str], float], part: str, body: str, depth: float) -> None:

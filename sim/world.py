@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 
 from planlang.geometry import Array
-from planlang.protocols import Configuration, Contact, Detection, Motion, MotionState, Trajectory
+from planlang.protocols import Configuration, Contact, Detection, Motion, MotionState, Touch, Trajectory
 from sim.camera import save_png
 from sim.contact import Query
 from sim.kinematic import KinematicScene
+from sim.processes import Processes
 from sim.robot import BASE, Robot
 from sim.scene import RobotBody, Scene
 
@@ -25,6 +26,7 @@ _JUMP = 0.05
 _LIMIT = 1e-3
 """Tolerance of rows beyond a joint's limits [m, rad]: timing rounds, PyBullet reads limits as floats."""
 Find = Callable[[Configuration, Query], tuple[Contact, ...]]
+Feel = Callable[[Contact], Touch | None]
 
 
 @dataclass(slots=True)
@@ -46,12 +48,12 @@ class Playback:
 
     def state(self) -> Motion:
         """See :class:`planlang.protocols.Motion`."""
-        blocked = next((strand.blocked_by for strand in self.strands if strand.blocked_by), None)
+        blocked = next((strand for strand in self.strands if strand.blocked_by), None)
         if self.halted:
             return Motion(MotionState.HALTED)
         over = self.row + 1 >= len(self.trajectory.positions)
         if blocked and (over or all(strand.blocked_by for strand in self.strands)):
-            return Motion(MotionState.BLOCKED, blocked)
+            return Motion(MotionState.BLOCKED, blocked.blocked_by, blocked.touch)
         return Motion(MotionState.DONE) if over else Motion(MotionState.MOVING)
 
 
@@ -63,6 +65,7 @@ class Strand:
     query: Query
     before: dict[tuple[str, str], float]
     blocked_by: str | None = None
+    touch: Touch | None = None
 
 
 def begin(robot: Robot, find: Find, now: Configuration, trajectory: Trajectory) -> Playback:
@@ -125,8 +128,11 @@ def moved(configuration: Configuration, names: Sequence[str], values: Array) -> 
     return Configuration((base[0], base[1], base[2]), joints)
 
 
-def advance(playback: Playback, find: Find, now: Configuration) -> Configuration:
-    """Advance by one row; return the robot's configuration then: ``now`` where the way is blocked."""
+def advance(playback: Playback, find: Find, feel: Feel, now: Configuration) -> Configuration:
+    """Advance by one row; return the robot's configuration then: ``now`` where the way is blocked.
+
+    ``feel`` returns what is felt of a contact that was found last.
+    """
     playback.row += 1
     row = np.asarray(playback.trajectory.positions, dtype=float)[playback.row]
     for strand in playback.strands:
@@ -134,19 +140,21 @@ def advance(playback: Playback, find: Find, now: Configuration) -> Configuration
             continue
         following = moved(now, [playback.names[k] for k in strand.columns], row[strand.columns])
         contacts = find(following, strand.query)
-        strand.blocked_by = _obstacle(contacts, strand.before)
-        if strand.blocked_by is None:
+        obstacle = _obstacle(contacts, strand.before)
+        if obstacle is not None:
+            strand.blocked_by, strand.touch = obstacle.body, feel(obstacle)
+        else:
             current = {(contact.part, contact.body) for contact in contacts}
             strand.before = {pair: depth for pair, depth in strand.before.items() if pair in current}
             now = following
     return now
 
 
-def _obstacle(contacts: Sequence[Contact], before: Mapping[tuple[str, str], float]) -> str | None:
+def _obstacle(contacts: Sequence[Contact], before: Mapping[tuple[str, str], float]) -> Contact | None:
     for contact in contacts:
         known = before.get((contact.part, contact.body))
         if known is None or contact.depth > known + DEEPER:
-            return contact.body
+            return contact
     return None
 
 
@@ -169,6 +177,7 @@ class PyBulletWorld(KinematicScene):
         """Initialize as every scene; ``seed`` is kept for records: nothing in here is random."""
         super().__init__(scene, robot, gui=gui, rate=rate)
         self.seed, self.steps = seed, 0
+        self._processes = Processes(self.changes)
         self._motions: dict[str, Playback] = {}
 
     # Time and motions
@@ -177,13 +186,14 @@ class PyBulletWorld(KinematicScene):
         """Advance by one step: motions in the order of their groups' first start, then people, then what falls."""
         for playback in self._motions.values():
             if playback.state().state is MotionState.MOVING:
-                self._now = advance(playback, self._find, self._now)
+                self._now = advance(playback, self._find, self._contacts.felt, self._now)
         self._here()
         if self._robot is not None:
             self._contacts.part()
             self._slip(self._robot)
         self._people.step({name: self._bodies.poses[name] for name in self._held})
         self._falling.step()
+        self._processes.step(1 / self.rate)
         self.steps += 1
 
     def _slip(self, robot: Robot) -> None:
@@ -238,11 +248,10 @@ class PyBulletWorld(KinematicScene):
         x, y, z = self._people.hand(name, 0 if side == "right" else 1).tolist()
         return (x, y, z)
 
-    def between_fingers(self, fingers: str | Collection[str]) -> str | None:
-        """Return the body between the fingers of a hand (its link, or the finger links), each within 1 cm of it."""
-        links = self.robot.body.hands[fingers] if isinstance(fingers, str) else fingers
+    def touches(self, links: Collection[str]) -> tuple[Touch, ...]:
+        """Return what links feel of bodies within 1 cm of them: that soft, or that far from the last step, is skin."""
         self._here()
-        return self._contacts.between(links)
+        return self._contacts.touches(links)
 
     def detect(self, camera_link: str) -> tuple[Detection, ...]:
         """Return what the camera at a link sees in its picture, in the order of the scene."""
@@ -261,7 +270,7 @@ class PyBulletWorld(KinematicScene):
 
     def snapshot(self) -> dict[str, Any]:
         """Return the state as JSON. Motions under way are left out; the robot is taken to stand where it is."""
-        return {"step": self.steps, "groups": list(self._motions), **super().snapshot()}
+        return {"step": self.steps, "groups": list(self._motions), **super().snapshot(), **self._processes.snapshot()}
 
     def restore_state(self, state: Mapping[str, Any]) -> None:
         """Go on from a :meth:`snapshot`; raises ValueError for one of another scene or robot, or that is damaged."""
@@ -272,6 +281,10 @@ class PyBulletWorld(KinematicScene):
         if steps < 0:
             raise ValueError(f"the state of the world is damaged: it is {steps} steps old")
         super().restore_state(state)
+        try:
+            self._processes.restore(state)
+        except (KeyError, TypeError, AttributeError) as problem:
+            raise ValueError(f"the state of the world is damaged: {problem!r}") from None
         # motions that are over: groups keep their order, in which motions are played
         over = Trajectory((), np.zeros((1, 0)))
         self._motions = {group: Playback(over, []) for group in groups}

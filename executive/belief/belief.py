@@ -56,6 +56,8 @@ class Belief:
         self.trusts_map = trusts_map
         self.revision = 0
         self.held: dict[str, Grip] = {}
+        self.dropped: dict[str, str] = {}
+        """Arm -> the thing that it lost and nothing has grasped since: it may stand between the fingers."""
         self.tell: Callable[[str, Mapping[str, Any]], None] = _ignore
         """The listener to which changes are written: event, details."""
         self._poses: dict[str, Pose] = {name: world.pose(name) for name in world.names()}
@@ -194,6 +196,8 @@ class Belief:
     def grasped(self, name: str, arm: str, link: str, offset: Pose) -> None:
         """Record that a hand holds a thing from now on."""
         self._taken.discard(name)
+        self.dropped.pop(arm, None)
+        self.dropped = {arm: dropped for arm, dropped in self.dropped.items() if dropped != name}
         self.held[name] = Grip(arm, link, offset, self._poses[name])
         self._changed("grasped", name=name, arm=arm)
 
@@ -204,6 +208,13 @@ class Belief:
         if to is not None:
             self._taken.add(name)
         self._changed("released", name=name, pose=pose, to=to)
+
+    def lost(self, name: str, pose: Pose) -> None:
+        """Record that a thing has left the hand by itself and came down, as far as is known, at ``pose``."""
+        self.dropped[self.held.pop(name).arm] = name
+        self._poses[name] = pose
+        self._seen.pop(name, None)
+        self._changed("lost", name=name, pose=pose)
 
     def _put(self, name: str, pose: Pose, how: str) -> None:
         before = self._poses[name]
@@ -232,6 +243,7 @@ class Belief:
             "revision": self.revision,
             "poses": moved,
             "held": held,
+            "dropped": dict(self.dropped),
             "taken": sorted(self._taken),
             "leaves": {leaf: value for leaf, value in self._values.items() if value},
             "led": dict(self.led),
@@ -244,8 +256,10 @@ class Belief:
     def restore(self, state: Mapping[str, Any]) -> None:
         """Believe what was believed; raises ValueError for what is no snapshot of a belief about this map."""
         try:
+            dropped = {str(arm): str(name) for arm, name in state["dropped"].items()}
             unknown = {*state["poses"], *state["held"], *state["taken"], *(name for _, name in state["bound"])}
             unknown |= {leaf for leaf in (*state["leaves"], *state["led"]) if leaf not in self.joints}
+            unknown |= {*dropped.values()}
             if not unknown <= self._poses.keys():
                 raise ValueError(f"the map has no {', '.join(sorted(unknown - self._poses.keys()))}")
             values = {leaf: float(state["leaves"].get(leaf, 0.0)) for leaf in self.joints}
@@ -256,6 +270,7 @@ class Belief:
                 name: Grip(str(arm), str(link), _pose(offset), _pose(before))
                 for name, (arm, link, offset, before) in state["held"].items()
             }
+            self.dropped = dropped
             self._taken, self._moves = set(state["taken"]), int(state["moves"])
             self._seen = {name: int(moves) for name, moves in state["seen"].items()}
             self._bound = {load(what): name for what, name in state["bound"]}

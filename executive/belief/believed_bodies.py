@@ -22,6 +22,9 @@ from sim.scene import BodyShape
 LEANING = 0.05
 """Greatest tilt of a top that counts as level [rad]: a bottle put down on it stays where it is."""
 
+MEANT = 0.03
+"""Distance up to which a touch is taken for one of a believed thing [m]: as far as belief may be wrong."""
+
 
 @dataclass(frozen=True, slots=True)
 class Block:
@@ -76,6 +79,11 @@ class Block:
             return np.asarray(np.maximum(away, 0.0))
         outside = np.maximum(np.abs(self.to_local(points)) - np.array([self.half_x, self.half_y]), 0.0)
         return np.asarray(np.hypot(outside[:, 0], outside[:, 1]))
+
+    def away(self, point: Array) -> float:
+        """Return the distance of a map point (3,) to the prism, 0 inside [m]."""
+        above = max(self.low - point[2], point[2] - self.high, 0.0)
+        return math.hypot(float(self.distance(point[None, :2])[0]), above)
 
     def support(self, direction: float) -> float:
         """Return how far the prism extends from its middle towards a heading of the map [m]."""
@@ -150,6 +158,15 @@ class BelievedBodies:
     def is_graspable(self, name: str) -> bool:
         """Return whether the body can be taken into a hand."""
         return self._world.scene.body(name).graspable
+
+    def graspable_at(self, point: Array) -> str | None:
+        """Return the body nearest to a point (3,) of the map that can be taken into a hand, None if all are elsewhere.
+
+        In no case is it farther away than :data:`MEANT`.
+        """
+        away = {name: self.block(name).away(point) for name in self.names() if self.is_graspable(name)}
+        nearest = min(away, key=lambda name: away[name], default=None)
+        return nearest if nearest is not None and away[nearest] <= MEANT else None
 
     def is_round(self, name: str) -> bool:
         """Return whether a body is a cylinder."""

@@ -5,12 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import product
+from functools import partial
+from itertools import combinations, product
+from operator import itemgetter
+from typing import NoReturn, TypeVar
 
 import numpy as np
 
 from executive.belief import Belief
-from executive.belief.believed_bodies import Block
+from executive.belief.believed_bodies import MEANT, Block
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
 from executive.motion import Grid, NoPath, clearance_at, clearance_field, plan_base_path, time_path
@@ -18,9 +21,13 @@ from executive.robots import Gripper, Robot
 from executive.robots.arms import ArmModel
 from planlang import Fluent, checkpoint, wait_for
 from planlang.designators import Object
-from planlang.failures import LookingGoalUnreachable, ObjectUnresolvable
+from planlang.failures import GraspSlipped, LookingGoalUnreachable, ObjectLost, ObjectUnresolvable
 from planlang.geometry import Array, Pose, matrices
-from planlang.protocols import Motion, MotionState, Trajectory, World
+from planlang.protocols import Motion, MotionState, Touch, Trajectory, World
+
+T = TypeVar("T")
+OPPOSED = -0.5
+"""Cosine of the directions from which two fingers feel one thing between them."""
 
 
 @dataclass
@@ -51,16 +58,85 @@ class Control:
         self.belief.sync(self.scene.world, self.world.configuration())
 
     async def follow(self, group: str, trajectory: Trajectory) -> Motion:
-        """Command a motion and wait for its end; it is halted when the caller is evaporated or suspended."""
+        """Command a motion and wait for its end; it is halted when the caller is evaporated or suspended.
+
+        Raises ObjectLost as soon as a hand of :meth:`watched` no longer feels what it holds.
+        """
         self.world.start(group, trajectory)
         try:
-            await wait_for(
-                Fluent(read=lambda: self.world.motion(group).state is not MotionState.MOVING, name=f"{group} at rest")
-            )
+            at_rest = partial(self._is_at_rest, group)
+            await self.wait_holding(self.watched(group), at_rest, f"{group} at rest")
             return self.world.motion(group)
         finally:
             self.world.halt(group)
             self.sync()
+
+    def _is_at_rest(self, group: str) -> bool:
+        return self.world.motion(group).state is not MotionState.MOVING
+
+    # What the hands hold
+
+    def watched(self, group: str) -> Sequence[str]:
+        """Return the arms that must not lose what they hold while a group moves."""
+        return [grip.arm for grip in self.belief.held.values()]
+
+    async def wait_holding(
+        self, arms: Sequence[str], true: Callable[[], T], name: str, timeout: float | None = None
+    ) -> T | None:
+        """Wait until something is true of the world, and return that, None after the timeout.
+
+        Raises ObjectLost as soon as one of the arms no longer feels what it is believed to hold.
+        """
+        found = await wait_for(Fluent(read=lambda: true() or self._emptied(arms), name=name), timeout=timeout)
+        self.check_hold(arms)
+        return None if found is None else true()
+
+    def check_hold(self, arms: Sequence[str]) -> None:
+        """Raise ObjectLost if an arm does not feel what it is believed to hold: then that is believed to lie below."""
+        if (arm := self._emptied(arms)) is not None:
+            self._lose(next(name for name, grip in self.belief.held.items() if grip.arm == arm))
+
+    def check_shift(self, touch: Touch) -> None:
+        """Raise ObjectLost if a hand is pressed by what it is believed to hold: that does not move with it any more."""
+        for name, grip in self.belief.held.items():
+            gripper = self.robot.arm(grip.arm).gripper
+            if gripper is not None and touch.link in gripper.finger_links:
+                there = Block.of(self.scene.world.pose(name), self.scene.world.size(name))
+                if there.away(np.array(touch.point)) <= MEANT:
+                    self._lose(name)
+
+    def _lose(self, what: str) -> NoReturn:
+        arm = self.belief.held[what].arm
+        self.belief.lost(what, self.below(what))
+        self.sync()
+        raise ObjectLost(what=what) from GraspSlipped(arm=arm, what=what)
+
+    def _emptied(self, arms: Sequence[str]) -> str | None:
+        holding = [grip.arm for grip in self.belief.held.values() if grip.arm in arms]
+        return next((arm for arm in holding if self.between_fingers(arm) is None), None)
+
+    def between_fingers(self, arm: str) -> Array | None:
+        """Return the point (3,) of the map about which fingers of an arm feel something; None if they feel nothing."""
+        gripper = self.robot.arm(arm).gripper
+        touches = self.world.touches(gripper.finger_links) if gripper is not None else ()
+        sides = [
+            (float(np.dot(one.normal, other.normal)), one, other)
+            for one, other in combinations(touches, 2)
+            if one.link != other.link
+        ]
+        opposed, one, other = min(sides, key=itemgetter(0), default=(0.0, None, None))
+        if one is None or other is None or opposed > OPPOSED:
+            return None
+        return np.add(one.point, other.point) / 2
+
+    def below(self, name: str) -> Pose:
+        """Return where a body is believed to come down when it leaves the hand."""
+        self.sync()
+        believed = self.scene.world.pose(name)
+        x, y, z = believed.position
+        sinks = self.scene.world.height_above_support(name)
+        # A body above nothing, or above the void beside a map, is believed to lie on the floor.
+        return Pose((x, y, z - sinks if sinks < z else 0.0), believed.orientation)
 
     def timed(self, joints: Sequence[str], path: Array, timing: Callable[..., Trajectory] = time_path) -> Trajectory:
         """Return a path (n, d) of joints with times, within their limits of speed, acceleration and jerk."""
@@ -166,9 +242,9 @@ class Hands:
         return await self._control.follow(f"gripper of {arm.name}", self._control.timed(gripper.joints, path))
 
     def between_fingers(self, arm: ArmModel) -> str | None:
-        """Return the body that the closed fingers feel."""
-        gripper = self.gripper(arm)
-        return self._control.world.between_fingers(gripper.finger_links) if gripper is not None else None
+        """Return the body that the closed fingers feel: of the believed ones that which explains what they feel."""
+        point = self._control.between_fingers(arm.name)
+        return None if point is None else self._control.scene.bodies.graspable_at(point)
 
     def grasp(self, arm: ArmModel, name: str) -> None:
         """Attach a body on which the fingers have closed: it moves with the hand from now on."""
@@ -181,22 +257,23 @@ class Hands:
     def let_go(self, name: str, *, to: str | None = None) -> None:
         """Let a held body go: it comes down on what is below, or a person has it."""
         control = self._control
-        control.sync()
-        believed = control.scene.world.pose(name)
-        x, y, z = believed.position
-        sinks = control.scene.world.height_above_support(name)
-        control.world.release(name)
-        # A body above nothing, or above the void beside a map, is believed to lie on the floor.
-        control.belief.released(name, Pose((x, y, z - sinks if sinks < z else 0.0), believed.orientation), to=to)
+        place = control.below(name)
+        if name in control.world.attached():  # it may have slipped in this very moment
+            control.world.release(name)
+        control.belief.released(name, place, to=to)
         control.sync()
 
     async def settled(self, name: str) -> None:
         """Wait until a body that was let go has come to rest."""
         await wait_for(Fluent(read=lambda: not self._control.world.falling(name), name=f"{name} at rest"))
 
-    def taken(self, name: str) -> Fluent[str | None]:
-        """Return a fluent of the person who pulls at a held body, None while nobody does: what the wrist feels."""
-        return Fluent(read=lambda: self._control.world.taken(name), name=f"{name} taken")
+    async def offer(self, arm: ArmModel, name: str, patience: float) -> str | None:
+        """Wait until a person pulls at a held body, which the wrist feels; None if nobody does within ``patience`` [s].
+
+        Raises ObjectLost when it leaves the hand otherwise.
+        """
+        taken = partial(self._control.world.taken, name)
+        return await self._control.wait_holding([arm.name], taken, f"{name} taken", patience)
 
 
 class Sensing:
@@ -241,8 +318,11 @@ class Sensing:
             return False
         return scene.bodies.is_graspable(name) or scene.bodies.is_person(name)
 
-    def bump(self, name: str | None) -> None:
+    def bump(self, motion: Motion) -> None:
         """Learn the pose of a body that the robot ran into: contacts report the true pose of the whole object."""
+        name = motion.blocked_by
+        if motion.touch is not None:
+            self._control.check_shift(motion.touch)
         if name is not None and name in self._control.world.names():
             self._control.belief.bump(name, self._control.world.pose(name))
             self._control.sync()

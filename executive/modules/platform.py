@@ -248,6 +248,12 @@ class Platform(Control):
     hands: Hands = field(init=False)
     sensing: Sensing = field(init=False)
 
+    def watched(self, group: str) -> Sequence[str]:
+        """Return the arms that must not lose what they hold: all while driving, else those that this strand uses."""
+        if group == "base":
+            return super().watched(group)
+        return [arm.name for arm in self.arms.holding(self.scene.arms.all) if group != f"gripper of {arm.name}"]
+
     def __post_init__(self) -> None:
         self.drive, self.hands, self.sensing = Drive(self), Hands(self), Sensing(self)
         self.arms = Arms(self, self.resolver, self.rng)

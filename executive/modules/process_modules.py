@@ -19,8 +19,8 @@ from executive.locations.demands import asks_for
 from executive.modules.platform import Platform
 from executive.motion import GoalInCollision, MotionError, StartInCollision
 from executive.robots.arms import ArmModel
-from planlang import perform, wait_for
-from planlang.designators import Action, Device, Location, Object, Person, Relation, action
+from planlang import perform
+from planlang.designators import Action, Device, Location, Object, Person, Relation, a_location, action
 from planlang.failures import (
     ActionUnresolvable,
     CommunicationFailure,
@@ -40,6 +40,7 @@ from planlang.failures import (
     NavigationGoalInCollision,
     NavigationGoalNotReached,
     NavigationPoseUnreachable,
+    ObjectLost,
     ObjectNotFound,
     PerceptionFailure,
 )
@@ -58,7 +59,7 @@ class Navigation:
 
     name = "navigation"
     actions = ("Translation-LocationChange",)
-    failures = (NavigationFailure, DesignatorFailure)
+    failures = (NavigationFailure, ObjectLost, DesignatorFailure)
 
     def __init__(self, platform: Platform) -> None:
         self.platform = platform
@@ -74,19 +75,23 @@ class Navigation:
         for _ in range(REPLANS):
             if _close(goal, self.platform.base()):
                 return
-            motion = await self.platform.follow("base", self._path(goal))
-            self.platform.drive.moved()
+            path = self._path(goal)
+            try:
+                motion = await self.platform.follow("base", path)
+            finally:
+                self.platform.drive.moved()
             if motion.state is MotionState.DONE:
                 return
             blocked_by = motion.blocked_by
-            self.platform.sensing.bump(blocked_by)
+            self.platform.sensing.bump(motion)
         raise NavigationGoalNotReached(target=goal, blocked_by=blocked_by)
 
     def _goal(self, action: Action) -> BasePose:
         match action.get("x"), action.get("y"), action.get("yaw"), action.get("to_location"):
             case float(x), float(y), float(yaw), None:
                 return x, y, yaw
-            case None, None, None, Location() as location:
+            case None, None, None, Location() | Object() as where:
+                location = where if isinstance(where, Location) else a_location(in_reach_of=where)
                 return next(self.platform.resolver.bases(location)).base
         raise ActionUnresolvable("a base motion needs to_location, or x, y and yaw", designator=str(action))
 
@@ -113,6 +118,18 @@ def _close(one: BasePose, other: BasePose) -> bool:
     return math.dist(one[:2], other[:2]) < 1e-3 and abs(turn) < 1e-3
 
 
+def _target(action: Action) -> Location | None:
+    """Return where a hand is to go; for a thing where it is grasped, for a person where they reach."""
+    match action.get("to_location"):
+        case Location() as location:
+            return location
+        case Person() as person:
+            return a_location(in_reach_of=person)
+        case Object() as what:
+            return a_location(in_center_of=what)
+    return None
+
+
 MOST_SOLUTIONS = 6
 """Hand poses of one location for which a path is planned: further ones differ little and fail alike."""
 
@@ -136,8 +153,8 @@ class Reaching:
 
     async def execute(self, action: Action) -> None:
         """Reach; raises a failure of the classes in ``failures``."""
-        location = action.get("to_location")
-        if not isinstance(location, Location):
+        location = _target(action)
+        if location is None:
             raise ActionUnresolvable("reaching needs to_location", designator=str(action))
         arms = self._arms(action)
         if not arms:
@@ -165,9 +182,9 @@ class Reaching:
         To grasp, free arms come first; to reach a person, arms that hold something.
         """
         scene, arms = self.platform.scene, self.platform.arms
-        device, location = action.get("device_used"), action.get("to_location")
+        device, location = action.get("device_used"), _target(action)
         named = scene.arms.of(device) if isinstance(device, Device) else scene.arms.all
-        if isinstance(location, Location) and self.platform.resolver.is_grasp(location) and (free := arms.free(named)):
+        if location is not None and self.platform.resolver.is_grasp(location) and (free := arms.free(named)):
             return free
         if isinstance(device, Device):
             meant = arms.in_order(named)
@@ -177,8 +194,8 @@ class Reaching:
 
     def _is_for_person(self, action: Action) -> bool:
         """Return whether the hand is to go to where a person reaches it."""
-        location, scene = action.get("to_location"), self.platform.scene
-        return isinstance(location, Location) and any(
+        location, scene = _target(action), self.platform.scene
+        return location is not None and any(
             isinstance(relation.reference, Object) and scene.bodies.is_person(scene.bodies.bind(relation.reference))
             for relation in location.relations
         )
@@ -190,7 +207,11 @@ class Reaching:
                     await perform(action("LookingForSomething", object_acted_on=what))
 
     async def _to_posture(self, arm: ArmModel, name: str) -> None:
-        await self._joint_path(arm, self.platform.arms.posture(arm, name), None, name)
+        # what the hand has just lost need not be where it is believed to be, which may be around the fingers
+        belief = self.platform.belief
+        lost = belief.dropped.get(arm.name)
+        beside = None if lost is None or belief.seen_from_here(lost) else lost
+        await self._joint_path(arm, self.platform.arms.posture(arm, name), beside, name)
 
     async def _reach(self, arm: ArmModel, location: Location) -> None:
         """Try hand poses that satisfy the location until one has a path."""
@@ -247,7 +268,7 @@ class Reaching:
     async def _follow(self, arm: ArmModel, trajectory: Trajectory, label: str) -> None:
         motion = await self.platform.follow(arm.name, trajectory)
         if motion.state is not MotionState.DONE:
-            self.platform.sensing.bump(motion.blocked_by)
+            self.platform.sensing.bump(motion)
             raise ManipulationGoalInCollision(arm=arm.name, what=label, blocked_by=motion.blocked_by)
 
 
@@ -257,7 +278,7 @@ class Grasping:
 
     name = "gripper"
     actions = ("OpeningAGripper", "ClosingAGripper")
-    failures = (GripperFailure, DesignatorFailure)
+    failures = (GripperFailure, ObjectLost, DesignatorFailure)
 
     def __init__(self, platform: Platform) -> None:
         self.platform = platform
@@ -302,6 +323,7 @@ class Grasping:
     async def _open(self, arm: ArmModel) -> str | None:
         hands, held = self.platform.hands, self.platform.scene.arms.held(arm.name)
         if held is not None:
+            self.platform.check_hold([arm.name])
             hands.let_go(held.name)
         motion = await hands.move(arm, closed=False)
         if motion.state is not MotionState.DONE:
@@ -322,7 +344,7 @@ class Handover:
 
     name = "handover"
     actions = ("HandingOverAnObject",)
-    failures = (CommunicationFailure, GripperFailure, DesignatorFailure)
+    failures = (CommunicationFailure, GripperFailure, ObjectLost, DesignatorFailure)
 
     def __init__(self, platform: Platform) -> None:
         self.platform = platform
@@ -341,14 +363,14 @@ class Handover:
         assert held is not None
         recipient = action.get("recipient")
         wanted = str(recipient) if isinstance(recipient, Person) else None
-        person = await wait_for(platform.hands.taken(held.name), timeout=PATIENCE)
+        person = await platform.hands.offer(arm, held.name, PATIENCE)
         if person is None:
             raise HandoverNotTaken(what=held.name, recipient=wanted)
         if isinstance(recipient, Person) and platform.scene.bodies.bind(recipient) != person:
             raise HandoverNotTaken(f"{person} takes {held.name} instead of {wanted}", what=held.name, recipient=wanted)
         platform.hands.let_go(held.name, to=person)
         await platform.hands.move(arm, closed=False)
-        return str(person)
+        return person
 
     def _arm(self, action: Action) -> list[ArmModel]:
         platform = self.platform
@@ -368,7 +390,7 @@ class Head:
 
     name = "head"
     actions = ("LookingAtSomething",)
-    failures = (LookingFailure, DesignatorFailure)
+    failures = (LookingFailure, ObjectLost, DesignatorFailure)
 
     def __init__(self, platform: Platform) -> None:
         self.platform = platform

@@ -14,9 +14,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from executive.motion.arm_group import Movable
 from executive.motion.bodies import BASE, FIRST_JOINT, MAP, Bodies, Pairs, Solids, counts, kept_spheres
 from executive.motion.collision import QuickCheck
-from executive.motion.kinematics import Chain
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import inverse, moved, product
 from planlang.geometry.shapes import ConvexSolid, SolidKind, convex_solid
@@ -95,7 +95,7 @@ def thing_in(world: PlanningWorld, name: str) -> Shaped:
 class ArmBodies:
     """Movers and obstacles of the robot itself, with what it holds, for one chain and one posture of the rest."""
 
-    chain: Chain
+    chain: Movable
     movers: Bodies
     own: Bodies
     watched: Pairs
@@ -184,7 +184,7 @@ class ArmShapes:
     """The shapes of one chain: with which of its moving joints each solid link goes, and what must not touch."""
 
     def __init__(
-        self, world: PlanningWorld, links: Sequence[Shaped], chain: Chain, base_link: str, tip_link: str
+        self, world: PlanningWorld, links: Sequence[Shaped], chain: Movable, base_link: str, tip_link: str
     ) -> None:
         """``links``: all solid links, in their order."""
         robot = world.robot
@@ -341,7 +341,7 @@ def _held(world: PlanningWorld) -> dict[str, tuple[str, Array]]:
     }
 
 
-def _extent(chain: Chain) -> tuple[Array, Array]:
+def _extent(chain: Movable) -> tuple[Array, Array]:
     """Return a point in the base frame, and how far from it each moving joint's frame is at most (j,)."""
     ends = np.clip(np.stack([chain.lower, chain.upper]), -np.pi, np.pi)
     origins = chain.frames(ends)[:, :, :3, 3]

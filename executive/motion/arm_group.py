@@ -94,3 +94,7 @@ class ArmGroup:
         for columns, those in zip(self.columns, values, strict=True):
             found[columns] = those
         return found
+
+
+Movable = Chain | ArmGroup
+"""What moves links by joints: one chain or several."""

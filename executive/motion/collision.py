@@ -20,8 +20,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from executive.motion.arm_group import Movable
 from executive.motion.bodies import BASE, FIRST_JOINT, MAP, Bodies, Index, Pairs, Solids, counts, distances
-from executive.motion.kinematics import Chain
 from planlang.geometry import Array
 from planlang.geometry.matrices import inverse, product
 
@@ -45,7 +45,7 @@ class QuickCheck:
 
     def __init__(
         self,
-        chain: Chain,
+        chain: Movable,
         base: Array,
         movers: Bodies,
         obstacles: Bodies,
@@ -173,12 +173,14 @@ class QuickCheck:
         np.minimum.at(found, pairs, gaps)
         return found
 
-    def room(self, q: Array, within: float) -> tuple[Index, Index, Array]:
+    def room(self, q: Array, within: float, among: Index | None = None) -> tuple[Index, Index, Array]:
         """Return pairs and rows (k,) of configurations (n, d) that have at most so much room [m], and how much (k,).
 
-        Room is what a gap has beyond the least that the pair is to keep, negative where it has less.
+        Room is what a gap has beyond the least that the pair is to keep, negative where it has less. ``among``: the
+        only pairs that are looked at.
         """
-        pair, row, gap, _ = self._within(self._limit + within, self._here(len(q)), q)
+        pairs = self._pairs if among is None else self._together(among)
+        pair, row, gap, _ = self._near(self._limit + within, self._frames(self._here(len(q)), q), pairs)
         order = np.lexsort((row, pair))
         pair, row, gap = pair[order], row[order], gap[order]
         first = np.flatnonzero(np.diff(pair * len(q) + row, prepend=-1))

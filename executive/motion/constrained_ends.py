@@ -11,14 +11,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import islice
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from executive.motion.arm_group import ArmGroup
+from executive.motion.arm_path import bisection
 from executive.motion.constraint_functions import Bound, ConstraintFunctions, Surroundings
-from executive.motion.constraint_optimisation import Optimiser, Optimum, Rows
+from executive.motion.constraint_optimisation import Index, Optimiser, Optimum, Rows
 from executive.motion.errors import ConstraintsContradict
 from planlang.geometry import Array
 from planlang.motion_constraints import MotionConstraint
@@ -29,14 +31,23 @@ NUDGE = 0.1
 """Size of the random move to the second beginning [rad, m]: where the arm is a function may be flat."""
 NEAR = 0.05
 """Room up to which optimisation looks at bodies [m]."""
-FARTHER = 0.01
-"""By how much farther bodies are kept apart that have turned out to touch [m]."""
-CORRECTIONS = 12
+FARTHER = 0.002
+"""By how much farther bodies are kept apart that have turned out to touch, twice as much each time in a row [m]."""
+MOST_HITS = 3
+"""Exact hits after which no others are looked for: what is learnt from them changes the motion."""
+CORRECTIONS = 6
 """Exact hits after which an end, or a way, is given up."""
 GIVEN_UP = 1e-4
 """Price of the excess of a constraint that heavier ones exclude, beside 1."""
 MOST_UNEQUAL = 50.0
 """Largest ratio of the price of a joint's moves to the median."""
+
+
+Hits = list[tuple[Array, Sequence[tuple[str, str]]]]
+"""Configurations (n,), each with the bodies that touch there."""
+
+OTHER = 0.05
+"""Least difference of a joint between ends that are not the same [rad, m]."""
 
 
 class Obstacles(Protocol):
@@ -52,8 +63,8 @@ class Obstacles(Protocol):
     def sure(self, q: Array) -> NDArray[np.bool_]:
         """Return which configurations (m, n) are free for sure."""
 
-    def room(self, q: Array, within: float) -> tuple[NDArray[np.intp], NDArray[np.intp], Array]:
-        """Return pairs and configurations (k,) that have at most so much room [m], and how much (k,)."""
+    def room(self, q: Array, within: float, among: Index | None = None) -> tuple[Index, Index, Array]:
+        """Return pairs, of some or all, and configurations (k,) that have at most so much room [m]; how much (k,)."""
 
     def keep(self, distance: float, ends: Sequence[Array]) -> None:
         """Keep bodies so far apart [m] where the ends (n,), which are free, allow it; forget what was learnt."""
@@ -90,21 +101,25 @@ class MotionProblem:
     seed: int = 0
     """Of the configurations at random from which it is searched."""
 
-    def hits(self, q: Array) -> list[tuple[Array, Sequence[tuple[str, str]]]]:
-        """Return those of configurations (m, n) where something touches, exactly, each with the pairs."""
-        rows = q if self.obstacles is None else q[~self.obstacles.sure(q)]
-        return [(row, pairs) for row in rows if (pairs := self.touching(row.copy()))]
+    def hits(self, q: Array) -> Hits:
+        """Return some of configurations (m, n) where something touches, exactly, each with the pairs; all if few do.
 
-    def learn(self, hits: Sequence[tuple[Array, Sequence[tuple[str, str]]]]) -> None:
-        """Keep what touches farther apart from now on."""
+        Those in the middle of what has not been looked at come first.
+        """
+        rows = q if self.obstacles is None else q[~self.obstacles.sure(q)]
+        found = ((row, self.touching(row.copy())) for row in rows[bisection(len(rows) + 1) - 1])
+        return list(islice((hit for hit in found if hit[1]), MOST_HITS))
+
+    def learn(self, hits: Hits, times: int) -> None:
+        """Keep what touches farther apart from now on, for the so many-th time in a row."""
         for row, pairs in hits:
             if self.obstacles is not None:
-                self.obstacles.learn(row, pairs, FARTHER)
+                self.obstacles.learn(row, pairs, FARTHER * 2**times)
 
-    def clearances(self, q: Array) -> tuple[NDArray[np.intp], NDArray[np.intp], Array]:
+    def clearances(self, q: Array, among: Index | None) -> tuple[Index, Index, Array]:
         """Return pairs of bodies, configurations, and their room [m]: :data:`Clearances`."""
         assert self.obstacles is not None
-        return self.obstacles.room(q, NEAR)
+        return self.obstacles.room(q, NEAR, among)
 
 
 @dataclass(slots=True)
@@ -133,15 +148,15 @@ class Ends:
 
         Raises :class:`ConstraintsContradict` if there are none.
         """
-        nothing = True
+        known: list[Array] = []
         for beginning in self._beginnings(len(self.phases)):
             optimum = self._optimum(beginning, list(self.phases.items()))
-            if optimum.holds:
-                nothing = False
+            if optimum.holds and all(np.abs(optimum.q - q).max(initial=0.0) > OTHER for q in known):
+                known.append(optimum.q)
                 yield self._by_phase(optimum.q)
             if not self.phases:
                 return
-        if nothing:
+        if not known:
             alone = np.array([self._alone(phase) for phase in self.phases])
             optimum = self._optimum(alone, list(self.phases.items()))
             yield self._by_phase(optimum.q if optimum.holds else alone)
@@ -163,17 +178,18 @@ class Ends:
         problem = self.problem
         pairs = [(k, one) for k, (_, asked) in enumerate(phases) for one in asked]
         soft = [one in self.given_up.get(phase, ()) for phase, asked in phases for one in asked]
-        if problem.obstacles is None or not blocked:
-            return self._optimiser(pairs, soft, blocked=False).found_from(q)
+        optimum = self._optimiser(pairs, soft, blocked=False).found_from(q)
+        if problem.obstacles is None or not blocked or not optimum.holds:
+            return optimum
         problem.obstacles.keep(0.0, (self.start,))
         optimiser = self._optimiser(pairs, soft, blocked=True)
-        for _ in range(CORRECTIONS):
-            optimum = optimiser.found_from(q)
+        for times in range(CORRECTIONS):
+            if not problem.obstacles.free(optimum.q).all():
+                optimum = optimiser.found_from(optimum.q)
             hits = problem.hits(optimum.q) if optimum.holds else []
             if not hits:
                 return optimum
-            problem.learn(hits)
-            q = optimum.q
+            problem.learn(hits, times)
         return replace(optimum, blocked=np.inf)
 
     def _optimiser(self, pairs: Sequence[tuple[int, int]], soft: Sequence[bool], *, blocked: bool) -> Optimiser:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from executive.motion.arm_path import JointSpace, plan_path
-from executive.motion.constrained_ends import CORRECTIONS, Ends, MotionProblem
+from executive.motion.constrained_ends import CORRECTIONS, Ends, Hits, MotionProblem
 from executive.motion.constraint_functions import ConstraintFunctions
 from executive.motion.constraint_optimisation import Optimiser, Rows
 from executive.motion.errors import MotionError, NoConstrainedPath, OutsideLimits, StartInCollision
@@ -30,6 +30,8 @@ FEWEST, MOST = 3, 16
 """Numbers of waypoints between the ends of a phase; they are doubled once where functions leave limits in between."""
 KEPT = 0.01
 """Distance that a way keeps from everything where its ends allow it [m]."""
+MOST_ENDS = 4
+"""Ends to which ways are looked for."""
 SEARCHED = 300
 """Branches of a search for a way around what is in the way."""
 TURN_STEP, SLIDE_STEP = 0.08, 0.02
@@ -74,14 +76,15 @@ def solve_motion(
         raise StartInCollision(begin.tolist(), pairs)
     asked = [tuple(one for one in phase if one.is_active) for phase in phases]
     ends = Ends.of(problem, begin, asked)
-    failure: MotionError | None = None
+    tried: list[NoConstrainedPath] = []
     for found in ends.found():
         try:
             return list(_moved(ends, found, asked, tuple(one for one in before if one.is_active)))
-        except NoConstrainedPath as problem_of_way:
-            failure = failure or problem_of_way
-    assert failure is not None
-    raise failure
+        except NoConstrainedPath as failure:
+            tried.append(failure)
+            if len(tried) == MOST_ENDS:
+                break
+    raise tried[0]
 
 
 def _moved(
@@ -133,22 +136,26 @@ class _Way:
             found, objection = self._optimised(waypoints)
             if found is not None:
                 return found
+        if problem.obstacles is not None:
+            around = self._around()
+            if around is not None:
+                found, objection = self._optimised(_spread(around, MOST))
+                if found is None and not self.kept:
+                    found = self._checked(around, time_path)[0]
+                if found is not None:
+                    return found
         raise NoConstrainedPath(self.phase, self._of(self.kept), objection)
 
     def _of(self, numbers: Sequence[int]) -> list[MotionConstraint]:
         return [self.functions.bounds[number].constraint for number in numbers]
 
     def _guesses(self) -> Iterator[Array]:
-        """Yield waypoints (m, n) between the ends: on the straight way, on twice as many, on a way around bodies."""
+        """Yield waypoints (m, n) between the ends, on the straight way: some, and twice as many."""
         count = int(np.clip(np.ceil(np.abs(self.end - self.start).max() / FAR), FEWEST, MOST))
         straight = np.stack([self.start, self.end])
         yield _spread(straight, count)
         if self.kept:
             yield _spread(straight, 2 * count)
-        if self.problem.obstacles is not None:
-            around = self._around()
-            if around is not None:
-                yield _spread(around, MOST)
 
     def _around(self) -> Array | None:
         """Return a way (m, n) around bodies, without constraints."""
@@ -165,7 +172,7 @@ class _Way:
             return None
         problem.obstacles.keep(KEPT, (self.start, self.end))
         whole_turns = np.abs(found[-1] - self.end).max() > UNMOVED
-        return None if whole_turns else found
+        return None if whole_turns else np.vstack([self.start, found[1:-1], self.end])
 
     def _optimised(self, waypoints: Array) -> tuple[Trajectory | None, Sequence[tuple[str, str]]]:
         """Return the motion through optimised waypoints (m, n), or None and what touches."""
@@ -181,24 +188,29 @@ class _Way:
             np.ones(len(pairs)),
             None if problem.obstacles is None else problem.clearances,
         )
-        for _ in range(CORRECTIONS):
+        for times in range(CORRECTIONS):
             optimum = optimiser.found_from(waypoints)
             if not optimum.holds:
                 return None, objection
             waypoints = optimum.q
-            hits: list[tuple[Array, Sequence[tuple[str, str]]]] = []
+            whole = np.vstack([self.start, waypoints, self.end])
             for timing in (time_curve, time_path):  # a curve is faster, but swings out
-                timed = self._in_time(np.vstack([self.start, waypoints, self.end]), timing)
-                if not self._keeps(timed.positions):
-                    continue
-                hits = problem.hits(timed.positions[1:-1])
-                if not hits:
+                timed, hits = self._checked(whole, timing)
+                if timed is not None:
                     return timed, ()
             if not hits:  # functions leave their limits between waypoints
                 return None, objection
             objection = hits[0][1]
-            problem.learn(hits)
+            problem.learn(hits, times)
         return None, objection
+
+    def _checked(self, waypoints: Array, timing: Callable[..., Trajectory]) -> tuple[Trajectory | None, Hits]:
+        """Return waypoints (m, n), ends too, with times; None, and what touches, if it may not be moved like that."""
+        timed = self._in_time(waypoints, timing)
+        if not self._keeps(timed.positions):
+            return None, []
+        hits = self.problem.hits(timed.positions[1:-1])
+        return (None if hits else timed), hits
 
     def _keeps(self, rows: Array) -> bool:
         """Return True if rows (m, n) are within joint limits, and constraints hold throughout."""

@@ -40,17 +40,18 @@ UNBOUNDED = 1e20
 PROBE = 1e-4
 """Change of a joint by which the gradient of a clearance is measured [rad, m]."""
 
-Clearances = Callable[[Array], tuple[NDArray[np.intp], NDArray[np.intp], Array]]
-"""Configurations (m, n) -> for each of k near pairs of bodies its number and configuration (k,), what it has more than
-it needs (k,) [m]; pairs come in the order of their numbers."""
+Index = NDArray[np.intp]
+Clearances = Callable[[Array, Index | None], tuple[Index, Index, Array]]
+"""Configurations (m, n) -> for each of k near pairs of bodies its number and configuration (k,), and what it has more
+than it needs (k,) [m]; of some pairs, by number, or of all."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rows:
     """r bounds: of which configuration and constraint each is."""
 
-    configurations: NDArray[np.intp]
-    constraints: NDArray[np.intp]
+    configurations: Index
+    constraints: Index
 
     @staticmethod
     def of(pairs: Sequence[tuple[int, int]]) -> Rows:
@@ -103,7 +104,8 @@ class Optimiser:
         self.tolerance = functions.tolerance[which]
         # inside by a part of the tolerance where there is room: between waypoints functions are a little different
         room = np.minimum((functions.upper[which] - functions.lower[which]) / 2, HOLDS * self.tolerance)
-        self.lower, self.upper = functions.lower[which] + room, functions.upper[which] - room
+        lower, upper = functions.lower[which] + room, functions.upper[which] - room
+        self.lower, self.upper = np.minimum(lower, upper), np.maximum(lower, upper)  # which rounding may exchange
 
     def found_from(self, q: Array) -> Optimum:
         """Return what is found from configurations (m, n)."""
@@ -144,10 +146,10 @@ class Optimiser:
         """Return functions, gradients and the price at configurations."""
         values, gradients = self.functions.values(q[self.rows.configurations], self.rows.constraints)
         excess = np.maximum(np.maximum(self.lower - values, values - self.upper), 0.0) / self.tolerance
-        of, room, slopes = self._clearances(q)
+        pairs, of, room = (_NONE, _NONE, np.zeros(0)) if self.clearances is None else self.clearances(q, None)
         missing = np.maximum(-room, 0.0) / CLEARANCE_TOLERANCE
         price = self._moves(q) + (self.penalties @ (excess * excess) + missing @ missing) / 2
-        return _Here(q, values, gradients, excess, of, room, slopes, float(price))
+        return _Here(q, values, gradients, excess, pairs, of, room, float(price))
 
     def _moves(self, q: Array) -> float:
         """Return the price of the moves."""
@@ -156,23 +158,21 @@ class Optimiser:
     def _whole(self, q: Array) -> Array:
         return np.vstack([self.start, q] if self.end is None else [self.start, q, self.end])
 
-    def _clearances(self, q: Array) -> tuple[NDArray[np.intp], Array, Array]:
-        """Return configurations (k,), room (k,) and its gradients (k, n) of pairs of bodies that are near."""
-        n = q.shape[1]
-        if self.clearances is None:
-            return np.zeros(0, np.intp), np.zeros(0), np.zeros((0, n))
-        pairs, of, room = self.clearances(q)
-        slopes = np.zeros((len(pairs), n))
-        if not len(pairs):
-            return of, room, slopes
+    def _slopes(self, here: _Here) -> Array:
+        """Return the gradients (k, n) of the room of pairs of bodies that are near."""
+        n = here.q.shape[1]
+        slopes = np.zeros((len(here.pairs), n))
+        if self.clearances is None or not len(here.pairs):
+            return slopes
         # each configuration with something near is moved by each joint in turn
-        near, place = np.unique(of, return_inverse=True)
-        moved = (q[near][:, None] + PROBE * np.eye(n)).reshape(-1, n)
-        known = {(int(pair), int(row)): gap for pair, row, gap in zip(*self.clearances(moved), strict=True)}
-        for k, (pair, row) in enumerate(zip(pairs.tolist(), place.tolist(), strict=True)):
-            there = [known.get((pair, row * n + joint), room[k]) for joint in range(n)]
-            slopes[k] = (np.array(there) - room[k]) / PROBE
-        return of, room, slopes
+        near, place = np.unique(here.of, return_inverse=True)
+        moved = (here.q[near][:, None] + PROBE * np.eye(n)).reshape(-1, n)
+        pairs, rows, room = self.clearances(moved, np.unique(here.pairs))
+        known = dict(zip(zip(pairs.tolist(), rows.tolist(), strict=True), room.tolist(), strict=True))
+        for k, (pair, row) in enumerate(zip(here.pairs.tolist(), place.tolist(), strict=True)):
+            for joint in range(n):
+                slopes[k, joint] = (known.get((pair, row * n + joint), here.room[k]) - here.room[k]) / PROBE
+        return slopes
 
     def _step(self, here: _Here, radius: float) -> tuple[Array, float]:
         """Return the move (m, n) that the quadratic program says, and the price that it promises."""
@@ -185,7 +185,7 @@ class Optimiser:
         hessian[range(size, size + slack), range(size, size + slack)] = penalties
         jacobian = np.zeros((slack, m, n))
         jacobian[np.arange(count), self.rows.configurations] = here.gradients / self.tolerance[:, None]
-        jacobian[count + np.arange(near), here.of] = here.slopes / CLEARANCE_TOLERANCE
+        jacobian[count + np.arange(near), here.of] = self._slopes(here) / CLEARANCE_TOLERANCE
         least = np.append((self.lower - here.values) / self.tolerance, -here.room / CLEARANCE_TOLERANCE)
         most = np.append((self.upper - here.values) / self.tolerance, np.full(near, UNBOUNDED))
         low, high = self.functions.group.bounds
@@ -225,10 +225,16 @@ class _Here:
     values: Array
     gradients: Array
     excess: Array
-    of: NDArray[np.intp]
+    pairs: Index
+    """Pairs of bodies that are near (k,)."""
+    of: Index
+    """In which configuration each is (k,)."""
     room: Array
-    slopes: Array
+    """What each has more than it needs (k,) [m]."""
     price: float
+
+
+_NONE = np.zeros(0, np.intp)
 
 
 @lru_cache(64)

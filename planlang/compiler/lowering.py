@@ -7,9 +7,10 @@ from collections.abc import Set as AbstractSet
 from difflib import get_close_matches
 
 from planlang import failures
-from planlang.compiler.expressions import snake_case
+from planlang.compiler.expressions import without_digits
+from planlang.compiler.going_back import Keeping, going_back
 from planlang.compiler.structure import Overlaps, machine, structured
-from planlang.compiler.terms import HandUse, Renaming, Roles, Terms, callees_first
+from planlang.compiler.terms import HandUse, Renaming, Roles, Terms, renamed_thing
 from planlang.compiler.tree import (
     Achieve,
     Call,
@@ -26,16 +27,19 @@ from planlang.compiler.tree import (
     Scope,
     Series,
 )
+from planlang.designators import snake_case
 from planlang.diagnostics import Diagnostic, error, note, warning
 from planlang.failures import ObjectUndeliverable, ObjectUnreachable, PlanFailure
 from planlang.language.location import CURABLE
-from planlang.language.recovery_strategies import Strategy, find_strategy, registered_strategies
-from planlang.ontology import Ontology
+from planlang.ontology import Ontology, shorten
+from planlang.ontology.terms import OWL
 from planlang.recipe.actions import Actions, RecoveryRule, recoveries_of
 from planlang.recipe.checks import check
 from planlang.recipe.checks.orderings import ordering_to_write
+from planlang.recipe.fillers import action_class, is_vocabulary_class
 from planlang.recipe.model import Kind, Place, Recipe, RecipeSet, Step, Thing
-from planlang.recipe.order import Precedence, Unit, recipe_order, scopes_of, single_steps
+from planlang.recipe.order import Precedence, Unit, callees_first, recipe_order, scopes_of, single_steps
+from planlang.recoveries import Strategy, find_strategy, registered_strategies
 
 NEXT_SOLUTION = "NextSolution"
 """The next solution, which is no registered strategy: a location scope performs it."""
@@ -135,6 +139,7 @@ class Recoveries:
             for failure, rule in self._of(cls)
             if (strategy := find_strategy(rule.strategy)) is not None
             and not strategy.moves_base
+            and not strategy.goes_back
             and rule.name not in written
             and (about is not None or not strategy.about_object)
         )
@@ -153,9 +158,17 @@ class Recoveries:
             for cls in classes:
                 for failure, rule in self._of(cls):
                     strategy = find_strategy(rule.strategy)
-                    if strategy is not None and strategy.moves_base:
+                    if strategy is not None and strategy.moves_base and not strategy.goes_back:
                         found.setdefault(failure, _recover(failure, rule, strategy, about))
         return tuple(found.values())
+
+    def going_back(self, cls: str, about: Thing | None) -> tuple[Recover, ...]:
+        """Return the recoveries that go back to an action of a class from what follows it."""
+        return tuple(
+            _recover(failure, rule, strategy, about)
+            for failure, rule in self._of(cls)
+            if about is not None and (strategy := find_strategy(rule.strategy)) is not None and strategy.goes_back
+        )
 
     def looked_at(self, step: Step) -> Thing | None:
         """Return the thing that a step looks at before it acts: the object that it handles, or the recipient."""
@@ -196,7 +209,9 @@ class Lowering:
     def tree(self) -> PlanTree:
         """Return the plan tree of the whole set."""
         functions = [self._function(recipe) for recipe in callees_first(self._recipes)]
-        return PlanTree(tuple(functions), self._terms.devices_of_places(self._bases))
+        steps = (step for recipe in self._recipes.recipes.values() for step in self._terms.steps(recipe))
+        classes = stated_classes(self._actions.ontology, map(self._terms.performed_class, steps))
+        return PlanTree(tuple(functions), self._terms.devices_of_places(self._bases), classes)
 
     @property
     def recoveries(self) -> Mapping[tuple[str, str], tuple[str, ...]]:
@@ -208,7 +223,9 @@ class Lowering:
         if recipe.iri == self._recipes.task:
             things = [thing for thing in self._terms.parameters(recipe) if thing.kind is Kind.OBJECT]
             about = things[0] if things else None
-            recoveries = self._steps.recoveries.around_step(recipe.action_class, about, frozenset())
+            known = self._steps.recoveries
+            recoveries = known.around_step(recipe.action_class, about, frozenset())
+            recoveries += known.going_back(recipe.action_class, about)
             if recoveries:
                 body = Series((Handle(body, recoveries),))
         return Function(recipe.iri, recipe.label, self._terms.parameters(recipe), body)
@@ -247,7 +264,9 @@ class Lowering:
             return overlaps.gated(iri, made)
 
         nodes = [unit_node(unit) for unit in found.units]
-        return structured(found.order, nodes, [self._name(recipe, unit.members()[0]) for unit in found.units])
+        body = structured(found.order, nodes, [recipe.step(unit.members()[0]).name for unit in found.units])
+        steps = ([recipe.step(iri) for iri in unit.members()] for unit in found.units)
+        return self._steps.with_going_back(recipe, body, zip(nodes, steps, strict=True))
 
     def _scope(self, recipe: Recipe, unit: Unit, nodes: list[Node]) -> Node:
         assert unit.base is not None
@@ -255,7 +274,7 @@ class Lowering:
         steps = [recipe.step(iri) for iri in unit.steps]
         order = recipe_order(recipe)
         inner = Precedence(unit.steps, ((one, other) for one in unit.steps for other in order.covers(one)))
-        body = structured(inner, nodes, [self._name(recipe, iri) for iri in unit.steps])
+        body = structured(inner, nodes, [recipe.step(iri).name for iri in unit.steps])
         inside = frozenset(unit.steps)
         uses = list(self._terms.hand_uses(recipe, [s for s in self._terms.steps(recipe) if s.iri in inside]))
         use = self._terms.use(_destination(base))
@@ -263,14 +282,40 @@ class Lowering:
         reaching = tuple(dict.fromkeys(where for where, _ in uses))
         attempts = self._steps.recoveries.attempts_at_places(base)
         where = self._terms.place(recipe, base, use.place)
-        scope = Scope(base.name, where, reaching, attempts, body, base.label)
+        scope = Scope(base.name, shorten(base.action_class), where, reaching, attempts, body, base.label)
         return self._steps.with_looking(recipe, scope, [base, *steps])
 
-    def _name(self, recipe: Recipe, iri: str) -> str:
-        """Return the name of a step's branch; no function's name if others take the branch's result by this name."""
-        step = recipe.step(iri)
-        is_producer = bool(step.recipes) and any(flow.producer == iri for flow in recipe.flows)
-        return f"{step.name}Result" if is_producer else step.name
+
+def above_of(ontology: Ontology, iri: str) -> tuple[str, ...]:
+    """Return the classes directly above a class, or the class of actions of an individual."""
+    found = action_class(ontology, iri) if not ontology.is_class(iri) else None
+    return ontology.parents(iri) if found is None else (found,)
+
+
+def stated_classes(ontology: Ontology, classes: Iterable[str]) -> tuple[tuple[str, tuple[str, ...]], ...]:
+    """Return classes (IRIs) that the bundled vocabulary does not know, and those above, with the ones directly above.
+
+    Names are local ones where the vocabulary's namespace is meant. What is above a class comes before it; of classes
+    that are above each other the last is not stated.
+    """
+    found: dict[str, tuple[str, ...]] = {}
+    open_: dict[str, None] = {}
+    waiting = list(dict.fromkeys(classes))[::-1]
+    while waiting:
+        cls = waiting[-1]
+        above = [
+            one for one in above_of(ontology, cls) if one != OWL.Thing and (one not in open_ or shorten(one) in found)
+        ]
+        left = [one for one in above if shorten(one) not in found and not is_vocabulary_class(one)]
+        if is_vocabulary_class(cls) or shorten(cls) in found or not above:
+            waiting.pop()
+        elif left and cls not in open_:
+            open_[cls] = None
+            waiting += reversed(left)
+        else:
+            found[shorten(cls)] = tuple(map(shorten, above))
+            waiting.pop()
+    return tuple(found.items())
 
 
 @check("R041")
@@ -288,7 +333,7 @@ def _destination(base: Step) -> Place:
     filler = next(filler for filler in base.fillers("toLocation") if isinstance(filler, (Place, Thing)))
     if isinstance(filler, Place):
         return filler
-    iri = filler.iri or filler.stated
+    iri = filler.iri or filler.stated if filler.slot is None else filler.name
     return Place(f"{iri.removesuffix(filler.name)}near-{filler.name}", (("in_reach_of", filler),))
 
 
@@ -304,6 +349,8 @@ class Steps:
         self._around: dict[str, tuple[Recover, ...]] = {}
         """The recoveries that leave the place, one for each failure, of each recipe that does not move the base."""
 
+        self._open: dict[str, Keeping] = {}
+        """What each recipe holds at its end, with the recoveries that go back to it from what follows."""
         self._unrepeatable: dict[str, bool] = {}
         """Whether a recipe (IRI) has a step that must not be repeated, itself or in a recipe below it."""
 
@@ -315,8 +362,7 @@ class Steps:
         node: Node
         if step.recipes:
             calls = tuple(self._call(recipe, step, callee) for callee in step.recipes)
-            action = self._terms.action(recipe, step) if self._terms.is_performed(step) else None
-            node = Call(step.name, action, calls, step.iri)
+            node = Call(step.name, self._terms.action(recipe, step), calls, step.iri)
         else:
             once = step.is_abstract and recipe.machine is None
             node = Perform(step.name, self._terms.action(recipe, step), step.label, step.iri, once)
@@ -345,6 +391,34 @@ class Steps:
         if isinstance(node, Handle):
             return Handle(node.body, (*node.recoveries, *found))
         return Handle(node, found)
+
+    def with_going_back(self, recipe: Recipe, body: Series, units: Iterable[tuple[Node, list[Step]]]) -> Series:
+        """Return the body with the recoveries that go back to a step; what is still held is left to callers, too.
+
+        What must not be repeated gets none.
+        """
+        keeping = {id(node): self._kept_by(recipe, steps) for node, steps in units}
+        made, self._open[recipe.iri] = going_back(body, keeping)
+        assert isinstance(made, Series)
+        return made
+
+    def _kept_by(self, recipe: Recipe, steps: Iterable[Step]) -> Keeping:
+        steps = tuple(steps)
+        kept = Keeping(once=any(map(self._is_unrepeatable, steps)))
+        for step in steps:
+            own = self.recoveries.going_back(step.iri, self.recoveries.looked_at(step))
+            if own:
+                kept |= Keeping(own, name=_fetching(own[0], step))
+                continue
+            if self._actions.releases(step):
+                kept |= Keeping(let_go=self._actions.released(step))
+            for callee in step.recipes:
+                renaming = self._terms.renaming(recipe, step, callee)
+                inner = self._open.get(callee, Keeping())
+                let_go = frozenset(renamed_thing(thing, renaming) if thing else None for thing in inner.let_go)
+                lasting = tuple(_renamed(recovery, renaming) for recovery in inner.lasting)
+                kept |= Keeping(lasting, let_go, inner.name)
+        return kept
 
     def _is_unrepeatable(self, step: Step) -> bool:
         """Return True for a step that nothing performs, or that calls a recipe with such a step."""
@@ -405,5 +479,10 @@ def _in_words(recovery: Recover) -> str:
 
 def _renamed(recovery: Recover, renaming: Renaming) -> Recover:
     """Return a recovery of a called function in terms of its caller."""
-    about = renaming.get(recovery.about, recovery.about) if recovery.about is not None else None
+    about = renamed_thing(recovery.about, renaming) if recovery.about is not None else None
     return Recover(recovery.failure, recovery.strategy, about, recovery.attempts, recovery.otherwise)
+
+
+def _fetching(recovery: Recover, step: Step) -> str:
+    """Return the name of a function that gets hold of what a recovery is about."""
+    return f"fetch_{snake_case(without_digits(recovery.about.name))}" if recovery.about else snake_case(step.name)

@@ -6,8 +6,8 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from planlang.language.recovery_strategies import Strategy
 from planlang.recipe.model import Constraint, Name, Part, Place, Thing
+from planlang.recoveries import Strategy
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +48,7 @@ Value = Thing | PlaceUse | Part | Constraint | Described | Passed | Kept | Name 
 
 @dataclass(frozen=True, slots=True)
 class ActionTerm:
-    """An action designator: class (local name of the vocabulary) and properties in snake case.
+    """An action designator: the step's own class (IRI, local name if of the vocabulary), properties in snake case.
 
     A property may have several fillers.
     """
@@ -77,20 +77,16 @@ class FunctionCall:
     """Call the plan function of a recipe (IRI) with things for some of its parameters."""
 
     recipe: str
-    arguments: tuple[tuple[Thing, Thing | Passed | Kept], ...]
-    """Pairs (parameter of the called function, thing of the caller)."""
+    arguments: tuple[tuple[Thing, Thing | PlaceUse | Passed | Kept], ...]
+    """Pairs (parameter of the called function, what the caller passes)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Call:
-    """Perform a step that has a recipe, or several as alternatives.
-
-    ``action`` is None where only the recipe may perform the step, because a process module for its class would
-    perform less than the recipe.
-    """
+    """Perform a step that has a recipe, or several as alternatives."""
 
     name: str
-    action: ActionTerm | None
+    action: ActionTerm
     calls: tuple[FunctionCall, ...]
     step: str = ""
 
@@ -113,13 +109,25 @@ class Achieve:
 
 @dataclass(frozen=True, slots=True)
 class Recover:
-    """One recovery: failure class, strategy and what it is about, how often, and what to raise then."""
+    """One recovery: failure class, strategy and what it is about, how often, and what to raise then.
+
+    ``again`` names what the strategy runs again (:class:`Again`).
+    """
 
     failure: str
     strategy: Strategy
     about: Thing | None
     attempts: int
     otherwise: str | None
+    again: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Again:
+    """Run the body, which recoveries of later nodes run again by this name."""
+
+    name: str
+    body: Node
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,9 +149,10 @@ class Hold:
 
 @dataclass(frozen=True, slots=True)
 class Scope:
-    """Run the body where the base is at ``place`` and can reach all of ``reaching``."""
+    """Run the body where the base is at ``place`` and can reach all of ``reaching``; ``motion`` is the step's class."""
 
     name: str
+    motion: str
     place: PlaceUse | Passed
     reaching: tuple[PlaceUse | Thing, ...]
     attempts: int
@@ -233,7 +242,7 @@ class Machine:
     ends: tuple[str, ...]
 
 
-Node = Perform | Call | Achieve | Handle | Hold | Scope | Parallel | PartialOrder | Series | Gate | Machine
+Node = Perform | Call | Achieve | Handle | Again | Hold | Scope | Parallel | PartialOrder | Series | Gate | Machine
 
 
 @dataclass(frozen=True, slots=True)
@@ -253,6 +262,8 @@ class PlanTree:
     functions: tuple[Function, ...]
     devices: tuple[tuple[str, Thing], ...] = ()
     """Pairs (IRI of a place, the one device that all its uses reach it with)."""
+    classes: tuple[tuple[str, tuple[str, ...]], ...] = ()
+    """Classes of actions that the bundled vocabulary does not know, with those directly above, which come first."""
 
 
 def inside(node: Node) -> tuple[Node, ...]:
@@ -264,7 +275,7 @@ def inside(node: Node) -> tuple[Node, ...]:
             return tuple(branch for _, branch in branches)
         case Machine(states):
             return tuple(state.body for state in states)
-        case Achieve() | Handle() | Hold() | Scope() | Gate():
+        case Achieve() | Handle() | Again() | Hold() | Scope() | Gate():
             return (node.body,)
     return ()
 
@@ -344,7 +355,7 @@ def _passed(node: Node) -> Iterator[str]:
 
 def _values(node: Node) -> Iterator[Value]:
     """Yield the values that a node itself hands to actions, calls and places."""
-    if isinstance(node, (Perform, Call)) and node.action is not None:
+    if isinstance(node, (Perform, Call)):
         for _, fillers in node.action.properties:
             yield from fillers
     if isinstance(node, Call):

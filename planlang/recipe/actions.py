@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, error
 from planlang.ontology import Literal, Ontology, Term, expand
-from planlang.recipe.model import Place, Recipe, RecipeSet, Step, Thing
+from planlang.recipe.model import Place, Recipe, RecipeSet, Slot, Step, Thing
 from planlang.recipe.readers import statements_of
+from planlang.recipe.slots import read_slots
 from planlang.recipe.statements import Statements
 
 
@@ -35,6 +36,7 @@ class Actions:
         self.ontology = ontology
         self.primitives: dict[str, Primitive] = read_primitives(ontology)
         self.goals: dict[str, Goal] = read_goals(ontology)
+        self.declared_slots, self.slot_problems = read_slots(ontology)
         self.recoveries: tuple[RecoveryRule, ...] = read_recoveries(ontology)
         self.performers: dict[str, tuple[tuple[str, ...], str | None]] = {}
         """Action (IRI) -> who performs it, as :func:`planlang.recipe.performers.recipes_for` returns it."""
@@ -58,10 +60,6 @@ class Actions:
     def primitive(self, step: Step) -> Primitive | None:
         """Return the primitive that performs the step, if one does."""
         return self.primitives[step.primitive] if step.primitive is not None else None
-
-    def has_primitive_ancestor(self, cls: str) -> bool:
-        """Return True if a process module would perform the class or an ancestor of it."""
-        return any(ancestor in self.primitives for ancestor in self.ontology.ancestors(cls))
 
     def is_base_motion(self, step: Step) -> bool:
         """Return True for a primitive step that depends on BaseMotionCapability and states a destination."""
@@ -121,6 +119,14 @@ class Actions:
         """Return the properties (IRIs) that the vocabulary lists for an action class or an ancestor of it."""
         return frozenset(self.ontology.valid_properties(cls))
 
+    def slots(self, cls: str) -> dict[str, Slot]:
+        """Return the slots of an action class by property: those of the nearest class that declares each."""
+        found: dict[str, Slot] = {}
+        for ancestor in self.ontology.ancestors(cls):
+            for name, slot in self.declared_slots.get(ancestor, {}).items():
+                found.setdefault(name, slot)
+        return found
+
     def goal(self, cls: str) -> Goal | None:
         """Return the goal declared for the class or its nearest ancestor that has one."""
         for ancestor in self.ontology.ancestors(cls):
@@ -134,6 +140,13 @@ class Actions:
         if primitive is not None and primitive.releases:
             return True
         return self.is_a(step, "ReleasingGraspOfSomething", "PuttingDownAnObject")
+
+    def released(self, step: Step) -> frozenset[Thing | None]:
+        """Return the things that a step lets go of; None if it does not say which."""
+        primitive = self.primitive(step)
+        names = primitive.releases if primitive is not None and primitive.releases else ("objectActedOn",)
+        things = {filler for name in names for filler in step.fillers(name) if isinstance(filler, Thing)}
+        return frozenset(things) if things else frozenset({None})
 
 
 @dataclass(frozen=True, slots=True)

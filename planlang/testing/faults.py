@@ -7,7 +7,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
-from planlang.designators import Action, local_name
+from planlang.action_classes import ancestors_of
+from planlang.designators import Action
 from planlang.kernel import Scheduler, Task
 from planlang.kernel.cancel import break_off
 from planlang.kernel.core import here
@@ -93,9 +94,13 @@ class Injector:
 
 
 def _called(node: Node, step: str) -> bool:
-    action = getattr(node, "action", None)
-    if isinstance(action, Action) and step in (action.type, local_name(action.type)):
-        return True
+    """Return True for a node that a fault means; an action in a branch or a state of its name is meant with that."""
+    around, action = node.parent, getattr(node, "action", None)
+    is_inside = around is not None and around.kind in ("branch", "state") and around.base_name == node.base_name
+    if isinstance(action, Action) and step in ancestors_of(action.type, lambda cls: (cls,)):
+        return not (is_inside and step == node.base_name)
+    if is_inside:
+        return False
     open_: Node | None = node
     for wanted in reversed(step.split("/")):
         if open_ is None or wanted not in (open_.name, open_.base_name):

@@ -136,10 +136,22 @@ def hold_bottle(stage: Stage, arm: str = "right", turned: float = 0.0) -> None:
     tip = stage.platform.robot.arm(arm).tip
     there = stage.truth.link_pose(tip)
     stage.truth.set_pose("bottle", Pose.planar(there.position[0], there.position[1], turned, there.position[2]))
+    _close(stage, arm)
     stage.truth.attach(tip, "bottle")
     offset = there.inverse() @ stage.truth.pose("bottle")
     stage.belief.grasped("bottle", arm, tip, offset)
     stage.platform.sync()
+
+
+def _close(stage: Stage, arm: str) -> None:
+    """Close the fingers of a hand, in truth, as far as they feel what is between them."""
+    gripper = stage.platform.robot.arm(arm).gripper
+    assert gripper is not None
+    for share in np.linspace(0.0, 1.0, 100):
+        fingers = {name: (1 - share) * gripper.opened[name] + share * gripper.closed[name] for name in gripper.joints}
+        stage.truth.set_configuration(Configuration(stage.truth.configuration().base, fingers))
+        if stage.platform.between_fingers(arm) is not None:
+            return
 
 
 def furnisher(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import subprocess
 import sys
@@ -14,6 +15,8 @@ from planlang.geometry import Pose
 from planlang.protocols import Configuration, Motion, Trajectory
 from sim import PyBulletWorld
 from tests.sim.conftest import CLOSED, GRASPING, grasp, play, straight
+
+FINGERS = ("finger1_right", "finger2_right")
 
 
 def test_one_row_is_played_per_step(world: PyBulletWorld) -> None:
@@ -71,23 +74,29 @@ def test_fingers_close_until_each_touches(world: PyBulletWorld) -> None:
     world.set_configuration(GRASPING)
     world.set_pose("bottle", Pose((-1.106, 2.11, 0.9)))
     assert play(world, "right_gripper", CLOSED) == "bottle"
-    assert world.motion("right_gripper") == Motion("blocked", "bottle")
+    motion = world.motion("right_gripper")
+    assert (motion.state, motion.blocked_by) == ("blocked", "bottle")
+    assert motion.touch is not None
+    assert motion.touch.link in FINGERS
     joints = world.configuration().joints
     assert joints["finger1_joint_right"] > -joints["finger2_joint_right"], "the bottle is nearer to the first finger"
-    assert world.between_fingers("hand_right") == "bottle"
-    assert world.between_fingers(("finger1_right", "finger2_right")) == "bottle"
+    one, other = world.touches(FINGERS)
+    assert {one.link, other.link} == set(FINGERS)
+    assert np.dot(one.normal, other.normal) < -0.9, "they feel it from both sides"
+    for touch in (one, other):
+        assert math.dist(touch.point[:2], (-1.106, 2.11)) == pytest.approx(0.03, abs=0.002), "on its surface"
 
 
-def test_fingers_that_close_on_nothing_have_nothing_between_them(world: PyBulletWorld) -> None:
+def test_fingers_that_close_on_nothing_feel_nothing(world: PyBulletWorld) -> None:
     play(world, "right_gripper", CLOSED)
-    assert world.between_fingers("hand_right") is None
+    assert world.touches(FINGERS) == ()
 
 
 def test_object_beside_the_fingers_is_not_between_them(world: PyBulletWorld) -> None:
     world.set_configuration(GRASPING)
     world.set_pose("bottle", Pose((-1.0, 2.11, 0.9)))
     play(world, "right_gripper", CLOSED)
-    assert world.between_fingers("hand_right") is None
+    assert len({touch.link for touch in world.touches(FINGERS)}) < 2
 
 
 def test_held_object_follows_its_link(world: PyBulletWorld) -> None:

@@ -45,7 +45,7 @@ def test_functions_and_gradients_are_those_of_plain_formulas(name: str, count: i
 
 @pytest.mark.parametrize(("name", "count"), ROBOTS)
 def test_random_feasible_problems_are_solved_without_a_violation(name: str, count: int) -> None:
-    # 200 of them: python -m tests.benchmarks.constraints
+    # 200 of them: python tests/benchmarks/constraints.py
     robot = arms(name, count)
     for seed in range(100, 106):
         problem, start, phases = random_problem(robot, seed)
@@ -116,6 +116,21 @@ def test_a_phase_whose_weights_are_0_moves_nothing() -> None:
     assert [len(motion.trajectory.positions) for motion in (motions[0], motions[2])] == [1, 1]
     assert np.array_equal(motions[0].trajectory.positions[0], start)
     assert robot.objection(problem, start, [impossible, [UPRIGHT], []], motions) is None
+
+
+def test_limits_between_which_there_is_no_room_but_rounding_are_met() -> None:
+    robot = arms("amigo")
+    problem, start = with_cup(robot)
+    # less than twice what is left for waypoints: in floating point lower + half < upper - half is not sure
+    narrow = a_constraint("LEFT_OF", CENTRE, TOP, lower=0.0002285611587255598, upper=0.0007999476392546951)
+    motions = solve_motion(problem, start, [[narrow]])
+    assert robot.objection(problem, start, [[narrow]], motions) is None
+
+
+def test_phases_that_ask_for_nothing_move_nothing() -> None:
+    problem, start = with_cup(arms("amigo"))
+    motions = solve_motion(problem, start, [[], []])
+    assert [motion.trajectory.positions.tolist() for motion in motions] == [[start.tolist()]] * 2
 
 
 @pytest.mark.parametrize("name", ["amigo", "panda"])

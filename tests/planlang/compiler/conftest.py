@@ -7,6 +7,9 @@ from dataclasses import dataclass, field
 
 import pytest
 
+Scope = dict[str, ast.AsyncFunctionDef | ast.expr]
+"""What names stand for inside of a function."""
+
 
 @dataclass
 class Happening:
@@ -21,6 +24,11 @@ class Happening:
         return Happening(self.steps + later.steps, self.before | later.before | across)
 
 
+def _last(text: ast.expr) -> ast.expr:
+    """The local name in ``RECIPE + "StirSoup"``."""
+    return text.right if isinstance(text, ast.BinOp) else text
+
+
 class PlanReader:
     """Interprets the constructs that compiled plans are made of.
 
@@ -29,16 +37,25 @@ class PlanReader:
 
     def __init__(self, source: str, *, calls_are_steps: bool = False) -> None:
         self.calls_are_steps = calls_are_steps
-        self.functions = {node.name: node for node in ast.parse(source).body if isinstance(node, ast.AsyncFunctionDef)}
+        module = ast.parse(source)
+        self.functions = {node.name: node for node in module.body if isinstance(node, ast.AsyncFunctionDef)}
+        self.classes = {
+            ast.unparse(node.targets[0]): ast.literal_eval(_last(node.value.args[0]))
+            for node in module.body
+            if isinstance(node, ast.Assign) and isinstance(node.value, ast.Call)
+            if ast.unparse(node.value.func) == "action_class"
+        }
 
     def orders(self, name: str) -> Happening:
         """What a plan function does, with the functions that it calls."""
         return self._body(self.functions[name].body, {})
 
-    def _body(self, statements: list[ast.stmt], scope: dict[str, ast.AsyncFunctionDef]) -> Happening:
+    def _body(self, statements: list[ast.stmt], scope: Scope) -> Happening:
         scope = dict(scope)
         done = Happening()
         for statement in statements:
+            if isinstance(statement, ast.Assign) and isinstance(statement.targets[0], ast.Name):
+                scope[statement.targets[0].id] = statement.value
             if isinstance(statement, ast.AsyncFunctionDef):
                 scope[statement.name] = statement
             elif isinstance(statement, ast.AsyncWith):
@@ -49,7 +66,7 @@ class PlanReader:
                 done = done.then(self._call(call.func, call.args, call.keywords, scope))
         return done
 
-    def _branch(self, node: ast.expr, scope: dict[str, ast.AsyncFunctionDef], name: str | None = None) -> Happening:
+    def _branch(self, node: ast.expr, scope: Scope, name: str | None = None) -> Happening:
         if isinstance(node, ast.Call):
             assert isinstance(node.func, ast.Name)
             assert node.func.id == "partial"
@@ -61,7 +78,7 @@ class PlanReader:
         function: ast.expr,
         arguments: list[ast.expr],
         keywords: list[ast.keyword],
-        scope: dict[str, ast.AsyncFunctionDef],
+        scope: Scope,
         name: str | None = None,
     ) -> Happening:
         assert isinstance(function, ast.Name)
@@ -74,18 +91,18 @@ class PlanReader:
             return Happening([ast.unparse(arguments[-1] if arguments else function)])
         match function.id:
             case "perform":
-                return Happening([str(ast.literal_eval(given["name"])) if "name" in given else str(name)])
+                return Happening([self._named(arguments[0], given)])
             case "achieve":
                 return self._branch(arguments[1], scope)
             case "with_failure_handling":
                 return self._branch(arguments[0], scope)
             case "at_location":
                 place = arguments[0]
-                assert isinstance(place, ast.Call)
-                assert isinstance(place.func, ast.Name)
-                return Happening([f"at {place.func.id}"]).then(self._branch(arguments[1], scope))
+                assert isinstance(place, ast.Name)
+                return Happening([f"at {place.id}"]).then(self._branch(arguments[1], scope))
             case "par":
-                return self._side_by_side({k.arg: self._branch(k.value, scope, k.arg) for k in keywords}, [])
+                named = {str(k.arg): self._branch(k.value, scope, k.arg) for k in keywords}
+                return self._side_by_side(named, [])
             case "partial_order":
                 steps, pairs = arguments
                 assert isinstance(steps, ast.Dict)
@@ -93,10 +110,21 @@ class PlanReader:
                 branches = {key: self._branch(value, scope, key) for key, value in zip(keys, steps.values, strict=True)}
                 return self._side_by_side(branches, ast.literal_eval(pairs))
             case called:
-                return self._body((scope.get(called) or self.functions[called]).body, scope if called in scope else {})
+                known = scope.get(called) or self.functions[called]
+                if isinstance(known, ast.expr):
+                    return self._branch(known, scope)
+                return self._body(known.body, scope if called in scope else {})
+
+    def _named(self, described: ast.expr, given: dict[str | None, ast.expr]) -> str:
+        """The name of a step: its own, or else its class's."""
+        if "name" in given:
+            return str(ast.literal_eval(given["name"]))
+        assert isinstance(described, ast.Call)
+        cls = described.args[0]
+        return str(self.classes[cls.id] if isinstance(cls, ast.Name) else ast.literal_eval(_last(cls)))
 
     @staticmethod
-    def _side_by_side(branches: dict[str | None, Happening], pairs: list[tuple[str, str]]) -> Happening:
+    def _side_by_side(branches: dict[str, Happening], pairs: list[tuple[str, str]]) -> Happening:
         steps = [step for branch in branches.values() for step in branch.steps]
         before = {pair for branch in branches.values() for pair in branch.before}
         before |= {(a, b) for first, second in pairs for a in branches[first].steps for b in branches[second].steps}

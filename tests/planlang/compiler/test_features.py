@@ -81,7 +81,7 @@ def test_steps_of_one_place_run_at_it_and_hand_places_narrow_it(compiled: Any) -
     )
     source = body(plan, "take")
     assert "async def at_there() -> None:" in source
-    assert "reaching=(grasp_pose(bottle),)" in source
+    assert "reaching=(grasp_pose,)" in source
     assert 'a_location("there", in_reach_of=bottle, using=GRIPPER)' in plan.source
 
 
@@ -94,8 +94,7 @@ def test_without_scopes_a_base_motion_is_a_step_like_any_other(compiled: Any) ->
         scopes=False,
     )
     assert "at_location" not in plan.source
-    drive = "perform(action('Translation-LocationChange', to_location=there(bottle)), name='Drive')"
-    assert drive in unbroken(plan.source)
+    assert "perform(action(DRIVE, to_location=there))" in unbroken(plan.source)
 
 
 def test_base_motion_that_nothing_follows_opens_no_scope(compiled: Any) -> None:
@@ -127,7 +126,7 @@ def test_base_motion_to_a_thing_goes_where_that_is_in_reach(compiled: Any) -> No
         step("Look", "k:LookingForSomething"),
     )
     assert 'a_location("near-bottle1", in_reach_of=bottle)' in plan.source
-    assert "at_location(near_bottle(bottle), at_near_bottle" in plan.source
+    assert "at_location(near_bottle, at_near_bottle" in plan.source
 
 
 def test_place_described_as_a_class_is_a_place(compiled: Any) -> None:
@@ -145,9 +144,49 @@ def test_place_may_be_relative_to_another_place(compiled: Any) -> None:
         "Individual: beyond\n    Types: k:Point3D\n    Facts: k:aboveOf graspPose, k:inReachOf room:patient1",
         step("Reach", "k:Reaching", "k:toLocation value beyond"),
     )
-    assert "def beyond(bottle: Object, patient: Person) -> Location:" in plan.source
-    assert 'a_location("beyond", above=grasp_pose(bottle), in_reach_of=patient)' in plan.source
-    assert "def grasp_pose(bottle: Object) -> Location:" in plan.source
+    assert [line.strip() for line in body(plan, "take").splitlines()[2:4]] == [
+        'grasp_pose = a_location("graspPose", in_center_of=bottle)',
+        'beyond = a_location("beyond", above=grasp_pose, in_reach_of=patient)',
+    ]
+
+
+def test_place_is_described_where_it_is_first_used_and_its_label_stands_in_the_plan_once(compiled: Any) -> None:
+    plan = compiled(
+        task("Take", "Look Reach Again", constraints=2),
+        orderings("Look<Reach", "Reach<Again"),
+        'Individual: beyond\n    Annotations: rdfs:label "over it"\n'
+        "    Types: k:Point3D\n    Facts: k:aboveOf room:cup1",
+        step("Look", "k:LookingForSomething"),
+        step("Reach", "k:Reaching", "k:toLocation value beyond"),
+        task("Again", "Back", above="k:PurposefulAction"),
+        step("Back", "k:Reaching", "k:toLocation value beyond"),
+    )
+    described = 'beyond = a_location("beyond", above=cup)'
+    assert described in body(plan, "again")
+    assert "# over it" not in body(plan, "take")
+    look, place, reach, again = body(plan, "take").splitlines()[2:]
+    assert "action(LOOK)" in look
+    assert place.strip() == described
+    assert "to_location=beyond" in reach
+    assert "partial(again, cup=cup)" in again
+
+
+def test_place_that_a_called_function_has_for_another_thing_is_described_for_each(compiled: Any) -> None:
+    plan = compiled(
+        task("Take", "Drive Fetch Touch", "k:objectActedOn value room:cup1", constraints=2),
+        orderings("Drive<Fetch", "Fetch<Touch"),
+        step("Over", "k:Point3D", "k:aboveOf some k:Cup"),
+        step("Drive", "k:Translation-LocationChange", "k:toLocation value there"),
+        task("Fetch", "Reach", above="k:PurposefulAction"),
+        step("Reach", "k:Reaching", "k:toLocation some Over", "k:objectActedOn some k:Cup"),
+        step("Touch", "k:Reaching", "k:toLocation some Over"),
+    )
+    source = body(plan, "take")
+    assert 'over = a_location("Over", above=cup_2)' in source
+    assert 'over_2 = a_location("Over", above=cup)' in source
+    assert "partial(fetch, cup=cup_2)" in source
+    assert "to_location=over_2" in source
+    assert "reaching=(over, over_2)" in source
 
 
 def test_recipe_with_a_base_motion_of_its_own_ends_the_scope_of_its_caller(compiled: Any) -> None:
@@ -194,28 +233,27 @@ def test_device_of_a_recipe_is_that_of_its_steps_and_of_recipes_below(compiled: 
         task("Grasp", "Close", above="k:PurposefulAction"),
         step("Close", "k:ClosingAGripper"),
     )
-    assert 'action("ClosingAGripper", device_used=GRIPPER)' in plan.source
+    assert "action(CLOSE, device_used=GRIPPER)" in plan.source
 
 
-def test_recipe_nearer_than_a_primitive_is_called_directly(compiled: Any) -> None:
+def test_recipe_nearer_than_a_primitive_is_called(compiled: Any) -> None:
     plan = compiled(
         task("Serve", "CarefulReach"),
         task("CarefulReach", "Look", above="k:Reaching"),
         step("Look", "k:LookingForSomething"),
     )
-    assert "await careful_reach()" in body(plan, "serve")
-    assert "otherwise=" not in plan.source
+    assert "await perform(action(CAREFUL_REACH), otherwise=careful_reach)" in body(plan, "serve")
 
 
 def test_primitive_nearer_than_a_recipe_is_performed(compiled: Any) -> None:
     plan = compiled(
         task("Serve", "Reach"),
-        step("Reach", "k:Reaching"),
+        step("Reach", "k:Reaching", "k:toLocation value graspPose"),
         "Class: k:VoluntaryBodyMovement\n    SubClassOf: k:subAction some Look",
         step("Look", "k:LookingForSomething"),
         task="Serve",
     )
-    assert 'perform(action("Reaching"), name="Reach")' in plan.source
+    assert "action(REACH, to_location=grasp_pose)" in plan.source
 
 
 def test_recipes_of_two_superclasses_are_tried_in_order(compiled: Any) -> None:
@@ -234,7 +272,7 @@ def test_recipes_of_two_superclasses_are_tried_in_order(compiled: Any) -> None:
 def test_task_without_steps_of_its_own_takes_those_of_its_superclass(compiled: Any) -> None:
     plan = compiled(step("Mine", "Serve"), task("Serve", "Look"), step("Look", "k:LookingForSomething"), task="Mine")
     assert plan.functions == ("mine",)
-    assert 'name="Look"' in plan.source
+    assert "await perform(action(LOOK))" in plan.source
 
 
 def test_recovery_stated_in_the_recipe_replaces_the_inherited_one(compiled: Any) -> None:
@@ -270,7 +308,7 @@ def test_number_of_places_that_a_scope_tries_is_that_of_the_recipe(compiled: Any
         f"    Facts: k:recoversAction Drive, k:strategy k:NextSolution, k:attempts {stated}"
         + "".join(f", k:recoversFailure k:{failure}" for failure in failures.split()),
     )
-    assert f"attempts={written})" in body(plan, "serve")
+    assert f"attempts={written}, by=DRIVE)" in body(plan, "serve")
 
 
 def test_task_that_is_run_by_itself_has_its_own_recoveries(compiled: Any) -> None:
@@ -280,6 +318,39 @@ def test_task_that_is_run_by_itself_has_its_own_recoveries(compiled: Any) -> Non
     )
     assert "async def grasp_once() -> None:" in body(plan, "grasp")
     assert unbroken(plan.source).count("Recovery(GraspMissed") == 1
+
+
+def carrying(*after: str) -> tuple[str, ...]:
+    """Statements of a recipe that grasps the bottle at one place, and then has further steps in order."""
+    names = "Drive", "Grasp", *(line.split()[1] for line in after)
+    return (
+        task("Serve", " ".join(names), constraints=len(names) * (len(names) - 1) // 2),
+        orderings(*(f"{one}<{other}" for number, one in enumerate(names) for other in names[number + 1 :])),
+        step("Drive", "k:Translation-LocationChange", "k:toLocation value room:bottle1"),
+        task("Grasp", "Close", "k:objectActedOn value room:bottle1", above="k:GraspingSomething"),
+        step("Close", "k:ClosingAGripper"),
+        *after,
+    )
+
+
+def test_steps_between_a_grasp_and_the_release_go_back_to_the_grasp_when_the_thing_is_lost(compiled: Any) -> None:
+    away = step("Away", "k:Translation-LocationChange", "k:toLocation value room:patient1")
+    give = step("Give", "k:HandingOverAnObject", "k:objectActedOn value room:bottle1")
+    back = step("Back", "k:Translation-LocationChange", "k:toLocation value room:cup1")
+    text = unbroken(compiled(*carrying(away, give, back), scopes=False).source)
+    assert "fetch_bottle = partial(perform," in text
+    assert text.count("Recovery(ObjectLost, fetch_again(bottle), attempts=2") == 1, "around the grasp itself"
+    assert text.count("Recovery(ObjectLost, fetch_again(bottle, fetch_bottle), attempts=2") == 2
+    assert "ObjectLost" not in text[text.index("perform(action(GIVE") :].partition("otherwise=ObjectUnfetchable")[2], (
+        "let go"
+    )
+
+
+def test_letting_go_of_another_thing_leaves_the_first_one_watched(compiled: Any) -> None:
+    give = step("Give", "k:HandingOverAnObject", "k:objectActedOn value room:cup1")
+    look = step("Look", "k:LookingForSomething")
+    text = unbroken(compiled(*carrying(give, look), scopes=False).source)
+    assert text.count("fetch_again(bottle, fetch_bottle)") == 2
 
 
 def test_label_of_a_step_stands_above_it(compiled: Any) -> None:
@@ -295,7 +366,7 @@ def test_data_flow_orders_steps(compiled: Any, read_plan: Any) -> None:
         task("Serve", "Reach Look", "k:inputOutputConstraints value Flow"),
         "Individual: Flow\n    Types: k:InputOutputMapping\n    Facts: k:createsOutput Look, k:requiresInput Reach",
         step("Look", "k:LookingForSomething"),
-        step("Reach", "k:Reaching"),
+        step("Reach", "k:Reaching", "k:toLocation value graspPose"),
     )
     assert read_plan(plan.source).orders("serve").steps == ["Look", "Reach"]
 
@@ -309,9 +380,10 @@ def test_numbers_and_several_fillers_of_a_property_are_kept(compiled: Any) -> No
             "k:linearVelocity value 0.3",
             "k:objectActedOn value room:bottle1",
             "k:objectActedOn value room:cup1",
+            "k:toLocation value room:cup1",
         ),
     )
-    assert 'action("Reaching", object_acted_on=(bottle, cup), linear_velocity=0.3)' in plan.source
+    assert "object_acted_on=(bottle, cup), to_location=cup, linear_velocity=0.3" in " ".join(plan.source.split())
 
 
 def test_person_is_a_person_and_names_that_python_has_get_a_number(compiled: Any) -> None:
@@ -340,7 +412,7 @@ def test_properties_named_like_words_of_python_get_a_number(compiled: Any) -> No
         "DataProperty: class\nDataProperty: name",
         step("Look", "k:LookingForSomething", 'class value "first"', 'name value "second"'),
     )
-    assert 'action("LookingForSomething", class_2="first", name_2="second")' in plan.source
+    assert 'action(LOOK, class_2="first", name_2="second")' in plan.source
 
 
 def test_labels_cannot_break_out_of_docstrings(compiled: Any) -> None:
@@ -370,14 +442,16 @@ def test_all_errors_come_in_one_run(compiled: Any) -> None:
 def test_a_step_with_a_recipe_that_is_just_some_action_is_told_by_its_own_class(compiled: Any) -> None:
     text = task("T", "Part") + step("Part", "k:PurposefulAction", "k:subAction some Look")
     plan = compiled(text + step("Look", "k:Perceiving"))
-    assert 'await perform(action(RECIPE + "Part"), otherwise=part)' in plan.source
+    assert 'PART = action_class(RECIPE + "Part", below="PurposefulAction")' in plan.source
+    assert "await perform(action(PART), otherwise=part)" in plan.source
 
 
-def test_a_step_with_a_recipe_of_no_class_of_its_own_is_called(compiled: Any) -> None:
+def test_an_individual_with_a_recipe_of_its_own_is_a_class_to_the_plan(compiled: Any) -> None:
     frames = [("T", "k:Action", "part"), ("part", "k:Action", "look")]
     text = "".join(
         f"\nIndividual: {name}\n    Types: {cls}\n    Facts: k:subAction {sub}\n" for name, cls, sub in frames
     )
     plan = compiled(text + "\nIndividual: look\n    Types: k:Perceiving\n", task="T")
-    assert "await part()" in plan.source
-    assert "otherwise=" not in plan.source
+    assert 'PART = action_class(RECIPE + "part", below="Action")' in plan.source
+    assert "await perform(action(PART), otherwise=part)" in plan.source
+    assert 'await perform(action("Perceiving"), name="look")' in plan.source

@@ -15,9 +15,11 @@ from planlang import (
     Return,
     Trace,
     a_location,
+    a_posture,
     achieve,
     action,
     an_object,
+    fetch_again,
     given,
     holding,
     holds,
@@ -36,19 +38,20 @@ from planlang import (
     with_failure_handling,
 )
 from planlang import evaporate as evaporate_task
+from planlang import recoveries as strategies
 from planlang.designators import located
 from planlang.failures import (
     BranchEvaporated,
     GoalNotAchieved,
     GraspMissed,
+    ObjectLost,
     ObjectNotFound,
     ObjectNowhereToBeFound,
     ObjectUnreachable,
     PerceptionFailure,
 )
-from planlang.language import recovery_strategies as strategies
-from planlang.language.recovery_strategies import find_strategy, recovery_strategy, registered_strategies
 from planlang.misuse import PlanStructureError
+from planlang.recoveries import find_strategy, recovery_strategy, registered_strategies
 
 BOTTLE = an_object("DrinkingBottle", "http://example.org/map#bottle1")
 
@@ -150,6 +153,42 @@ def test_not_finding_it_there_either_is_left_to_the_body(executive: Any, module:
     with pytest.raises(ObjectNowhereToBeFound, match="bottle1"):
         go(partial(with_failure_handling, find, recovery), executive)
     assert [line for line in executive.log if line.startswith("looks")] == ["looks at 0"] + ["looks at 1"] * 4
+
+
+async def carried(executive: Any, lost: list[ObjectLost]) -> None:
+    executive.log.append("carries")
+    if lost:
+        raise lost.pop()
+
+
+@pytest.mark.parametrize(("seen_from", "looks"), [(0.0, ["looks at 0"]), (1.0, ["looks at 0", "at 1", "looks at 1"])])
+def test_fetching_again_looks_here_first_tucks_the_arms_and_runs_what_grasps(
+    executive: Any, module: Any, seen_from: float, looks: list[str]
+) -> None:
+    eyes(executive, module, seen_from)
+    tucks = module("arm", ("Reaching",), partial(_says, executive, "tucks"), (), ("arm",))
+    executive.extra.append(tucks)
+    executive.retry_actions = [action("Reaching", to_location=a_posture("carrying"))]
+
+    async def grasp() -> None:
+        executive.log.append("grasps")
+
+    recovery = Recovery(ObjectLost, fetch_again(BOTTLE, grasp))
+    body = partial(carried, executive, [ObjectLost(what="bottle1")])
+    go(partial(with_failure_handling, body, recovery), executive)
+    assert executive.log == ["carries", looks[0], "tucks", *looks[1:], "grasps", "carries"]
+
+
+async def _says(executive: Any, what: str, wanted: Action) -> None:
+    executive.log.append(what)
+
+
+def test_what_is_still_held_is_not_fetched_again_when_something_else_is_lost(executive: Any) -> None:
+    executive.facts["holding(bottle1)"] = True
+    body = partial(carried, executive, [ObjectLost(what="cup1")])
+    with pytest.raises(ObjectLost, match="cup1"):
+        go(partial(with_failure_handling, body, Recovery(ObjectLost, fetch_again(BOTTLE))), executive)
+    assert executive.log == ["carries"]
 
 
 def test_looking_and_repeating_looks_from_here(executive: Any, module: Any) -> None:
@@ -257,7 +296,7 @@ async def shout(failure: object) -> object: ...
     [
         ("", {}, shout, "a string with something in it"),
         ("Shout", {"moves_base": True}, shout, "has to be about an object"),
-        ("Ignore", {}, shout, "planlang.ignore is registered as Ignore already"),
+        ("Ignore", {}, shout, "planlang.recoveries.ignore is registered as Ignore already"),
         ("Repeat", {}, shout, "planlang is registered as Repeat already"),
         ("Shout", {}, lambda failure: None, "plans cannot import lambda"),
         ("Shout", {}, None, "plans cannot import None"),

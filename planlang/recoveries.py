@@ -16,17 +16,22 @@ from functools import cache, partial
 from importlib.metadata import entry_points
 from typing import Any, TypeVar
 
-from planlang.designators import Object, a_location, action
+from planlang.designators import Condition, Object, a_location, action
 from planlang.failures import (
+    LookingFailure,
+    ManipulationFailure,
     ObjectNotFound,
     ObjectNowhereToBeFound,
     ObjectUndeliverable,
     ObjectUnreachable,
     PlanFailure,
 )
+from planlang.kernel.primitives import called
+from planlang.language.branches import Branch
+from planlang.language.executive import executive_for
 from planlang.language.location import at_location
 from planlang.language.performing import perform
-from planlang.language.recovery import RETRY, Decision, Do, Return, retry
+from planlang.language.recovery import PROPAGATE, RETRY, Decision, Do, Return, retry
 from planlang.misuse import Usage, written
 
 GROUP = "planlang.recoveries"
@@ -34,7 +39,9 @@ GROUP = "planlang.recoveries"
 
 F = TypeVar("F", bound=Callable[..., Any])
 _STRATEGY = Usage(
-    "@recovery_strategy", {"name": '"LookAgain"'}, {"about_object": "True", "moves_base": "True", "function": "look"}
+    "@recovery_strategy",
+    {"name": '"LookAgain"'},
+    {"about_object": "True", "moves_base": "True", "goes_back": "True", "function": "look"},
 )
 
 
@@ -45,13 +52,16 @@ class Strategy:
     ``name`` is what ontologies call it. ``function`` is what plans write as ``do`` of a Recovery; with
     ``about_object`` they write a call of it with the object that the step handles. ``moves_base`` says that it leaves
     the base pose of a location scope, so that it has to surround the scope. Without a function the failure escalates
-    at once.
+    at once. ``goes_back`` says that the failure may arise later on and undoes what the step has achieved, so that it
+    is written around the steps that follow, too, until what it is about is let go; there the function also gets a
+    branch that runs the step again.
     """
 
     name: str
     function: Callable[..., Any] | None
     about_object: bool = False
     moves_base: bool = False
+    goes_back: bool = False
 
     @property
     def origin(self) -> tuple[str, str] | None:
@@ -61,8 +71,7 @@ class Strategy:
         """
         if self.function is None or self.function is retry:
             return None
-        module = self.function.__module__
-        return ("planlang" if module.startswith("planlang.") else module), self.function.__name__
+        return self.function.__module__, self.function.__name__
 
 
 _registered: dict[str, Strategy] = {
@@ -71,23 +80,27 @@ _registered: dict[str, Strategy] = {
 }
 
 
-def recovery_strategy(name: str, *, about_object: bool = False, moves_base: bool = False) -> Callable[[F], F]:
+def recovery_strategy(
+    name: str, *, about_object: bool = False, moves_base: bool = False, goes_back: bool = False
+) -> Callable[[F], F]:
     """Register a function as the strategy that ontologies call ``name``.
 
     Without ``about_object`` it is a ``do`` of :class:`Recovery` itself: an async function of the failure. With it, a
-    function of an object that returns one. ``moves_base`` says that it drives; such a strategy is about an object.
+    function of an object that returns one. ``moves_base`` says that it drives, ``goes_back`` that it repeats what the
+    step has achieved, whenever that is undone; such strategies are about an object.
     Raises ValueError if another function has the name, or if plans cannot import the function.
     """
     _STRATEGY.text("name", name)
-    if moves_base and not about_object:
-        raise _STRATEGY.refused("moves_base", f"{name} moves the base, so it has to be about an object", True)
+    for key, does in {"moves_base": "moves the base", "goes_back": "goes back"}.items():
+        if {"moves_base": moves_base, "goes_back": goes_back}[key] and not about_object:
+            raise _STRATEGY.refused(key, f"{name} {does}, so it has to be about an object", True)
 
     def register(function: F) -> F:
         name_in_module = getattr(function, "__qualname__", "")
         if not name_in_module.isidentifier():  # a lambda, a method, a function inside another, or no function
             message = f"plans cannot import {written(function)}; write it at the top of a module"
             raise _STRATEGY.refused("function", message, function)
-        strategy = Strategy(name, function, about_object, moves_base)
+        strategy = Strategy(name, function, about_object, moves_base, goes_back)
         other = _registered.setdefault(name, strategy)
         if other.origin != strategy.origin:
             taken = ".".join(other.origin or ("planlang",))
@@ -156,10 +169,48 @@ def look_and_repeat(what: Object) -> Do:
     return look
 
 
+@recovery_strategy("FetchAgain", about_object=True, moves_base=True, goes_back=True)
+def fetch_again(what: Object, again: Branch | None = None) -> Do:
+    """Look for an object that has left the hand, grasp it by the branch ``again``, then run the body again.
+
+    Without ``again`` the body itself grasps. The object is looked for from here first, as it may lie beside the hand,
+    and from another place with the arms in their posture for driving. A failure about something else goes outward: then
+    the object is still held.
+    """
+
+    fetching = Usage("fetch_again", {"what": "bottle"}, {"again": "fetch_bottle"})
+    fetching.instance("what", what, Object, "an object")
+    if again is not None:
+        fetching.branch("again", again)
+
+    async def fetch(failure: PlanFailure) -> Decision:
+        executive = executive_for("fetch_again")
+        if executive.holds(Condition("holding", (what,))):
+            return PROPAGATE
+        is_seen = await _sees(what)
+        with suppress(ManipulationFailure):  # there may be room once the base has moved
+            for motion in executive.before_retry():
+                await perform(motion)
+        if not is_seen:
+            await look_from_another_place(what)(failure)
+        if again is not None:
+            await called(again)
+        return RETRY
+
+    return fetch
+
+
 @recovery_strategy("Ignore")
 async def ignore(failure: PlanFailure) -> Decision:
     """Go on as if the body had succeeded, with None."""
     return Return(None)
+
+
+async def _sees(what: Object) -> bool:
+    with suppress(ObjectNotFound, LookingFailure):
+        await _look_for(what)
+        return True
+    return False
 
 
 async def _look_for(what: Object) -> None:
