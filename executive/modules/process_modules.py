@@ -96,6 +96,8 @@ class Navigation:
         raise ActionUnresolvable("a base motion needs to_location, or x, y and yaw", designator=str(action))
 
     def _path(self, goal: BasePose) -> Trajectory:
+        if self.platform.robot.base.fixed:
+            raise NavigationPoseUnreachable("the base is fixed", target=goal)
         try:
             return self.platform.drive.path(goal)
         except GoalInCollision as problem:
