@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.belief.belief import Belief
-from executive.motion import Boxes, QuickCheck, clearance_at
+from executive.motion import Boxes, Grid, QuickCheck, clearance_at
 from executive.motion.arm_bodies import ArmBodies, ArmShapes, Ignored, Room, links_of
 from executive.motion.bodies import Solids
 from executive.motion.clearance import TOUCHING, Band, Outline, clearances_at, cores, outlines, stands_in_none
+from executive.motion.drivable import Drivable, drivable
 from executive.robots import Robot
 from executive.robots.arms import ArmModel
 from planlang.geometry import Array
@@ -35,6 +36,8 @@ SLACK = 0.03
 """Room that may be missing in the grid, whose cells are 5 cm wide: places are validated exactly later [m]."""
 DOUBTFUL = 0.15
 """Factor of a place with doubtful room: only at the border of its cell, or with some headings."""
+MOST_FLOOR = 10_000.0
+"""Area of a map of which it is worked out where the base can get to [m^2]."""
 ROOMY = 0.3
 """More room than this is not better [m]."""
 
@@ -145,6 +148,7 @@ class SceneCollisions:
         self._world, self._robot, self._belief, self._arms = world, robot, belief, tuple(arms)
         self._bodies: Latest[tuple[Boxes, Solids]] = Latest()
         self._floor: Latest[Floor] = Latest()
+        self._drivable: Latest[Drivable] = Latest()
         self._links = frozenset(world.robot.solid_names)
         self._rest = {arm.name: self._links - self._own_links(arm) for arm in arms}
         links = links_of(world)
@@ -171,6 +175,24 @@ class SceneCollisions:
             return Floor(self.obstacles(), self._world.silhouette(arms), shapes, self._world.scene.bounds)
 
         return self._floor.of((self._state(), self._posture()), work_out)
+
+    def drivable(self) -> Drivable:
+        """Return where the base can get to from where it is, arms left out.
+
+        Nothing is ruled out for a base that stands in something, nor on a map that is too large to be filled.
+        """
+        now, floor = self._world.configuration(), self.floor()
+        base = now.base
+
+        def work_out() -> Drivable:
+            x_min, y_min, x_max, y_max = floor.bounds
+            large = (x_max - x_min) * (y_max - y_min) > MOST_FLOOR
+            if large or self._world.contacts(now, ("base",)):
+                return Drivable(Grid(0.0, 0.0, 1, 1), np.ones((1, 1), bool), beyond=True)
+            grid = Grid.over((x_min, y_min), (x_max, y_max))
+            return drivable(base[:2], grid, floor.boxes, floor.silhouette, cores(floor.outlines))
+
+        return self._drivable.of((floor, base[:2]), work_out)
 
     def obstacles(self) -> Boxes:
         """Return boxes around the pieces of all bodies that are not held, the floor left out."""
