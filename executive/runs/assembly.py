@@ -23,7 +23,7 @@ from executive.belief.scene_collisions import BasePose
 from executive.locations import HandSolution, Reach, ReachKind, Resolver
 from executive.locations.demands import HandTerm
 from executive.locations.grasp_candidates import HandPoses
-from executive.modules import process_modules
+from executive.modules import containers, process_modules
 from executive.modules.platform import ArmChoices, Platform
 from executive.robots import CARRYING, Robot
 from executive.robots.arms import ArmModel, arm_models, gaze_of
@@ -185,6 +185,10 @@ class RobotExecutive:
         match condition:
             case Condition("holding", (Object() as what,)):
                 return self.platform.scene.bodies.bind(what) in self.platform.belief.held
+            case Condition("open" | "closed" as state, (Object() as what,)):
+                joint = self.platform.scene.bodies.leaf_of(what, shut=state == "open")
+                value = 0.0 if joint is None else self.platform.belief.joint(joint.leaf)
+                return joint is not None and (joint.is_open(value) if state == "open" else joint.is_shut(value))
             case Condition("located", (Location() as where,)):
                 self.platform.sync()
                 return self.platform.resolver.holds(where)
@@ -192,7 +196,8 @@ class RobotExecutive:
                 self.platform.sync()
                 return self.platform.resolver.holds(where, what)
         raise ValueError(
-            f"nothing decides {condition}; what can be asked: holding(object), located(location, object or device)"
+            f"nothing decides {condition}; what can be asked: holding(object), open(object), closed(object), "
+            "located(location, object or device)"
         )
 
     def before_retry(self) -> Iterable[Action]:
@@ -327,5 +332,6 @@ def _base(state: Any) -> BasePose:
 def bundled_registry() -> ModuleRegistry:
     """Return a registry with the process modules that come with planlang."""
     registry = ModuleRegistry()
-    registry.add(process_modules, "planlang", Rank.BUNDLED)
+    for module in (process_modules, containers):
+        registry.add(module, "planlang", Rank.BUNDLED)
     return registry
