@@ -333,7 +333,7 @@ def _destination(base: Step) -> Place:
     filler = next(filler for filler in base.fillers("toLocation") if isinstance(filler, (Place, Thing)))
     if isinstance(filler, Place):
         return filler
-    iri = filler.iri or filler.stated
+    iri = filler.iri or filler.stated if filler.slot is None else filler.name
     return Place(f"{iri.removesuffix(filler.name)}near-{filler.name}", (("in_reach_of", filler),))
 
 

@@ -8,10 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from executive.belief.obstacles import NAMES
 from executive.modules.control import ROOMY
 from executive.motion import clearance_at
 from planlang import Recovery, look_from_another_place, perform, with_failure_handling
-from planlang.designators import Action, Object, a_location, action, an_object
+from planlang.designators import Action, Location, Object, a_location, action, an_object
 from planlang.failures import (
     ActionUnresolvable,
     LocationUnresolvable,
@@ -47,10 +48,12 @@ def test_the_base_arrives_at_the_pose(make_stage: MakeStage) -> None:
     assert stage.planning.configuration().base == stage.truth.configuration().base
 
 
-def test_a_location_is_gone_to_at_its_best_place(ward: Stage) -> None:
-    location = a_location(in_reach_of=THE_BOTTLE)
-    best = next(ward.resolver.bases(location)).base
-    drive(ward, action("Translation-LocationChange", to_location=location))
+@pytest.mark.parametrize("target", [a_location(in_reach_of=THE_BOTTLE), THE_BOTTLE])
+def test_a_location_is_gone_to_at_its_best_place_a_thing_to_where_it_is_in_reach(
+    ward: Stage, target: Location | Object
+) -> None:
+    best = next(ward.resolver.bases(a_location(in_reach_of=THE_BOTTLE))).base
+    drive(ward, action("Translation-LocationChange", to_location=target))
     assert ward.truth.configuration().base == pytest.approx(best, abs=1e-6)
 
 
@@ -78,8 +81,18 @@ def test_an_obstacle_elsewhere_than_believed_is_felt_and_driven_around(make_stag
     assert stage.belief.pose("post") == POST.pose, "the robot knows now where the post is"
 
 
-def test_an_obstacle_that_is_in_no_map_ends_in_a_failure_that_names_it(make_stage: MakeStage) -> None:
+def test_an_obstacle_that_is_in_no_map_is_felt_and_driven_around(make_stage: MakeStage) -> None:
     stage = make_stage(truth=[POST])
+    drive(stage, to(3.0, 0.0))
+    assert stage.truth.configuration().base == pytest.approx((3.0, 0.0, 0.0), abs=1e-6)
+    felt = [name for name in stage.belief.names() if name in NAMES]
+    assert felt, "of what was touched the robot believes that something is there"
+    assert all(math.dist(stage.belief.pose(name).position[:2], POST.pose.position[:2]) < 0.2 for name in felt)
+    assert "post" not in stage.belief.names(), "nobody tells its name"
+
+
+def test_an_obstacle_that_is_in_no_map_ends_in_a_failure_that_names_it(make_stage: MakeStage) -> None:
+    stage = make_stage(truth=[replace(POST, size=(0.1, 11.5, 1.0))])
     with pytest.raises(NavigationGoalNotReached) as caught:
         drive(stage, to(3.0, 0.0))
     assert caught.value.blocked_by == "post"
