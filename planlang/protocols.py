@@ -98,15 +98,6 @@ class World(Protocol):
     def step(self) -> None:
         """Advance by one step: motions, people, falling objects."""
 
-    def names(self) -> tuple[str, ...]:
-        """Return the names of all bodies, in the order of the scene."""
-
-    def pose(self, name: str) -> Pose:
-        """Return the pose of the body's box centre in the map."""
-
-    def size(self, name: str) -> tuple[float, float, float]:
-        """Return the extents of the body's box along its own axes [m]."""
-
     def configuration(self) -> Configuration:
         """Return where the robot is."""
 
@@ -133,6 +124,15 @@ class World(Protocol):
 
     def release(self, name: str) -> None:
         """Let a body go; it sinks to the first surface below."""
+
+    def lead(self, link: str, leaf: str) -> None:
+        """Let a door or drawer follow a link whose fingers are closed on its handle, as far as its joint lets it."""
+
+    def let_go(self, leaf: str) -> None:
+        """Let a door or drawer stay where it is."""
+
+    def led(self) -> Mapping[str, str]:
+        """Door or drawer -> link of the robot that moves it; one that the hand has slipped off is none."""
 
     def attached(self) -> Mapping[str, str]:
         """Body -> link of the robot that holds it."""

@@ -17,12 +17,13 @@ from typing import Any
 import numpy as np
 
 from executive.belief import Belief, SemanticMap, default_starts
+from executive.belief.obstacles import with_store
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
 from executive.locations import HandSolution, Reach, ReachKind, Resolver
 from executive.locations.demands import HandTerm
 from executive.locations.grasp_candidates import HandPoses
-from executive.modules import process_modules
+from executive.modules import containers, process_modules
 from executive.modules.platform import ArmChoices, Platform
 from executive.robots import CARRYING, Robot
 from executive.robots.arms import ArmModel, arm_models, gaze_of
@@ -57,7 +58,7 @@ def world_at_start(scene: Scene, robot: Robot, start: BasePose | None, stack: Ex
     first = next(places, None)
     if first is None:
         raise _nowhere()
-    world = PlanningWorld(replace(scene, start=first), robot.body())
+    world = PlanningWorld(replace(with_store(scene), start=first), robot.body())
     stack.callback(world.close)
     if not world.robot.solid:
         message = "no link has a shape (<collision> or <visual>): there is nothing to find room for"
@@ -73,7 +74,7 @@ def world_at_start(scene: Scene, robot: Robot, start: BasePose | None, stack: Ex
         raise _nowhere()
     if place == first:
         return world
-    world = PlanningWorld(replace(scene, start=place), robot.body())
+    world = PlanningWorld(replace(with_store(scene), start=place), robot.body())
     stack.callback(world.close)
     return world
 
@@ -184,6 +185,10 @@ class RobotExecutive:
         match condition:
             case Condition("holding", (Object() as what,)):
                 return self.platform.scene.bodies.bind(what) in self.platform.belief.held
+            case Condition("open" | "closed" as state, (Object() as what,)):
+                joint = self.platform.scene.bodies.leaf_of(what, shut=state == "open")
+                value = 0.0 if joint is None else self.platform.belief.joint(joint.leaf)
+                return joint is not None and (joint.is_open(value) if state == "open" else joint.is_shut(value))
             case Condition("located", (Location() as where,)):
                 self.platform.sync()
                 return self.platform.resolver.holds(where)
@@ -191,7 +196,8 @@ class RobotExecutive:
                 self.platform.sync()
                 return self.platform.resolver.holds(where, what)
         raise ValueError(
-            f"nothing decides {condition}; what can be asked: holding(object), located(location, object or device)"
+            f"nothing decides {condition}; what can be asked: holding(object), open(object), closed(object), "
+            "located(location, object or device)"
         )
 
     def before_retry(self) -> Iterable[Action]:
@@ -326,5 +332,6 @@ def _base(state: Any) -> BasePose:
 def bundled_registry() -> ModuleRegistry:
     """Return a registry with the process modules that come with planlang."""
     registry = ModuleRegistry()
-    registry.add(process_modules, "planlang", Rank.BUNDLED)
+    for module in (process_modules, containers):
+        registry.add(module, "planlang", Rank.BUNDLED)
     return registry

@@ -110,6 +110,9 @@ class Belief:
                 if what is not None and taker is not None:
                     self.at[what] = taker
                 self.drop(what)
+            case "OpeningAContainerArtifact" | "ClosingAContainerArtifact" as name:
+                what, opens = _name(action.get("object_acted_on")), name == "OpeningAContainerArtifact"
+                self.facts |= {f"open({what})": opens, f"closed({what})": not opens}
 
     def _state(self) -> tuple[object, ...]:
         return tuple(self.holding), repr(self.at), repr(self.facts)
@@ -119,6 +122,7 @@ EFFECTIVE = frozenset(
     (
         *("Translation-LocationChange", "Reaching", "ClosingAGripper", "OpeningAGripper", "GraspingSomething"),
         *("PickingUpAnObject", "PuttingDownAnObject", "HandingOverAnObject"),
+        *("OpeningAContainerArtifact", "ClosingAContainerArtifact"),
     )
 )
 """The classes of actions whose effects :meth:`Belief.done` knows."""
