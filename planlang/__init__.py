@@ -95,6 +95,7 @@ from planlang.recoveries import (
     ignore,
     look_and_repeat,
     look_from_another_place,
+    open_what_is_in_the_way,
     recovery_strategy,
 )
 from planlang.runs import Trace
@@ -173,6 +174,7 @@ __all__ = [
     "monitor",
     "now",
     "on_suspension",
+    "open_what_is_in_the_way",
     "par",
     "par_each",
     "partial_order",

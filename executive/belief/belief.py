@@ -430,6 +430,8 @@ class Belief:
             if self.led.get(leaf) != world.led()[leaf]:
                 world.let_go(leaf)
         world.set_configuration(configuration)
+        for leaf in world.led():  # where the hand is, which the robot knows
+            self.moved(leaf, world.joint(leaf), "led")
         for leaf, value in self._values.items():
             if world.joint(leaf) != value:
                 world.set_joint(leaf, value)

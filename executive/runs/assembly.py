@@ -24,7 +24,7 @@ from executive.belief.scene_collisions import BasePose
 from executive.locations import HandSolution, Reach, ReachKind, Resolver
 from executive.locations.demands import HandTerm
 from executive.locations.grasp_candidates import HandPoses
-from executive.modules import process_modules, waiting
+from executive.modules import containers, process_modules, waiting
 from executive.modules.effects import ActionEffects, ModuleWithEffects
 from executive.modules.platform import ArmChoices, Platform
 from executive.robots import CARRYING, Robot
@@ -195,6 +195,10 @@ class RobotExecutive:
         match condition:
             case Condition("holding", (Object() as what,)):
                 return self.platform.scene.bodies.bind(what) in self.platform.belief.held
+            case Condition("open" | "closed" as state, (Object() as what,)):
+                joint = self.platform.scene.bodies.leaf_of(what, shut=state == "open")
+                value = 0.0 if joint is None else self.platform.belief.joint(joint.leaf)
+                return joint is not None and (joint.is_open(value) if state == "open" else joint.is_shut(value))
             case Condition("located", (Location() as where,)):
                 self.platform.sync()
                 return self.platform.resolver.holds(where)
@@ -206,9 +210,9 @@ class RobotExecutive:
         if decided is not None:
             return decided
         raise ValueError(
-            f"nothing decides {condition}; what can be asked: holding(object), located(location, object or device), "
-            "contains(thing, substance, amount), baked(thing, seconds), switched_on(device), destroyed(thing), "
-            "created(thing), transformed_into(thing, thing)"
+            f"nothing decides {condition}; what can be asked: holding(object), open(object), closed(object), "
+            "located(location, object or device), contains(thing, substance, amount), baked(thing, seconds), "
+            "switched_on(device), destroyed(thing), created(thing), transformed_into(thing, thing)"
         )
 
     def before_retry(self) -> Iterable[Action]:
@@ -344,6 +348,6 @@ def _base(state: Any) -> BasePose:
 def bundled_registry() -> ModuleRegistry:
     """Return a registry with the process modules that come with planlang."""
     registry = ModuleRegistry()
-    for module in (process_modules, waiting):
+    for module in (process_modules, containers, waiting):
         registry.add(module, "planlang", Rank.BUNDLED)
     return registry

@@ -82,11 +82,12 @@ class Belief:
         return self._revision
 
     def holds(self, condition: Condition) -> bool:
-        """Return True if a condition holds: by the facts, if they have it, else by what the belief says of its things.
+        """Return True if a condition holds: by the facts, if they have it, else by what the belief says of things.
 
+        ``holding(x)`` is decided by what is held.
         Without seconds, things are baked that were over heat at all, on both sides.
         """
-        if str(condition) in self.facts:
+        if str(condition) in self.facts and condition.predicate != "holding":
             return self.facts[str(condition)]
         arguments: list[Any] = [getattr(what, "name", what) for what in condition.arguments or ("",)]
         first, *others = arguments
@@ -172,6 +173,9 @@ class Belief:
                 if what is not None and taker is not None:
                     self.at[what] = taker
                 self.drop(what)
+            case "OpeningAContainerArtifact" | "ClosingAContainerArtifact" as name:
+                what, opens = _name(action.get("object_acted_on")), name == "OpeningAContainerArtifact"
+                self.facts |= {f"open({what})": opens, f"closed({what})": not opens}
 
     def _state(self) -> tuple[object, ...]:
         changed = self.contents, self.heated, self.made, self.gone, self.on
@@ -183,6 +187,7 @@ EFFECTIVE = frozenset(
         *("Translation-LocationChange", "Reaching", "ClosingAGripper", "OpeningAGripper", "GraspingSomething"),
         *("PickingUpAnObject", "PuttingDownAnObject", "HandingOverAnObject"),
         *("TurningOnPoweredDevice", "TurningOffPoweredDevice"),
+        *("OpeningAContainerArtifact", "ClosingAContainerArtifact"),
     )
 )
 """The classes of actions whose effects :meth:`Belief.done` knows."""

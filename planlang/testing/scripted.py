@@ -25,9 +25,15 @@ ORDINARY: Mapping[str, tuple[str, ...]] = {
     "head": ("LookingAtSomething",),
     "perception": ("LookingForSomething", "Perceiving"),
     "handover": ("HandingOverAnObject",),
+    "container": ("OpeningAContainerArtifact", "ClosingAContainerArtifact"),
 }
 """Process modules that every scripted robot has, with their classes of actions."""
-NEEDS: Mapping[str, tuple[str, ...]] = {"navigation": ("base",), "head": ("head",), "perception": ("head",)}
+NEEDS: Mapping[str, tuple[str, ...]] = {
+    "navigation": ("base",),
+    "head": ("head",),
+    "perception": ("head",),
+    "container": ("base", "head"),
+}
 RELEASING = ("OpeningAGripper", "HandingOverAnObject", "PuttingDownAnObject")
 
 
