@@ -109,7 +109,8 @@ class BaseValidator:
     def check_hands(self, reach: Reach, location: Location) -> None:
         """Raise LocationUnresolvable if what is to be grasped is behind a closed door, or all hands for it are full."""
         if reach.kind is ReachKind.GRASP and (door := self.scene.bodies.closed_before(reach.body)) is not None:
-            raise BehindClosedDoor(designator=str(location), what=reach.body, door=door)
+            leaf = self.scene.bodies.designator(door)
+            raise BehindClosedDoor(designator=str(location), what=reach.body, door=leaf)
         if self.arms_for(reach, self.scene.arms.all):
             return
         arms = [arm.name for arm in self.scene.arms.all if reach.arms is None or arm.name in reach.arms]
