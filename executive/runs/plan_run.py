@@ -242,14 +242,17 @@ class Run:
             header["infeasible"] = [alternative.name for alternative, _ in assessment.infeasible]
 
         def bind_all() -> None:
-            """Raise ObjectUnresolvable for a parameter that means nothing here or later, before anything moves."""
+            """Raise ObjectUnresolvable for a parameter that means nothing here or later, before anything moves.
+
+            A run that is resumed may have destroyed what one means.
+            """
             made = outputs_of(self.source)
             for name, value in bound.items():
                 for what in _things({name: value}):
                     try:
                         platform.scene.bodies.bind(what)
                     except ObjectUnresolvable:
-                        if name not in made and not executive.may_create(what, needs.actions):
+                        if past is None and name not in made and not executive.may_create(what, needs.actions):
                             raise
 
         body = self._body(bound, bind_all)
