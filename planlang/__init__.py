@@ -89,6 +89,7 @@ from planlang.language.recovery import (
     with_failure_handling,
 )
 from planlang.language.running import run
+from planlang.object_changes import baked, contains, created, destroyed, switched_on, transformed_into
 from planlang.recoveries import (
     fetch_again,
     ignore,
@@ -152,8 +153,12 @@ __all__ = [
     "action_class",
     "an_object",
     "at_location",
+    "baked",
     "budget",
     "checkpoint",
+    "contains",
+    "created",
+    "destroyed",
     "evaporate",
     "explain",
     "fetch_again",
@@ -188,10 +193,12 @@ __all__ = [
     "sleep",
     "state_machine",
     "suspend",
+    "switched_on",
     "tag",
     "task",
     "task_suspended",
     "timeout",
+    "transformed_into",
     "try_all",
     "try_each_in_order",
     "try_in_order",

@@ -26,6 +26,7 @@ from executive.runs.plan_files import (
     line_in,
     main_plan,
     needs_of,
+    outputs_of,
     required,
     required_of_plan,
     without_module,
@@ -34,7 +35,7 @@ from executive.runs.traces import ListenedTrace, check_same_run, lines_of, past_
 from planlang import PlanFailure, RunError, SimulationHost, budget, explain, run
 from planlang.designators import Location, Object
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
-from planlang.failures import ActionUnresolvable, MissingCapability
+from planlang.failures import ActionUnresolvable, MissingCapability, ObjectUnresolvable
 from planlang.language.plans import Plan
 from planlang.language.running import known as run_header
 from planlang.ontology import load
@@ -241,9 +242,15 @@ class Run:
             header["infeasible"] = [alternative.name for alternative, _ in assessment.infeasible]
 
         def bind_all() -> None:
-            """Raise ObjectUnresolvable for a parameter that means nothing here, before anything moves."""
-            for what in _things(bound):
-                platform.scene.bodies.bind(what)
+            """Raise ObjectUnresolvable for a parameter that means nothing here or later, before anything moves."""
+            made = outputs_of(self.source)
+            for name, value in bound.items():
+                for what in _things({name: value}):
+                    try:
+                        platform.scene.bodies.bind(what)
+                    except ObjectUnresolvable:
+                        if name not in made and not executive.may_create(what, needs.actions):
+                            raise
 
         body = self._body(bound, bind_all)
         if past is not None:
