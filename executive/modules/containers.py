@@ -9,11 +9,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from itertools import product
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from executive.belief.scene_collisions import BasePose
-from executive.modules.leaf_paths import LeafPath, LeafPaths
 from executive.modules.platform import Platform
 from executive.modules.process_modules import Navigation
 from executive.motion import MotionError, time_curve, time_path
@@ -39,6 +39,9 @@ from planlang.geometry.matrices import moved, rotated
 from planlang.modules import process_module
 from planlang.protocols import Configuration, MotionState, Trajectory
 from sim.joints import Articulation
+
+if TYPE_CHECKING:
+    from executive.modules.leaf_paths import LeafPath
 
 PLACES = 6
 """Places of the base from which a leaf is moved, one after another."""
@@ -98,6 +101,8 @@ class Containers:
 
     async def _from_one_place(self, joint: Articulation, opens: bool) -> None:
         """Move the leaf as far as one place of the base allows; raises a failure if no way can be gone."""
+        from executive.modules.leaf_paths import LeafPaths  # most runs open nothing
+
         arms = [arm for arm in self._free_arms() if self.platform.hands.gripper(arm) is not None]
         if joint.handle is None or not arms:
             lacks = "no hand is free" if joint.handle else f"{joint.leaf} has no handle"
