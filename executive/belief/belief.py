@@ -114,8 +114,8 @@ class Belief:
         return self.held[name].before if name in self.held else self._poses[name]
 
     def seen_from_here(self, name: str) -> bool:
-        """Return True if a thing has been seen since the base last moved, or the map is trusted."""
-        return self.trusts_map or self.seen(name)
+        """Return True if a thing has been seen since the base last moved, or the map is trusted about it."""
+        return (self.trusts_map and name not in self._in_vain) or self.seen(name)
 
     def seen(self, name: str) -> bool:
         """Return True if the camera has shown a thing since the base last moved."""
@@ -214,6 +214,11 @@ class Belief:
         """Record that a thing was looked for from here and not seen."""
         self._in_vain.setdefault(name, []).append(base)
         self._changed("not_seen", name=name, base=base)
+
+    def missed(self, name: str, arm: str, base: tuple[float, float, float]) -> None:
+        """Record that a hand closed on nothing where a thing was believed to be."""
+        self.dropped[arm] = name
+        self.not_seen(name, base)
 
     def bump(self, name: str, pose: Pose) -> None:
         """Record that the robot ran into a thing, which is rather at a pose; it has to be looked at again."""

@@ -321,7 +321,7 @@ class Sensing:
         """Take a picture and return the names of what was recognised; without camera, what the map is trusted about."""
         camera, belief = self._control.robot.camera, self._control.belief
         if camera is None:
-            return self._control.scene.world.names() if belief.trusts_map else ()
+            return tuple(name for name in self._control.scene.world.names() if belief.seen_from_here(name))
         detections = self._control.world.detect(camera.link)
         belief.see(detections)
         self._control.sync()

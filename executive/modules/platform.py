@@ -257,6 +257,12 @@ class Platform(Control):
             return super().watched(group)
         return [arm.name for arm in self.arms.holding(self.scene.arms.all) if group != f"gripper of {arm.name}"]
 
+    def missed(self, arm: ArmModel) -> None:
+        """Believe that what a hand closed for in vain is not where the map has it, if there is no camera to tell."""
+        if self.robot.camera is None and arm.name in self.arms.begun:
+            _, base, solution = self.arms.begun[arm.name]
+            self.belief.missed(solution.reach.body, arm.name, base)
+
     def __post_init__(self) -> None:
         self.drive, self.hands, self.sensing = Drive(self), Hands(self), Sensing(self)
         self.arms = Arms(self, self.resolver, self.rng)

@@ -6,7 +6,7 @@ import inspect
 import traceback
 from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
@@ -212,9 +212,9 @@ class Run:
 
         believed = world_at_start(scene, robot, options.start, self._stack)
         scene = believed.scene
-        truth = PyBulletWorld(
-            real_scene(scene, options.seed, believed), robot.body(), gui=options.gui, seed=options.seed
-        )
+        real = real_scene(scene, options.seed, believed)
+        real = replace(real, start=scene.start) if robot.base.fixed else real
+        truth = PyBulletWorld(real, robot.body(), gui=options.gui, seed=options.seed)
         self._stack.callback(truth.close)
         trusts_map = options.trust_map
         platform = platform_of(
@@ -242,14 +242,17 @@ class Run:
             header["infeasible"] = [alternative.name for alternative, _ in assessment.infeasible]
 
         def bind_all() -> None:
-            """Raise ObjectUnresolvable for a parameter that means nothing here or later, before anything moves."""
+            """Raise ObjectUnresolvable for a parameter that means nothing here or later, before anything moves.
+
+            A run that is resumed may have destroyed what one means.
+            """
             made = outputs_of(self.source)
             for name, value in bound.items():
                 for what in _things({name: value}):
                     try:
                         platform.scene.bodies.bind(what)
                     except ObjectUnresolvable:
-                        if name not in made and not executive.may_create(what, needs.actions):
+                        if past is None and name not in made and not executive.may_create(what, needs.actions):
                             raise
 
         body = self._body(bound, bind_all)

@@ -42,37 +42,9 @@ from planlang.ontology import load
 from planlang.testing import compiled
 from sim import PlanningWorld, PyBulletWorld
 from sim.facts import amount_of, came_to_be, is_baked, origins_of
+from tests.support.kitchen import THINGS, kitchen_map
 
-PREFIXES = """
-Prefix: : <http://example.org/kitchen.owl#>
-Prefix: knowrob: <http://knowrob.org/kb/knowrob.owl#>
-Ontology: <http://example.org/kitchen.owl>
-"""
-THINGS = {
-    "table1": ("KitchenTable", (2.0, 0.0, 0.375), (0.8, 2.4, 0.75), ""),
-    "maker1": ("PancakeMaker", (2.0, 0.0, 0.8), (0.3, 0.3, 0.1), ""),
-    "bowl1": ("Bowl-Mixing", (2.0, 0.6, 0.8), (0.2, 0.2, 0.1), ""),
-    "egg1": ("Egg-Chickens", (2.0, 0.9, 0.78), (0.045, 0.045, 0.06), ""),
-    "milk1": ("CowsMilk-Product", (2.0, -0.5, 0.87), (0.07, 0.07, 0.24), ""),
-    "flour1": ("WheatFlour", (2.0, -0.7, 0.83), (0.1, 0.06, 0.16), ""),
-    "cup1": ("Cup", (2.0, -0.9, 0.8), (0.08, 0.08, 0.1), ""),
-}
-MIX = "Individual: mix1\n    Types: knowrob:PancakeMix\n    Facts: knowrob:in-ContGeneric cup1, knowrob:amount 200.0\n"
 KITCHEN = "http://example.org/kitchen.owl#"
-
-
-def frame(name: str) -> str:
-    cls, place, size, _ = THINGS[name]
-    extents = zip(("depthOfObject", "widthOfObject", "heightOfObject"), size, strict=True)
-    facts = ", ".join(f"knowrob:{prop} {value}" for prop, value in extents)
-    pose = ", ".join(f"knowrob:m{i}{j} {float(i == j)}" for i in range(3) for j in range(3))
-    pose += "".join(f", knowrob:m{i}3 {place[i]}" for i in range(3))
-    return (
-        f"Individual: {name}\n    Types: knowrob:{cls}\n    Facts: {facts}\n"
-        f"Individual: seen_{name}\n    Types: knowrob:SemanticMapPerception\n"
-        f"    Facts: knowrob:objectActedOn {name}, knowrob:eventOccursAt pose_{name}\n"
-        f"Individual: pose_{name}\n    Types: knowrob:RotationMatrix3D\n    Facts: {pose}\n"
-    )
 
 
 def thing(name: str) -> Object:
@@ -148,7 +120,7 @@ def kitchen(amigo: Robot, tmp_path: Path) -> Iterator[Make]:
 
     def make(*modules: type[Cooking], declared: str = "") -> Kitchen:
         path = tmp_path / "kitchen.omn"
-        path.write_text(PREFIXES + "".join(map(frame, THINGS)) + MIX + declared, encoding="utf-8")
+        path.write_text(kitchen_map() + declared, encoding="utf-8")
         semantic_map = read_map(load(path))
         scene = scene_of(semantic_map)
         truth, believed = PyBulletWorld(scene, amigo.body()), PlanningWorld(scene, amigo.body())
