@@ -35,6 +35,8 @@ class Actions:
         self.ontology = ontology
         self.primitives: dict[str, Primitive] = read_primitives(ontology)
         self.goals: dict[str, Goal] = read_goals(ontology)
+        self.library: dict[str, list[str]] = read_library(ontology)
+        """Classes of actions (IRIs) and the recipes that perform them where a file states none itself."""
         self.recoveries: tuple[RecoveryRule, ...] = read_recoveries(ontology)
         self.performers: dict[str, tuple[tuple[str, ...], str | None]] = {}
         """Action (IRI) -> who performs it, as :func:`planlang.recipe.performers.recipes_for` returns it."""
@@ -206,6 +208,15 @@ def read_primitives(ontology: Ontology) -> dict[str, Primitive]:
         for individual in ontology.individuals(expand("Primitive"))
         for action in _names(ontology, individual, "performsAction")
     }
+
+
+def read_library(ontology: Ontology) -> dict[str, list[str]]:
+    """Return the recipes (IRIs of classes) that say of themselves for which class of actions they stand."""
+    found: dict[str, list[str]] = {}
+    for triple in ontology.triples(p=expand("standardRecipeOf")):
+        if isinstance(triple.subject, str) and isinstance(triple.object, str):
+            found.setdefault(triple.object, []).append(triple.subject)
+    return found
 
 
 def read_goals(ontology: Ontology) -> dict[str, Goal]:
