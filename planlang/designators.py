@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from decimal import Decimal
 from numbers import Real
@@ -156,6 +156,14 @@ class Location:
         if len(self.relations) != 1 or self.device is not None or self.grasp is not None:
             raise ValueError(f"only a location of one relation, whatever reaches, can be negated; this is {self}")
         return Location((~self.relations[0],))
+
+    def things(self) -> Iterator[Object]:
+        """Yield the things that the location is about, those of nested locations included."""
+        for relation in self.relations:
+            if isinstance(relation.reference, Location):
+                yield from relation.reference.things()
+            else:
+                yield relation.reference
 
     def __str__(self) -> str:
         if not self.relations:

@@ -222,6 +222,10 @@ CODES: dict[str, str] = {
     "R057": "ordering constraints of a finite-state recipe are ignored",
     "R058": "a name is misspelt: it is unknown, and nearly the same as a known one",
     "R059": "a statement about steps or their order has no effect, or says more than was probably meant",
+    "R060": "a filler is of another kind than the action needs",
+    "R061": "a motion states no target",
+    "R062": "an action does not state what it needs; it becomes a parameter of the plan",
+    "R063": "what an action class needs is declared in a way that cannot be read",
     "R065": "a constraint of a motion lacks its kind or a feature, or nothing can be within its limits",
     # M: maps and worlds
     "M001": "a pose's matrix was repaired: a reflection, or not orthonormal",
@@ -285,6 +289,7 @@ CODES: dict[str, str] = {
     "X011": "a file or package of process modules cannot be used",
     "X012": "several process modules perform the same action class",
     "X013": "a robot without camera needs --trust-map to handle things",
+    "X014": "a parameter of the plan is not set, and has no default",
     "X020": "the file is not a trace, or is damaged",
     "X021": "the run of a trace has ended; nothing is left to resume",
     "X022": "a trace is of another run: plan, seed, robot, map, modules or parameters differ",

@@ -194,7 +194,11 @@ class RunArguments(TaskArguments, VerboseArguments):
     ] = False
     set_: Annotated[
         list[str] | None,
-        typer.Option("--set", metavar="NAME=OBJECT", help="Bind a parameter of the plan to an object; repeatable."),
+        typer.Option(
+            "--set",
+            metavar="NAME=THING",
+            help="Bind a parameter (NAME or STEP.PROPERTY) to a thing of the map, or a place to a phrase; repeatable.",
+        ),
     ] = None
     seed: Annotated[
         int | None,

@@ -8,7 +8,7 @@ from dataclasses import replace
 from itertools import islice
 from typing import Any
 
-from executive.belief import SemanticMap, read_map, scene_of
+from executive.belief import read_map, scene_of
 from executive.cli.arguments import LocateArguments
 from executive.cli.console import Answer, ExitCode, say, silent
 from executive.cli.inputs import check_files, chosen, planar, refuse
@@ -18,11 +18,12 @@ from executive.modules.platform import Platform
 from executive.robots import bind_robot
 from executive.robots.arms import with_carrying
 from executive.runs.assembly import platform_of, world_at_start
-from planlang.designators import Location, Object, Person, Relation
+from executive.runs.phrases import lexicon_of
+from planlang.designators import Location, Object, Relation
 from planlang.diagnostics import BadInput, Diagnostic, error, note, warning
 from planlang.failures import LocationUnresolvable, MissingCapability, ObjectUnresolvable
 from planlang.files import Bundled
-from planlang.ontology import expand, load, shorten
+from planlang.ontology import load
 from planlang.outputs import check_outputs
 from planlang.outputs import replace as write_complete
 from planlang.phrases import Lexicon, read_location, read_thing, write_location, write_relation, write_thing
@@ -61,7 +62,7 @@ def command(arguments: LocateArguments) -> Answer:
         truth = PyBulletWorld(world.scene, robot.body())  # which is as believed: nothing moves
         stack.callback(truth.close)
         platform = platform_of(robot, semantic_map, truth, world, 0, silent if arguments.json else say)
-        meant = _meant([*references(location), *([] if what is None else [what])], lexicon, platform)
+        meant = _meant([*location.things(), *([] if what is None else [what])], lexicon, platform)
         found.extend(_choices(meant, lexicon, platform))
         try:
             return _resolved(location, what, lexicon, platform, meant, found, arguments)
@@ -76,28 +77,6 @@ def _missing(message: str, found: Iterable[Diagnostic]) -> Answer:
     text = f"MissingCapability: {message}"
     data = {"failure": ["MissingCapability"], "message": message}
     return Answer(ExitCode.MISSING_CAPABILITY, tuple(found), text, data)
-
-
-def lexicon_of(semantic_map: SemanticMap) -> Lexicon:
-    """Return the nouns of a map: its things by name, the classes of its ontology by their words."""
-    ontology = semantic_map.ontology
-    things: dict[str, Object] = {}
-    for thing in semantic_map.objects:
-        if thing.pose is not None:
-            cls = next((cls for cls in thing.types if not cls.endswith("#NamedIndividual")), "Thing")
-            kind = Person if any(ontology.is_a(cls, expand("Person")) for cls in thing.types) else Object
-            things[thing.name] = kind(shorten(cls), thing.iri)
-    return Lexicon.of(ontology, things)
-
-
-def references(location: Location) -> Iterator[Object]:
-    """Yield the things that a location is about, those of nested locations included."""
-    for relation in location.relations:
-        match relation.reference:
-            case Location() as inner:
-                yield from references(inner)
-            case Object() as what:
-                yield what
 
 
 def _meant(designators: Iterable[Object], lexicon: Lexicon, platform: Platform) -> dict[Object, str]:

@@ -113,7 +113,7 @@ def _bindings(texts: Sequence[str]) -> dict[str, str]:
     for text in texts:
         name, equals, value = text.partition("=")
         if not (name and equals and value):
-            raise typer.BadParameter(f"{text!r} is not NAME=OBJECT; write for example --set bottle=bottle2")
+            raise typer.BadParameter(f"{text!r} is not NAME=THING; write for example --set bottle=bottle2")
         if name in bindings:
             raise typer.BadParameter(f"{name!r} is set twice")
         bindings[name] = value

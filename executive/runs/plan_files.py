@@ -10,24 +10,18 @@ import traceback
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
 from importlib.machinery import SourceFileLoader
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from executive.belief import MapObject, SemanticMap
-from executive.belief.semantic_map import environments_with
 from executive.robots import Availability, FindingKind, Missing, Robot, match, possessions_of
-from planlang.designators import Object, local_name
+from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
 from planlang.language.plans import Plan
 from planlang.ontology import Ontology, expand, load, shorten
 from planlang.outputs import LONGEST, header
 from planlang.recipe import Actions, RecipeSet, read_recipe
-
-MOST_NAMES = 20
-"""Things of a map that one message lists."""
 
 
 def compiled_plan(
@@ -91,99 +85,6 @@ def main_plan(module: ModuleType, task: str | None) -> Plan[Any, Any]:
             return plan
     advice = f"this file defines {', '.join(plan.name for plan in plans)}"
     raise BadInput([error("R001", f"there is no task {task}", Span(str(module.__file__)), advice)])
-
-
-def bindable_parameters(plan: Plan[Any, Any]) -> dict[str, Object]:
-    """Return the plan's parameters that things can be bound to, with their defaults."""
-    return {
-        name: parameter.default
-        for name, parameter in inspect.signature(plan.function).parameters.items()
-        if isinstance(parameter.default, Object)
-    }
-
-
-def bound_parameters(
-    plan: Plan[Any, Any], bindings: Mapping[str, str], semantic_map: SemanticMap, found: list[Diagnostic]
-) -> dict[str, Object]:
-    """Return the plan's parameters: their defaults, or things of the map that the user named, by IRI or local name.
-
-    A thing has to be of the class of the default. Where the recipe names an individual, a thing of a class beside that
-    of the individual, below the same one, will do, too, with a warning among ``found``. Raises BadInput, telling what
-    would be valid, for a parameter or a thing that does not exist or does not fit.
-    """
-    parameters = bindable_parameters(plan)
-    problems = []
-    for name, wanted in bindings.items():
-        if name not in parameters:
-            known = ", ".join(parameters) or "none"
-            similar = get_close_matches(name, parameters, n=1)
-            guess = f"did you mean {similar[0]}? " if similar else ""
-            problems.append(
-                error("X004", f"the plan has no parameter {name!r}", help=f"{guess}its parameters: {known}")
-            )
-            continue
-        default = parameters[name]
-        thing = semantic_map.find(wanted)
-        if thing is None or thing.pose is None:
-            what = "is not in the map" if thing is None else "has no place in the map"
-            problems.append(error("X005", f"{wanted!r} {what}", help=_fitting(name, default, semantic_map, wanted)))
-            continue
-        classes = ", ".join(shorten(cls) for cls in thing.types)
-        if _is(semantic_map, thing, expand(default.type)):
-            parameters[name] = replace(default, iri=thing.iri)
-        elif _is_alike(semantic_map, thing, default):
-            message = f"{wanted} is a {classes}, where the recipe speaks of a {default.type}"
-            found.append(warning("X006", message, help="the plan treats it as what it is"))
-            parameters[name] = replace(default, iri=thing.iri, type=shorten(thing.types[0]))
-        else:
-            message = f"{wanted} is a {classes}, but {name} must be a {default.type}"
-            problems.append(error("X006", message, help=_fitting(name, default, semantic_map)))
-    if problems:
-        raise BadInput(problems)
-    return parameters
-
-
-def _is(semantic_map: SemanticMap, thing: MapObject, cls: str) -> bool:
-    return any(semantic_map.ontology.is_a(own, cls) for own in thing.types)
-
-
-def _is_alike(semantic_map: SemanticMap, thing: MapObject, default: Object) -> bool:
-    """Return True if a class directly above that of the recipe's individual is also above that of the thing."""
-    if default.iri is None:
-        return False
-    return any(_is(semantic_map, thing, cls) for cls in semantic_map.ontology.parents(expand(default.type)))
-
-
-def _fitting(name: str, default: Object, semantic_map: SemanticMap, absent: str | None = None) -> str:
-    """Return to what a parameter may be bound: the things with a place that fit; if there are none, all.
-
-    ``absent``, a thing that the map lacks: also what may have been meant by it, and where there is such a thing.
-    """
-    placed = {thing.name: thing for thing in semantic_map.objects if thing.pose is not None}
-    cls = expand(default.type)
-    fitting = [
-        name for name, one in placed.items() if _is(semantic_map, one, cls) or _is_alike(semantic_map, one, default)
-    ]
-    said = f"nothing in the map is a {default.type}; things with a place: {_listed(list(placed))}"
-    if fitting:
-        said = f"{name} may be {_listed(fitting)}"
-    if absent is None:
-        return said
-    short = local_name(absent)
-    similar = get_close_matches(short, fitting, n=1) or get_close_matches(short, placed, n=1)
-    others = [one for one in placed if one not in fitting]
-    if similar:
-        said = f"did you mean {similar[0]}? {said}"
-    if fitting and others:
-        said += f"; the map also has {_listed(others)}"
-    if there := environments_with((absent,)):
-        said += f"; {absent} is in a bundled environment: --environment {' or '.join(there)}"
-    return said
-
-
-def _listed(names: Sequence[str]) -> str:
-    more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
-    return ", ".join(names[:MOST_NAMES]) + more
 
 
 MOVING = "Translation-LocationChange"

@@ -17,11 +17,10 @@ from executive.belief import Belief, read_map, scene_of
 from executive.robots import FindingKind, Missing, bind_robot, missing_capabilities, trusting_map
 from executive.robots.arms import with_carrying
 from executive.runs.assembly import RobotExecutive, bundled_registry, platform_of, real_scene, world_at_start
+from executive.runs.parameters import Bound, bound_parameters, plan_parameters
 from executive.runs.plan_files import (
     Requirements,
     assess,
-    bindable_parameters,
-    bound_parameters,
     compiled_plan,
     import_plan,
     line_in,
@@ -33,7 +32,7 @@ from executive.runs.plan_files import (
 )
 from executive.runs.traces import ListenedTrace, check_same_run, lines_of, past_of, recorded_parameters, sha256
 from planlang import PlanFailure, RunError, SimulationHost, budget, explain, run
-from planlang.designators import Object
+from planlang.designators import Location, Object
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
 from planlang.failures import ActionUnresolvable, MissingCapability
 from planlang.language.plans import Plan
@@ -157,7 +156,7 @@ class Run:
             raise BadInput([error("X022", message, Span(recorded.name), f"add {advice}")])
         if sha256(self.path) != recorded.header.get("plan_sha256"):
             self.found.append(warning("X022", "the plan differs from that of the trace", Span(recorded.name)))
-        bound = recorded_parameters(recorded, bindable_parameters(self.plan))
+        bound = recorded_parameters(recorded, plan_parameters(self.plan))
         try:
             return replay(self._body(bound, lambda: None), recorded)
         except ValueError as problem:
@@ -180,7 +179,10 @@ class Run:
         semantic_map = read_map(ontology)
         found += (*ontology.diagnostics, *semantic_map.diagnostics)
         scene = scene_of(semantic_map, found)
-        bound = bound_parameters(self.plan, options.bindings or {}, semantic_map, found)
+        if options.resume is not None and not options.bindings:
+            bound = recorded_parameters(options.resume, plan_parameters(self.plan))
+        else:
+            bound = bound_parameters(self.plan, options.bindings or {}, semantic_map, found)
         needs = needs_of(self.source, self.plan)
         # a run is resumed with the modules of its trace, which are compared later
         performed = self.registry.actions if options.resume is None else None
@@ -198,8 +200,6 @@ class Run:
         notes: list[Diagnostic] = []
         if options.resume is not None:
             past, notes = past_of(options.resume)
-            if not options.bindings:
-                bound = recorded_parameters(options.resume, bound)
         robot = bare if assessment.missing and not options.force else with_carrying(bare)
         if assessment.missing and robot.camera is None and not options.trust_map:
             help = "--trust-map: things count as seen where the map has them"
@@ -242,7 +242,7 @@ class Run:
 
         def bind_all() -> None:
             """Raise ObjectUnresolvable for a parameter that means nothing here, before anything moves."""
-            for what in bound.values():
+            for what in _things(bound):
                 platform.scene.bodies.bind(what)
 
         body = self._body(bound, bind_all)
@@ -261,7 +261,7 @@ class Run:
         names = tuple(dict.fromkeys(kind.__name__ for kind in kinds))
         return RunResult(Outcome.LACKS_CAPABILITY, message, (), tuple(self.found), failure=names)
 
-    def _body(self, bound: Mapping[str, Object], first: Callable[[], object]) -> Callable[[], Awaitable[Any]]:
+    def _body(self, bound: Mapping[str, Bound], first: Callable[[], object]) -> Callable[[], Awaitable[Any]]:
         """Return the plan with its parameters and budget; executed and replayed alike."""
 
         async def body() -> Any:
@@ -287,7 +287,7 @@ class Run:
     def _executed(
         self,
         body: Callable[[], Awaitable[Any]],
-        bound: Mapping[str, Object],
+        bound: Mapping[str, Bound],
         executive: RobotExecutive,
         truth: PyBulletWorld,
         header: Mapping[str, object],
@@ -382,7 +382,7 @@ def _is_own(file: Path) -> bool:
     return any(file.is_relative_to(folder) for folder in own)
 
 
-def _state_lines(truth: PyBulletWorld, bound: Mapping[str, Object], belief: Belief) -> Iterator[str]:
+def _state_lines(truth: PyBulletWorld, bound: Mapping[str, Bound], belief: Belief) -> Iterator[str]:
     """Yield where the truth has each graspable object of the plan."""
     for name in _bodies_of(bound, belief, truth):
         if not truth.scene.body(name).graspable:
@@ -394,9 +394,15 @@ def _state_lines(truth: PyBulletWorld, bound: Mapping[str, Object], belief: Beli
             yield f"{name}: at rest on {support}" if support is not None else f"{name}: not at rest"
 
 
-def _bodies_of(bound: Mapping[str, Object], belief: Belief, truth: PyBulletWorld) -> Iterator[str]:
+def _things(bound: Mapping[str, Bound]) -> Iterator[Object]:
+    """Yield the things that the plan's parameters are, or are about."""
+    for value in bound.values():
+        yield from value.things() if isinstance(value, Location) else (value,)
+
+
+def _bodies_of(bound: Mapping[str, Bound], belief: Belief, truth: PyBulletWorld) -> Iterator[str]:
     """Yield the bodies that the plan's parameters mean, as far as there are any."""
-    for what in bound.values():
+    for what in _things(bound):
         try:
             name = belief.bind(what, truth.configuration().base)
         except PlanFailure:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import hashlib
 import math
 import stat
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from executive.runs.parameters import Bound
 from planlang import Trace
-from planlang.designators import Object, local_name
+from planlang.designators import Location, Object, local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
 from planlang.files import Bundled
 from planlang.kernel.tree import Node
@@ -169,12 +170,12 @@ def read_trace(path: Path) -> tuple[RecordedRun, TraceHeader]:
     return recorded, TraceHeader.of(recorded)
 
 
-def recorded_parameters(recorded: RecordedRun, defaults: Mapping[str, Object]) -> dict[str, Object]:
+def recorded_parameters(recorded: RecordedRun, names: Collection[str]) -> dict[str, Bound]:
     """Return the parameters that the plan was run with; raises BadInput when they are not this plan's."""
     try:
         found = load(recorded.header["parameters"])
-        if found.keys() != defaults.keys() or not all(isinstance(what, Object) for what in found.values()):
-            raise ValueError(f"the plan has the parameters {', '.join(defaults) or 'none'}")
+        if found.keys() != set(names) or not all(isinstance(what, (Object, Location)) for what in found.values()):
+            raise ValueError(f"the plan has the parameters {', '.join(names) or 'none'}")
         return dict(found)
     except (KeyError, ValueError, TypeError, AttributeError, RecursionError) as problem:
         message = f"the parameters of the plan cannot be read: {problem}"

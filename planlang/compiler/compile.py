@@ -40,7 +40,7 @@ from planlang.recipe.model import (
 )
 from planlang.relations import RELATIONS
 
-TYPES = {Kind.OBJECT: "Object", Kind.PERSON: "Person", Kind.DEVICE: "Device"}
+TYPES = {Kind.OBJECT: "Object", Kind.PERSON: "Person", Kind.DEVICE: "Device", Kind.PLACE: "Location"}
 MAKERS = {Kind.OBJECT: "an_object", Kind.PERSON: "a_person", Kind.DEVICE: "a_device"}
 
 
@@ -58,7 +58,7 @@ def emit(
             symbols.thing(thing)
     functions = [_function(symbols, function) for function in tree.functions]
     places = [*_places(symbols), *(_constraint(symbols, one) for one in symbols.constraints())]
-    constants = [line for thing in symbols.things() for line in _thing(symbols, thing)]
+    constants = [line for thing in symbols.things() if thing.slot is None for line in _thing(symbols, thing)]
     constants += [line for place in symbols.places() if place.is_posture for line in _posture(symbols, place)]
     parts = ["", *_imports(symbols), "", *_namespaces(symbols)]
     if constants:
@@ -143,7 +143,7 @@ def _place(symbols: Symbols, place: Place) -> list[str]:
         keywords["using"] = symbols.thing(device)
     phrase = " and ".join(phrases)
     text = f"{place.label.rstrip('. ')}: {phrase}" if place.label else phrase
-    parameters = [f"{symbols.thing(thing)}: {symbols.use(TYPES[thing.kind])}" for thing in _things_of(place)]
+    parameters = [f"{symbols.thing(thing)}: {_type(symbols, thing)}" for thing in _things_of(place)]
     return [
         *signature(f"def {symbols.place(place)}", parameters, symbols.use("Location"), depth=0),
         *_docstring([_sentence(text)], depth=1),
@@ -182,10 +182,7 @@ def _things_of(place: Place) -> list[Thing]:
 
 def _function(symbols: Symbols, function: Function) -> list[str]:
     name = symbols.functions[function.iri]
-    parameters = [
-        f"{symbols.thing(thing)}: {symbols.use(TYPES[thing.kind])} = {symbols.constant(thing)}"
-        for thing in function.parameters
-    ]
+    parameters = [_parameter(symbols, thing) for thing in function.parameters]
     title = _sentence(function.label or humanised(local_name(function.iri)))
     body = BodyWriter(symbols, name, function.body).lines()
     first = next((line.lstrip() for line in body if not line.lstrip().startswith("#")), "")
@@ -197,6 +194,19 @@ def _function(symbols: Symbols, function: Function) -> list[str]:
         *_docstring([title], depth=1),
         *body,
     ]
+
+
+def _parameter(symbols: Symbols, thing: Thing) -> str:
+    """Return a parameter with its default; without one, and with its name outside of Python, if it fills a slot."""
+    name, type = symbols.thing(thing), _type(symbols, thing)
+    if thing.slot is None:
+        return f"{name}: {type} = {symbols.constant(thing)}"
+    return f"{name}: {symbols.use('Annotated', 'typing')}[{type}, {quoted(thing.name)}]"
+
+
+def _type(symbols: Symbols, thing: Thing) -> str:
+    kinds = (thing.kind,) if thing.slot is None else thing.slot.kinds
+    return " | ".join(symbols.use(TYPES[kind]) for kind in kinds)
 
 
 def _docstring(paragraphs: list[str], *, depth: int) -> list[str]:

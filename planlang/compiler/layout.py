@@ -150,10 +150,21 @@ def signature(start: str, parameters: Sequence[str], returns: str, *, depth: int
         return [f"{indent}{start}() -> (", inner + returns, f"{indent}):"]
     together = inner + ", ".join(parameters)
     if len(parameters) == 1 or len(together) > WIDTH:
-        inside = [f"{inner}{parameter}," for parameter in parameters]
+        inside = [line for parameter in parameters for line in _parameter(parameter, inner)]
     else:
         inside = [together]
     return [f"{indent}{start}(", *inside, f"{indent}) -> {returns}:"]
+
+
+def _parameter(parameter: str, indent: str) -> list[str]:
+    """Return a parameter on lines of its own; a type that does not fit is broken inside of its brackets."""
+    named, bracket, inside = parameter.partition("[")
+    if not bracket or len(f"{indent}{parameter},") <= WIDTH:
+        return [f"{indent}{parameter},"]
+    arguments = [f"{indent}{INDENT}{inside.removesuffix(']')}"]
+    if len(arguments[0]) > WIDTH:
+        arguments = [f"{indent}{INDENT}{argument}," for argument in inside.removesuffix("]").split(", ")]
+    return [f"{indent}{named}[", *arguments, f"{indent}],"]
 
 
 def _lines(expression: Expression, depth: int, before: str, after: str) -> list[str]:

@@ -10,7 +10,7 @@ from planlang import failures
 from planlang.compiler.expressions import snake_case, without_digits
 from planlang.compiler.going_back import Keeping, going_back
 from planlang.compiler.structure import Overlaps, machine, structured
-from planlang.compiler.terms import HandUse, Renaming, Roles, Terms, callees_first
+from planlang.compiler.terms import HandUse, Renaming, Roles, Terms, renamed_thing
 from planlang.compiler.tree import (
     Achieve,
     Call,
@@ -36,7 +36,7 @@ from planlang.recipe.actions import Actions, RecoveryRule, recoveries_of
 from planlang.recipe.checks import check
 from planlang.recipe.checks.orderings import ordering_to_write
 from planlang.recipe.model import Kind, Place, Recipe, RecipeSet, Step, Thing
-from planlang.recipe.order import Precedence, Unit, recipe_order, scopes_of, single_steps
+from planlang.recipe.order import Precedence, Unit, callees_first, recipe_order, scopes_of, single_steps
 
 NEXT_SOLUTION = "NextSolution"
 """The next solution, which is no registered strategy: a location scope performs it."""
@@ -385,7 +385,7 @@ class Steps:
             for callee in step.recipes:
                 renaming = self._terms.renaming(recipe, step, callee)
                 inner = self._open.get(callee, Keeping())
-                let_go = frozenset(renaming.get(thing, thing) if thing else None for thing in inner.let_go)
+                let_go = frozenset(renamed_thing(thing, renaming) if thing else None for thing in inner.let_go)
                 lasting = tuple(_renamed(recovery, renaming) for recovery in inner.lasting)
                 kept |= Keeping(lasting, let_go, inner.name)
         return kept
@@ -449,7 +449,7 @@ def _in_words(recovery: Recover) -> str:
 
 def _renamed(recovery: Recover, renaming: Renaming) -> Recover:
     """Return a recovery of a called function in terms of its caller."""
-    about = renaming.get(recovery.about, recovery.about) if recovery.about is not None else None
+    about = renamed_thing(recovery.about, renaming) if recovery.about is not None else None
     return Recover(recovery.failure, recovery.strategy, about, recovery.attempts, recovery.otherwise)
 
 

@@ -27,15 +27,20 @@ from planlang.recipe.model import (
     Place,
     Recipe,
     RecipeSet,
+    Slot,
     Step,
     Thing,
 )
-from planlang.recipe.order import Precedence, recipe_order
+from planlang.recipe.order import Precedence, callees_first, recipe_order
+from planlang.recipe.slots import offered
 
 _T = Thing | PlaceUse | Part | Constraint | Name | str | int | float | bool
 
-Renaming = dict[Thing, Thing]
-"""Parameter of a called function -> thing of its caller."""
+Given = Thing | PlaceUse
+"""What a caller passes for a parameter: a thing, or a place for one that stands for a place."""
+
+Renaming = dict[Thing, Given]
+"""Parameter of a called function -> what its caller passes."""
 
 HandUse = tuple[PlaceUse | Thing, Thing | None]
 """A goal of a hand, and the device that it reaches with, if that is known."""
@@ -83,8 +88,8 @@ class Terms:
                     checked = step.condition.parameters if step.condition is not None else ()
                     found.update(dict.fromkeys(_things(parameter.filler for parameter in checked)))
                 for callee in step.recipes:
-                    renaming = self.renaming(recipe, step, callee)
-                    found.update(dict.fromkeys(renaming.values()))
+                    for given in self.renaming(recipe, step, callee).values():
+                        found.update(dict.fromkeys(given.arguments if isinstance(given, PlaceUse) else (given,)))
             self._parameters[recipe.iri] = tuple(thing for thing in found if thing.kind is not Kind.DEVICE)
         return self._parameters[recipe.iri]
 
@@ -99,10 +104,11 @@ class Terms:
         return not self._actions.has_primitive_ancestor(step.iri) and not self._actions.is_any(step.action_class)
 
     def renaming(self, caller: Recipe, step: Step, callee: str) -> Renaming:
-        """Return the thing that a call passes for each parameter of the called function.
+        """Return what a call passes for each parameter of the called function.
 
         An individual stands for itself. A class takes the caller's filler of the same property if there is just one
-        and its class is below; else it stands for itself, too.
+        and its class is below, what the called recipe does not state takes that of the step; else it stands for itself,
+        too.
         """
         recipe = self._recipes.recipes[callee]
         return {thing: self._argument(caller, step, recipe, thing) for thing in self.parameters(recipe)}
@@ -149,13 +155,14 @@ class Terms:
         used = [flow for flow in recipe.flows if flow.producer == step.iri and flow.consumer != step.iri]
         return tuple(dict.fromkeys(_key(flow) for flow in used if self._takes(recipe, flow)))
 
-    def handed(self, recipe: Recipe, step: Step, thing: Thing) -> Thing | Passed | Kept:
-        """Return a thing that a step is about, or the result of an earlier step for it."""
-        for name in dict.fromkeys(parameter.property for parameter in step.parameters if parameter.filler == thing):
-            found = self._from_others(recipe, step, name, thing, thing)
+    def handed(self, recipe: Recipe, step: Step, given: Given) -> Given | Passed | Kept:
+        """Return what a step passes to its recipe, or the result of an earlier step for it."""
+        filler = given.place if isinstance(given, PlaceUse) else given
+        for name in dict.fromkeys(parameter.property for parameter in step.parameters if parameter.filler == filler):
+            found = self._from_others(recipe, step, name, filler, given)
             if found is not None:
                 return found
-        return thing
+        return given
 
     def place(self, recipe: Recipe, step: Step, place: Place) -> PlaceUse | Passed:
         """Return the goal of a base motion, or the result of an earlier step that stands for it."""
@@ -201,10 +208,10 @@ class Terms:
         consumers = (step for step in recipe.steps if step.iri == flow.consumer)
         return any(flow.resource in _names(filler) for one in consumers for filler in one.fillers(flow.consumes or ""))
 
-    def use(self, place: Place, renaming: Renaming | None = None) -> PlaceUse:
-        """Return a place with the things that it depends on, renamed."""
+    def use(self, place: Place) -> PlaceUse:
+        """Return a place with the things that it depends on."""
         things = dict.fromkeys(thing for thing in place.things() if thing.kind is not Kind.DEVICE)
-        return PlaceUse(place, tuple((renaming or {}).get(thing, thing) for thing in things))
+        return PlaceUse(place, tuple(things))
 
     def device(self, recipe: Recipe, step: Step) -> Thing | None:
         """Return the device of a step of the hand: its own, else its recipe's."""
@@ -236,9 +243,11 @@ class Terms:
             (iri, device) for iri, devices in users.items() if len(devices) == 1 for device in devices if device
         )
 
-    def _argument(self, caller: Recipe, step: Step, recipe: Recipe, thing: Thing) -> Thing:
+    def _argument(self, caller: Recipe, step: Step, recipe: Recipe, thing: Thing) -> Given:
         if thing.iri is not None:
             return thing
+        if thing.slot is not None:
+            return self._filled(step, recipe, thing, thing.slot)
         properties = {
             parameter.property
             for parameters in (recipe.parameters, *(step.parameters for step in recipe.steps))
@@ -256,6 +265,16 @@ class Terms:
             )
             if len(offered) == 1:
                 return next(iter(offered))
+        return thing
+
+    def _filled(self, step: Step, recipe: Recipe, thing: Thing, slot: Slot) -> Given:
+        """Return what a step passes for what its recipe does not state; the parameter itself unless it is clear."""
+        if thing.owner == recipe.name:
+            match [one.filler for one in offered(self._ontology, step, slot)]:
+                case [Place() as place]:
+                    return self.use(place)
+                case [Thing() as filler]:
+                    return filler
         return thing
 
     def _effective_devices(self) -> dict[str, Thing]:
@@ -280,22 +299,13 @@ def renamed(where: PlaceUse | Thing, renaming: Renaming) -> PlaceUse | Thing:
     """Return a place or thing of a called function in terms of its caller."""
     if isinstance(where, Thing):
         return renaming.get(where, where)
-    return PlaceUse(where.place, tuple(renaming.get(thing, thing) for thing in where.arguments))
+    return PlaceUse(where.place, tuple(renamed_thing(thing, renaming) for thing in where.arguments))
 
 
-def callees_first(recipes: RecipeSet) -> list[Recipe]:
-    """Return all recipes, called ones before their callers, the task last; nothing recurses."""
-    done: dict[str, Recipe] = {}
-    waiting = [recipes.task]
-    while waiting:
-        recipe = recipes.recipes[waiting[-1]]
-        below = [callee for step in recipe.steps for callee in step.recipes if callee not in done]
-        if below and recipe.iri not in done:
-            waiting += reversed(below)
-        else:
-            done.setdefault(recipe.iri, recipe)
-            waiting.pop()
-    return list(done.values())
+def renamed_thing(thing: Thing, renaming: Renaming) -> Thing:
+    """Return a thing of a called function in terms of its caller; itself if the caller passes a place."""
+    given = renaming.get(thing, thing)
+    return given if isinstance(given, Thing) else thing
 
 
 def _key(flow: Flow) -> str:

@@ -77,8 +77,8 @@ class FunctionCall:
     """Call the plan function of a recipe (IRI) with things for some of its parameters."""
 
     recipe: str
-    arguments: tuple[tuple[Thing, Thing | Passed | Kept], ...]
-    """Pairs (parameter of the called function, thing of the caller)."""
+    arguments: tuple[tuple[Thing, Thing | PlaceUse | Passed | Kept], ...]
+    """Pairs (parameter of the called function, what the caller passes)."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, error
 from planlang.ontology import Literal, Ontology, Term, expand
-from planlang.recipe.model import Place, Recipe, RecipeSet, Step, Thing
+from planlang.recipe.model import Place, Recipe, RecipeSet, Slot, Step, Thing
 from planlang.recipe.readers import statements_of
+from planlang.recipe.slots import read_slots
 from planlang.recipe.statements import Statements
 
 
@@ -37,6 +38,7 @@ class Actions:
         self.goals: dict[str, Goal] = read_goals(ontology)
         self.library: dict[str, list[str]] = read_library(ontology)
         """Classes of actions (IRIs) and the recipes that perform them where a file states none itself."""
+        self.declared_slots, self.slot_problems = read_slots(ontology)
         self.recoveries: tuple[RecoveryRule, ...] = read_recoveries(ontology)
         self.performers: dict[str, tuple[tuple[str, ...], str | None]] = {}
         """Action (IRI) -> who performs it, as :func:`planlang.recipe.performers.recipes_for` returns it."""
@@ -82,8 +84,12 @@ class Actions:
         return recipe.iri in self._moving(recipes)
 
     def movers(self, recipe: Recipe, recipes: RecipeSet) -> Movers:
-        """Return the steps of a recipe that move the base: by themselves, or in a recipe below them."""
-        moving = self._moving(recipes)
+        """Return the steps of a recipe that move the base: by themselves, or in a recipe below them.
+
+        A recipe of the library moves it for itself: it stands in the place of a process module, and the base goes back
+        to where its caller's scope has it.
+        """
+        moving = self._moving(recipes).difference(*self.library.values())
         opening = frozenset(step.iri for step in recipe.steps if self.is_base_motion(step))
         ending = frozenset(step.iri for step in recipe.steps if not moving.isdisjoint(step.recipes))
         return Movers(opening, ending)
@@ -122,6 +128,14 @@ class Actions:
     def properties(self, cls: str) -> frozenset[str]:
         """Return the properties (IRIs) that the vocabulary lists for an action class or an ancestor of it."""
         return frozenset(self.ontology.valid_properties(cls))
+
+    def slots(self, cls: str) -> dict[str, Slot]:
+        """Return the slots of an action class by property: those of the nearest class that declares each."""
+        found: dict[str, Slot] = {}
+        for ancestor in self.ontology.ancestors(cls):
+            for name, slot in self.declared_slots.get(ancestor, {}).items():
+                found.setdefault(name, slot)
+        return found
 
     def goal(self, cls: str) -> Goal | None:
         """Return the goal declared for the class or its nearest ancestor that has one."""

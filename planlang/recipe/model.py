@@ -82,6 +82,26 @@ class Kind(Enum):
     OBJECT = "object"
     PERSON = "person"
     DEVICE = "device"
+    PLACE = "place"
+    """Of parameters of a plan only: a place, or a thing that stands for one."""
+
+
+class Absence(Enum):
+    """What it means that an action leaves a slot empty; the values are the properties of OWL that declare slots."""
+
+    ERROR = "mustState"
+    PARAMETER = "requires"
+    """The filler is a parameter of the plan."""
+    ALLOWED = "accepts"
+
+
+@dataclass(frozen=True, slots=True)
+class Slot:
+    """A property (local name) of actions, the kinds of its fillers, and what it means that there is none."""
+
+    property: str
+    kinds: tuple[Kind, ...]
+    absence: Absence
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,16 +109,21 @@ class Thing:
     """An object, a person or a device: the individual ``iri``, or any of its class when ``iri`` is None.
 
     ``type`` is the nearest class of the vocabulary (local name), ``stated`` the class that the recipe wrote (IRI).
+    With ``owner``, the name of an action, the recipe states nothing that fills ``slot``: the caller gives it.
     """
 
     kind: Kind
     type: str
     iri: str | None = None
     stated: str = ""
+    owner: str | None = None
+    slot: Slot | None = None
 
     @property
     def name(self) -> str:
-        """Local name of the individual, or of the class when anonymous."""
+        """Local name of the individual, of the class when anonymous; of a slot its path."""
+        if self.slot is not None:
+            return f"{self.owner}.{self.slot.property}"
         return local_name(self.iri or self.stated or self.type)
 
 
@@ -179,11 +204,15 @@ Filler = Thing | Place | Part | Constraint | Name | str | int | float | bool
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A property of an action and what fills it. ``property`` is a local name of the vocabulary, else an IRI."""
+    """A property of an action and what fills it. ``property`` is a local name of the vocabulary, else an IRI.
+
+    ``is_inherited`` if the action itself states nothing: the filler is that of the action around it, or a parameter.
+    """
 
     property: str
     filler: Filler
     span: Span | None = None
+    is_inherited: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -437,3 +437,18 @@ def _scope(order: Precedence[str], moving: Sequence[str], movers: Movers, step: 
     if number < len(moving) and not order.before(step, moving[number]):
         return None
     return moving[number - 1]
+
+
+def callees_first(recipes: RecipeSet) -> list[Recipe]:
+    """Return all recipes, called ones before their callers, the task last; nothing recurses."""
+    done: dict[str, Recipe] = {}
+    waiting = [recipes.task]
+    while waiting:
+        recipe = recipes.recipes[waiting[-1]]
+        below = [callee for step in recipe.steps for callee in step.recipes if callee not in done]
+        if below and recipe.iri not in done:
+            waiting += reversed(below)
+        else:
+            done.setdefault(recipe.iri, recipe)
+            waiting.pop()
+    return list(done.values())

@@ -22,12 +22,14 @@ from planlang.recipe.checks import (
     losses,
     orderings,
     parameters,
+    slots,
     steps,
 )
 from planlang.recipe.checks.misspellings import corrected, misspellings
 from planlang.recipe.checks.parameters import repaired
 from planlang.recipe.constraints import read_constraints
 from planlang.recipe.fillers import action_class, nearest_in_vocabulary, read_filler, read_parameters
+from planlang.recipe.inheritance import supplied
 from planlang.recipe.model import Description, Ordering, Parameter, Reason, Recipe, RecipeSet, Source, Step
 from planlang.recipe.order import implied_by_overlaps
 from planlang.recipe.performers import recipes_for, recipes_of_task, statements_for
@@ -273,6 +275,7 @@ FILE_CHECKS: tuple[Check[[CheckedFile], Iterable[Diagnostic]], ...] = (
     parameters.unused_names,
     losses.lost_statements,
     steps.requirements,
+    slots.declarations,
 )
 """Checks of a whole file; each after those that suppress it, as in the other lists."""
 
@@ -284,6 +287,7 @@ ANY_RECIPE: tuple[Check[[CheckedRecipe], Iterable[Diagnostic]], ...] = (
     steps.abstract_steps,
     orderings.incomplete_constraints,
     parameters.unlisted_properties,
+    slots.wrong_kinds,
     parameters.fillers,
     parameters.left_out,
     parameters.unrelated_places,
@@ -366,11 +370,14 @@ def _read(actions: Actions, task: str | None, *, scopes: bool) -> tuple[RecipeSe
     recipes = read_recipes(actions, chosen)
     file = CheckedFile(actions, recipes, scopes)
     diagnostics = _judged(FILE_CHECKS, file, ())
-    if repaired.applies({one.code for one in diagnostics}):
+    wrong = {one.code for one in diagnostics}
+    if repaired.applies(wrong):
         recipes, notes = repaired(actions.ontology, recipes)
         diagnostics += notes
-        file = replace(file, recipes=recipes)
-    wrong = {one.code for one in diagnostics}
+    if supplied.applies(wrong):
+        recipes, missing = supplied(actions, recipes)
+        diagnostics += missing
+    file = replace(file, recipes=recipes)
     for recipe in recipes.recipes.values():
         statements = statements_for(actions, recipe.iri)
         checks = (*ANY_RECIPE, *(ORDERED_STEPS if statements.states is None else FINITE_STATE))

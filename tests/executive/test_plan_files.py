@@ -13,10 +13,10 @@ from executive.belief import SemanticMap, read_map
 from executive.belief.semantic_map import default_environment
 from executive.cli.inputs import PlanFile, RecipeFile, read
 from executive.robots import Availability, FindingKind, Missing
+from executive.runs.parameters import bound_parameters
 from executive.runs.plan_files import (
     Needs,
     assess,
-    bound_parameters,
     import_plan,
     main_plan,
     needs_of,

@@ -59,7 +59,7 @@ Individual: tidyUp
     Facts: hasItem {first}, hasItem look
 Individual: park
     Annotations: rdfs:label "2"
-    Types: knowrob:Reaching
+    Types: knowrob:ClosingAGripper
 Individual: look
     Annotations: rdfs:label "10"
     Types: knowrob:LookingForSomething

@@ -1,15 +1,16 @@
 """Checks of recipes: each is one function, declared with the codes that it may report and those that suppress it.
 
 General layout: one file for each subject. ``misspellings`` judges names, ``steps`` also states, ``orderings``
-what is ordered and what is not, ``parameters`` what fills properties, and mends what is safe to mend, ``losses``
-statements that reach no recipe. A check of a whole file takes a :class:`CheckedFile`, one of a single recipe a
-:class:`CheckedRecipe`; :mod:`planlang.recipe.reading` lists and runs them.
+what is ordered and what is not, ``parameters`` what fills properties, and mends what is safe to mend, ``slots`` whether
+that is of the right kind, ``losses`` statements that reach no recipe. A check of a whole file takes a
+:class:`CheckedFile`, one of a single recipe a :class:`CheckedRecipe`; :mod:`planlang.recipe.reading` lists and runs
+them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Generic, ParamSpec, TypeVar
 
@@ -92,8 +93,8 @@ class CheckedRecipe:
 
     @property
     def owners(self) -> tuple[Recipe | Step, ...]:
-        """All that has parameters: the task itself and its steps."""
-        return (self.recipe, *self.recipe.steps)
+        """All that has parameters, the task itself and its steps, with those that they state themselves."""
+        return (_stating(self.recipe), *map(_stating, self.recipe.steps))
 
     @cached_property
     def added(self) -> tuple[tuple[str, str], ...]:
@@ -101,3 +102,13 @@ class CheckedRecipe:
         if not self.file.scopes:
             return ()
         return added_by_scopes(self.actions, self.recipe, self.file.recipes)
+
+
+_Owner = TypeVar("_Owner", Recipe, Step)
+
+
+def _stating(owner: _Owner) -> _Owner:
+    """Return a task or step without what it inherits."""
+    if not any(one.is_inherited for one in owner.parameters):
+        return owner
+    return replace(owner, parameters=tuple(one for one in owner.parameters if not one.is_inherited))

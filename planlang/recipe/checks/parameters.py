@@ -20,6 +20,7 @@ from planlang.ontology.terms import OWL, RDF, RDFS, XSD, is_vocabulary
 from planlang.recipe.actions import Actions
 from planlang.recipe.checks import CheckedFile, CheckedRecipe, check, listing
 from planlang.recipe.checks.misspellings import SURE, guess
+from planlang.recipe.checks.slots import wrong_kinds
 from planlang.recipe.fillers import (
     NUMERIC,
     OBJECT_PROPERTY,
@@ -184,6 +185,11 @@ def fillers(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     First as the file states them for a task and its sub-actions, before anything is left out, then, after repairs,
     whether they are in the range of the property. A name that nothing defines is reported once.
     """
+    judged = {one.span for one in wrong_kinds(checked)}
+    yield from (one for one in _fillers(checked) if one.code != "R032" or one.span not in judged)
+
+
+def _fillers(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     ontology = checked.ontology
     known: set[Term] = set(made(ontology, checked.statements))
     reported = set(known)

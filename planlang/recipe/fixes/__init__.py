@@ -48,6 +48,10 @@ WITHOUT = {
     "R055": "the file does not say what comes next",
     "R056": "the file does not say what should follow a failure",
     "R059": "the statement may belong to another task, or be superfluous",
+    "R060": "the property or its filler may be wrong",
+    "R061": "the file does not say where to",
+    "R062": "the file does not say which thing or place",
+    "R063": "the file does not say what is needed",
     "R065": "the file does not say which constraint was meant",
 }
 """Code -> why there is no fix: there is more than one right text, or none follows from the file."""

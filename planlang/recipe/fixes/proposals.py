@@ -217,7 +217,7 @@ def _bindings(ontology: Ontology, unrepaired: Recipe, repaired: Recipe) -> Itera
     for stated, taken in owners:
         if exchanged_pair(ontology, stated.parameters) is not None:
             continue
-        for before, after in zip(stated.parameters, taken.parameters, strict=True):
+        for before, after in zip(stated.parameters, taken.parameters, strict=False):  # inherited ones come last
             thing, only, where = before.filler, after.filler, before.span
             if not isinstance(thing, Thing) or not isinstance(only, Thing) or thing.iri is not None or where is None:
                 continue

@@ -432,9 +432,12 @@ def test_pick_up_carry_put_down_in_any_order_of_triples(statements: list[Triple]
     order = [local_name(step) for step in recipe_order(recipe).extension]
     assert order == ["PickingUpAnObject", "CarryingWhileLocomoting", "PuttingDownAnObject"]
     source = compile_recipe(path, task="PuttingSomethingSomewhere").source
+    thing = "putting_something_somewhere_object_acted_on"
     calls = ast.unparse(ast.parse(source).body[-1]).replace("'", '"').splitlines()[-3:]
     assert [call.strip() for call in calls] == [
-        'await perform(action("PickingUpAnObject"), otherwise=picking_up_an_object)',
+        f'await perform(action("PickingUpAnObject", object_acted_on={thing}),'
+        f" otherwise=partial(picking_up_an_object, picking_up_an_object_object_acted_on={thing}),"
+        f" until=holding({thing}))",
         'await perform(action("CarryingWhileLocomoting"), name="CarryingWhileLocomoting", once=True)',
         'await perform(action("PuttingDownAnObject"), otherwise=putting_down_an_object)',
     ]

@@ -1,0 +1,196 @@
+"""Parameters of a plan: what they take, and what the user binds them to by ``--set``."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
+from typing import Any, get_args, get_type_hints
+
+from executive.belief import MapObject, SemanticMap
+from executive.belief.semantic_map import environments_with
+from planlang.designators import Location, Object, Person, local_name
+from planlang.diagnostics import BadInput, Diagnostic, error, warning
+from planlang.language.plans import Plan
+from planlang.ontology import expand, shorten
+
+MOST_NAMES = 20
+"""Things of a map that one message lists."""
+
+Bound = Object | Location
+"""What a parameter may be bound to."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlanParameter:
+    """A parameter of a plan: ``setting`` is what ``--set`` calls it, ``types`` are the classes of what it takes.
+
+    ``default`` is None where the user has to bind it.
+    """
+
+    name: str
+    setting: str
+    types: tuple[type, ...]
+    default: Object | None = None
+
+    @property
+    def takes_places(self) -> bool:
+        """True if a location may be given."""
+        return Location in self.types
+
+    def fits(self, semantic_map: SemanticMap, thing: MapObject) -> bool:
+        """Return True if a thing of a map is of the class of the default, or without one of the parameter's types."""
+        if self.default is not None:
+            cls = expand(self.default.type)
+            return _is(semantic_map, thing, cls) or _is_alike(semantic_map, thing, self.default)
+        return (Person if _is(semantic_map, thing, expand("Person")) else Object) in self.types
+
+
+def plan_parameters(plan: Plan[Any, Any]) -> dict[str, PlanParameter]:
+    """Return the plan's parameters that have an object as default, or none at all."""
+    found = {}
+    hints = _hints(plan)
+    for name, parameter in inspect.signature(plan.function).parameters.items():
+        if parameter.kind in (parameter.VAR_KEYWORD, parameter.VAR_POSITIONAL):
+            continue
+        annotation = hints.get(name)
+        setting = next((text for text in getattr(annotation, "__metadata__", ()) if isinstance(text, str)), name)
+        bare = getattr(annotation, "__origin__", annotation) if hasattr(annotation, "__metadata__") else annotation
+        types = tuple(cls for cls in get_args(bare) or (bare,) if isinstance(cls, type))
+        if isinstance(parameter.default, Object):
+            found[name] = PlanParameter(name, setting, types, parameter.default)
+        elif parameter.default is parameter.empty:
+            found[name] = PlanParameter(name, setting, types)
+    return found
+
+
+def _hints(plan: Plan[Any, Any]) -> dict[str, Any]:
+    """Return the types of a plan's parameters; nothing for an author's that cannot be evaluated."""
+    try:
+        return get_type_hints(plan.function, include_extras=True)
+    except Exception:
+        return {}
+
+
+def bound_parameters(
+    plan: Plan[Any, Any], bindings: Mapping[str, str], semantic_map: SemanticMap, found: list[Diagnostic]
+) -> dict[str, Bound]:
+    """Return the plan's parameters: their defaults, or things of the map that the user named, by IRI or local name.
+
+    A thing has to be of the class of the default. Where the recipe names an individual, a thing of a class beside that
+    of the individual, below the same one, will do, too, with a warning among ``found``. A location may be told by a
+    phrase as well. Raises BadInput, telling what would be valid, for a parameter or a thing that does not exist or does
+    not fit, and for a parameter without default that is not bound.
+    """
+    parameters = plan_parameters(plan)
+    bound: dict[str, Bound] = {name: one.default for name, one in parameters.items() if one.default is not None}
+    problems: list[Diagnostic] = []
+    wanted = dict(_named(parameters, bindings, problems))
+    for name, text in wanted.items():
+        try:
+            bound[name] = _bound(parameters[name], text, semantic_map, found)
+        except BadInput as problem:
+            problems += problem.diagnostics
+    missing = [one for name, one in parameters.items() if name not in bound and name not in wanted]
+    problems += [_missing(one, semantic_map) for one in missing]
+    if problems:
+        raise BadInput(problems)
+    return {name: bound[name] for name in parameters}
+
+
+def _named(
+    parameters: Mapping[str, PlanParameter], bindings: Mapping[str, str], problems: list[Diagnostic]
+) -> Iterator[tuple[str, str]]:
+    """Yield the names of the parameters that the user means, and what they are set to."""
+    settings = {setting: name for name, one in parameters.items() for setting in (one.setting, name)}
+    for wanted, text in bindings.items():
+        if wanted in settings:
+            yield settings[wanted], text
+            continue
+        known = ", ".join(one.setting for one in parameters.values()) or "none"
+        similar = get_close_matches(wanted, settings, n=1)
+        guess = f"did you mean {similar[0]}? " if similar else ""
+        problems.append(error("X004", f"the plan has no parameter {wanted!r}", help=f"{guess}its parameters: {known}"))
+
+
+def _missing(parameter: PlanParameter, semantic_map: SemanticMap) -> Diagnostic:
+    """Return an error for a parameter that has to be set."""
+    message = f"the plan does not run without --set {parameter.setting}=X"
+    if not {Object, Person, Location}.intersection(parameter.types):
+        return error("X014", f"{message}, which takes no thing of the map", help="give it a default in the plan")
+    advice = _fitting(parameter, semantic_map)
+    if parameter.takes_places:
+        advice += f'; or a phrase such as --set {parameter.setting}="on the table"'
+    return error("X014", message, help=advice)
+
+
+def _bound(parameter: PlanParameter, text: str, semantic_map: SemanticMap, found: list[Diagnostic]) -> Bound:
+    """Return the thing or location that a parameter is set to; raises BadInput."""
+    thing, default = semantic_map.find(text), parameter.default
+    if thing is None or thing.pose is None:
+        if parameter.takes_places and thing is None and " " in text.strip():
+            from executive.runs.phrases import read_phrase  # the grammar of phrases takes long to import
+
+            return read_phrase(text, semantic_map, f"--set {parameter.setting}")
+        what = "is not in the map" if thing is None else "has no place in the map"
+        raise BadInput([error("X005", f"{text!r} {what}", help=_fitting(parameter, semantic_map, text))])
+    classes = ", ".join(shorten(cls) for cls in thing.types)
+    if default is None and parameter.fits(semantic_map, thing):
+        kind = Person if _is(semantic_map, thing, expand("Person")) else Object
+        return kind(shorten(thing.types[0]), thing.iri)
+    if default is not None and _is(semantic_map, thing, expand(default.type)):
+        return replace(default, iri=thing.iri)
+    if default is not None and _is_alike(semantic_map, thing, default):
+        message = f"{text} is a {classes}, where the recipe speaks of a {default.type}"
+        found.append(warning("X006", message, help="the plan treats it as what it is"))
+        return replace(default, iri=thing.iri, type=shorten(thing.types[0]))
+    message = f"{text} is a {classes}, but {parameter.setting} must be a {_wanted(parameter)}"
+    raise BadInput([error("X006", message, help=_fitting(parameter, semantic_map))])
+
+
+def _wanted(parameter: PlanParameter) -> str:
+    """Return the class of what a parameter takes."""
+    if parameter.default is not None:
+        return parameter.default.type
+    return " or ".join(cls.__name__.lower() for cls in parameter.types)
+
+
+def _is(semantic_map: SemanticMap, thing: MapObject, cls: str) -> bool:
+    return any(semantic_map.ontology.is_a(own, cls) for own in thing.types)
+
+
+def _is_alike(semantic_map: SemanticMap, thing: MapObject, default: Object) -> bool:
+    """Return True if a class directly above that of the recipe's individual is also above that of the thing."""
+    if default.iri is None:
+        return False
+    return any(_is(semantic_map, thing, cls) for cls in semantic_map.ontology.parents(expand(default.type)))
+
+
+def _fitting(parameter: PlanParameter, semantic_map: SemanticMap, absent: str | None = None) -> str:
+    """Return to what a parameter may be bound: the things with a place that fit; if there are none, all.
+
+    ``absent``, a thing that the map lacks: also what may have been meant by it, and where there is such a thing.
+    """
+    placed = {thing.name: thing for thing in semantic_map.objects if thing.pose is not None}
+    fitting = [name for name, one in placed.items() if parameter.fits(semantic_map, one)]
+    said = f"nothing in the map is a {_wanted(parameter)}; things with a place: {_listed(list(placed))}"
+    if fitting:
+        said = f"{parameter.setting} may be {_listed(fitting)}"
+    if absent is None:
+        return said
+    short = local_name(absent)
+    similar = get_close_matches(short, fitting, n=1) or get_close_matches(short, placed, n=1)
+    others = [one for one in placed if one not in fitting]
+    if similar:
+        said = f"did you mean {similar[0]}? {said}"
+    if fitting and others:
+        said += f"; the map also has {_listed(others)}"
+    if there := environments_with((absent,)):
+        said += f"; {absent} is in a bundled environment: --environment {' or '.join(there)}"
+    return said
+
+
+def _listed(names: Sequence[str]) -> str:
+    more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
+    return ", ".join(names[:MOST_NAMES]) + more

@@ -1,0 +1,40 @@
+"""Phrases about a map: its nouns, and locations told in them."""
+
+from __future__ import annotations
+
+from executive.belief import SemanticMap
+from planlang.designators import Location, Object, Person
+from planlang.diagnostics import BadInput, Span, error
+from planlang.ontology import expand, shorten
+from planlang.phrases import Lexicon, read_location, write_thing
+
+
+def lexicon_of(semantic_map: SemanticMap) -> Lexicon:
+    """Return the nouns of a map: its things by name, the classes of its ontology by their words."""
+    ontology = semantic_map.ontology
+    things: dict[str, Object] = {}
+    for thing in semantic_map.objects:
+        if thing.pose is not None:
+            cls = next((cls for cls in thing.types if not cls.endswith("#NamedIndividual")), "Thing")
+            kind = Person if any(ontology.is_a(cls, expand("Person")) for cls in thing.types) else Object
+            things[thing.name] = kind(shorten(cls), thing.iri)
+    return Lexicon.of(ontology, things)
+
+
+def read_phrase(phrase: str, semantic_map: SemanticMap, file: str) -> Location:
+    """Return the location that a phrase tells, as ``planlang locate`` reads it; raises BadInput.
+
+    ``file`` is what messages call the place where it stands. The map has to have what the phrase is about.
+    """
+    lexicon = lexicon_of(semantic_map)
+    location = read_location(phrase, lexicon, file=file)
+    placed = [thing for thing in semantic_map.objects if thing.pose is not None]
+    problems = []
+    for what in location.things():
+        cls = expand(what.type)
+        if what.iri is None and not any(semantic_map.ontology.is_a(own, cls) for one in placed for own in one.types):
+            message = f"the map has no {write_thing(what, lexicon).removeprefix('the ')}"
+            problems.append(error("P008", message, Span(file), f"it has {', '.join(one.name for one in placed)}"))
+    if problems:
+        raise BadInput(problems)
+    return location

@@ -1,0 +1,131 @@
+"""Fill the slots that steps leave empty: with what the action around them states, else with parameters of the plan."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+from planlang.designators import local_name
+from planlang.diagnostics import Diagnostic, Span, error, warning
+from planlang.ontology import shorten
+from planlang.recipe.actions import Actions
+from planlang.recipe.checks import check, listing
+from planlang.recipe.fillers import fillings
+from planlang.recipe.model import Absence, Filler, Parameter, Place, Recipe, RecipeSet, Slot, Step, Thing
+from planlang.recipe.order import callees_first
+from planlang.recipe.slots import in_words, offered, parameter_for
+
+
+@check("R061", "R062", unless=("R022", "R023"))
+def supplied(actions: Actions, recipes: RecipeSet) -> tuple[RecipeSet, list[Diagnostic]]:
+    """Return the recipes with all slots filled that have to be, and what the task's caller has to give.
+
+    A step takes the only fitting filler of the recipe that it is in. If that states none, the step that the recipe
+    performs gives it, and so on; for the task whoever runs the plan. Only a target is not looked for farther out than
+    one step: where a thing goes in the end is not where the hand reaches to pick it up.
+    """
+    supply = _Supply(actions, recipes)
+    filled = {recipe.iri: supply.recipe(recipe) for recipe in callees_first(recipes)}
+    return replace(recipes, recipes={iri: filled[iri] for iri in recipes.recipes}), list(supply.found)
+
+
+class _Supply:
+    def __init__(self, actions: Actions, recipes: RecipeSet) -> None:
+        self._actions = actions
+        self._ontology = actions.ontology
+        self._task = recipes.task
+        self._asked: dict[str, dict[str, tuple[Slot, Recipe, Step]]] = {}
+        """The slots that callers of a recipe (IRI) fill, by property, and which step of it needs them first."""
+        self.found: dict[Diagnostic, None] = {}
+
+    def recipe(self, recipe: Recipe) -> Recipe:
+        """Return a recipe whose steps have what they need; those that it calls must have been asked for before."""
+        self._asked[recipe.iri] = {}
+        more = {step.iri: self._more(recipe, step) for step in recipe.steps}
+        if not any(more.values()):
+            return recipe
+        steps = (replace(step, parameters=(*step.parameters, *more[step.iri])) for step in recipe.steps)
+        return replace(recipe, steps=tuple(steps))
+
+    def _more(self, recipe: Recipe, step: Step) -> list[Parameter]:
+        """Return parameters for the empty slots of a step: its own, or those of the recipes that perform it."""
+        more: list[Parameter] = []
+        if not step.recipes:
+            for slot in self._actions.slots(step.action_class).values():
+                if slot.absence is not Absence.ALLOWED and not self._is_stated(step, slot):
+                    more += self._filled(recipe, step, slot)
+        for callee in step.recipes:
+            for slot, inner, needing in self._asked[callee].values():
+                if step.fillers(slot.property):
+                    self._check_one(recipe, step, slot, local_name(callee))
+                elif slot.absence is Absence.ERROR:
+                    self._report_target(inner, needing, slot)
+                elif slot.property not in {one.property for one in more} and not self._is_stated(step, slot):
+                    more += self._filled(recipe, step, slot)
+        return more
+
+    def _is_stated(self, step: Step, slot: Slot) -> bool:
+        """Return True if a step states a filler, also one that cannot be read, which others report."""
+        if step.fillers(slot.property):
+            return True
+        levels = fillings(self._ontology, step.iri)
+        return any(local_name(filling.property) == slot.property for level in levels for filling in level)
+
+    def _filled(self, recipe: Recipe, step: Step, slot: Slot) -> list[Parameter]:
+        """Return a parameter for an empty slot of a step, or none for a target that is missing."""
+        around = offered(self._ontology, recipe, slot)
+        if len(around) == 1:
+            return [replace(around[0], is_inherited=True)]
+        is_called = recipe.iri != self._task
+        own = self._actions.slots(recipe.action_class).get(slot.property)
+        is_own = own is not None and own.absence is Absence.PARAMETER
+        slot = own if own is not None and is_own else slot
+        if around:
+            thing = parameter_for(slot, f"{recipe.name}.{step.name}" if is_called else step.name)
+            self._report(recipe, step, thing, [one.filler for one in around])
+        elif slot.absence is Absence.ERROR and shorten(recipe.iri) != recipe.iri:
+            return []  # a recipe of the vocabulary says what belongs to an action, not where
+        elif is_called:
+            thing = parameter_for(slot, recipe.name)
+            self._asked[recipe.iri].setdefault(slot.property, (slot, recipe, step))
+        elif slot.absence is Absence.ERROR:
+            self._report_target(recipe, step, slot)
+            return []
+        else:
+            thing = parameter_for(slot, recipe.name if is_own else step.name)
+            self._report(recipe, recipe if is_own else step, thing)
+        return [Parameter(slot.property, thing, step.span, is_inherited=True)]
+
+    def _check_one(self, recipe: Recipe, step: Step, slot: Slot, callee: str) -> None:
+        """Report a step that does not state which of several fillers its recipe (name) is to take."""
+        fitting = [one.filler for one in offered(self._ontology, step, slot)]
+        if len(fitting) != 1:
+            self._report(recipe, step, parameter_for(slot, callee), fitting)
+
+    def _report_target(self, recipe: Recipe, step: Step, slot: Slot) -> None:
+        message = f"`{step.name}` of `{recipe.name}` states no {slot.property}: there is no target to move to"
+        self.found[error("R061", message, self._where(step), _advice(step, slot))] = None
+
+    def _report(self, recipe: Recipe, owner: Step | Recipe, thing: Thing, several: Iterable[Filler] = ()) -> None:
+        """Report what an action needs and does not state, or not which of ``several``."""
+        assert thing.slot is not None
+        names = [one.iri or one.stated if isinstance(one, Thing) else one.iri for one in _named(several)]
+        missing = f"does not state which {thing.slot.property} it needs: {listing(names)}"
+        if not names:
+            missing = f"states no {thing.slot.property}"
+        who = f"`{owner.name}`" if owner is recipe else f"`{owner.name}` of `{recipe.name}`"
+        advice = f"{_advice(owner, thing.slot)}; or give it when the plan is run: --set {thing.name}=X"
+        message = f"{who} {missing}; it becomes a parameter of the plan"
+        self.found[warning("R062", message, self._where(owner), advice)] = None
+
+    def _where(self, owner: Step | Recipe) -> Span | None:
+        """Return where the file defines an action, else where a recipe mentions it."""
+        return (self._ontology.span(owner.iri) if self._ontology.main(owner.iri) else None) or owner.span
+
+
+def _advice(owner: Step | Recipe, slot: Slot) -> str:
+    return f"add `{slot.property} value X` to `{owner.name}`, where X is {in_words(slot)}"
+
+
+def _named(fillers: Iterable[Filler]) -> list[Thing | Place]:
+    return [filler for filler in fillers if isinstance(filler, (Thing, Place))]

@@ -1,0 +1,85 @@
+"""Slots: the properties that actions of a class must or may have, and the kinds of what may fill them.
+
+Ontologies declare them (``ontologies/primitives.omn``); what holds for a class holds for all below it, unless a nearer
+class declares the same property.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from planlang.diagnostics import Diagnostic, error
+from planlang.ontology import Literal, Ontology, Triple, expand
+from planlang.recipe.fillers import is_of_unknown_kind
+from planlang.recipe.model import Absence, Filler, Kind, Name, Parameter, Place, Recipe, Slot, Step, Thing
+
+
+def parameter_for(slot: Slot, owner: str) -> Thing:
+    """Return the parameter of a plan that fills the slot of an action (name)."""
+    kind = next(kind for kind in (Kind.PLACE, Kind.OBJECT, Kind.PERSON, Kind.DEVICE) if kind in slot.kinds)
+    cls = "Person" if kind is Kind.PERSON else "SpatialThing-Localized"
+    return Thing(kind, cls, None, expand(cls), owner, slot)
+
+
+def in_words(slot: Slot) -> str:
+    """Return the kinds of what fills a slot: ``a place or an object``."""
+    words = [f"{'an' if kind is Kind.OBJECT else 'a'} {kind.value}" for kind in slot.kinds]
+    return " or ".join([", ".join(words[:-1]), words[-1]] if words[:-1] else words)
+
+
+def takes(ontology: Ontology, slot: Slot, filler: Filler) -> bool:
+    """Return False for a filler that is known to be of another kind than the slot's."""
+    match filler:
+        case Thing():
+            is_anything = filler.slot is not None or is_of_unknown_kind(ontology, filler.stated)
+            return is_anything or filler.kind in slot.kinds
+        case Place():
+            return Kind.PLACE in slot.kinds
+        case Name():
+            return is_of_unknown_kind(ontology, filler.iri)
+        case _:
+            return False
+
+
+def offered(ontology: Ontology, owner: Step | Recipe, slot: Slot) -> list[Parameter]:
+    """Return the different parameters of an action that may fill a slot of one below it: things and places."""
+    found = {one.filler: one for one in reversed(owner.parameters) if one.property == slot.property}
+    fitting = [one for one in found.values() if isinstance(one.filler, (Thing, Place))]
+    return [one for one in reversed(fitting) if takes(ontology, slot, one.filler)]
+
+
+def read_slots(ontology: Ontology) -> tuple[dict[str, dict[str, Slot]], tuple[Diagnostic, ...]]:
+    """Return the slots that are declared for classes (IRIs), and an error (R063) for each that cannot be read."""
+    found: dict[str, dict[str, Slot]] = {}
+    problems: list[Diagnostic] = []
+    for declarer, subject in (("Primitive", "performsAction"), ("Signature", "ofAction")):
+        for individual in ontology.individuals(expand(declarer)):
+            slots = {slot.property: slot for slot in _declared(ontology, individual, problems)}
+            for action in ontology.values(individual, expand(subject)):
+                if isinstance(action, str) and slots:
+                    found.setdefault(action, {}).update(slots)
+    return found, tuple(problems)
+
+
+def _declared(ontology: Ontology, individual: str, problems: list[Diagnostic]) -> Iterator[Slot]:
+    for absence in Absence:
+        for triple in ontology.triples(individual, expand(absence.value)):
+            slot = _slot(ontology, triple, absence)
+            if slot is not None:
+                yield slot
+            else:
+                kinds = ", ".join(kind.value for kind in Kind)
+                message = f"{absence.value} does not name a property and the kinds of its fillers"
+                advice = f'write for example {absence.value} "toLocation: place, object"; kinds: {kinds}'
+                problems.append(error("R063", message, triple.span, advice))
+
+
+def _slot(ontology: Ontology, triple: Triple, absence: Absence) -> Slot | None:
+    """Return what is written ``property: kind, kind``; None if it is not written like this."""
+    text = triple.object.value if isinstance(triple.object, Literal) else ""
+    name, _, rest = text.partition(":")
+    words = [word.strip() for word in rest.split(",")]
+    known = {kind.value: kind for kind in Kind}
+    if not ontology.is_property(expand(name.strip())) or not known.keys() >= set(words):
+        return None
+    return Slot(name.strip(), tuple(known[word] for word in words), absence)

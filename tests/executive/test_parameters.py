@@ -1,0 +1,172 @@
+"""Parameters of plans: what --set binds them to, and what is said of those that have to be set."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from executive.belief import SemanticMap, read_map
+from executive.runs.parameters import bound_parameters, plan_parameters
+from executive.runs.plan_files import import_plan, main_plan
+from executive.runs.plan_run import Outcome, Run, RunOptions, run_plan_file
+from executive.runs.traces import read_trace
+from planlang.designators import Location
+from planlang.diagnostics import BadInput
+from planlang.files import bundled
+from planlang.language.plans import Plan
+from planlang.ontology import load
+
+ROOM = bundled("ontologies") / "environments" / "hospital_room.omn"
+AMIGO = bundled("ontologies") / "robots" / "amigo.omn"
+PLACED = "room1, bed1, bedside_table1, cabinet1, bottle1, cabinet2, chair1, door1"
+PLAN = """
+from typing import Annotated
+from planlang import Location, Object, Person, an_object, plan
+
+@plan("http://example.org/kitchen.owl#Put")
+async def put(
+    *,
+    cup: Object = an_object("Cup"),
+    put_to_location: Annotated[Location | Object, "Put.toLocation"],
+    tell_recipient: Annotated[Person, "Tell.recipient"],
+    thing: Object,
+) -> None: ...
+"""
+RECIPE = """
+Prefix: : <http://planlang.org/test#>
+Prefix: k: <http://knowrob.org/kb/knowrob.owl#>
+Ontology: <http://planlang.org/test>
+Import: <http://knowrob.org/kb/knowrob.owl>
+Class: Serve
+    SubClassOf: k:PurposefulAction, k:subAction some Put
+Class: Put
+    SubClassOf: k:PuttingSomethingSomewhere
+"""
+MODULE = """
+from planlang import sleep
+from planlang.modules import process_module
+
+@process_module
+class Putting:
+    name = "putting"
+    actions = ("PuttingSomethingSomewhere",)
+    failures = ()
+
+    def __init__(self, platform): ...
+
+    def resources(self, action):
+        return ("arm",)
+
+    async def execute(self, action):
+        await sleep(1)
+        return str(action)
+"""
+GIVEN = {"Put.objectActedOn": "bottle1", "Put.toLocation": "on bedside_table1 and near bed1"}
+
+
+@pytest.fixture
+def put(tmp_path: Path) -> Plan[..., object]:
+    path = tmp_path / "put.py"
+    path.write_text(PLAN, encoding="utf-8")
+    return main_plan(import_plan(path), None)
+
+
+@pytest.fixture(scope="module")
+def room() -> SemanticMap:
+    return read_map(load(ROOM))
+
+
+def options(folder: Path, bindings: dict[str, str], trace: Path | None = None) -> RunOptions:
+    recipe, module = folder / "put.omn", folder / "putting.py"
+    recipe.write_text(RECIPE, encoding="utf-8")
+    module.write_text(MODULE, encoding="utf-8")
+    return RunOptions(recipe=recipe, modules=(module,), robot=AMIGO, environment=ROOM, bindings=bindings, trace=trace)
+
+
+def test_a_parameter_is_set_by_the_names_of_step_and_property_or_by_its_own(
+    put: Plan[..., object], room: SemanticMap
+) -> None:
+    assert [one.setting for one in plan_parameters(put).values()] == [
+        "cup",
+        "Put.toLocation",
+        "Tell.recipient",
+        "thing",
+    ]
+    given = {"put_to_location": "bed1", "Tell.recipient": "patient1", "thing": "bottle1"}
+    bound = bound_parameters(put, given, room, [])
+    assert {name: str(value) for name, value in bound.items()} == {
+        "cup": "Cup",
+        "put_to_location": "bed1",
+        "tell_recipient": "patient1",
+        "thing": "bottle1",
+    }
+
+
+def test_a_place_may_be_told_by_a_phrase(put: Plan[..., object], room: SemanticMap) -> None:
+    given = {"Put.toLocation": "on bedside_table1 and near bed1", "Tell.recipient": "patient1", "thing": "bottle1"}
+    place = bound_parameters(put, given, room, [])["put_to_location"]
+    assert isinstance(place, Location)
+    assert str(place) == "on(bedside_table1) and near(bed1)"
+
+
+@pytest.mark.parametrize(
+    ("setting", "value", "code", "said"),
+    [
+        ("Put.toLocation", "on the", "P003", None),
+        ("Put.toLocation", "on the refrigerator", "P008", None),
+        ("Put.toLocation", "cabinet3", "X005", "did you mean cabinet"),
+        ("Tell.recipient", "bed1", "X006", "Tell.recipient may be patient1"),
+        ("Tell.recipient", "on the bed", "X005", None),
+        ("thing", "patient1", "X006", f"thing may be {PLACED}"),
+        ("Put.toLocatoin", "bed1", "X004", "did you mean Put.toLocation? its parameters: cup, Put.toLocation,"),
+    ],
+)
+def test_what_does_not_fit_is_refused_with_what_would(
+    put: Plan[..., object], room: SemanticMap, setting: str, value: str, code: str, said: str | None
+) -> None:
+    given = {"Put.toLocation": "bed1", "Tell.recipient": "patient1", "thing": "bottle1"}
+    with pytest.raises(BadInput) as caught:
+        bound_parameters(put, given | {setting: value}, room, [])
+    assert [one.code for one in caught.value.diagnostics] == [code]
+    assert (caught.value.diagnostics[0].help or "").startswith(said or "")
+
+
+def test_all_that_is_not_set_is_told_with_what_of_the_map_fits(put: Plan[..., object], room: SemanticMap) -> None:
+    with pytest.raises(BadInput) as caught:
+        bound_parameters(put, {}, room, [])
+    assert [(one.code, one.message, one.help) for one in caught.value.diagnostics] == [
+        (
+            "X014",
+            "the plan does not run without --set Put.toLocation=X",
+            f'Put.toLocation may be {PLACED}; or a phrase such as --set Put.toLocation="on the table"',
+        ),
+        ("X014", "the plan does not run without --set Tell.recipient=X", "Tell.recipient may be patient1"),
+        ("X014", "the plan does not run without --set thing=X", f"thing may be {PLACED}"),
+    ]
+
+
+def test_a_parameter_that_no_thing_can_fill_needs_a_default(tmp_path: Path, room: SemanticMap) -> None:
+    path = tmp_path / "wait.py"
+    path.write_text("from planlang import plan\n@plan\nasync def wait(*, seconds: float) -> None: ...\n")
+    with pytest.raises(BadInput) as caught:
+        bound_parameters(main_plan(import_plan(path), None), {}, room, [])
+    assert [(one.code, one.help) for one in caught.value.diagnostics] == [("X014", "give it a default in the plan")]
+
+
+def test_a_recipe_without_places_is_refused_before_the_robot_is_read(tmp_path: Path) -> None:
+    absent = options(tmp_path, {})
+    with pytest.raises(BadInput) as caught:
+        run_plan_file(RunOptions(recipe=absent.recipe, robot=tmp_path / "none.toml", environment=ROOM))
+    assert [one.code for one in caught.value.diagnostics] == ["X014", "X014"]
+
+
+def test_a_module_gets_what_was_set_and_the_run_is_replayed_with_it(tmp_path: Path) -> None:
+    trace = tmp_path / "run.jsonl"
+    chosen = options(tmp_path, GIVEN, trace)
+    result = run_plan_file(chosen)
+    assert result.outcome is Outcome.DONE
+    assert "on(bedside_table1) and near(bed1)" in trace.read_text(encoding="utf-8")
+    recorded, _ = read_trace(trace)
+    with Run(chosen) as again:
+        assert again.replay(recorded).equal
