@@ -3,6 +3,7 @@
 from importlib import import_module
 from typing import TYPE_CHECKING
 
+from planlang.action_classes import action_class
 from planlang.designators import (
     Action,
     Condition,
@@ -147,6 +148,7 @@ __all__ = [
     "a_situation",
     "achieve",
     "action",
+    "action_class",
     "an_object",
     "at_location",
     "budget",

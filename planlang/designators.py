@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import re
+import unicodedata
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from decimal import Decimal
@@ -377,6 +378,25 @@ def located(where: Location, what: Object | None = None) -> Condition:
 def local_name(iri: str) -> str:
     """Return the part of an IRI after ``#`` or the last ``/``."""
     return iri.rsplit("#", 1)[-1].rsplit("/", 1)[-1]
+
+
+def snake_case(name: str) -> str:
+    """Return ``MoveBaseToGraspPose`` as ``move_base_to_grasp_pose``; characters Python does not allow become ``_``.
+
+    Digits stay with the word before them (``bottle1``); a leading digit gets an underscore before it.
+    """
+    text = unicodedata.normalize("NFKC", name)
+    parts: list[str] = []
+    for index, character in enumerate(text):
+        if not f"a{character}".isidentifier():
+            parts.append("_")
+            continue
+        before, after = text[index - 1 : index] if index else "", text[index + 1 : index + 2]
+        if character.isupper() and (before.islower() or before.isdigit() or (before.isupper() and after.islower())):
+            parts.append("_")
+        parts.append(character.lower())
+    result = re.sub("_+", "_", unicodedata.normalize("NFKC", "".join(parts))).strip("_")
+    return result if result.isidentifier() else f"_{result}"
 
 
 def told_apart(first: str, second: str) -> tuple[str, str]:

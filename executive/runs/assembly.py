@@ -26,6 +26,7 @@ from executive.modules import process_modules
 from executive.modules.platform import ArmChoices, Platform
 from executive.robots import CARRYING, Robot
 from executive.robots.arms import ArmModel, arm_models, gaze_of
+from planlang.action_classes import ancestors_of
 from planlang.designators import Action, Condition, Device, Location, Object, a_posture, action
 from planlang.diagnostics import BadInput, Span, error
 from planlang.geometry import Array
@@ -115,8 +116,8 @@ def platform_of(
     ontology = semantic_map.ontology
 
     @cache
-    def ancestors(action_type: str) -> tuple[str, ...]:
-        return tuple(map(shorten, ontology.ancestors(expand(action_type))))
+    def vocabulary(cls: str) -> tuple[str, ...]:
+        return tuple(map(shorten, ontology.ancestors(expand(cls))))
 
     return Platform(
         truth,
@@ -124,7 +125,7 @@ def platform_of(
         belief,
         planning_scene,
         Resolver(planning_scene, say),
-        ancestors,
+        lambda cls: ancestors_of(cls, vocabulary),
         releasing(ontology),
         np.random.default_rng(seed),
     )

@@ -7,7 +7,7 @@ import importlib.util
 import inspect
 import tempfile
 import traceback
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from importlib.machinery import SourceFileLoader
@@ -16,6 +16,7 @@ from types import ModuleType
 from typing import Any
 
 from executive.robots import Availability, FindingKind, Missing, Robot, match, possessions_of
+from planlang.action_classes import ancestors_of, nearest_unstated
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
 from planlang.language.plans import Plan
@@ -224,7 +225,7 @@ class _Source:
                 needs = []
             case ast.Call(func=function, args=[first, *_]) if self._name(function) in ("action", "Action"):
                 own = self._text(first)
-                needs = [Needs((own,), modular=(own,))] if own is not None else []
+                needs = [Needs(nearest_unstated(own), modular=(own,))] if own is not None else []
             case ast.Call(func=function, args=[described, *_]) if self._name(function) == "perform":
                 return self._performed(described, node, scope)
             case ast.Call(args=[first, described, *_]) if self._name(first) == "perform":  # partial(perform, ...)
@@ -273,7 +274,8 @@ class _Source:
             case ast.Constant(value=str(text)):
                 return text
             case ast.Name(id=name) if isinstance(self._values.get(name), str):
-                return str(self._values[name])
+                constant: str = self._values[name]  # which may be a class of actions that the plan states
+                return constant
             case ast.BinOp(left=left, op=ast.Add(), right=right):
                 parts = self._text(left), self._text(right)
                 return parts[0] + parts[1] if parts[0] is not None and parts[1] is not None else None
@@ -313,18 +315,20 @@ def _together(needs: Iterable[Needs]) -> Needs:
     return Needs(tuple(actions), tuple(choices), tuple(modular))
 
 
-def without_module(
-    ontology: Ontology, performed: Collection[str] | None, actions: Iterable[str]
-) -> tuple[Missing, ...]:
+def without_module(ontology: Ontology, performed: frozenset[str] | None, actions: Iterable[str]) -> tuple[Missing, ...]:
     """Return the action classes that no process module performs.
 
     ``performed`` are the classes that modules name; None if that is not known: then none is returned.
     """
     reason = "no process module is registered for it or a class above it"
+
+    def vocabulary(cls: str) -> tuple[str, ...]:
+        return tuple(map(shorten, ontology.ancestors(expand(cls))))
+
     return tuple(
         Missing(cls, FindingKind.ACTION, Availability.MISSING, (cls,), reason)
         for cls in actions
-        if performed is not None and not any(shorten(above) in performed for above in ontology.ancestors(expand(cls)))
+        if performed is not None and performed.isdisjoint(ancestors_of(cls, vocabulary))
     )
 
 

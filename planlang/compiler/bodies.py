@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Mapping
 
-from planlang.compiler.expressions import Expressions, Names, Symbols, partial_call, quoted, snake_case
+from planlang.compiler.expressions import Expressions, Names, Symbols, partial_call, quoted
 from planlang.compiler.layout import (
     INDENT,
     WIDTH,
@@ -23,7 +24,6 @@ from planlang.compiler.layout import Call as CallExpression
 from planlang.compiler.structure import DONE, FALSE, TRUE
 from planlang.compiler.tree import (
     Achieve,
-    ActionTerm,
     Again,
     Call,
     Case,
@@ -44,7 +44,7 @@ from planlang.compiler.tree import (
     State,
     uses_kept,
 )
-from planlang.designators import local_name
+from planlang.designators import local_name, snake_case
 
 MOST_UNPACKED = 4
 """Branches of which results are taken by position; of more they are taken from a list, as a reader would have to count
@@ -177,23 +177,15 @@ class BodyWriter:
         """Return the local functions that a construct needs, and the call that is awaited."""
         use = self._symbols.use
         match node:
-            case Perform(name, term):
-                more = {"once": "True"} if node.once else {}
-                return [], call(use("perform"), self._write.action(term), name=quoted(name), **more)
-            case Call(_, None, (only,)):
-                return [], call(self._symbols.functions[only.recipe], **self._write.arguments(only))
-            case Call(_, None, calls):
-                return [], call(use("try_in_order"), *map(self._write.function, calls))
-            case Call(_, term, calls) if term is not None:
-                otherwise = self._write.alternatives(calls)
-                return [], call(use("perform"), self._write.action(term), otherwise=otherwise)
-            case Achieve(condition, Perform() | Call(action=ActionTerm()) as step):
+            case Perform() | Call():
+                return [], self._performed(node)
+            case Achieve(condition, Perform() | Call() as step):
                 _, performed = self._awaited(step, depth)
                 return [], performed.extended(until=self._write.condition(condition))
             case Achieve(condition, body):
                 before, branch = self._branch(body, depth)
                 return before, call(use("achieve"), self._write.condition(condition), branch)
-            case Handle(Perform() | Call(action=ActionTerm()) | Achieve() | Scope() as body, recoveries):
+            case Handle(Perform() | Call() | Achieve() | Scope() as body, recoveries):
                 before, handled = self._awaited(body, depth)
                 several = sequence([self._write.recovery(one) for one in recoveries], "[]")
                 return before, handled.extended(recoveries=several)
@@ -211,6 +203,17 @@ class BodyWriter:
                 return self._machine(node, depth)
         raise TypeError(f"no statement for {node}")
 
+    def _performed(self, node: Perform | Call) -> CallExpression:
+        """Return the call that performs a step; it is named if its class is called otherwise."""
+        more: dict[str, Expression | str] = {}
+        if node.name != local_name(node.action.type):
+            more["name"] = quoted(node.name)
+        if isinstance(node, Call):
+            more["otherwise"] = self._write.alternatives(node.calls)
+        elif node.once:
+            more["once"] = "True"
+        return call(self._symbols.use("perform"), self._write.action(node.action), **more)
+
     def _branch(self, node: Node, depth: int, key: str | None = None) -> tuple[list[str], Expression]:
         """Return local functions that come first, and an expression for a zero-argument async callable.
 
@@ -219,13 +222,9 @@ class BodyWriter:
         is_giving_several = isinstance(node, (Parallel, PartialOrder)) and self._is_giving(node)
         is_body = isinstance(node, (Series, Hold, Gate, Again)) or is_giving_several
         if not is_body:
-            if isinstance(node, Perform) and key is not None:
-                more = {"once": "True"} if node.once else {}
-                perform = call(self._symbols.use("perform"), self._write.action(node.action), **more)
-                return [], partial_call(self._symbols, perform)
             before, expression = self._awaited(node, depth)
             return before, partial_call(self._symbols, expression)
-        name = self._local_name(key or self._function_name(node))
+        name = self._local_name(snake_case(key) if key else self._function_name(node))
         return self._local_function(name, node, depth), Text(name)
 
     def _function_name(self, node: Node) -> str:
@@ -243,7 +242,9 @@ class BodyWriter:
         self._symbols.reserve(name)
         return name
 
-    def _local_function(self, name: str, node: Node, depth: int, parameters: tuple[str, ...] = ()) -> list[str]:
+    def _local_function(self, name: str, node: Node, depth: int, taken: tuple[str, ...] = ()) -> list[str]:
+        """Return a local function; ``taken`` are the branches whose results it has as parameters."""
+        parameters = {key: self._parameter(key) for key in taken}
         lines = self._taken_apart(parameters, depth + 1)
         if isinstance(node, Series):
             lines += self.body(node, depth + 1)
@@ -252,7 +253,7 @@ class BodyWriter:
             leaving = self._passing.leaving(node)
             if leaving:
                 lines += returned(self._targets(leaving), depth=depth + 1)
-        arguments = [f"{key}: {self._symbols.use('Any', 'typing')}" for key in parameters]
+        arguments = [f"{name}: {self._symbols.use('Any', 'typing')}" for name in parameters.values()]
         return [*signature(f"async def {name}", arguments, self._returned(node), depth=depth), *lines, ""]
 
     def _returned(self, node: Node) -> str:
@@ -263,15 +264,20 @@ class BodyWriter:
         several = [anything] * number if number <= MOST_UNPACKED else [anything, "..."]
         return anything if number == 1 else f"tuple[{', '.join(several)}]"
 
-    def _taken_apart(self, parameters: tuple[str, ...], depth: int) -> list[str]:
+    def _parameter(self, key: str) -> str:
+        """Return the parameter that takes the result of a branch: not the name of a function, or a word of Python."""
+        name = snake_case(key)
+        return name if self._names.is_free(name) else f"{name}_"
+
+    def _taken_apart(self, parameters: Mapping[str, str], depth: int) -> list[str]:
         """Return statements that take apart results that a step gets by parameters, where one holds several."""
         lines = []
-        for key in parameters:
+        for key, name in parameters.items():
             steps = self._given[key]
             if len(steps) == 1:
-                self._variables[steps[0]] = key
+                self._variables[steps[0]] = name
             else:
-                lines += assignment(self._targets(steps), Text(key), depth=depth)
+                lines += assignment(self._targets(steps), Text(name), depth=depth)
         return lines
 
     def _scope(self, scope: Scope, depth: int) -> tuple[list[str], CallExpression]:
@@ -282,6 +288,8 @@ class BodyWriter:
         more: dict[str, Expression | str] = {"attempts": str(scope.attempts)}
         if reaching:
             more["reaching"] = sequence(reaching)
+        if scope.motion in self._symbols.stated:
+            more["by"] = self._symbols.stated_class(scope.motion)
         use = self._symbols.use("at_location")
         expression = call(use, self._write.value(scope.place), name, **more)
         return self._local_function(name, scope.body, depth), expression
@@ -303,7 +311,7 @@ class BodyWriter:
         for key, branch in node.branches:
             wanted = tuple(k for k, other in giving.items() if k != key and self._passing.needed(branch, other))
             if wanted:
-                name = self._local_name(key)
+                name = self._local_name(snake_case(key))
                 kept = dict(self._variables)
                 before += self._local_function(name, branch, depth, wanted)
                 for step in (step for k in wanted for step in self._given[k]):
@@ -327,7 +335,7 @@ class BodyWriter:
                 inner, states[state.name] = self._branch(state.body, depth, state.name)
                 before += inner
                 continue
-            name = self._local_name(state.name)
+            name = self._local_name(snake_case(state.name))
             states[state.name] = Text(name)
             if state.name in machine.ends:
                 before += self._local_function(name, state.body, depth)

@@ -60,9 +60,10 @@ def emit(
     places = [*_places(symbols), *(_constraint(symbols, one) for one in symbols.constraints())]
     constants = [line for thing in symbols.things() if thing.slot is None for line in _thing(symbols, thing)]
     constants += [line for place in symbols.places() if place.is_posture for line in _posture(symbols, place)]
+    classes = _classes(symbols)
     parts = ["", *_imports(symbols), "", *_namespaces(symbols)]
-    if constants:
-        parts += ["", *constants]
+    for block in (classes, constants):
+        parts += ["", *block] if block else []
     for block in [*places, *functions]:
         parts += ["", "", *block]
     below = "\n".join(parts) + "\n"
@@ -104,6 +105,17 @@ def _namespaces(symbols: Symbols) -> list[str]:
     return [
         line for name, start in symbols.namespaces() for line in assignment([Text(name)], Text(quoted(start)), depth=0)
     ]
+
+
+def _classes(symbols: Symbols) -> list[str]:
+    """Return statements about the classes of actions that only the recipe knows."""
+    lines: list[str] = []
+    for cls, above in symbols.stated.items():
+        name = symbols.iri(cls) if is_iri(cls) else quoted(cls)
+        below = [symbols.stated_class(one) for one in above]
+        stated = call(symbols.use("action_class"), name, below=below[0] if len(below) == 1 else sequence(below))
+        lines += assignment([Text(symbols.action_class(cls))], stated, depth=0)
+    return lines
 
 
 def _thing(symbols: Symbols, thing: Thing) -> list[str]:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import builtins
 import keyword
 import re
-import unicodedata
 from collections.abc import Iterable
 
 from planlang.compiler.layout import Call as CallExpression
@@ -26,7 +25,7 @@ from planlang.compiler.tree import (
     Recover,
     Value,
 )
-from planlang.designators import local_name
+from planlang.designators import local_name, snake_case
 from planlang.language.recovery_strategies import registered_strategies
 from planlang.recipe.model import Constraint, Kind, Name, Part, Place, RecipeSet, Thing
 
@@ -35,7 +34,7 @@ PLANLANG = frozenset(
         *("Any", "Condition", "Fluent", "Location", "MotionConstraint", "Object", "Person", "Recovery"),
         *("a_constraint", "a_device", "a_feature", "a_location", "a_person", "a_posture", "a_situation", "action"),
         *("achieve", "an_object", "at_location", "holding", "par", "partial", "partial_order", "perform", "plan"),
-        *("given", "state_machine", "try_in_order", "using", "wait_for", "with_failure_handling"),
+        *("action_class", "given", "state_machine", "try_in_order", "using", "wait_for", "with_failure_handling"),
     )
 )
 """Names that a plan may import, besides failures and strategies of recovery."""
@@ -58,7 +57,9 @@ class Symbols:
         """Name as a parameter, which a device is not, and as a constant."""
         self._places: dict[str, tuple[Place, str]] = {}
         self._constraints: dict[tuple[str, Part, Part], tuple[Constraint, str]] = {}
+        self._classes: dict[str, str] = {}
         self.devices = dict(tree.devices)
+        self.stated = dict(tree.classes)
         self.functions = {
             function.iri: self._claim(snake_case(local_name(function.iri))) for function in tree.functions
         }
@@ -105,6 +106,18 @@ class Symbols:
         if start not in self._namespaces:
             self._namespaces[start] = self._claim(_stem(start).upper())
         return Sum(self._namespaces[start], quoted(iri[len(start) :]))
+
+    def action_class(self, cls: str) -> str:
+        """Return the constant of a class of actions that the plan states."""
+        if cls not in self._classes:
+            self._classes[cls] = self._claim(snake_case(local_name(cls)).upper())
+        return self._classes[cls]
+
+    def stated_class(self, cls: str) -> Expression:
+        """Return the expression for a class of actions: its constant, or else its name or IRI."""
+        if cls in self.stated:
+            return Text(self.action_class(cls))
+        return self.iri(cls) if is_iri(cls) else Text(quoted(cls))
 
     def local_names(self) -> Names:
         """Return a scope inside a function, in which all names of the module are taken."""
@@ -169,25 +182,6 @@ def _import_order(name: str) -> tuple[int, str]:
     return (1 if name[0].isupper() else 2), name
 
 
-def snake_case(name: str) -> str:
-    """Return ``MoveBaseToGraspPose`` as ``move_base_to_grasp_pose``; characters Python does not allow become ``_``.
-
-    Digits stay with the word before them (``bottle1``); a leading digit gets an underscore before it.
-    """
-    text = unicodedata.normalize("NFKC", name)
-    parts: list[str] = []
-    for index, character in enumerate(text):
-        if not f"a{character}".isidentifier():
-            parts.append("_")
-            continue
-        before, after = text[index - 1 : index] if index else "", text[index + 1 : index + 2]
-        if character.isupper() and (before.islower() or before.isdigit() or (before.isupper() and after.islower())):
-            parts.append("_")
-        parts.append(character.lower())
-    result = re.sub("_+", "_", unicodedata.normalize("NFKC", "".join(parts))).strip("_")
-    return result if result.isidentifier() else f"_{result}"
-
-
 def without_digits(name: str) -> str:
     """Return a name without trailing digits and what joins them, ``bottle`` of ``bottle1``, unless it is all digits."""
     return re.sub(r"[_\-]*\d+$", "", name) or name
@@ -201,20 +195,19 @@ class Names:
         self._last: dict[str, int] = {}
         """The greatest number given out with a name, so that the next is not searched from the start."""
 
-    def claim(self, wanted: str, *, is_key: bool = False) -> str:
-        """Return ``wanted``, or the first of ``wanted_2``, ``wanted_3``, ... that is free and no word of the language.
-
-        With ``is_key`` the name is that of a branch: a keyword argument or a parameter, which may be called like a
-        builtin function but not ``name`` or ``limit``, which constructs have themselves.
-        """
+    def claim(self, wanted: str) -> str:
+        """Return ``wanted``, or the first of ``wanted_2``, ``wanted_3``, ... that is free and no word of Python."""
         name, number = wanted, self._last.get(wanted, 1)
-        is_fit = _is_branch_name if is_key else _is_free
-        while name in self._taken or not is_fit(name):
+        while not self.is_free(name):
             number += 1
             name = f"{wanted}_{number}"
         self._last[wanted] = number
         self._taken.add(name)
         return name
+
+    def is_free(self, name: str) -> bool:
+        """Return True for a name that is not given out and no word of the language."""
+        return name not in self._taken and _is_free(name)
 
     def reserve(self, name: str) -> None:
         """Keep a name from being given out."""
@@ -223,10 +216,6 @@ class Names:
 
 def _is_free(name: str) -> bool:
     return not (keyword.iskeyword(name) or keyword.issoftkeyword(name) or hasattr(builtins, name))
-
-
-def _is_branch_name(name: str) -> bool:
-    return not keyword.iskeyword(name) and name not in ("name", "limit")
 
 
 class Expressions:
@@ -321,8 +310,7 @@ class Expressions:
         for name, fillers in properties:
             values = [self.value(filler) for filler in fillers]
             written[name] = values[0] if len(values) == 1 else sequence(values)
-        cls = self._symbols.iri(type) if is_iri(type) else quoted(type)
-        return call(self._symbols.use(maker), cls, **written)
+        return call(self._symbols.use(maker), self._symbols.stated_class(type), **written)
 
     def condition(self, condition: Condition) -> Expression:
         """Return a condition that the executive evaluates."""

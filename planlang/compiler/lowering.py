@@ -7,7 +7,7 @@ from collections.abc import Set as AbstractSet
 from difflib import get_close_matches
 
 from planlang import failures
-from planlang.compiler.expressions import snake_case, without_digits
+from planlang.compiler.expressions import without_digits
 from planlang.compiler.going_back import Keeping, going_back
 from planlang.compiler.structure import Overlaps, machine, structured
 from planlang.compiler.terms import HandUse, Renaming, Roles, Terms, renamed_thing
@@ -27,14 +27,17 @@ from planlang.compiler.tree import (
     Scope,
     Series,
 )
+from planlang.designators import snake_case
 from planlang.diagnostics import Diagnostic, error, note, warning
 from planlang.failures import ObjectUndeliverable, ObjectUnreachable, PlanFailure
 from planlang.language.location import CURABLE
 from planlang.language.recovery_strategies import Strategy, find_strategy, registered_strategies
-from planlang.ontology import Ontology
+from planlang.ontology import Ontology, shorten
+from planlang.ontology.terms import OWL
 from planlang.recipe.actions import Actions, RecoveryRule, recoveries_of
 from planlang.recipe.checks import check
 from planlang.recipe.checks.orderings import ordering_to_write
+from planlang.recipe.fillers import action_class, is_vocabulary_class
 from planlang.recipe.model import Kind, Place, Recipe, RecipeSet, Step, Thing
 from planlang.recipe.order import Precedence, Unit, callees_first, recipe_order, scopes_of, single_steps
 
@@ -206,7 +209,9 @@ class Lowering:
     def tree(self) -> PlanTree:
         """Return the plan tree of the whole set."""
         functions = [self._function(recipe) for recipe in callees_first(self._recipes)]
-        return PlanTree(tuple(functions), self._terms.devices_of_places(self._bases))
+        steps = (step for recipe in self._recipes.recipes.values() for step in self._terms.steps(recipe))
+        classes = stated_classes(self._actions.ontology, map(self._terms.performed_class, steps))
+        return PlanTree(tuple(functions), self._terms.devices_of_places(self._bases), classes)
 
     @property
     def recoveries(self) -> Mapping[tuple[str, str], tuple[str, ...]]:
@@ -259,7 +264,7 @@ class Lowering:
             return overlaps.gated(iri, made)
 
         nodes = [unit_node(unit) for unit in found.units]
-        body = structured(found.order, nodes, [self._name(recipe, unit.members()[0]) for unit in found.units])
+        body = structured(found.order, nodes, [recipe.step(unit.members()[0]).name for unit in found.units])
         steps = ([recipe.step(iri) for iri in unit.members()] for unit in found.units)
         return self._steps.with_going_back(recipe, body, zip(nodes, steps, strict=True))
 
@@ -269,7 +274,7 @@ class Lowering:
         steps = [recipe.step(iri) for iri in unit.steps]
         order = recipe_order(recipe)
         inner = Precedence(unit.steps, ((one, other) for one in unit.steps for other in order.covers(one)))
-        body = structured(inner, nodes, [self._name(recipe, iri) for iri in unit.steps])
+        body = structured(inner, nodes, [recipe.step(iri).name for iri in unit.steps])
         inside = frozenset(unit.steps)
         uses = list(self._terms.hand_uses(recipe, [s for s in self._terms.steps(recipe) if s.iri in inside]))
         use = self._terms.use(_destination(base))
@@ -277,14 +282,40 @@ class Lowering:
         reaching = tuple(dict.fromkeys(where for where, _ in uses))
         attempts = self._steps.recoveries.attempts_at_places(base)
         where = self._terms.place(recipe, base, use.place)
-        scope = Scope(base.name, where, reaching, attempts, body, base.label)
+        scope = Scope(base.name, shorten(base.action_class), where, reaching, attempts, body, base.label)
         return self._steps.with_looking(recipe, scope, [base, *steps])
 
-    def _name(self, recipe: Recipe, iri: str) -> str:
-        """Return the name of a step's branch; no function's name if others take the branch's result by this name."""
-        step = recipe.step(iri)
-        is_producer = bool(step.recipes) and any(flow.producer == iri for flow in recipe.flows)
-        return f"{step.name}Result" if is_producer else step.name
+
+def above_of(ontology: Ontology, iri: str) -> tuple[str, ...]:
+    """Return the classes directly above a class, or the class of actions of an individual."""
+    found = action_class(ontology, iri) if not ontology.is_class(iri) else None
+    return ontology.parents(iri) if found is None else (found,)
+
+
+def stated_classes(ontology: Ontology, classes: Iterable[str]) -> tuple[tuple[str, tuple[str, ...]], ...]:
+    """Return classes (IRIs) that the bundled vocabulary does not know, and those above, with the ones directly above.
+
+    Names are local ones where the vocabulary's namespace is meant. What is above a class comes before it; of classes
+    that are above each other the last is not stated.
+    """
+    found: dict[str, tuple[str, ...]] = {}
+    open_: dict[str, None] = {}
+    waiting = list(dict.fromkeys(classes))[::-1]
+    while waiting:
+        cls = waiting[-1]
+        above = [
+            one for one in above_of(ontology, cls) if one != OWL.Thing and (one not in open_ or shorten(one) in found)
+        ]
+        left = [one for one in above if shorten(one) not in found and not is_vocabulary_class(one)]
+        if is_vocabulary_class(cls) or shorten(cls) in found or not above:
+            waiting.pop()
+        elif left and cls not in open_:
+            open_[cls] = None
+            waiting += reversed(left)
+        else:
+            found[shorten(cls)] = tuple(map(shorten, above))
+            waiting.pop()
+    return tuple(found.items())
 
 
 @check("R041")
@@ -331,8 +362,7 @@ class Steps:
         node: Node
         if step.recipes:
             calls = tuple(self._call(recipe, step, callee) for callee in step.recipes)
-            action = self._terms.action(recipe, step) if self._terms.is_performed(step) else None
-            node = Call(step.name, action, calls, step.iri)
+            node = Call(step.name, self._terms.action(recipe, step), calls, step.iri)
         else:
             once = step.is_abstract and recipe.machine is None
             node = Perform(step.name, self._terms.action(recipe, step), step.label, step.iri, once)

@@ -10,11 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from keyword import iskeyword
 from typing import TypeVar
 
-from planlang.compiler.expressions import Names, snake_case
+from planlang.compiler.expressions import Names
 from planlang.compiler.tree import Case, Event, Gate, Handle, Machine, Node, Parallel, PartialOrder, Series, State
-from planlang.designators import local_name
+from planlang.designators import local_name, snake_case
 from planlang.failures import ObjectNotFound, PlanFailure
 from planlang.recipe.model import Ending, Recipe, Step, Transition
 from planlang.recipe.order import Precedence
@@ -159,6 +160,26 @@ def _modules(order: Precedence[_N], inside: int) -> list[int]:
     return list(groups.values())
 
 
+class BranchNames:
+    """The names of branches and states, as the recipe writes them; a number tells apart what is the same in snake case.
+
+    So functions, and parameters that take results, have names of their own, too.
+    """
+
+    def __init__(self) -> None:
+        self._names = Names()
+
+    def claim(self, wanted: str) -> str:
+        """Return a name that is not given out yet."""
+        key = f"branch_{snake_case(wanted)}"
+        return wanted + self._names.claim(key).removeprefix(key)
+
+
+def _is_keyword(name: str) -> bool:
+    """Return True for a name that a branch of ``par`` may have."""
+    return name.isidentifier() and not iskeyword(name) and name not in ("name", "limit")
+
+
 def structured(order: Precedence[_N], nodes: Sequence[Node], names: Sequence[str]) -> Series:
     """Return nodes in an order of as many; ``names`` are what branches are called by.
 
@@ -167,8 +188,8 @@ def structured(order: Precedence[_N], nodes: Sequence[Node], names: Sequence[str
     part = decomposed(order)
     if part is None:
         return Series(())
-    known = Names()
-    own = [known.claim(snake_case(name), is_key=True) for name in names]
+    known = BranchNames()
+    own = list(map(known.claim, names))
 
     def called(part: Part) -> str:
         """Return the name of a branch: of its step, or made of the names of its first and last ones."""
@@ -180,7 +201,7 @@ def structured(order: Precedence[_N], nodes: Sequence[Node], names: Sequence[str
             name = f"{first}_then_{last}" if len(leaves) == 2 else f"{first}_to_{last}"
         else:
             name = f"{first}_and_{last}" if len(leaves) == 2 else f"{first}_and_others"
-        return known.claim(name if len(name) <= LONGEST_NAME else f"{first}_and_more", is_key=True)
+        return known.claim(name if len(name) <= LONGEST_NAME else f"{first}_and_more")
 
     def made(part: Part) -> Node:
         if isinstance(part, int):
@@ -188,7 +209,8 @@ def structured(order: Precedence[_N], nodes: Sequence[Node], names: Sequence[str
         if isinstance(part, SerialPart):
             return Series(tuple(map(made, part.parts)))
         if isinstance(part, ParallelPart):
-            return Parallel(tuple((called(inner), made(inner)) for inner in part.parts))
+            branches = tuple((called(inner), made(inner)) for inner in part.parts)
+            return Parallel(branches) if all(map(_is_keyword, dict(branches))) else PartialOrder(branches, ())
         keys = [called(inner) for inner in part.parts]
         orderings = tuple((keys[one], keys[other]) for one, other in part.orderings)
         return PartialOrder(tuple(zip(keys, map(made, part.parts), strict=True)), orderings)
@@ -299,8 +321,8 @@ def machine(
     """
     assert recipe.machine is not None
     steps = {step.iri: step for step in recipe.steps}
-    known = Names()
-    names = {iri: known.claim(snake_case(step.name), is_key=True) for iri, step in steps.items()}
+    known = BranchNames()
+    names = {iri: known.claim(step.name) for iri, step in steps.items()}
     ends = [end for end in recipe.machine.ends if end in steps]
     leaving: dict[str, list[Transition]] = {iri: [] for iri in steps}
     for transition in recipe.machine.transitions:

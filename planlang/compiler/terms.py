@@ -11,9 +11,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from keyword import kwlist
 
-from planlang.compiler.expressions import snake_case
 from planlang.compiler.tree import ActionTerm, Described, Kept, Passed, PlaceUse, Value
-from planlang.designators import local_name
+from planlang.designators import local_name, snake_case
 from planlang.ontology import Ontology, shorten
 from planlang.recipe.actions import Actions
 from planlang.recipe.model import (
@@ -82,26 +81,15 @@ class Terms:
         if recipe.iri not in self._parameters:
             found: dict[Thing, None] = {}
             for step in self.steps(recipe):
-                if not step.recipes or self.is_performed(step):
-                    for parameter in _ordered(step):
-                        found.update(dict.fromkeys(_things(parameter[1])))
-                    checked = step.condition.parameters if step.condition is not None else ()
-                    found.update(dict.fromkeys(_things(parameter.filler for parameter in checked)))
+                for parameter in _ordered(step):
+                    found.update(dict.fromkeys(_things(parameter[1])))
+                checked = step.condition.parameters if step.condition is not None else ()
+                found.update(dict.fromkeys(_things(parameter.filler for parameter in checked)))
                 for callee in step.recipes:
                     for given in self.renaming(recipe, step, callee).values():
                         found.update(dict.fromkeys(given.arguments if isinstance(given, PlaceUse) else (given,)))
             self._parameters[recipe.iri] = tuple(thing for thing in found if thing.kind is not Kind.DEVICE)
         return self._parameters[recipe.iri]
-
-    def is_performed(self, step: Step) -> bool:
-        """Return False for a step with a recipe that no module may replace.
-
-        Either the recipe is nearer than its primitive ancestor, or its kind of action is unknown: a module for
-        actions of any kind would do something else.
-        """
-        if not step.recipes:
-            return True
-        return not self._actions.has_primitive_ancestor(step.iri) and not self._actions.is_any(step.action_class)
 
     def renaming(self, caller: Recipe, step: Step, callee: str) -> Renaming:
         """Return what a call passes for each parameter of the called function.
@@ -114,10 +102,7 @@ class Terms:
         return {thing: self._argument(caller, step, recipe, thing) for thing in self.parameters(recipe)}
 
     def action(self, recipe: Recipe, step: Step) -> ActionTerm:
-        """Return the action designator of a step; a step of the hand takes the recipe's device if it names none.
-
-        A step with a recipe that is only some action to the vocabulary is described by its own class.
-        """
+        """Return the action designator of a step; a step of the hand takes the recipe's device if it names none."""
         properties: dict[str, tuple[Value, ...]] = {}
         for name, fillers in _ordered(step):
             key = _unclashed(snake_case(local_name(name)), properties)
@@ -127,8 +112,12 @@ class Terms:
             properties["device_used"] = (device,)
         if step.condition is not None:
             properties |= self._checked(step.condition, properties)
-        is_any = bool(step.recipes) and self._actions.is_any(step.action)
-        return ActionTerm(step.action_class if is_any else step.action, tuple(properties.items()))
+        return ActionTerm(shorten(self.performed_class(step)), tuple(properties.items()))
+
+    @staticmethod
+    def performed_class(step: Step) -> str:
+        """Return the class (IRI) of the action; an individual with a recipe of its own is one, the nearest there is."""
+        return step.iri if step.iri in step.recipes else step.action_class
 
     def passed(self, recipe: Recipe, step: Step, property_name: str, filler: Filler) -> str | None:
         """Return the step (IRI) whose result a step takes for a filler; None if none provides it.

@@ -48,7 +48,7 @@ Value = Thing | PlaceUse | Part | Constraint | Described | Passed | Kept | Name 
 
 @dataclass(frozen=True, slots=True)
 class ActionTerm:
-    """An action designator: class (local name of the vocabulary) and properties in snake case.
+    """An action designator: the step's own class (IRI, local name if of the vocabulary), properties in snake case.
 
     A property may have several fillers.
     """
@@ -83,14 +83,10 @@ class FunctionCall:
 
 @dataclass(frozen=True, slots=True)
 class Call:
-    """Perform a step that has a recipe, or several as alternatives.
-
-    ``action`` is None where only the recipe may perform the step, because a process module for its class would
-    perform less than the recipe.
-    """
+    """Perform a step that has a recipe, or several as alternatives."""
 
     name: str
-    action: ActionTerm | None
+    action: ActionTerm
     calls: tuple[FunctionCall, ...]
     step: str = ""
 
@@ -153,9 +149,10 @@ class Hold:
 
 @dataclass(frozen=True, slots=True)
 class Scope:
-    """Run the body where the base is at ``place`` and can reach all of ``reaching``."""
+    """Run the body where the base is at ``place`` and can reach all of ``reaching``; ``motion`` is the step's class."""
 
     name: str
+    motion: str
     place: PlaceUse | Passed
     reaching: tuple[PlaceUse | Thing, ...]
     attempts: int
@@ -265,6 +262,8 @@ class PlanTree:
     functions: tuple[Function, ...]
     devices: tuple[tuple[str, Thing], ...] = ()
     """Pairs (IRI of a place, the one device that all its uses reach it with)."""
+    classes: tuple[tuple[str, tuple[str, ...]], ...] = ()
+    """Classes of actions that the bundled vocabulary does not know, with those directly above, which come first."""
 
 
 def inside(node: Node) -> tuple[Node, ...]:
@@ -356,7 +355,7 @@ def _passed(node: Node) -> Iterator[str]:
 
 def _values(node: Node) -> Iterator[Value]:
     """Yield the values that a node itself hands to actions, calls and places."""
-    if isinstance(node, (Perform, Call)) and node.action is not None:
+    if isinstance(node, (Perform, Call)):
         for _, fillers in node.action.properties:
             yield from fillers
     if isinstance(node, Call):

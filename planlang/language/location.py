@@ -40,7 +40,13 @@ V = TypeVar("V")
 _AT_LOCATION = Usage(
     "await at_location",
     {"location": "a_location(in_reach_of=cup)", "body": "grasp"},
-    {"attempts": "3", "reaching": "(cup,)", "device": "RIGHT_GRIPPER", "recoveries": "[Recovery(ObjectNotFound)]"},
+    {
+        "attempts": "3",
+        "reaching": "(cup,)",
+        "device": "RIGHT_GRIPPER",
+        "by": '"Translation-LocationChange"',
+        "recoveries": "[Recovery(ObjectNotFound)]",
+    },
 )
 
 CURABLE = (NavigationFailure, ManipulationPoseUnreachable, ManipulationGoalInCollision, LookingGoalUnreachable)
@@ -58,12 +64,14 @@ async def at_location(
     attempts: int = 5,
     reaching: Iterable[Object | Location] = (),
     device: Device | None = None,
+    by: str | None = None,
     recoveries: Iterable[Recovery] = (),
 ) -> V:
     """Go to a base pose of ``location`` from which everything in ``reaching`` can be reached, and run the body there.
 
     ``device`` is what reaches; without it the executive decides. If it is another than that of ``location``, it holds
-    for each location in ``reaching``; for an object that raises ValueError, as two arms of one location do.
+    for each location in ``reaching``; for an object that raises ValueError, as two arms of one location do. ``by`` is
+    the class of the base motion, which a module for it performs; without it, the executive's.
 
     When the body fails in a way that another base pose can cure, the next is tried, at most ``attempts`` in all.
     Poses within 5 cm of one that failed at the same revision of the belief are skipped. The base is held: side by
@@ -85,20 +93,22 @@ async def at_location(
             raise _AT_LOCATION.wrong("reaching", [one], "objects and locations")
     if device is not None:
         _AT_LOCATION.instance("device", device, Device, "a device")
+    if by is not None:
+        _AT_LOCATION.text("by", by)
     recoveries = recoveries_of(_AT_LOCATION, recoveries)
     executive = executive_for("at_location")
     if reaching:
         location = location & _in_reach(reaching, device, location.device)
-    inside = partial(_inside, executive, location, body, attempts)
+    inside = partial(_inside, executive, location, by, body, attempts)
     run = partial(node, "at_location", "at_location", inside, location=location, attempts=attempts)
     return await recovering(run, recoveries)
 
 
-async def _inside(executive: Executive, location: Location, body: Branch, attempts: int) -> Any:
+async def _inside(executive: Executive, location: Location, by: str | None, body: Branch, attempts: int) -> Any:
     """Hold the base, and try one pose after another; then go back to the pose of the scope around."""
     outer = held_pose.get()
     async with using("base") as lease:
-        visit = _Visit(executive, location, lease)
+        visit = _Visit(executive, location, lease, by)
         token = held_pose.set(visit.pose)
         try:
             result = await visit.run(body, attempts)
@@ -121,10 +131,11 @@ def _in_reach(wanted: tuple[Object | Location, ...], device: Device | None, othe
 class _Visit:
     """One entry of at_location: the cursor of solutions and what was tried."""
 
-    def __init__(self, executive: Executive, location: Location, lease: Lease) -> None:
+    def __init__(self, executive: Executive, location: Location, lease: Lease, by: str | None) -> None:
         self.executive = executive
         self.location = location
         self.lease = lease
+        self.by = by
         self.pose = HeldPose(self._return)
         self.moved = False
         self._failed: list[Solution] = []
@@ -205,7 +216,8 @@ class _Visit:
 
     async def _go(self, solution: Solution) -> None:
         self.moved = True
-        await perform(self.executive.move_to(solution))
+        motion = self.executive.move_to(solution)
+        await perform(motion if self.by is None else replace(motion, type=self.by))
         self.pose.displaced = False
         self.lease.touched.discard("base")
 

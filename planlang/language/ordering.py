@@ -10,7 +10,7 @@ from itertools import pairwise
 from types import FunctionType
 from typing import Any, TypeVar
 
-from planlang.designators import Location, Object
+from planlang.designators import Location, Object, snake_case
 from planlang.kernel import All, Task
 from planlang.misuse import Usage, WrongType, WrongValue, contrast
 
@@ -84,8 +84,9 @@ async def partial_order(
 ) -> dict[str, Any]:
     """Run steps, each as soon as all steps ordered before it have succeeded; returns step name -> result.
 
-    ``orderings`` are pairs (before, after). A step with a parameter named like a step before it gets that step's
-    result. At most ``limit`` run at a time; of those that are ready the textually first starts. Fails as ``par``.
+    ``orderings`` are pairs (before, after). A step with a parameter named like a step before it, as that is written or
+    in snake case (``step_a`` or ``step_a_`` for ``StepA``), gets that step's result. At most ``limit`` run at a time;
+    of those that are ready the textually first starts. Fails as ``par``.
     Raises ValueError for a cycle, an unknown name or a parameter that nothing fills, before anything starts.
     """
     _PARTIAL_ORDER.mapping("steps", steps, "branches")
@@ -115,11 +116,13 @@ async def partial_order(
         _refuse_cycle(names, after, missing)
     inputs: dict[int, list[tuple[str, int]]] = {}
     before: list[list[int]] | None = None
+    by_parameter: dict[str, int] = {}
     for number, (step, branch) in enumerate(steps.items()):
         code = branch.__code__ if branch.__class__ is FunctionType else None
         if code is None or code.co_argcount or code.co_kwonlyargcount:
             before = before or _predecessors(after)
-            found = _inputs(step, branch, rank, before)
+            by_parameter = by_parameter or _by_parameter(rank)
+            found = _inputs(number, step, branch, by_parameter, before)
             if found:
                 inputs[number] = found
     scope = _PartialOrder(steps, after, missing, inputs, limit, name)
@@ -170,7 +173,13 @@ def _refuse_cycle(names: list[str], after: list[list[int]], missing: list[int]) 
     raise _PARTIAL_ORDER.refused("orderings", text, [*pairwise(cycle)])
 
 
-def _inputs(step: str, branch: Step, rank: dict[str, int], before: list[list[int]]) -> list[tuple[str, int]]:
+def _by_parameter(rank: dict[str, int]) -> dict[str, int]:
+    """Return the numbers of steps by the names of parameters that take their results."""
+    snake = {snake_case(step): number for step, number in reversed(rank.items())}
+    return {**{f"{name}_": number for name, number in snake.items()}, **snake, **rank}
+
+
+def _inputs(own: int, step: str, branch: Step, rank: dict[str, int], before: list[list[int]]) -> list[tuple[str, int]]:
     """Parameters of a step that are filled with results of steps before it, and these steps."""
     try:
         parameters = inspect.signature(branch).parameters.values()
@@ -178,7 +187,7 @@ def _inputs(step: str, branch: Step, rank: dict[str, int], before: list[list[int
         return []
     given: Mapping[str, Any] = branch.keywords if isinstance(branch, partial) else {}
     wanted = [p for p in parameters if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY) and p.name not in given]
-    earlier = _ordered_before(rank[step], {rank[p.name] for p in wanted if p.name in rank}, before)
+    earlier = _ordered_before(own, {rank[p.name] for p in wanted if p.name in rank}, before)
     for parameter in wanted:
         if parameter.default is parameter.empty and rank.get(parameter.name) not in earlier:
             message = f"step {step!r} has a parameter {parameter.name!r}, and no step of that name is ordered before it"

@@ -7,25 +7,26 @@ hold the base while the steps in it, one at a time, move it.
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable, Iterable
+from collections.abc import Awaitable, Callable, Iterable, Iterator
 from contextvars import ContextVar, Token
 from functools import partial
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
+from planlang.action_classes import levels_above, stated_levels
 from planlang.designators import Action, local_name
 from planlang.failures import ActionUnresolvable, ObjectUndeliverable, PlanFailure
 from planlang.kernel import All, Fluent, PlanStructureError, Scheduler, Status, Task, checkpoint, wait_for
 from planlang.kernel.cancel import deliver
 from planlang.kernel.core import here, park
-from planlang.kernel.primitives import called, node, record
+from planlang.kernel.primitives import called, in_node, record
 from planlang.kernel.signals import Expression, Wait
-from planlang.kernel.tree import name_of
+from planlang.kernel.tree import Node, name_of
 from planlang.language.branches import Branch
 from planlang.language.budgets import charge
 from planlang.language.conditions import Goal, achieving
 from planlang.language.executive import current, executive_for
-from planlang.language.plans import Handle, Restarting, join
+from planlang.language.plans import Handle, Plan, Restarting, join
 from planlang.language.recovery import Recovery, recoveries_of, recovering
 from planlang.misuse import Usage, WrongType, contrast, written
 
@@ -243,13 +244,29 @@ def check_action(usage: Usage, action: Action, name: str | None) -> None:
         usage.text("name", name)
 
 
-def module_for(executive: Executive, action: Action) -> ProcessModule | None:
-    """Return the module registered for the nearest ancestor of the action's class; of several the first registered."""
-    for ancestor in executive.ancestors(action.type):
-        for module in executive.modules:
-            if ancestor in module.actions:
-                return module
+def module_for(executive: Executive, action: Action, otherwise: Branch | None = None) -> ProcessModule | None:
+    """Return the module registered for the nearest ancestor of the action's class; of several the first registered.
+
+    None if ``otherwise`` is the plan of a class that is nearer.
+    """
+    own = frozenset(_recipes(otherwise))
+    for level in levels_above(action.type, executive.ancestors):
+        for ancestor in level:
+            for module in executive.modules:
+                if ancestor in module.actions:
+                    return module
+        if not own.isdisjoint(level):
+            return None
     return None
+
+
+def _recipes(branch: object) -> Iterator[str]:
+    """Yield the classes whose plans a branch calls: their IRIs and local names."""
+    if isinstance(branch, partial):
+        for part in (branch.func, *branch.args):
+            yield from _recipes(part)
+    elif isinstance(branch, Plan) and branch.iri is not None:
+        yield from (branch.iri, local_name(branch.iri))
 
 
 async def perform(
@@ -272,7 +289,8 @@ async def perform(
     error.
 
     ``otherwise`` runs instead, and gives the result, where no module is registered for the action's class or an
-    ancestor. ``until`` is a goal, as ``achieve`` takes it: if it holds nothing is performed, and the result is None;
+    ancestor; if it is the plan of one of these (``@plan(IRI)``), modules for farther ones do not replace it. ``until``
+    is a goal, as ``achieve`` takes it: if it holds nothing is performed, and the result is None;
     else it holds afterwards, or GoalNotAchieved is raised. ``recoveries`` are tried around all this, as
     ``with_failure_handling`` does.
     """
@@ -288,13 +306,11 @@ async def perform(
 async def _performed(action: Action, name: str | None, once: bool, otherwise: Branch | None) -> Any:
     path_element = name or action.name or local_name(action.type)
     executive = current.get() if otherwise is not None else executive_for("perform")
-    module = None if executive is None else module_for(executive, action)
+    module = None if executive is None else module_for(executive, action, otherwise)
     if executive is None or module is None:
         if otherwise is not None:
-            return await called(otherwise)
-        return await node(
-            "perform", path_element, partial(_fail, ActionUnresolvable(designator=str(action))), action=action
-        )
+            return await _instead(action, path_element, partial(called, otherwise))
+        return await _instead(action, path_element, partial(_fail, ActionUnresolvable(designator=str(action))))
     resources = tuple(module.resources(action))
     pose = held_pose.get()
     if pose is not None and pose.displaced and "base" not in resources:
@@ -305,11 +321,31 @@ async def _performed(action: Action, name: str | None, once: bool, otherwise: Br
     releases = pose is not None and executive.releases(action)
     if pose is not None and releases and (refused := pose.refusal(action, executive)) is not None:
         # a grasp whose object is to be handed over is not opened a second time: better fail than drop it
-        return await node("perform", path_element, partial(_fail, refused), action=action)
+        return await _instead(action, path_element, partial(_fail, refused))
     result = await _Perform(path_element, action, module, resources).execute()
     if pose is not None and releases:
         pose.released(action)
     return result
+
+
+class _Instead(Node):
+    """A step that no module performs."""
+
+    __slots__ = ("action",)
+    action: Action
+
+
+async def _instead(action: Action, name: str, body: Branch) -> Any:
+    """Run a body in the place of a module."""
+    own = _Instead(here()[1].node, "perform", name)
+    own.action = action
+    return await in_node(own, body, **_described(action))
+
+
+def _described(action: Action) -> dict[str, object]:
+    """Return what is recorded of an action: also the classes above its own that the plan states."""
+    stated = [cls for level in stated_levels(action.type) for cls in level][1:]
+    return {"action": action, "classes": stated} if stated else {"action": action}
 
 
 async def _fail(failure: PlanFailure) -> NoReturn:
@@ -329,7 +365,7 @@ class _Perform(Restarting):
             charge("spent", self.base_name, self.scheduler.now - began)
 
     def details(self) -> dict[str, object]:
-        return {"action": self.action}
+        return _described(self.action)
 
 
 asked: ContextVar[Fluent[bool] | None] = ContextVar("asked", default=None)

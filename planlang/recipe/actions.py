@@ -63,10 +63,6 @@ class Actions:
         """Return the primitive that performs the step, if one does."""
         return self.primitives[step.primitive] if step.primitive is not None else None
 
-    def has_primitive_ancestor(self, cls: str) -> bool:
-        """Return True if a process module would perform the class or an ancestor of it."""
-        return any(ancestor in self.primitives for ancestor in self.ontology.ancestors(cls))
-
     def is_base_motion(self, step: Step) -> bool:
         """Return True for a primitive step that depends on BaseMotionCapability and states a destination."""
         if step.primitive is None or not any(isinstance(goal, (Place, Thing)) for goal in step.fillers("toLocation")):

@@ -7,7 +7,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
-from planlang.designators import Action, local_name
+from planlang.action_classes import ancestors_of
+from planlang.designators import Action
 from planlang.kernel import Scheduler, Task
 from planlang.kernel.cancel import break_off
 from planlang.kernel.core import here
@@ -94,7 +95,7 @@ class Injector:
 
 def _called(node: Node, step: str) -> bool:
     action = getattr(node, "action", None)
-    if isinstance(action, Action) and step in (action.type, local_name(action.type)):
+    if isinstance(action, Action) and step in ancestors_of(action.type, lambda cls: (cls,)):
         return True
     open_: Node | None = node
     for wanted in reversed(step.split("/")):

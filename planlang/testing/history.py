@@ -44,7 +44,7 @@ class Step(TaskNode):
 
     def called(self, query: str) -> bool:
         """Return True if a name, ``parent/name``, or class of action means this step; ``#2``: the second."""
-        if self.action is not None and self.action == query:
+        if self.action is not None and query in (self.action, *map(local_name, self.parameters.get("classes", ()))):
             return True
         names = (part for step in self._outward() for part in reversed(step.name.split("/")))
         return all(
@@ -265,9 +265,10 @@ class History:
 
 
 def _stands_for_its_branch(step: Step, query: str) -> bool:
-    """Return True for a plan that is a branch of the same name: it counts once."""
+    """Return True for a plan or an action that is a branch or a state of the same name: it counts once."""
     parent = step.parent
-    return parent is not None and parent.kind == "branch" and step.kind == "plan" and parent.called(query)
+    stands = parent is not None and parent.kind in ("branch", "state") and step.kind in ("plan", "perform")
+    return stands and parent is not None and parent.called(query)
 
 
 def _name(what: What) -> str:

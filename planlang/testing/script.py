@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from planlang.designators import Action, Condition, Location, Object, Posture, local_name
+from planlang.designators import Action, Condition, Location, Object, Posture
 from planlang.testing.faults import Fault, Raises
 
 Base = tuple[float, float, float]
@@ -86,9 +86,9 @@ class Belief:
             known[str(location)] = [(x, 0.0, 0.0), (x + 1, 0.0, 0.0), (x + 2, 0.0, 0.0)]
         return known[str(location)]
 
-    def done(self, action: Action) -> None:
-        """Apply the effect of an action that has succeeded, by its class."""
-        match local_name(action.type):
+    def done(self, action: Action, classes: Sequence[str]) -> None:
+        """Apply the effect of an action that has succeeded, by the nearest of its classes that has one."""
+        match next((cls for cls in classes if cls in EFFECTIVE), None):
             case "Translation-LocationChange":
                 x, y, yaw = (action.get(key) for key in ("x", "y", "yaw"))
                 if isinstance(x, float) and isinstance(y, float) and isinstance(yaw, float):
@@ -113,6 +113,15 @@ class Belief:
 
     def _state(self) -> tuple[object, ...]:
         return tuple(self.holding), repr(self.at), repr(self.facts)
+
+
+EFFECTIVE = frozenset(
+    (
+        *("Translation-LocationChange", "Reaching", "ClosingAGripper", "OpeningAGripper", "GraspingSomething"),
+        *("PickingUpAnObject", "PuttingDownAnObject", "HandingOverAnObject"),
+    )
+)
+"""The classes of actions whose effects :meth:`Belief.done` knows."""
 
 
 def _name(filler: object) -> str | None:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from planlang.action_classes import ancestors_of
 from planlang.designators import Action, Condition, Location, action, local_name
 from planlang.failures import LocationUnresolvable, PlanFailure
 from planlang.kernel import now, sleep
@@ -40,11 +41,13 @@ class ScriptedModule:
     failures: Sequence[type[Exception]] = (PlanFailure,)
 
     def resources(self, action: Action) -> tuple[str, ...]:
-        """Return the base, the head, or the device of the action."""
-        if self.name in ("arm", "gripper", "handover"):
+        """Return the base, the head, or the device of the action: what the ordinary module for it needs."""
+        above = self.executive.ancestors(action.type)
+        ordinary = next((name for cls in above for name, classes in ORDINARY.items() if cls in classes), self.name)
+        if ordinary in ("arm", "gripper", "handover"):
             device = action.get("device_used")
             return (str(device) if device is not None else "arm",)
-        return NEEDS.get(self.name, ())
+        return NEEDS.get(ordinary, ())
 
     async def execute(self, action: Action) -> Any:
         """Wait, change the belief, and return or raise what the script wants."""
@@ -54,7 +57,7 @@ class ScriptedModule:
         await sleep(seconds)
         result = None
         if rule is None or rule.fails is None:
-            executive.belief.done(action)
+            executive.belief.done(action, executive.ancestors(action.type))
         if rule is not None and rule.does is not None:
             result = rule.does(executive.belief, action)
             if inspect.isawaitable(result):
@@ -78,10 +81,11 @@ class ScriptedExecutive:
         self._write: Callable[[str, Mapping[str, Any]], None] | None = None
         self._reported = self.belief.revision
         known = {cls for classes in ORDINARY.values() for cls in classes}
-        others = dict.fromkeys([*script.classes, *(rule.step for rule in script.rules)])
+        ruled = dict.fromkeys(rule.step for rule in script.rules if rule.step not in script.classes)
         self.modules: Sequence[ScriptedModule] = [
             *(ScriptedModule(name, classes, self) for name, classes in ORDINARY.items()),
-            *(ScriptedModule(cls, (cls,), self) for cls in others if cls not in known),
+            *(ScriptedModule(cls, (cls,), self) for cls in dict.fromkeys(script.classes) if cls not in known),
+            *(ScriptedModule(f"rule of {cls}", (cls,), self) for cls in ruled if cls not in known),
         ]
 
     @property
@@ -109,9 +113,12 @@ class ScriptedExecutive:
             self._write("belief", {"revision": self._reported, "holding": belief.holding, "at": belief.at})
 
     def ancestors(self, action_type: str) -> Sequence[str]:
-        """Return the class, its local name, and its superclasses in the script."""
-        short = local_name(action_type)
-        return tuple(dict.fromkeys((action_type, short, *self.script.ancestors.get(short, ()))))
+        """Return the class, its local name, and its superclasses in the plan and in the script."""
+        return ancestors_of(action_type, self._in_script)
+
+    def _in_script(self, cls: str) -> Sequence[str]:
+        short = local_name(cls)
+        return tuple(dict.fromkeys((cls, short, *self.script.ancestors.get(short, ()))))
 
     def revision(self) -> int:
         """Return how often the belief has changed."""

@@ -102,7 +102,7 @@ def test_the_trace_tells_what_was_learnt_and_held(served: tuple[RunResult, Path,
 
 def test_progress_tells_people_what_is_done_in_order(served: tuple[RunResult, Path, list[str]]) -> None:
     text = "\n".join(served[2])
-    order = ["LookingForSomething", "ClosingAGripper", "bottle1 grasped", "HandingOverAnObject", "bottle1 released"]
+    order = ["LookingForSomething", "CloseGripper", "bottle1 grasped", "HandOverBottle", "bottle1 released"]
     places = [text.index(word) for word in order]
     assert places == sorted(places)
     assert all(re.match(r" *\d+\.\d\d s  ", line) for line in served[2])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -29,6 +30,8 @@ TOP = a_feature("PLANE", of=PAN, position=(0.0, 0.0, 0.02), direction=(0.0, 0.0,
 BLADE = a_feature("LINE", of=SPATULA, position=(0.0, 0.0, 0.0475), direction=(0.0, 1.0, 0.0))
 CENTRE = a_feature("POINT", of=PAN, position=(0.0, 0.0, 0.0))
 DESCRIBED = a_feature(of=SPATULA, path=("SpatulaBlade", "FrontSide"), held_by=a_device("LeftArm"))
+
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "constraints.md"
 
 limits = st.none() | st.floats(-3, 3)
 features = st.sampled_from([TOP, BLADE, DESCRIBED])
@@ -78,6 +81,14 @@ def test_the_table_knows_the_classes_of_knowrob() -> None:
     assert len({one.value.owl for one in ConstraintKind}) == len(ConstraintKind) == 10
     offsets = [one.value.axis for one in ConstraintKind if one.value.measure is Measure.OFFSET]
     assert len(set(offsets)) == 6
+
+
+def test_the_page_shows_the_table_and_code_that_runs() -> None:
+    page = PAGE.read_text(encoding="utf-8")
+    exec(page.split("```python\n")[1].split("```")[0], {})
+    for kind in ConstraintKind:
+        row, formula = kind.value, kind.value.formula.replace("|", "\\|")
+        assert f"| `{kind.name}` | {row.owl} | {formula} | {row.unit + ' ' if row.unit else ''}|\n" in page
 
 
 def test_limits_that_cannot_matter_bind_nothing() -> None:

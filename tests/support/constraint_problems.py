@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 from constraint_evaluation import Matrix, beyond, value_of
@@ -109,39 +110,45 @@ def _pose(rng: np.random.Generator, spread: float) -> Matrix:
     return at(*rng.normal(0.0, spread, 3).tolist(), turn(tuple(axis.tolist()), rng.uniform(0, np.pi)))
 
 
-def _feature(rng: np.random.Generator, of: Object, kind: ConstraintKind, directed: bool) -> Feature:
+def _feature(rng: np.random.Generator, of: Object, directed: bool) -> Feature:
     position, direction = rng.normal(0.0, 0.08, 3).tolist(), rng.normal(size=3).tolist()
     if not directed and rng.random() < 0.3:
         return a_feature("POINT", of=of, position=position)
     return a_feature(str(rng.choice(["LINE", "PLANE"])), of=of, position=position, direction=direction)
 
 
+def _around(arms: Arms, problem: MotionProblem, rng: np.random.Generator, rows: Matrix) -> MotionConstraint:
+    """A random constraint that holds at configurations (m, n)."""
+    kind = list(ConstraintKind)[int(rng.integers(len(ConstraintKind)))]
+    of_tool, of_thing = (
+        list(those)[int(rng.integers(len(those)))] for those in (problem.where.tools, problem.where.things)
+    )
+    tool = _feature(rng, of_tool, kind.value.tool_direction)
+    world = _feature(rng, of_thing, kind.value.world_direction)
+    frame = str(rng.choice(["map", "turned"]))
+    values = [arms.value(problem, a_constraint(kind, tool, world, frame=frame), q) for q in rows]
+    below, above = (rng.choice(WIDTHS, 2) * rng.random(2)).tolist()
+    return a_constraint(kind, tool, world, frame=frame, lower=min(values) - below, upper=max(values) + above)
+
+
 def random_problem(
     arms: Arms, seed: int, *, most_phases: int = 3
 ) -> tuple[MotionProblem, Matrix, list[list[MotionConstraint]]]:
-    """A problem, where it starts, and phases that are feasible: limits lie around values at a random configuration.
+    """A problem, where it starts, and phases that are feasible: constraints hold at a random configuration of each.
 
-    A phase takes over some constraints of the one before, if they hold at its own configuration, too.
+    Some are asked for in two phases; these hold on the whole straight way between the two configurations.
     """
     rng = np.random.default_rng(seed)
     group, count = arms.group, len(arms.group.chains)
     tools = {an_object(f"Tool{arm}"): (arm, _pose(rng, 0.1)) for arm in range(count)}
     things = {an_object(f"Thing{k}"): _pose(rng, 0.6) for k in range(2)}
     problem = arms.problem(tools, things)
-    start, phases = rng.uniform(group.lower, group.upper), list[list[MotionConstraint]]()
-    for _ in range(int(rng.integers(1, most_phases + 1))):
-        q = rng.uniform(group.lower, group.upper)
-        phase = []
-        for _ in range(int(rng.integers(1, 3 + 3 * count))):
-            kind = list(ConstraintKind)[int(rng.integers(len(ConstraintKind)))]
-            of_tool, of_thing = (list(those)[int(rng.integers(len(those)))] for those in (tools, things))
-            tool = _feature(rng, of_tool, kind, kind.value.tool_direction)
-            world = _feature(rng, of_thing, kind, kind.value.world_direction)
-            frame = str(rng.choice(["map", "turned"]))
-            value = arms.value(problem, a_constraint(kind, tool, world, frame=frame), q)
-            below, above = rng.choice(WIDTHS, 2) * rng.random(2)
-            phase.append(
-                a_constraint(kind, tool, world, frame=frame, lower=float(value - below), upper=float(value + above))
-            )
-        phases.append(phase)
+    start = rng.uniform(group.lower, group.upper)
+    ends = rng.uniform(group.lower, group.upper, (int(rng.integers(1, most_phases + 1)), group.dof))
+    phases = [[_around(arms, problem, rng, q[None]) for _ in range(int(rng.integers(1, 3 + 3 * count)))] for q in ends]
+    for number, (one, other) in enumerate(pairwise(ends)):
+        if rng.random() < 0.5:
+            both = _around(arms, problem, rng, one + np.linspace(0.0, 1.0, 24)[:, None] * (other - one))
+            phases[number].append(both)
+            phases[number + 1].append(both)
     return problem, start, phases

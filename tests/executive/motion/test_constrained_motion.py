@@ -45,7 +45,7 @@ def test_functions_and_gradients_are_those_of_plain_formulas(name: str, count: i
 
 @pytest.mark.parametrize(("name", "count"), ROBOTS)
 def test_random_feasible_problems_are_solved_without_a_violation(name: str, count: int) -> None:
-    # 200 of them: python -m tests.benchmarks.constraints
+    # 200 of them: python tests/benchmarks/constraints.py
     robot = arms(name, count)
     for seed in range(100, 106):
         problem, start, phases = random_problem(robot, seed)

@@ -21,6 +21,11 @@ class Happening:
         return Happening(self.steps + later.steps, self.before | later.before | across)
 
 
+def _last(text: ast.expr) -> ast.expr:
+    """The local name in ``RECIPE + "StirSoup"``."""
+    return text.right if isinstance(text, ast.BinOp) else text
+
+
 class PlanReader:
     """Interprets the constructs that compiled plans are made of.
 
@@ -29,7 +34,14 @@ class PlanReader:
 
     def __init__(self, source: str, *, calls_are_steps: bool = False) -> None:
         self.calls_are_steps = calls_are_steps
-        self.functions = {node.name: node for node in ast.parse(source).body if isinstance(node, ast.AsyncFunctionDef)}
+        module = ast.parse(source)
+        self.functions = {node.name: node for node in module.body if isinstance(node, ast.AsyncFunctionDef)}
+        self.classes = {
+            ast.unparse(node.targets[0]): ast.literal_eval(_last(node.value.args[0]))
+            for node in module.body
+            if isinstance(node, ast.Assign) and isinstance(node.value, ast.Call)
+            if ast.unparse(node.value.func) == "action_class"
+        }
 
     def orders(self, name: str) -> Happening:
         """What a plan function does, with the functions that it calls."""
@@ -74,7 +86,7 @@ class PlanReader:
             return Happening([ast.unparse(arguments[-1] if arguments else function)])
         match function.id:
             case "perform":
-                return Happening([str(ast.literal_eval(given["name"])) if "name" in given else str(name)])
+                return Happening([self._named(arguments[0], given)])
             case "achieve":
                 return self._branch(arguments[1], scope)
             case "with_failure_handling":
@@ -85,7 +97,8 @@ class PlanReader:
                 assert isinstance(place.func, ast.Name)
                 return Happening([f"at {place.func.id}"]).then(self._branch(arguments[1], scope))
             case "par":
-                return self._side_by_side({k.arg: self._branch(k.value, scope, k.arg) for k in keywords}, [])
+                named = {str(k.arg): self._branch(k.value, scope, k.arg) for k in keywords}
+                return self._side_by_side(named, [])
             case "partial_order":
                 steps, pairs = arguments
                 assert isinstance(steps, ast.Dict)
@@ -95,8 +108,16 @@ class PlanReader:
             case called:
                 return self._body((scope.get(called) or self.functions[called]).body, scope if called in scope else {})
 
+    def _named(self, described: ast.expr, given: dict[str | None, ast.expr]) -> str:
+        """The name of a step: its own, or else its class's."""
+        if "name" in given:
+            return str(ast.literal_eval(given["name"]))
+        assert isinstance(described, ast.Call)
+        cls = described.args[0]
+        return str(self.classes[cls.id] if isinstance(cls, ast.Name) else ast.literal_eval(_last(cls)))
+
     @staticmethod
-    def _side_by_side(branches: dict[str | None, Happening], pairs: list[tuple[str, str]]) -> Happening:
+    def _side_by_side(branches: dict[str, Happening], pairs: list[tuple[str, str]]) -> Happening:
         steps = [step for branch in branches.values() for step in branch.steps]
         before = {pair for branch in branches.values() for pair in branch.before}
         before |= {(a, b) for first, second in pairs for a in branches[first].steps for b in branches[second].steps}

@@ -94,8 +94,7 @@ def test_without_scopes_a_base_motion_is_a_step_like_any_other(compiled: Any) ->
         scopes=False,
     )
     assert "at_location" not in plan.source
-    drive = "perform(action('Translation-LocationChange', to_location=there(bottle)), name='Drive')"
-    assert drive in unbroken(plan.source)
+    assert "perform(action(DRIVE, to_location=there(bottle)))" in unbroken(plan.source)
 
 
 def test_base_motion_that_nothing_follows_opens_no_scope(compiled: Any) -> None:
@@ -194,17 +193,16 @@ def test_device_of_a_recipe_is_that_of_its_steps_and_of_recipes_below(compiled: 
         task("Grasp", "Close", above="k:PurposefulAction"),
         step("Close", "k:ClosingAGripper"),
     )
-    assert 'action("ClosingAGripper", device_used=GRIPPER)' in plan.source
+    assert "action(CLOSE, device_used=GRIPPER)" in plan.source
 
 
-def test_recipe_nearer_than_a_primitive_is_called_directly(compiled: Any) -> None:
+def test_recipe_nearer_than_a_primitive_is_called(compiled: Any) -> None:
     plan = compiled(
         task("Serve", "CarefulReach"),
         task("CarefulReach", "Look", above="k:Reaching"),
         step("Look", "k:LookingForSomething"),
     )
-    assert "await careful_reach()" in body(plan, "serve")
-    assert "otherwise=" not in plan.source
+    assert "await perform(action(CAREFUL_REACH), otherwise=careful_reach)" in body(plan, "serve")
 
 
 def test_primitive_nearer_than_a_recipe_is_performed(compiled: Any) -> None:
@@ -215,7 +213,7 @@ def test_primitive_nearer_than_a_recipe_is_performed(compiled: Any) -> None:
         step("Look", "k:LookingForSomething"),
         task="Serve",
     )
-    assert 'action("Reaching", to_location=grasp_pose(bottle))' in plan.source
+    assert "action(REACH, to_location=grasp_pose(bottle))" in plan.source
 
 
 def test_recipes_of_two_superclasses_are_tried_in_order(compiled: Any) -> None:
@@ -234,7 +232,7 @@ def test_recipes_of_two_superclasses_are_tried_in_order(compiled: Any) -> None:
 def test_task_without_steps_of_its_own_takes_those_of_its_superclass(compiled: Any) -> None:
     plan = compiled(step("Mine", "Serve"), task("Serve", "Look"), step("Look", "k:LookingForSomething"), task="Mine")
     assert plan.functions == ("mine",)
-    assert 'name="Look"' in plan.source
+    assert "await perform(action(LOOK))" in plan.source
 
 
 def test_recovery_stated_in_the_recipe_replaces_the_inherited_one(compiled: Any) -> None:
@@ -270,7 +268,7 @@ def test_number_of_places_that_a_scope_tries_is_that_of_the_recipe(compiled: Any
         f"    Facts: k:recoversAction Drive, k:strategy k:NextSolution, k:attempts {stated}"
         + "".join(f", k:recoversFailure k:{failure}" for failure in failures.split()),
     )
-    assert f"attempts={written})" in body(plan, "serve")
+    assert f"attempts={written}, by=DRIVE)" in body(plan, "serve")
 
 
 def test_task_that_is_run_by_itself_has_its_own_recoveries(compiled: Any) -> None:
@@ -303,7 +301,9 @@ def test_steps_between_a_grasp_and_the_release_go_back_to_the_grasp_when_the_thi
     assert "async def fetch_bottle() -> None:" in text
     assert text.count("Recovery(ObjectLost, fetch_again(bottle), attempts=2") == 1, "around the grasp itself"
     assert text.count("Recovery(ObjectLost, fetch_again(bottle, fetch_bottle), attempts=2") == 2
-    assert "ObjectLost" not in text[text.index("name='Give'") :].partition("otherwise=ObjectUnfetchable")[2], "let go"
+    assert "ObjectLost" not in text[text.index("perform(action(GIVE") :].partition("otherwise=ObjectUnfetchable")[2], (
+        "let go"
+    )
 
 
 def test_letting_go_of_another_thing_leaves_the_first_one_watched(compiled: Any) -> None:
@@ -372,7 +372,7 @@ def test_properties_named_like_words_of_python_get_a_number(compiled: Any) -> No
         "DataProperty: class\nDataProperty: name",
         step("Look", "k:LookingForSomething", 'class value "first"', 'name value "second"'),
     )
-    assert 'action("LookingForSomething", class_2="first", name_2="second")' in plan.source
+    assert 'action(LOOK, class_2="first", name_2="second")' in plan.source
 
 
 def test_labels_cannot_break_out_of_docstrings(compiled: Any) -> None:
@@ -402,14 +402,16 @@ def test_all_errors_come_in_one_run(compiled: Any) -> None:
 def test_a_step_with_a_recipe_that_is_just_some_action_is_told_by_its_own_class(compiled: Any) -> None:
     text = task("T", "Part") + step("Part", "k:PurposefulAction", "k:subAction some Look")
     plan = compiled(text + step("Look", "k:Perceiving"))
-    assert 'await perform(action(RECIPE + "Part"), otherwise=part)' in plan.source
+    assert 'PART = action_class(RECIPE + "Part", below="PurposefulAction")' in plan.source
+    assert "await perform(action(PART), otherwise=part)" in plan.source
 
 
-def test_a_step_with_a_recipe_of_no_class_of_its_own_is_called(compiled: Any) -> None:
+def test_an_individual_with_a_recipe_of_its_own_is_a_class_to_the_plan(compiled: Any) -> None:
     frames = [("T", "k:Action", "part"), ("part", "k:Action", "look")]
     text = "".join(
         f"\nIndividual: {name}\n    Types: {cls}\n    Facts: k:subAction {sub}\n" for name, cls, sub in frames
     )
     plan = compiled(text + "\nIndividual: look\n    Types: k:Perceiving\n", task="T")
-    assert "await part()" in plan.source
-    assert "otherwise=" not in plan.source
+    assert 'PART = action_class(RECIPE + "part", below="Action")' in plan.source
+    assert "await perform(action(PART), otherwise=part)" in plan.source
+    assert 'await perform(action("Perceiving"), name="look")' in plan.source

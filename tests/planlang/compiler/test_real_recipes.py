@@ -62,7 +62,7 @@ def test_hydro_recipe_grasps_in_six_steps_at_one_place_and_hands_over_at_another
 
 
 def test_hydro_recipe_gets_its_exchanged_fillers_the_right_way_round(hydro: CompiledPlan) -> None:
-    grasp = "action('GraspingSomething', object_acted_on=bottle, device_used=ROBOT_RIGHT_GRIPPER)"
+    grasp = "action(GRASP_OBJECT_WITH_RIGHT_GRIPPER, object_acted_on=bottle, device_used=ROBOT_RIGHT_GRIPPER)"
     assert grasp in unbroken(hydro.source)
     assert ("R030", 308) in codes(hydro.diagnostics, Severity.NOTE)
 
@@ -77,14 +77,14 @@ def test_tool_that_is_no_physical_device_stays_the_tool(corpus: Path) -> None:
 def test_place_without_relations_is_a_posture(hydro: CompiledPlan) -> None:
     source = unbroken(hydro.source)
     assert "PARKINGPOSE = a_posture('parkingpose')" in source
-    assert "action('Reaching', to_location=PARKINGPOSE, device_used=ROBOT_RIGHT_GRIPPER)" in source
+    assert "action(REACH_TO_PARKING_POSE, to_location=PARKINGPOSE, device_used=ROBOT_RIGHT_GRIPPER)" in source
 
 
 def test_step_outside_a_recipe_with_a_device_gets_none(hydro: CompiledPlan) -> None:
     source = unbroken(hydro.source)
-    assert "perform(action('Reaching', to_location=hand_pose_handover(bed)), name='HandoverObject')" in source
-    for name in ("OpenGripperForGrasping", "OpenGripperForHandover"):
-        assert f"perform(action('OpeningAGripper', device_used=ROBOT_RIGHT_GRIPPER), name='{name}')" in source
+    assert "perform(action(HANDOVER_OBJECT, to_location=hand_pose_handover(bed)))" in source
+    for name in ("OPEN_GRIPPER_FOR_GRASPING", "OPEN_GRIPPER_FOR_HANDOVER"):
+        assert f"perform(action({name}, device_used=ROBOT_RIGHT_GRIPPER))" in source
 
 
 def test_cabinet_that_no_step_uses_is_left_out(hydro: CompiledPlan) -> None:
@@ -181,7 +181,7 @@ def test_plans_of_real_recipes_are_formatted_linted_and_typed(corpus: Path, tmp_
         assert not any("http://" in line for line in source.splitlines() if line.startswith("    "))
         # what ruff calls E501, but for one parameter or argument with a long name: no formatter breaks that
         long = [line for line in source.splitlines() if len(line) > WIDTH]
-        assert [line for line in long if not re.fullmatch(r" {4,}\w+(: \w+ = |=)\w+,", line)] == []
+        assert [line for line in long if not re.fullmatch(r" +(\w+: \w+ = |\w+=|\"[^\"]+\": )\w+,", line)] == []
         (tmp_path / f"plan{number}.py").write_text(source, encoding="utf-8")
     for arguments in (
         ["ruff", "format", "--diff", "--isolated"],
@@ -305,7 +305,7 @@ def test_a_scope_is_where_an_earlier_step_has_found_the_place(tmp_path: Path) ->
 
 
 def test_what_a_step_checks_is_told_to_its_module(search: CompiledPlan) -> None:
-    assert 'action("Perceiving", object_acted_on=bottle)' in search.source
+    assert "action(CHECK_IF_FOUND, object_acted_on=bottle)" in search.source
     assert "checks: VisualPerception (detectedObject: any Bottle)" in svg(task_graph(search.recipes, search.added))
     assert "find_bottle(*, bottle: Object = BOTTLE)" in search.source
 

@@ -158,7 +158,8 @@ def performed(serve: Callable[[], Awaitable[Any]], schedule: int | None) -> list
     trace = Trace()
     run(serve, host=VirtualHost(), executive=Robot(), schedule=schedule, trace=trace)
     paths = [str(record["path"]) for record in with_paths(trace.events) if record["event"] == "request"]
-    return [next(part for part in path.split("/") if part.startswith(("grasp", "wipe", "look"))) for path in paths]
+    names = (path.lower().split("/") for path in paths)
+    return [next(part for part in path if part.startswith(("grasp", "wipe", "look"))) for path in names]
 
 
 def runs(names: list[str]) -> list[str]:

@@ -228,6 +228,8 @@ OUTSIDE: list[Case] = [
     ("a_location not_", lambda x: a_location(near=CUP, not_=x), {"list"}),
     ("a_location not_ one", lambda x: a_location(near=CUP, not_=[x]), set()),
     ("action", action, TEXT),
+    ("action_class", lambda x: action_class(x, below="Reaching"), TEXT),
+    ("action_class below", lambda x: action_class("Sweeping", below=x), TEXT),
     ("action name", lambda x: action("Reaching", name=x), TEXT | OPTIONAL),
     ("action filler", lambda x: action("Reaching", of=x), FILLERS),
     ("Action properties", lambda x: Action("Reaching", x), set()),

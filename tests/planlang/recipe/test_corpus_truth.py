@@ -438,7 +438,7 @@ def test_pick_up_carry_put_down_in_any_order_of_triples(statements: list[Triple]
         f'await perform(action("PickingUpAnObject", object_acted_on={thing}),'
         f" otherwise=partial(picking_up_an_object, picking_up_an_object_object_acted_on={thing}),"
         f" until=holding({thing}))",
-        'await perform(action("CarryingWhileLocomoting"), name="CarryingWhileLocomoting", once=True)',
+        'await perform(action("CarryingWhileLocomoting"), once=True)',
         'await perform(action("PuttingDownAnObject"), otherwise=putting_down_an_object)',
     ]
 

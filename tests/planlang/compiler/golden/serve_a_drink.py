@@ -4,7 +4,7 @@ Compiled by planlang 0.1.0 from serve_a_drink.omn
 (sha256 7b3a485023f303a13a87e153027044e51f9bb691197ef8d6ac64a6b13fde1f16), task
 ServeADrink.
 What follows has sha256
-77562c07cfc4eb8b68f0bedb4fe69c34f76fa6ef7cee0186541a6a5ea7ec58fa unless
+8a6e24d946351079220c1740613c56fa24777bab0966074b125c3be9fe136239 unless
 somebody has edited it.
 """
 
@@ -20,6 +20,7 @@ from planlang import (
     a_person,
     a_posture,
     action,
+    action_class,
     an_object,
     at_location,
     fetch_again,
@@ -39,6 +40,22 @@ from planlang.failures import (
 
 RECIPE = "http://planlang.org/kb/serve_a_drink.owl#"
 HOSPITAL_ROOM = "http://planlang.org/kb/hospital_room.owl#"
+
+MOVE_BASE_TO_GRASP_POSE = action_class(
+    RECIPE + "MoveBaseToGraspPose", below="Translation-LocationChange"
+)
+GRASP_BOTTLE = action_class(RECIPE + "GraspBottle", below="GraspingSomething")
+MOVE_BASE_TO_HANDOVER_POSE = action_class(
+    RECIPE + "MoveBaseToHandoverPose", below="Translation-LocationChange"
+)
+REACH_TO_HANDOVER_POSE = action_class(RECIPE + "ReachToHandoverPose", below="Reaching")
+HAND_OVER_BOTTLE = action_class(RECIPE + "HandOverBottle", below="HandingOverAnObject")
+APPROACH_BOTTLE = action_class(RECIPE + "ApproachBottle", below="Reaching")
+OPEN_GRIPPER = action_class(RECIPE + "OpenGripper", below="OpeningAGripper")
+REACH_FOR_BOTTLE = action_class(RECIPE + "ReachForBottle", below="Reaching")
+CLOSE_GRIPPER = action_class(RECIPE + "CloseGripper", below="ClosingAGripper")
+LIFT_BOTTLE = action_class(RECIPE + "LiftBottle", below="Reaching")
+PARK_ARM = action_class(RECIPE + "ParkArm", below="Reaching")
 
 BOTTLE = an_object("DrinkingBottle", HOSPITAL_ROOM + "bottle1")
 PATIENT = a_person("Patient", HOSPITAL_ROOM + "patient1")
@@ -75,24 +92,19 @@ def handover_pose(patient: Person) -> Location:
 async def grasp_bottle(*, bottle: Object = BOTTLE) -> None:
     """Grasp a bottle."""
     await perform(
-        action("Reaching", to_location=approach_pose(bottle), device_used=GRIPPER),
-        name="ApproachBottle",
+        action(APPROACH_BOTTLE, to_location=approach_pose(bottle), device_used=GRIPPER)
     )
-    await perform(action("OpeningAGripper", device_used=GRIPPER), name="OpenGripper")
+    await perform(action(OPEN_GRIPPER, device_used=GRIPPER))
     await perform(
-        action("Reaching", to_location=grasp_pose(bottle), device_used=GRIPPER),
-        name="ReachForBottle",
+        action(REACH_FOR_BOTTLE, to_location=grasp_pose(bottle), device_used=GRIPPER)
     )
-    await perform(action("ClosingAGripper", device_used=GRIPPER), name="CloseGripper")
+    await perform(action(CLOSE_GRIPPER, device_used=GRIPPER))
     # lift the bottle to where the hand came from
     await perform(
-        action("Reaching", to_location=approach_pose(bottle), device_used=GRIPPER),
-        name="LiftBottle",
+        action(LIFT_BOTTLE, to_location=approach_pose(bottle), device_used=GRIPPER)
     )
     # bring the bottle close to the robot
-    await perform(
-        action("Reaching", to_location=CARRYING, device_used=GRIPPER), name="ParkArm"
-    )
+    await perform(action(PARK_ARM, to_location=CARRYING, device_used=GRIPPER))
 
 
 @plan(RECIPE + "ServeADrink")
@@ -103,9 +115,7 @@ async def serve_a_drink(*, bottle: Object = BOTTLE, patient: Person = PATIENT) -
         # drive to where the bottle is in reach
         async def at_grasping_place() -> None:
             await perform(
-                action(
-                    "GraspingSomething", object_acted_on=bottle, device_used=GRIPPER
-                ),
+                action(GRASP_BOTTLE, object_acted_on=bottle, device_used=GRIPPER),
                 otherwise=partial(grasp_bottle, bottle=bottle),
                 until=holding(bottle),
                 recoveries=[
@@ -123,6 +133,7 @@ async def serve_a_drink(*, bottle: Object = BOTTLE, patient: Person = PATIENT) -
             at_grasping_place,
             attempts=5,
             reaching=(approach_pose(bottle), grasp_pose(bottle)),
+            by=MOVE_BASE_TO_GRASP_POSE,
             recoveries=[
                 Recovery(
                     ObjectNotFound,
@@ -145,18 +156,20 @@ async def serve_a_drink(*, bottle: Object = BOTTLE, patient: Person = PATIENT) -
     async def at_handover_place() -> None:
         # offer the bottle to the patient
         await perform(
-            action("Reaching", to_location=handover_pose(patient), device_used=GRIPPER),
-            name="ReachToHandoverPose",
+            action(
+                REACH_TO_HANDOVER_POSE,
+                to_location=handover_pose(patient),
+                device_used=GRIPPER,
+            ),
         )
         # let go of the bottle when the patient has taken it
         await perform(
             action(
-                "HandingOverAnObject",
+                HAND_OVER_BOTTLE,
                 object_acted_on=bottle,
                 recipient=patient,
                 device_used=GRIPPER,
             ),
-            name="HandOverBottle",
         )
 
     await at_location(
@@ -164,6 +177,7 @@ async def serve_a_drink(*, bottle: Object = BOTTLE, patient: Person = PATIENT) -
         at_handover_place,
         attempts=5,
         reaching=(handover_pose(patient),),
+        by=MOVE_BASE_TO_HANDOVER_POSE,
         recoveries=[
             Recovery(
                 ObjectNotFound,

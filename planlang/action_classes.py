@@ -1,0 +1,81 @@
+"""Classes of actions that a plan states itself, as the vocabulary does not know them, and what is above a class."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from itertools import zip_longest
+
+from planlang.designators import local_name
+from planlang.misuse import Usage
+
+_ACTION_CLASS = Usage("action_class", {"iri": '"http://example.org/soup#StirSoup"'}, {"below": '"Stirring"'})
+
+
+class ActionClass(str):
+    """The IRI of a class of actions, or its bare name, with the classes directly above it; see :func:`action_class`."""
+
+    __slots__ = ("below",)
+    below: tuple[str, ...]
+
+
+def action_class(iri: str, *, below: str | Iterable[str]) -> ActionClass:
+    """State a class of actions: ``STIR_SOUP = action_class(RECIPE + "StirSoup", below="Stirring")``.
+
+    ``below`` are its superclasses, the most telling first: names of the vocabulary, or classes stated like this. A
+    process module for the class or for one above it performs ``action(STIR_SOUP)``; the nearest is chosen.
+    """
+    _ACTION_CLASS.text("iri", iri)
+    if not isinstance(below, str):
+        _ACTION_CLASS.iterable("below", below, "classes of actions")
+    above = (below,) if isinstance(below, str) else tuple(below)
+    if not above:
+        raise _ACTION_CLASS.wrong("below", below, "the class above it, or several")
+    for one in above:
+        _ACTION_CLASS.text("below", one)
+    stated = ActionClass(iri)
+    stated.below = above
+    return stated
+
+
+Known = Callable[[str], Sequence[str]]
+"""Returns a class of the vocabulary itself, then what is above it, nearest first."""
+
+
+def stated_levels(cls: str) -> Iterator[tuple[str, ...]]:
+    """Yield a class, then what the plan states directly above it, and so on, each class once."""
+    seen: set[str] = set()
+    level: tuple[str, ...] = (cls,)
+    while level:
+        seen.update(level)
+        yield level
+        above = (up for one in level if isinstance(one, ActionClass) for up in one.below)
+        level = tuple(dict.fromkeys(up for up in above if up not in seen))
+
+
+def nearest_unstated(cls: str) -> tuple[str, ...]:
+    """Return the class, or the classes nearest above it, of which the plan states no superclasses."""
+    return tuple(one for level in stated_levels(cls) for one in level if not isinstance(one, ActionClass))
+
+
+def levels_above(cls: str, known: Known) -> Iterator[tuple[str, ...]]:
+    """Yield a class, then what is directly above it, and so on; ``known`` tells what the plan does not state.
+
+    What is above classes of the vocabulary comes after all that is stated, one by one, as ``known`` gives no distances.
+    Beside the IRI of a class stands its local name, unless that means another class of the vocabulary.
+    """
+    seen: set[str] = set()
+    for level in stated_levels(cls):
+        short = [(one, local_name(one)) for one in level]
+        names = (*level, *(name for one, name in short if name != one and len(known(name)) < 2))
+        seen.update(names)
+        yield names
+    for row in zip_longest(*map(known, nearest_unstated(cls))):
+        for one in row:
+            if one is not None and one not in seen:
+                seen.add(one)
+                yield (one,)
+
+
+def ancestors_of(cls: str, known: Known) -> tuple[str, ...]:
+    """Return a class itself, then what is above it, nearest first."""
+    return tuple(one for level in levels_above(cls, known) for one in level)
