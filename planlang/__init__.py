@@ -88,14 +88,14 @@ from planlang.language.recovery import (
     retry,
     with_failure_handling,
 )
-from planlang.language.recovery_strategies import (
+from planlang.language.running import run
+from planlang.recoveries import (
     fetch_again,
     ignore,
     look_and_repeat,
     look_from_another_place,
     recovery_strategy,
 )
-from planlang.language.running import run
 from planlang.runs import Trace
 
 __all__ = [

@@ -65,8 +65,7 @@ def levels_above(cls: str, known: Known) -> Iterator[tuple[str, ...]]:
     """
     seen: set[str] = set()
     for level in stated_levels(cls):
-        short = [(one, local_name(one)) for one in level]
-        names = (*level, *(name for one, name in short if name != one and len(known(name)) < 2))
+        names = tuple(name for one in level for name in _names(one, known))
         seen.update(names)
         yield names
     for row in zip_longest(*map(known, nearest_unstated(cls))):
@@ -74,6 +73,12 @@ def levels_above(cls: str, known: Known) -> Iterator[tuple[str, ...]]:
             if one is not None and one not in seen:
                 seen.add(one)
                 yield (one,)
+
+
+def _names(cls: str, known: Known) -> tuple[str, ...]:
+    """Return the IRI of a class and, if that means nothing else, its local name."""
+    short = local_name(cls)
+    return (cls, short) if short != cls and len(known(short)) < 2 else (cls,)
 
 
 def ancestors_of(cls: str, known: Known) -> tuple[str, ...]:

@@ -262,7 +262,7 @@ CODES: dict[str, str] = {
     "B013": "meshes of the URDF are not there or cannot be read; simple shapes stand in for them",
     "B014": "the URDF is in a package that is not installed",
     "B015": "no link of the URDF has a shape for contacts; those for looks are used, if there are any",
-    "B016": "the file is a URDF; a robot also needs a self-model or a robot file",
+    "B016": "something is missing in a robot that is made from its URDF alone",
     # P: phrases
     "P001": "a phrase has a relation that is not known",
     "P002": "a phrase names a thing, a class or an arm that is not known",

@@ -5,10 +5,9 @@ chunk (PNG) or a comment (SVG, DOT, Mermaid). A file with a mark may be replaced
 
 The header of a plan is its first docstring: what it was compiled from and how, and a digest that tells edits::
 
-    Compiled by planlang 0.1.0 from serve_a_drink.omn
-    (sha256 7b3a...), task ServeADrink.
+    Compiled by planlang 0.1.0 from serve_a_drink.omn (sha256 7b3a...), task ServeADrink.
     Compiled with --no-scopes.
-    What follows has sha256 91c0... unless somebody has edited it.
+    What follows has sha256 91c0... unless it was edited.
 
 The digest is that of everything after the docstring, lines ended by a line feed, whatever ends them in the file.
 """
@@ -200,6 +199,9 @@ def _umask() -> int:
 LONGEST = 10_000
 """Characters at the start of a plan among which its header is looked for."""
 
+DIGITS = 16
+"""Digits of the recipe's digest that a plan states: enough to tell that the recipe has changed."""
+
 NO_SCOPES, NO_DATA_FLOW = "--no-scopes", "--no-dataflow"
 
 _HEADER = re.compile(
@@ -245,12 +247,10 @@ class PlanHeader:
 
     def paragraphs(self) -> list[str]:
         """Return the header as lines of the docstring."""
-        lines = [
-            f"Compiled by planlang {self.version} from {self.recipe}",
-            f"(sha256 {self.sha256}), task {self.task}.",
-        ]
+        origin = f"{self.recipe} (sha256 {self.sha256[:DIGITS]})"
+        lines = [f"Compiled by planlang {self.version} from {origin}, task {self.task}."]
         lines += [f"Compiled with {' '.join(self.options)}."] if self.options else []
-        lines += [f"What follows has sha256 {self.digest} unless", "somebody has edited it."] if self.digest else []
+        lines += [f"What follows has sha256 {self.digest} unless it was edited."] if self.digest else []
         return lines
 
 

@@ -68,8 +68,6 @@ class RelationType:
     thing: Meaning | None = None
     directions: tuple[float, ...] = ()
     """Sides of X, relative to its front [rad, left is positive]; empty: all."""
-    prose: str = ""
-    """Its form in docstrings of compiled plans, with {} for X; by default the written form."""
     synonyms: tuple[str, ...] = ()
     """Other keywords for it."""
     of_locations: bool = False
@@ -102,7 +100,7 @@ class RelationType:
         return math.cos(self.directions[0] - other.directions[0]) < -1 + 1e-9
 
 
-def _side(name: str, owl: str, forms: tuple[str, ...], *directions: float, prose: str = "") -> RelationType:
+def _side(name: str, owl: str, forms: tuple[str, ...], *directions: float) -> RelationType:
     """Return a relation that is only a side of X."""
     where = "within 45 degrees of that side of X: in X's frame if X has a front, else in the viewer's"
     return RelationType(
@@ -113,7 +111,6 @@ def _side(name: str, owl: str, forms: tuple[str, ...], *directions: float, prose
         hand=Meaning(Sense.AREA, where, THING_SIDE),
         thing=Meaning(Sense.AREA, f"on the same support if no other is said, {where}", THING_SIDE),
         directions=directions,
-        prose=prose,
         from_outside=True,
     )
 
@@ -146,7 +143,6 @@ _TABLE = (
             Sense.SIGHT,
             "the camera, turned to X as far as the neck can, sees at least 30 % of the side of X that faces it",
         ),
-        prose="where {} can be seen",
         synonyms=("visible",),
         of_solids=True,
         of_rooms=False,
@@ -181,7 +177,6 @@ _TABLE = (
         "inCenterOf",
         ("in the center of", "in the centre of", "in the middle of"),
         hand=Meaning(Sense.GRASP_POINT, "the grip point within 1 cm of X's centre: the grasp"),
-        prose="at the centre of {}",
         of_solids=True,
         of_rooms=False,
     ),
@@ -200,9 +195,9 @@ _TABLE = (
         from_outside=True,
     ),
     _side("behind", "behind-Generally", ("behind",), math.pi),
-    _side("left_of", "toTheLeftOf", ("left of", "to the left of"), math.pi / 2, prose="to the left of {}"),
-    _side("right_of", "toTheRightOf", ("right of", "to the right of"), -math.pi / 2, prose="to the right of {}"),
-    _side("next_to", "toTheSideOf", ("next to", "beside"), math.pi / 2, -math.pi / 2, prose="beside {}"),
+    _side("left_of", "toTheLeftOf", ("left of", "to the left of"), math.pi / 2),
+    _side("right_of", "toTheRightOf", ("right of", "to the right of"), -math.pi / 2),
+    _side("next_to", "toTheSideOf", ("next to", "beside"), math.pi / 2, -math.pi / 2),
     RelationType(
         "near",
         "near",

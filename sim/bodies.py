@@ -87,8 +87,42 @@ class Bodies:
             self._add(ground, *plain(ground))
         self.lower = np.full((len(self.pieces), 3), np.inf)
         self.upper = np.full((len(self.pieces), 3), -np.inf)
+        self.first = len(self.pieces)
+        """Number of the pieces that the scene had at the beginning."""
         for name in self.of:
             self.place(name, self.poses[name])
+
+    def create(self, body: Body) -> None:
+        """Put a body there that was not in the scene."""
+        self.bodies[body.name], self.poses[body.name], self.of[body.name] = body, body.pose, []
+        for part in plain(body):
+            self._add(body, part)
+            self.lower = np.vstack([self.lower, np.full((1, 3), np.inf)])
+            self.upper = np.vstack([self.upper, np.full((1, 3), -np.inf)])
+        self.place(body.name, body.pose)
+
+    def forget_created(self) -> None:
+        """Take everything away that :meth:`create` has put there."""
+        names = self.created
+        for piece in self.pieces[self.first :]:
+            bullet.removeBody(piece.uid, physicsClientId=self.client)
+            del self._index[piece.uid]
+        for name in names:
+            del self.bodies[name], self.poses[name], self.of[name]
+            self.removed.discard(name)
+        del self.pieces[self.first :]
+        self.hidden = {index for index in self.hidden if index < self.first}
+        self.lower, self.upper = self.lower[: self.first], self.upper[: self.first]
+
+    @property
+    def created(self) -> tuple[str, ...]:
+        """Return the names of bodies that were not in the scene at the beginning, in the order of their creation."""
+        return tuple(dict.fromkeys(piece.body for piece in self.pieces[self.first :]))
+
+    def lets_touch(self, one: str, other: str) -> bool:
+        """Return whether one of two bodies has a blade that goes under the other."""
+        first, second = self.bodies[one], self.bodies[other]
+        return bool((first.blade and second.thin) or (second.blade and first.thin))
 
     def _add(self, body: Body, part: Part) -> None:
         x, y, z = part.size

@@ -136,6 +136,8 @@ class Contacts:
             if number is not None:
                 _deepen(found, part, body, self.robot.depth_with(number, piece.uid))
                 continue
+            if self.bodies.lets_touch(part, body):
+                continue
             depth = -self.bodies.gap(self.bodies.of[part], [index], 0.0)
             if body not in self.held[part].touched or depth > SUPPORT_DEPTH:
                 _deepen(found, part, body, depth)
@@ -181,6 +183,8 @@ class Contacts:
             for index in np.nonzero(near)[0].tolist():
                 piece = self.bodies.pieces[index]
                 if piece.body == name or piece.yields or query.ignores(name, piece.body):
+                    continue
+                if self.bodies.lets_touch(name, piece.body):
                     continue
                 depth = -self.bodies.gap([mine], [index], 0.0)
                 if piece.body not in held.touched or depth > SUPPORT_DEPTH:

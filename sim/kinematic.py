@@ -6,6 +6,7 @@ Kinematic: nothing has mass, nothing is pushed.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from dataclasses import replace
 from typing import Any
 
 from planlang.geometry import Pose
@@ -13,13 +14,15 @@ from planlang.protocols import Configuration, Contact
 from sim import snapshots
 from sim.bodies import Bodies, Part
 from sim.camera import Camera, Painter, Picture, Rays, View
+from sim.changes import Changes
 from sim.contact import PARTED, Contacts, Held, Query
 from sim.engine import bullet, connect
 from sim.falling import Falling
 from sim.leaves import Leaves, Led
+from sim.matter import ON, Matter
 from sim.people import ComfortZone, People, parts_of
 from sim.robot import Robot
-from sim.scene import BodyShape, CameraModel, RobotBody, Scene
+from sim.scene import Body, BodyShape, CameraModel, RobotBody, Scene
 
 NEAR_BY = 0.01
 """What a leaf is not farther from when a hand begins to lead it may touch it [m]: frames, neighbours, seals."""
@@ -53,6 +56,13 @@ class KinematicScene:
             self._contacts = Contacts(self._robot, self._bodies, self._held, self._leaves)
         self._rays = Rays(self._client, self._bodies, self._robot)
         self._falling = Falling(self._bodies, self._rays, rate)
+        self._matter = Matter()
+        for body in scene.bodies:
+            self._contain(body)
+        self.changes = Changes(
+            self._bodies, self._matter, scene.rules, self._rays, self._falling, self._held, self._create, self.remove
+        )
+        """What an executive changes when an action was performed that has effects."""
         self._show(self._now)
 
     # The robot
@@ -174,6 +184,19 @@ class KinematicScene:
         """Body -> link of the robot that holds it."""
         return {name: held.link for name, held in self._held.items()}
 
+    def _create(self, body: Body) -> None:
+        """Put a body into the world that was not there before."""
+        self.scene = replace(self.scene, bodies=(*self.scene.bodies, body))
+        self._bodies.create(body)
+        self._leaves.movable.append(body.name)
+
+    def _contain(self, body: Body) -> None:
+        """Let a body be as its scene says: what it holds, and whether it is on."""
+        for portion in body.content:
+            self._matter.put(body.name, portion)
+        if body.is_on:
+            self._matter.states[body.name] = ON
+
     # Doors and drawers
 
     def joint(self, leaf: str) -> float:
@@ -259,6 +282,7 @@ class KinematicScene:
             tuple(self.led().items()),
             tuple(self._falling.on_the_way),
             self._people.state(),
+            self._matter.state(),
         )
 
     def snapshot(self) -> dict[str, Any]:
@@ -266,6 +290,8 @@ class KinematicScene:
         self._here()
         return {
             **snapshots.configuration(self._now),
+            "created": snapshots.created(self._bodies),
+            "matter": self._matter.snapshot(),
             **snapshots.bodies(self._bodies, self._held),
             "held": snapshots.held(self._held),
             **snapshots.leaves(self._leaves),
@@ -279,6 +305,10 @@ class KinematicScene:
             now = snapshots.configuration_of(state)
             if now.joints.keys() != self._now.joints.keys():
                 raise ValueError("the robot has other joints")
+            self._forget_created()
+            for body in snapshots.created_of(state["created"], self._bodies):
+                self._create(body)
+            self._matter.restore(state["matter"], self._bodies.bodies)
             snapshots.restore_bodies(self._bodies, state)
             snapshots.restore_leaves(self._leaves, self._robot, self._bodies, state)
             if self._robot is not None:
@@ -289,6 +319,15 @@ class KinematicScene:
         except (KeyError, TypeError, AttributeError) as problem:
             raise ValueError(f"the state of the world is damaged: {problem!r}") from None
         self._here()
+
+    def _forget_created(self) -> None:
+        names = self._bodies.created
+        self.scene = replace(self.scene, bodies=tuple(one for one in self.scene.bodies if one.name not in names))
+        self._leaves.movable = [name for name in self._leaves.movable if name not in names]
+        for name in names:
+            self._held.pop(name, None)
+            self._falling.stop(name)
+        self._bodies.forget_created()
 
     def close(self) -> None:
         """End the physics client; the world cannot be used afterwards. Closing twice does nothing."""

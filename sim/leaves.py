@@ -44,7 +44,8 @@ class Leaves:
         self.values = dict.fromkeys(self.joints, 0.0)
         self.led: dict[str, Led] = {}
         self._bodies = bodies
-        self._movable = [body.name for body in scene.bodies if body.movable]
+        self.movable = [body.name for body in scene.bodies if body.movable]
+        """What may lie inside of leaves."""
 
     def put(self, leaf: str, value: float, carried: Mapping[str, Pose]) -> None:
         """Move a leaf, with its parts and what lies inside of it, to a value of its joint."""
@@ -60,7 +61,7 @@ class Leaves:
         """Return the movable bodies inside a leaf, with their poses in its frame."""
         size = self._bodies.bodies[leaf].size
         pose, poses = self._bodies.poses[leaf], self._bodies.poses
-        movable = [name for name in self._movable if name not in but and name not in self._bodies.removed]
+        movable = [name for name in self.movable if name not in but and name not in self._bodies.removed]
         found = inside(pose, size, np.array([poses[name].position for name in movable]).reshape(-1, 3))
         return {movable[index]: pose.inverse() @ poses[movable[index]] for index in np.flatnonzero(found).tolist()}
 

@@ -17,6 +17,7 @@ from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import rotated
 from planlang.geometry.shapes import footprint, half_extents, inside
 from sim.joints import Articulation
+from sim.matter import Portion, Rules
 
 
 class BodyShape(StrEnum):
@@ -33,6 +34,8 @@ class BodyShape(StrEnum):
     """A room: size and pose are of the *interior*; walls stand outside it, there is no ceiling."""
 
 
+THIN = 0.02
+"""A movable thing not higher than this along its own z axis lies flat: a blade goes under it [m]."""
 GRASPABLE_WIDTH = 0.12
 """A movable body not wider than this in one horizontal direction counts as something a hand can take [m]."""
 
@@ -65,6 +68,14 @@ class Body:
     color: tuple[float, float, float, float] | None = None
     cavities: tuple[Cavity, ...] = ()
     """Rooms inside a box: compartments, the inside of a drawer."""
+    content: tuple[Portion, ...] = ()
+    """What it holds, or consists of, at the beginning."""
+    capacity: float = 0.0
+    """What it holds as a vessel [ml]."""
+    is_on: bool = False
+    """Whether it is a device that is on at the beginning."""
+    blade: float = 0.0
+    """Length of the blade at the front end of its longest axis [m]; 0 without one."""
 
     def __post_init__(self) -> None:
         if self.shape not in tuple(BodyShape):
@@ -74,6 +85,11 @@ class Body:
             raise ValueError(
                 f"body {self.name!r} has size {self.size}; every extent of a {self.shape} must be positive"
             )
+
+    @property
+    def thin(self) -> bool:
+        """Return True for what a blade goes under and carries: movable, and not higher than :data:`THIN`."""
+        return self.movable and self.size[2] <= THIN
 
     @property
     def graspable(self) -> bool:
@@ -94,6 +110,8 @@ class Scene:
     """Base of the robot at the beginning: x, y, yaw."""
     joints: tuple[Articulation, ...] = ()
     """What turns or slides; the poses of these bodies are those when it is closed."""
+    rules: Rules = field(default_factory=Rules)
+    """What heat and tilting do to things."""
 
     def __post_init__(self) -> None:
         names = [body.name for body in self.bodies]

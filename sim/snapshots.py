@@ -6,7 +6,7 @@ Only what differs from the scene is written, so that a snapshot of a furnished r
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from sim.falling import Falling
 from sim.leaves import Leaves, Led
 from sim.people import People
 from sim.robot import Robot
+from sim.scene import Body
 
 JSON = dict[str, Any]
 FARTHEST = 1e4
@@ -57,6 +58,21 @@ def restore_bodies(all_: Bodies, state: Mapping[str, Any]) -> None:
         all_.place(name, pose_of(moved[name]) if name in moved else body.pose)
         if name in state["removed"]:
             all_.remove(name)
+
+
+def created(all_: Bodies) -> list[Any]:
+    """Return the bodies that were not in the scene at the beginning, where they came into being."""
+    bodies = [all_.bodies[name] for name in all_.created]
+    return [[one.name, one.type, str(one.shape), list(one.size), pose_json(one.pose)] for one in bodies]
+
+
+def created_of(state: Any, all_: Bodies) -> Iterator[Body]:
+    """Yield the inverse of :func:`created`; raises ValueError for a damaged one."""
+    for name, type, shape, size, pose in state:
+        if not isinstance(name, str) or name in all_.bodies:
+            raise ValueError(f"{name!r} cannot come into being")
+        x, y, z = _numbers(size, 3)
+        yield Body(name, pose_of(pose), (x, y, z), shape, type=str(type), movable=True)
 
 
 def held(all_: Mapping[str, Held]) -> JSON:

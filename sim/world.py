@@ -14,6 +14,7 @@ from planlang.protocols import Configuration, Contact, Detection, Motion, Motion
 from sim.camera import save_png
 from sim.contact import Query
 from sim.kinematic import KinematicScene
+from sim.processes import Processes
 from sim.robot import BASE, Robot
 from sim.scene import RobotBody, Scene
 
@@ -176,6 +177,7 @@ class PyBulletWorld(KinematicScene):
         """Initialize as every scene; ``seed`` is kept for records: nothing in here is random."""
         super().__init__(scene, robot, gui=gui, rate=rate)
         self.seed, self.steps = seed, 0
+        self._processes = Processes(self.changes)
         self._motions: dict[str, Playback] = {}
 
     # Time and motions
@@ -191,6 +193,7 @@ class PyBulletWorld(KinematicScene):
             self._slip(self._robot)
         self._people.step({name: self._bodies.poses[name] for name in self._held})
         self._falling.step()
+        self._processes.step(1 / self.rate)
         self.steps += 1
 
     def _slip(self, robot: Robot) -> None:
@@ -267,7 +270,7 @@ class PyBulletWorld(KinematicScene):
 
     def snapshot(self) -> dict[str, Any]:
         """Return the state as JSON. Motions under way are left out; the robot is taken to stand where it is."""
-        return {"step": self.steps, "groups": list(self._motions), **super().snapshot()}
+        return {"step": self.steps, "groups": list(self._motions), **super().snapshot(), **self._processes.snapshot()}
 
     def restore_state(self, state: Mapping[str, Any]) -> None:
         """Go on from a :meth:`snapshot`; raises ValueError for one of another scene or robot, or that is damaged."""
@@ -278,6 +281,10 @@ class PyBulletWorld(KinematicScene):
         if steps < 0:
             raise ValueError(f"the state of the world is damaged: it is {steps} steps old")
         super().restore_state(state)
+        try:
+            self._processes.restore(state)
+        except (KeyError, TypeError, AttributeError) as problem:
+            raise ValueError(f"the state of the world is damaged: {problem!r}") from None
         # motions that are over: groups keep their order, in which motions are played
         over = Trajectory((), np.zeros((1, 0)))
         self._motions = {group: Playback(over, []) for group in groups}

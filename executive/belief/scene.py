@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.belief.articulation import articulated
+from executive.belief.contents import is_content, rules_of, with_contents
 from executive.belief.hollow import hollowed
 from executive.belief.semantic_map import MapObject, SemanticMap
 from planlang.diagnostics import Diagnostic, note, warning
@@ -101,11 +102,12 @@ def scene_of(semantic_map: SemanticMap, found: list[Diagnostic] | None = None) -
     for thing in semantic_map.objects:
         if thing.pose is not None:
             bodies.append(_body(thing, thing.pose, semantic_map))
-        elif thing.size is not None:
+        elif thing.size is not None and not is_content(thing):
             found.append(note("M012", f"{thing.name} has a size but no place: not in the world", thing.span))
     bodies, joints = articulated(bodies, semantic_map, found)
     bodies = _opened(bodies, joints, semantic_map, found)
-    scene = Scene(tuple(bodies), _bounds(bodies), joints=joints)
+    bodies = with_contents(bodies, semantic_map)
+    scene = Scene(tuple(bodies), _bounds(bodies), joints=joints, rules=rules_of(semantic_map.ontology))
     _check_support(scene, semantic_map, found)
     return scene
 

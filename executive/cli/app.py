@@ -19,6 +19,7 @@ from executive.cli.arguments import (
     ConvertArguments,
     InspectArguments,
     LocateArguments,
+    MakeArguments,
     MatchArguments,
     ReplayArguments,
     RunArguments,
@@ -34,7 +35,7 @@ app = typer.Typer(
     epilog="Exit codes: 0 done, 1 the plan failed, 2 bad input, 3 robot or program lacks something, 130 interrupted.",
 )
 
-robot_app = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="Inspect robots.")
+robot_app = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="Inspect robots, make robot files.")
 app.add_typer(robot_app, name="robot")
 
 
@@ -53,7 +54,7 @@ def planlang(
 
 @robot_app.callback()
 def robots_command() -> None:
-    """Inspect robots."""
+    """Inspect robots, make robot files."""
 
 
 def _command(name: str, arguments: type[Arguments]) -> Callable[..., None]:
@@ -96,6 +97,7 @@ for name, arguments, example in (
         '"in reach of the patient with the right arm" --robot amigo --environment hospital_room --explain where.png',
     ),
     ("robot inspect", InspectArguments, "amigo --picture reach.png"),
+    ("robot make", MakeArguments, "my_arm.urdf -o my_arm.toml"),
 ):
     # without a short help, click cuts the first sentence off after 45 characters
     summary = (arguments.__doc__ or "").partition(".")[0] + "."

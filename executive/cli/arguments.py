@@ -288,3 +288,21 @@ class InspectArguments(Arguments):
         typer.Option(metavar="FILE", help="Write what they reach as a recording for rerun (needs planlang[record])."),
     ] = None
     force: Force = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class MakeArguments(VerboseArguments):
+    """Make a robot file (TOML) from a URDF, for you to complete.
+
+    Each derived value has its reason as a comment; what is missing stands there as a comment.
+    """
+
+    urdf: Annotated[Path, typer.Argument(metavar="URDF", help="The robot's URDF.")]
+    srdf: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="The robot's SRDF; default: that of the same name beside the URDF."),
+    ] = None
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="FILE", help="Write the text to this file, not to stdout.")
+    ] = None
+    force: Force = False

@@ -80,7 +80,8 @@ def _inspected(bare: Robot, robot: Robot, world: PlanningWorld, arguments: Inspe
 def _body_lines(robot: Robot) -> Iterator[str]:
     base = robot.base
     yield f"{robot.name} ({robot.urdf})"
-    yield f"  base: {robot.base_link}, radius {base.radius:g} m, {base.speed:g} m/s, {base.turn_speed:g} rad/s"
+    moves = "fixed" if base.fixed else f"{base.speed:g} m/s, {base.turn_speed:g} rad/s"
+    yield f"  base: {robot.base_link}, radius {base.radius:g} m, {moves}"
     yield f"  torso: {robot.torso or 'none'}"
     camera = f"{robot.camera.link}, turned by {', '.join(robot.neck) or 'the base'}" if robot.camera else "none"
     yield f"  camera: {camera}"

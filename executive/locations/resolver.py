@@ -94,6 +94,8 @@ class Resolver:
             x, y, yaw = scene.base()
             here = validator.at((x, y, math.remainder(yaw, 2 * math.pi)), 1.0, demand, arms, log)
             yield () if here is None else (here,)
+            if scene.robot.base.fixed:
+                return
             if not wanted:
                 yield FloorSearch(validator, demand, log).places()
                 return

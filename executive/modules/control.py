@@ -201,7 +201,8 @@ class Drive:
         """Return the nearest base pose, here or behind, where arms can go to postures (d,); None if there is none."""
         x, y, yaw = self._control.base()
         scene = self._control.scene
-        for step, turn in [(0.0, 0.0), *product(BACK_OFF, BACKWARDS)]:
+        back = [] if self._control.robot.base.fixed else product(BACK_OFF, BACKWARDS)
+        for step, turn in [(0.0, 0.0), *back]:
             pose = (x + step * math.cos(yaw + turn), y + step * math.sin(yaw + turn), yaw)
             if step and scene.collisions.contacts(pose):
                 continue

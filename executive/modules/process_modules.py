@@ -20,7 +20,7 @@ from executive.modules.platform import Platform
 from executive.motion import GoalInCollision, MotionError, StartInCollision
 from executive.robots.arms import ArmModel
 from planlang import perform
-from planlang.designators import Action, Device, Location, Object, Person, Relation, action
+from planlang.designators import Action, Device, Location, Object, Person, Relation, a_location, action
 from planlang.failures import (
     ActionUnresolvable,
     CommunicationFailure,
@@ -90,11 +90,14 @@ class Navigation:
         match action.get("x"), action.get("y"), action.get("yaw"), action.get("to_location"):
             case float(x), float(y), float(yaw), None:
                 return x, y, yaw
-            case None, None, None, Location() as location:
+            case None, None, None, Location() | Object() as where:
+                location = where if isinstance(where, Location) else a_location(in_reach_of=where)
                 return next(self.platform.resolver.bases(location)).base
         raise ActionUnresolvable("a base motion needs to_location, or x, y and yaw", designator=str(action))
 
     def _path(self, goal: BasePose) -> Trajectory:
+        if self.platform.robot.base.fixed:
+            raise NavigationPoseUnreachable("the base is fixed", target=goal)
         try:
             return self.platform.drive.path(goal)
         except GoalInCollision as problem:
@@ -113,6 +116,18 @@ def _blocking(problem: GoalInCollision | StartInCollision) -> str | None:
 def _close(one: BasePose, other: BasePose) -> bool:
     turn = math.remainder(one[2] - other[2], 2 * math.pi)
     return math.dist(one[:2], other[:2]) < 1e-3 and abs(turn) < 1e-3
+
+
+def _target(action: Action) -> Location | None:
+    """Return where a hand is to go; for a thing where it is grasped, for a person where they reach."""
+    match action.get("to_location"):
+        case Location() as location:
+            return location
+        case Person() as person:
+            return a_location(in_reach_of=person)
+        case Object() as what:
+            return a_location(in_center_of=what)
+    return None
 
 
 MOST_SOLUTIONS = 6
@@ -138,8 +153,8 @@ class Reaching:
 
     async def execute(self, action: Action) -> None:
         """Reach; raises a failure of the classes in ``failures``."""
-        location = action.get("to_location")
-        if not isinstance(location, Location):
+        location = _target(action)
+        if location is None:
             raise ActionUnresolvable("reaching needs to_location", designator=str(action))
         arms = self._arms(action)
         if not arms:
@@ -167,9 +182,9 @@ class Reaching:
         To grasp, free arms come first; to reach a person, arms that hold something.
         """
         scene, arms = self.platform.scene, self.platform.arms
-        device, location = action.get("device_used"), action.get("to_location")
+        device, location = action.get("device_used"), _target(action)
         named = scene.arms.of(device) if isinstance(device, Device) else scene.arms.all
-        if isinstance(location, Location) and self.platform.resolver.is_grasp(location) and (free := arms.free(named)):
+        if location is not None and self.platform.resolver.is_grasp(location) and (free := arms.free(named)):
             return free
         if isinstance(device, Device):
             meant = arms.in_order(named)
@@ -179,8 +194,8 @@ class Reaching:
 
     def _is_for_person(self, action: Action) -> bool:
         """Return whether the hand is to go to where a person reaches it."""
-        location, scene = action.get("to_location"), self.platform.scene
-        return isinstance(location, Location) and any(
+        location, scene = _target(action), self.platform.scene
+        return location is not None and any(
             isinstance(relation.reference, Object) and scene.bodies.is_person(scene.bodies.bind(relation.reference))
             for relation in location.relations
         )

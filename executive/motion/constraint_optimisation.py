@@ -104,7 +104,8 @@ class Optimiser:
         self.tolerance = functions.tolerance[which]
         # inside by a part of the tolerance where there is room: between waypoints functions are a little different
         room = np.minimum((functions.upper[which] - functions.lower[which]) / 2, HOLDS * self.tolerance)
-        self.lower, self.upper = functions.lower[which] + room, functions.upper[which] - room
+        lower, upper = functions.lower[which] + room, functions.upper[which] - room
+        self.lower, self.upper = np.minimum(lower, upper), np.maximum(lower, upper)  # which rounding may exchange
 
     def found_from(self, q: Array) -> Optimum:
         """Return what is found from configurations (m, n)."""

@@ -6,7 +6,7 @@ and capabilities require, ``matching`` compares that with a robot, ``tasks`` doe
 robot as planning asks it.
 """
 
-from executive.robots.binding import bind_robot, robots
+from executive.robots.binding import bind_draft, bind_robot, robots
 from executive.robots.matching import Missing, missing_capabilities, possessions_of
 from executive.robots.requirements import Availability, Finding, FindingKind, Semantics, requirements
 from executive.robots.robot import CARRYING, Arm, BaseDrive, Gripper, JointLimits, Robot, trusting_map
@@ -24,6 +24,7 @@ __all__ = [
     "Missing",
     "Robot",
     "Semantics",
+    "bind_draft",
     "bind_robot",
     "match",
     "missing_capabilities",

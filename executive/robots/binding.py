@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from executive.robots.limbs import Limbs, renamed, with_camera_neck
-from executive.robots.mechanism import Mechanism, Naming
+from executive.robots.mechanism import Mechanism, Naming, mounted
 from executive.robots.robot import (
     Arm,
     JointLimits,
@@ -26,6 +28,7 @@ from executive.robots.robot_file import (
     RobotFile,
     looks_like_toml,
     looks_like_urdf,
+    read_robot,
     read_robot_file,
 )
 from planlang.designators import local_name
@@ -35,6 +38,9 @@ from planlang.geometry.matrices import inverse, product
 from planlang.ontology import Ontology, load
 from sim import CameraModel
 from sim.description import read_description
+
+if TYPE_CHECKING:
+    from executive.robots.draft import Draft
 
 
 def bind_robot(source: Ontology | Path | str, urdf: Path | None = None, folders: Iterable[Path] = ()) -> Robot:
@@ -53,22 +59,33 @@ def bind_robot(source: Ontology | Path | str, urdf: Path | None = None, folders:
         path = _bundled_file(str(source))
     if looks_like_toml(path):
         numbers = read_robot_file(path)
-        if numbers.self_model is not None:
-            return _bind(
-                read_self_model(load(numbers.self_model, folders=tuple(folders))), numbers, urdf or numbers.urdf
-            )
-        return _bind(None, numbers, urdf or numbers.urdf)
+        own = numbers.self_model
+        stated = read_self_model(load(own, folders=tuple(folders))) if own is not None else None
+        return _bind(stated, numbers, _built(numbers, urdf))
     if looks_like_urdf(path):
-        advice = (
-            f"write a robot file (TOML) with urdf = {path.name!r}, or name a self-model: --robot MODEL --urdf {path}"
-        )
-        message = "this is a URDF: it has the robot's shape, but not its speeds, postures and capabilities"
-        raise BadInput([error("B016", message, Span(str(path), 1), advice)])
+        return _bind_urdf(path)
     ontology = load(path, folders=tuple(folders))
     problems = [d for d in ontology.diagnostics if has_errors([d])]
     if problems:
         raise BadInput(problems)
     return _bind_model(read_self_model(ontology), urdf)
+
+
+def _bind_urdf(path: Path) -> Robot:
+    """Return the robot that a URDF alone shows, with what is assumed about it."""
+    from executive.robots.draft import draft_of  # most robots have a robot file or a self-model
+
+    draft = draft_of(path)
+    robot = bind_draft(draft, path)
+    advice = f"planlang robot make {path} -o {path.stem}.toml writes a robot file to complete"
+    made = note("B010", f"{robot.name} is made from its URDF alone", Span(str(path)), advice)
+    return replace(robot, diagnostics=(made, *draft.diagnostics(), *robot.diagnostics))
+
+
+def bind_draft(draft: Draft, path: Path) -> Robot:
+    """Return the robot of a robot file in the making, which is to be written to a path."""
+    numbers = read_robot(draft.text().encode(), path)
+    return _bind(None, numbers, numbers.urdf)
 
 
 def robots() -> tuple[str, ...]:
@@ -86,23 +103,28 @@ def _bundled_file(name: str) -> Path:
 def _bind_model(model: SelfModel, urdf: Path | None) -> Robot:
     if urdf is not None:
         beside = urdf.with_suffix(".toml")
-        return _bind(model, read_robot_file(beside) if beside.is_file() else _numbers_for(urdf), urdf)
-    numbers = _matching(model)
+        known = read_robot_file(beside) if beside.is_file() else _numbers_for(urdf)
+        return _bind(model, known, _built(known, urdf) if known else urdf)
+    absent: dict[str, str] = {}
+    numbers = _matching(model, absent)
     if numbers is None:
         span = model.span or Span(str(model.ontology.documents[0].path))
-        message = f"no bundled robot ({', '.join(robots())}) has the joints of an arm of {model.name}"
-        raise BadInput([error("B008", message, span, "give --urdf FILE with the robot's URDF")])
+        compared = ", ".join(name for name in robots() if name not in absent)
+        message = f"no bundled robot ({compared}) has the joints of an arm of {model.name}"
+        others = (f"{name} was not compared ({how})" for name, how in absent.items())
+        raise BadInput([error("B008", message, span, "; ".join(["give --urdf FILE with the robot's URDF", *others]))])
     return _bind(model, numbers, numbers.urdf)
 
 
-def _installed() -> Iterator[RobotFile]:
-    """Yield the bundled robots, without the ones whose URDF is in a package that is not installed."""
+def _installed(absent: dict[str, str]) -> Iterator[RobotFile]:
+    """Yield the bundled robots whose URDF is there; ``absent`` receives the others, with how to install them."""
     for name in robots():
         try:
             yield read_robot_file(_bundled_file(name))
         except BadInput as problem:
             if any(one.code != "B014" for one in problem.diagnostics):
                 raise
+            absent[name] = problem.diagnostics[0].help or ""
 
 
 def _mentions(urdf: Path, joints: Iterable[str]) -> bool:
@@ -111,12 +133,22 @@ def _mentions(urdf: Path, joints: Iterable[str]) -> bool:
     return any(f'"{joint}"' in text for joint in joints)
 
 
-def _matching(model: SelfModel) -> RobotFile | None:
-    """Return the bundled robot whose self-model this is, else that with most of its joints and all of one arm."""
+def _built(numbers: RobotFile, urdf: Path | None) -> Path:
+    """Return the URDF that the user names, with the grip points of a robot file; else the robot file's own."""
+    if urdf is None:
+        return numbers.urdf
+    return mounted(urdf, None, numbers.tools) if numbers.tools else urdf
+
+
+def _matching(model: SelfModel, absent: dict[str, str]) -> RobotFile | None:
+    """Return the bundled robot whose self-model this is, else that with most of its joints and all of one arm.
+
+    ``absent`` receives the robots that are not compared.
+    """
     moving = set(model.joints.values())
     own = Path(model.ontology.documents[0].path).resolve()
     best: tuple[int, RobotFile] | None = None
-    for numbers in _installed():
+    for numbers in _installed(absent):
         if numbers.self_model is not None and numbers.self_model.resolve() == own:
             return numbers
         if not _mentions(numbers.urdf, moving):
@@ -132,7 +164,7 @@ def _matching(model: SelfModel) -> RobotFile | None:
 def _numbers_for(urdf: Path) -> RobotFile | None:
     """Return the numbers of the bundled robot whose arms are those of a URDF: same joints, same lengths."""
     mechanism = Mechanism(urdf)
-    for numbers in _installed():
+    for numbers in _installed({}):
         if not _mentions(numbers.urdf, mechanism.joints):
             continue
         bundled_one = Mechanism(numbers.urdf)
@@ -187,7 +219,10 @@ def _bind(model: SelfModel | None, numbers: RobotFile | None, urdf: Path) -> Rob
         parts: tuple[Part, ...] = parts_of(model)
         claims: Mapping[str, Span | None] = claims_of(model)
     else:
-        parts, claims = inherent([(arm.name, arm.gripper is not None) for arm in arms], camera is not None)
+        drives = numbers is None or not numbers.base.fixed
+        parts, claims = inherent(
+            [(arm.name, arm.gripper is not None) for arm in arms], has_camera=camera is not None, drives=drives
+        )
     return Robot(
         name=numbers.name if numbers else (model.name if model else urdf.stem),
         iri=model.iri if model else None,

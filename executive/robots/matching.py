@@ -243,6 +243,8 @@ def possessions_of(robot: Robot) -> Possessions:
     if not any(arm.gripper for arm in robot.arms):
         grasping = ("GripperMotionCapability", "GraspingCapability", "PickingUpAnObjectCapability")
         lacks |= dict.fromkeys(grasping, f"{robot.name} has no gripper")
+    if robot.base.fixed:
+        lacks["BaseMotionCapability"] = f"the base of {robot.name} is fixed"
     return Possessions(robot.name, robot.parts, robot.claims, robot.model, lacks)
 
 

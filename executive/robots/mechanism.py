@@ -7,7 +7,7 @@ import hashlib
 import shutil
 import tempfile
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import PackageNotFoundError, distribution
@@ -41,6 +41,10 @@ class Mount:
     """Position of the root link in the frame of the base, whose origin is in the middle of the base's floor [m]."""
 
 
+ToolPoint = tuple[str, tuple[float, float, float]]
+"""A link, and a point in its frame [m]."""
+
+
 def packaged(name: str, file: str) -> Path:
     """Return a file of an installed distribution, by the end of its path; raises NotInstalled."""
     try:
@@ -54,13 +58,14 @@ def packaged(name: str, file: str) -> Path:
     raise NotInstalled(f"the installed package {name} has no {file}")
 
 
-def mounted(urdf: Path, mount: Mount) -> Path:
-    """Return a copy of a URDF on a base, its meshes named by full paths, in a folder of this process alone.
+def mounted(urdf: Path, mount: Mount | None, tools: Mapping[str, ToolPoint] | None = None) -> Path:
+    """Return a copy of a URDF on a base and with further links at tool points, by their names.
 
-    A URDF that cannot be read is returned as it is, so that its reader reports what is wrong with it.
+    Its meshes are named by full paths; it is in a folder of this process alone. A URDF that cannot be read is returned
+    as it is, so that its reader reports what is wrong with it.
     """
     try:
-        content = _text(urdf, mount).encode()
+        content = _text(urdf, mount, tools or {}).encode()
     except BadXml:
         return urdf
     path = _own_folder() / f"{urdf.stem}-{hashlib.sha256(content).hexdigest()[:32]}.urdf"
@@ -76,14 +81,18 @@ def _own_folder() -> Path:
     return Path(folder)
 
 
-def _text(urdf: Path, mount: Mount) -> str:
+def _text(urdf: Path, mount: Mount | None, tools: Mapping[str, ToolPoint]) -> str:
     robot = read_tree(urdf)
     for mesh in robot.iter("mesh"):
         name = mesh.get("filename", "")
         found = next((place for place in mesh_places(urdf, name) if place.is_file()), None)
         if found is not None:
             mesh.set("filename", str(found.resolve()))
-    _put_on(robot, mount)
+    if mount is not None:
+        _put_on(robot, mount)
+    for name, (link, at) in tools.items():
+        ElementTree.SubElement(robot, "link", name=name)
+        _fix(robot, link, name, f"{name}_joint", at)
     ElementTree.indent(robot)
     return ElementTree.tostring(robot, "unicode")
 
@@ -101,12 +110,16 @@ def _put_on(robot: Element, mount: Mount) -> None:
             ElementTree.SubElement(geometry, "box", size=" ".join(map(repr, mount.size)))
         else:
             ElementTree.SubElement(geometry, "cylinder", radius=repr(mount.size[0] / 2), length=repr(height))
-    joint = ElementTree.Element("joint", name=MOUNT, type="fixed")
-    ElementTree.SubElement(joint, "origin", xyz=" ".join(map(repr, mount.at)))
-    ElementTree.SubElement(joint, "parent", link=BASE)
-    ElementTree.SubElement(joint, "child", link=roots[0] or "" if roots else "")
     robot.insert(0, base)
-    robot.insert(1, joint)
+    _fix(robot, BASE, roots[0] or "" if roots else "", MOUNT, mount.at)
+
+
+def _fix(robot: Element, parent: str, child: str, name: str, at: tuple[float, float, float]) -> None:
+    """Add a joint that holds a link at a point of another."""
+    joint = ElementTree.SubElement(robot, "joint", name=name, type="fixed")
+    ElementTree.SubElement(joint, "origin", xyz=" ".join(map(repr, at)))
+    ElementTree.SubElement(joint, "parent", link=parent)
+    ElementTree.SubElement(joint, "child", link=child)
 
 
 class Mechanism:

@@ -195,14 +195,16 @@ def claims_of(model: SelfModel) -> dict[str, Span | None]:
     return claims
 
 
-def inherent(arms: Iterable[tuple[str, bool]], has_camera: bool) -> tuple[tuple[Part, ...], Mapping[str, Span | None]]:
-    """Return the parts and capabilities that a shape implies, for a robot without self-model: its base drives.
+def inherent(
+    arms: Iterable[tuple[str, bool]], *, has_camera: bool, drives: bool
+) -> tuple[tuple[Part, ...], Mapping[str, Span | None]]:
+    """Return the parts and capabilities that a shape implies, for a robot without self-model.
 
     ``arms`` are the names of arms, with whether they have a gripper.
     """
     arms = tuple(arms)
-    parts = [_part("base", "srdl2-comp:MobileBase", "srdl2-comp:WheeledBase")]
-    claims = ["srdl2-cap:BaseMotionCapability"]
+    parts = [_part("base", "srdl2-comp:MobileBase", "srdl2-comp:WheeledBase")] if drives else []
+    claims = ["srdl2-cap:BaseMotionCapability"] if drives else []
     for name, has_gripper in arms:
         parts.append(_part(name, "srdl2-comp:ArmComponent", "srdl2-comp:ManipulationEntity"))
         if has_gripper:
@@ -298,6 +300,8 @@ class BaseDrive:
     turn_acceleration: float
     jerk: float
     """Of translation [m/s3] and rotation [rad/s3]."""
+    fixed: bool = field(default=False, kw_only=True)
+    """It never moves: the robot stands where it starts."""
 
 
 @dataclass(frozen=True, slots=True)

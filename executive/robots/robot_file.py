@@ -7,9 +7,9 @@ self_model = "amigo.omn"        # OWL self-model; without one, [arms.*] say what
 torso = "spindle_joint"
 allowed_contacts = [["a", "b"]] # links that may touch
 
-[base]                          # required: radius [m], speeds [m/s, rad/s], accelerations, jerk
+[base]                          # required: radius [m], speeds [m/s, rad/s], accelerations, jerk; or fixed = true
 [mount]                         # what a URDF without base stands on: size (x, y, z, or diameter and height), at [m]
-[arms.right]                    # tip, hand, side, approach, closing
+[arms.right]                    # tip, tool_offset (grip point in its frame [m]), hand, side, approach, closing
 [arms.right.gripper]            # joints opened/closed by name, max_opening [m], fingers (links)
 [camera]                        # link, fov [rad], near, far [m], width, height [pixels], forward, up, neck (joints)
 [joints.NAME]                   # speed, acceleration, jerk; [joints.default] for all others
@@ -26,11 +26,11 @@ import math
 import re
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from executive.robots.mechanism import Mount, NotInstalled, mounted, packaged
+from executive.robots.mechanism import Mount, NotInstalled, ToolPoint, mounted, packaged
 from executive.robots.robot import Axis, BaseDrive, JointLimits
 from planlang.diagnostics import BadInput, Diagnostic, Span, error
 from planlang.files import open_regular, read_file
@@ -43,8 +43,8 @@ _KEYS: dict[str, tuple[str, ...]] = {
     ),
     "urdf": ("package", "file", "extra"),
     "mount": ("size", "at"),
-    "base": ("radius", "speed", "acceleration", "turn_speed", "turn_acceleration", "jerk"),
-    "arms.*": ("tip", "hand", "side", "approach", "closing", "gripper"),
+    "base": ("radius", "speed", "acceleration", "turn_speed", "turn_acceleration", "jerk", "fixed"),
+    "arms.*": ("tip", "tool_offset", "hand", "side", "approach", "closing", "gripper"),
     "arms.*.gripper": ("opened", "closed", "fingers", "max_opening"),
     "camera": ("link", "fov", "near", "far", "width", "height", "forward", "up", "neck"),
     "joints.*": ("speed", "acceleration", "jerk"),
@@ -68,6 +68,7 @@ class ArmNumbers:
 
     name: str
     tip: str
+    """A link; with an offset of the tool, one that :func:`mounted` adds at the grip point."""
     hand: str
     side: str | None
     approach: Axis
@@ -92,6 +93,8 @@ class RobotFile:
     limits: Mapping[str, JointLimits]
     postures: Mapping[str, Mapping[str, float]]
     allowed_contacts: tuple[tuple[str, str], ...]
+    tools: Mapping[str, ToolPoint]
+    """Links that are added at grip points."""
     span: Callable[[str], Span]
     """Source span of a dotted key, or of the nearest table around it."""
 
@@ -101,6 +104,11 @@ DEFAULT_BASE = BaseDrive(0.4, 0.5, 0.5, 0.8, 0.8, 5.0)
 
 DEFAULT_LIMITS = JointLimits(0.5, 1.0, 10.0)
 """For a joint without numbers; the speed is that of the URDF if that is lower."""
+
+
+def tool_link(arm: str) -> str:
+    """Return the name of the link that is added at the grip point of an arm."""
+    return f"tool_point_of_{arm}"
 
 
 def looks_like_toml(path: Path) -> bool:
@@ -127,7 +135,11 @@ def beginning(path: Path) -> str:
 
 def read_robot_file(path: Path) -> RobotFile:
     """Read and check a robot's TOML file; raises BadInput with everything wrong in it."""
-    content = read_file(path, "B001")
+    return read_robot(read_file(path, "B001"), path)
+
+
+def read_robot(content: bytes, path: Path) -> RobotFile:
+    """Read and check the content of a robot's TOML file; raises BadInput with everything wrong in it."""
     try:
         text = content.decode("utf-8")
         table = tomllib.loads(text)
@@ -231,6 +243,14 @@ class _Table:
             return ()
         return tuple(value)
 
+    def vector(self, key: str, default: Axis = (0.0, 0.0, 0.0)) -> Axis:
+        """Return three finite numbers [m]."""
+        value = self.values.get(key, list(default))
+        if not isinstance(value, list) or len(value) != 3 or not all(map(_is_number, value)):
+            self.bad(key, f"three numbers are expected, not {value!r}")
+            return default
+        return (float(value[0]), float(value[1]), float(value[2]))
+
     def axis(self, key: str, default: Axis) -> Axis:
         """Return a unit vector."""
         value = self.values.get(key, default)
@@ -250,7 +270,10 @@ class _Table:
 
 
 def _robot(path: Path, table: _Table) -> RobotFile:
-    urdf, model = _urdf(path, table), table.text("self_model", "")
+    arms = table.tables("arms", "arms.*")
+    offsets = {name: arm.vector("tool_offset") for name, arm in arms.items() if "tool_offset" in arm.values}
+    tools = {tool_link(name): (arms[name].text("tip"), offset) for name, offset in offsets.items()}
+    urdf, model = _urdf(path, table, tools), table.text("self_model", "")
     if model and not (path.parent / model).is_file():
         table.bad("self_model", f"there is no {model} beside this file")
     camera, neck = _camera(table)
@@ -263,19 +286,31 @@ def _robot(path: Path, table: _Table) -> RobotFile:
         urdf,
         path.parent / model if model else None,
         table.text("torso", "") or None,
-        BaseDrive(*table.table("base", "base", required=True).numbers(_KEYS["base"])),
-        tuple(_arm(name, arm) for name, arm in table.tables("arms", "arms.*").items()),
+        _base(table.table("base", "base", required=True)),
+        tuple(_arm(name, arm) for name, arm in arms.items()),
         camera,
         neck,
         limits.pop("default", DEFAULT_LIMITS),
         limits,
         {name: postures.positions(name) for name in postures.values},
         _pairs(table),
+        tools,
         table.report.span,
     )
 
 
-def _urdf(path: Path, table: _Table) -> Path:
+def _base(table: _Table) -> BaseDrive:
+    """Return the numbers of the base; one that is fixed needs no speeds."""
+    *keys, fixed = _KEYS["base"]
+    stands = table.values.get(fixed, False)
+    if not isinstance(stands, bool):
+        table.bad(fixed, f"true or false is expected, not {stands!r}")
+    if stands is False:
+        return BaseDrive(*table.numbers(keys))
+    return replace(DEFAULT_BASE, radius=table.number("radius", positive=True), fixed=True)
+
+
+def _urdf(path: Path, table: _Table, tools: Mapping[str, ToolPoint]) -> Path:
     mount, stated = _mount(table), table.values.get("urdf")
     if isinstance(stated, dict):
         source = table.table("urdf", "urdf")
@@ -291,7 +326,7 @@ def _urdf(path: Path, table: _Table) -> Path:
         urdf = path.parent / table.text("urdf")
         if stated is not None and not urdf.is_file():
             table.bad("urdf", f"there is no {stated} beside this file")
-    return urdf if mount is None or table.report.found else mounted(urdf, mount)
+    return urdf if (mount is None and not tools) or table.report.found else mounted(urdf, mount, tools)
 
 
 def _mount(table: _Table) -> Mount | None:
@@ -302,11 +337,7 @@ def _mount(table: _Table) -> Mount | None:
     if not isinstance(size, list) or len(size) not in (2, 3) or not all(_is_number(v) and v > 0 for v in size):
         inner.bad("size", "x, y and z, or diameter and height, are expected as positive numbers")
         return None
-    at = inner.values.get("at", [0.0, 0.0, size[-1]])
-    if not isinstance(at, list) or len(at) != 3 or not all(map(_is_number, at)):
-        inner.bad("at", f"three numbers are expected, not {at!r}")
-        return None
-    return Mount(tuple(map(float, size)), (float(at[0]), float(at[1]), float(at[2])))
+    return Mount(tuple(map(float, size)), inner.vector("at", (0.0, 0.0, size[-1])))
 
 
 def _arm(name: str, table: _Table) -> ArmNumbers:
@@ -316,9 +347,10 @@ def _arm(name: str, table: _Table) -> ArmNumbers:
     approach, closing = table.axis("approach", (1.0, 0.0, 0.0)), table.axis("closing", (0.0, 1.0, 0.0))
     if abs(sum(a * c for a, c in zip(approach, closing, strict=True))) > 1e-3:
         table.bad("closing", "the closing axis must be at a right angle to the approach axis")
-    tip = table.text("tip")
+    stated = table.text("tip")
+    tip = tool_link(name) if "tool_offset" in table.values else stated
     gripper = _gripper(table.table("gripper", "arms.*.gripper")) if "gripper" in table.values else None
-    return ArmNumbers(name, tip, table.text("hand", "") or tip, side, approach, closing, gripper)
+    return ArmNumbers(name, tip, table.text("hand", "") or stated, side, approach, closing, gripper)
 
 
 def _gripper(table: _Table) -> GripperNumbers:

@@ -45,6 +45,7 @@ from planlang.compiler.tree import (
     uses_kept,
 )
 from planlang.designators import local_name, snake_case
+from planlang.language.location import ATTEMPTS
 
 MOST_UNPACKED = 4
 """Branches of which results are taken by position; of more they are taken from a list, as a reader would have to count
@@ -72,8 +73,8 @@ class BodyWriter:
         self._kept: dict[str, str] = {}
         """The fluent that holds the latest of what states make, by name."""
         self._again: dict[str, str] = {}
-        """The local function that runs a step again, by the step's name."""
-        self._write = Expressions(symbols, self._variables, self._kept, self._again)
+        """The branch that runs a step again, by the step's name."""
+        self._write = Expressions(symbols, self._variables, self._kept, self._again, self._local_name)
 
     def lines(self) -> list[str]:
         """Return the statements of the function."""
@@ -90,11 +91,21 @@ class BodyWriter:
             lines += assignment([Text(self._events[event])], made, depth=depth)
         for node in series.nodes:
             written = self._statement(node, depth)
-            lines += [*_comment(node, depth), *written]
+            used = self._variables_used() if depth == 1 else []
+            if used and lines and any(line.startswith(f"{INDENT}async def ") for line in written):
+                lines.append("")
+            lines += [*used, *_comment(node, depth), *written]
         leaving = self._passing.leaving(series)
         if leaving:
             lines += returned(self._targets(leaving), depth=depth)
         return lines or [f"{INDENT * depth}pass"]
+
+    def _variables_used(self) -> list[str]:
+        """Return statements that describe the places and constraints that what follows is the first to use."""
+        lines: list[str] = []
+        for name, comment, value in self._write.take_variables():
+            lines += [*(_words(comment, 1) if comment else ()), *assignment([Text(name)], value, depth=1)]
+        return lines
 
     def _statement(self, node: Node, depth: int) -> list[str]:
         if isinstance(node, Series):
@@ -107,9 +118,12 @@ class BodyWriter:
             inside = self._bound(node, expression, depth + 1)
             return [*before, *statement(holding, depth=depth, before="async with ", after=":"), *inside]
         if isinstance(node, Again):
-            name = self._again[node.name] = self._local_name(node.name)
-            lines = self._local_function(name, node.body, depth)
-            return [*lines, *self._bound(node, call(name), depth)]
+            before, branch = self._branch(node.body, depth, None if isinstance(node.body, Perform) else node.name)
+            if not isinstance(branch, Text):
+                name = self._local_name(node.name)
+                before, branch = [*before, *assignment([Text(name)], branch, depth=depth)], Text(name)
+            self._again[node.name] = branch.text
+            return [*before, *self._bound(node, call(branch.text), depth)]
         before, expression = self._awaited(node, depth)
         return [*before, *self._bound(node, expression, depth)]
 
@@ -283,9 +297,11 @@ class BodyWriter:
     def _scope(self, scope: Scope, depth: int) -> tuple[list[str], CallExpression]:
         where = scope.place.otherwise if isinstance(scope.place, Passed) else scope.place
         assert isinstance(where, PlaceUse)
-        name = self._local_name(f"at_{self._symbols.place(where.place)}".lower())
+        name = self._local_name(f"at_{self._write.place(where)}".lower())
         reaching = [self._write.value(where) for where in scope.reaching]
-        more: dict[str, Expression | str] = {"attempts": str(scope.attempts)}
+        more: dict[str, Expression | str] = {}
+        if scope.attempts != ATTEMPTS:
+            more["attempts"] = str(scope.attempts)
         if reaching:
             more["reaching"] = sequence(reaching)
         if scope.motion in self._symbols.stated:
@@ -429,7 +445,7 @@ def _comment(node: Node, depth: int) -> list[str]:
             return _words(label, depth) if says_more else []
         case Gate(body=body, overlaps=overlaps):
             return [*(_words(overlaps, depth) if overlaps else ()), *_comment(body, depth)]
-        case Handle(body=body) | Achieve(body=body) | Hold(body=body):
+        case Handle(body=body) | Achieve(body=body) | Again(body=body) | Hold(body=body):
             return _comment(body, depth)
         case _:
             return []

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from planlang.compiler.bodies import BodyWriter
-from planlang.compiler.expressions import Expressions, Symbols, is_iri, quoted, things_of
+from planlang.compiler.expressions import Symbols, is_iri, quoted
 from planlang.compiler.layout import INDENT, WIDTH, Expression, Text, assignment, call, sequence, signature, statement
 from planlang.compiler.lowering import Lowering, check_recoveries
 from planlang.compiler.tree import Function, PlanTree
@@ -23,7 +23,6 @@ from planlang.outputs import NO_DATA_FLOW, NO_SCOPES, PlanHeader, digest
 from planlang.recipe import read_recipe
 from planlang.recipe.actions import Actions
 from planlang.recipe.model import (
-    Constraint,
     Description,
     Filler,
     Kind,
@@ -38,7 +37,6 @@ from planlang.recipe.model import (
     Step,
     Thing,
 )
-from planlang.relations import RELATIONS
 
 TYPES = {Kind.OBJECT: "Object", Kind.PERSON: "Person", Kind.DEVICE: "Device", Kind.PLACE: "Location"}
 MAKERS = {Kind.OBJECT: "an_object", Kind.PERSON: "a_person", Kind.DEVICE: "a_device"}
@@ -49,7 +47,7 @@ def emit(
 ) -> tuple[str, tuple[str, ...]]:
     """Return the source of a plan module and the names of its plan functions; formatted, deterministic.
 
-    Functions stand before their callers, constants and places in the order in which the plan first uses them.
+    Functions stand before their callers, constants in the order in which the plan first uses them.
     ``options`` are those of the compiler that shaped the tree.
     """
     symbols = Symbols(tree, recipes)
@@ -57,14 +55,13 @@ def emit(
         for thing in function.parameters:
             symbols.thing(thing)
     functions = [_function(symbols, function) for function in tree.functions]
-    places = [*_places(symbols), *(_constraint(symbols, one) for one in symbols.constraints())]
     constants = [line for thing in symbols.things() if thing.slot is None for line in _thing(symbols, thing)]
-    constants += [line for place in symbols.places() if place.is_posture for line in _posture(symbols, place)]
+    constants += [line for place, name in symbols.postures() for line in _posture(symbols, place, name)]
     classes = _classes(symbols)
     parts = ["", *_imports(symbols), "", *_namespaces(symbols)]
     for block in (classes, constants):
         parts += ["", *block] if block else []
-    for block in [*places, *functions]:
+    for block in functions:
         parts += ["", "", *block]
     below = "\n".join(parts) + "\n"
     source = "\n".join([*_header(recipes, version, options, digest(f'""""""\n{below}')), below])
@@ -125,71 +122,8 @@ def _thing(symbols: Symbols, thing: Thing) -> list[str]:
     return assignment([Text(symbols.constant(thing))], call(symbols.use(MAKERS[thing.kind]), *arguments), depth=0)
 
 
-def _posture(symbols: Symbols, place: Place) -> list[str]:
-    return assignment([Text(symbols.place(place))], call(symbols.use("a_posture"), quoted(place.name)), depth=0)
-
-
-def _places(symbols: Symbols) -> list[list[str]]:
-    """Place functions by first use; writing one may bring in others that it refers to."""
-    written: dict[str, list[str]] = {}
-    while missing := [place for place in symbols.places() if not place.is_posture and place.iri not in written]:
-        for place in missing:
-            written[place.iri] = _place(symbols, place)
-    return list(written.values())
-
-
-def _place(symbols: Symbols, place: Place) -> list[str]:
-    relations: dict[str, list[Expression]] = {}
-    phrases: list[str] = []
-    for relation, reference in place.relations:
-        expression, words = _reference(symbols, reference)
-        relations.setdefault(relation, []).append(expression)
-        form = RELATIONS[relation].prose or f"{RELATIONS[relation].forms[0]} {{}}"
-        phrases.append(form.format(words))
-    keywords: dict[str, Expression | str] = {
-        relation: references[0] if len(references) == 1 else sequence(references)
-        for relation, references in relations.items()
-    }
-    device = symbols.devices.get(place.iri)
-    if device is not None:
-        keywords["using"] = symbols.thing(device)
-    phrase = " and ".join(phrases)
-    text = f"{place.label.rstrip('. ')}: {phrase}" if place.label else phrase
-    parameters = [f"{symbols.thing(thing)}: {_type(symbols, thing)}" for thing in _things_of(place)]
-    return [
-        *signature(f"def {symbols.place(place)}", parameters, symbols.use("Location"), depth=0),
-        *_docstring([_sentence(text)], depth=1),
-        *statement(call(symbols.use("a_location"), quoted(place.name), **keywords), depth=1, before="return "),
-    ]
-
-
-def _constraint(symbols: Symbols, constraint: Constraint) -> list[str]:
-    """Return the function that describes what a constraint relates; its limits stand where it is used."""
-    write = Expressions(symbols, {}, {}, {})
-    more: dict[str, Expression | str] = {} if constraint.frame is None else {"frame": quoted(constraint.frame)}
-    more["name"] = quoted(local_name(constraint.template))
-    parts = [write.feature(part) for part in (constraint.tool, constraint.world)]
-    parameters = [f"{symbols.thing(thing)}: {symbols.use(TYPES[thing.kind])}" for thing in things_of(constraint)]
-    made = call(symbols.use("a_constraint"), quoted(constraint.kind.name), *parts, **more)
-    name = symbols.constraint(constraint)
-    return [
-        *signature(f"def {name}", parameters, symbols.use("MotionConstraint"), depth=0),
-        *_docstring([_sentence(constraint.label or humanised(name))], depth=1),
-        *statement(made, depth=1, before="return "),
-    ]
-
-
-def _reference(symbols: Symbols, reference: Thing | Place) -> tuple[Expression, str]:
-    """Return what a place refers to, as an expression and in words."""
-    name = symbols.thing(reference) if isinstance(reference, Thing) else symbols.place(reference)
-    words = f"the {name.lower().replace('_', ' ')}"
-    if isinstance(reference, Thing) or reference.is_posture:
-        return Text(name), words
-    return call(name, *[symbols.thing(thing) for thing in _things_of(reference)]), words
-
-
-def _things_of(place: Place) -> list[Thing]:
-    return [thing for thing in dict.fromkeys(place.things()) if thing.kind is not Kind.DEVICE]
+def _posture(symbols: Symbols, place: Place, name: str) -> list[str]:
+    return assignment([Text(name)], call(symbols.use("a_posture"), quoted(place.name)), depth=0)
 
 
 def _function(symbols: Symbols, function: Function) -> list[str]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import builtins
 import keyword
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Hashable, Iterable
 
 from planlang.compiler.layout import Call as CallExpression
 from planlang.compiler.layout import Expression, Sum, Text, call, sequence
@@ -26,18 +26,25 @@ from planlang.compiler.tree import (
     Value,
 )
 from planlang.designators import local_name, snake_case
-from planlang.language.recovery_strategies import registered_strategies
 from planlang.recipe.model import Constraint, Kind, Name, Part, Place, RecipeSet, Thing
+from planlang.recoveries import registered_strategies
 
 PLANLANG = frozenset(
     (
-        *("Any", "Condition", "Fluent", "Location", "MotionConstraint", "Object", "Person", "Recovery"),
-        *("a_constraint", "a_device", "a_feature", "a_location", "a_person", "a_posture", "a_situation", "action"),
-        *("achieve", "an_object", "at_location", "holding", "par", "partial", "partial_order", "perform", "plan"),
-        *("action_class", "given", "state_machine", "try_in_order", "using", "wait_for", "with_failure_handling"),
+        *("Any", "Condition", "Fluent", "Recovery", "a_constraint", "a_feature", "achieve", "action", "action_class"),
+        *("at_location", "given", "holding", "par", "partial", "partial_order", "perform", "plan", "state_machine"),
+        *("try_in_order", "using", "wait_for", "with_failure_handling"),
     )
 )
-"""Names that a plan may import, besides failures and strategies of recovery."""
+"""Names that a plan may import, besides designators, failures and strategies of recovery."""
+
+DESIGNATORS = frozenset(
+    (
+        *("Location", "Object", "Person", "a_device", "a_location", "a_person", "a_posture", "a_situation"),
+        "an_object",
+    )
+)
+"""Names for the things and places that a plan is about, which it imports from ``planlang.designators``."""
 
 
 _GENERATED = re.compile(r"_[A-Za-z0-9]{8}$")
@@ -49,14 +56,15 @@ class Symbols:
 
     def __init__(self, tree: PlanTree, recipes: RecipeSet) -> None:
         functions = (one.origin[1] for one in registered_strategies() if one.origin is not None)
-        self._claimed: set[str] = {*PLANLANG, *functions, "RECIPE"}
+        self._claimed: set[str] = {*PLANLANG, *DESIGNATORS, *functions, "RECIPE"}
         self._names = Names(self._claimed)
         self._imports: dict[str, set[str]] = {}
         self._namespaces: dict[str, str] = {namespace(recipes.task): "RECIPE"}
         self._things: dict[Thing, tuple[str, str]] = {}
         """Name as a parameter, which a device is not, and as a constant."""
-        self._places: dict[str, tuple[Place, str]] = {}
-        self._constraints: dict[tuple[str, Part, Part], tuple[Constraint, str]] = {}
+        self._postures: dict[str, tuple[Place, str]] = {}
+        self._explained: set[str] = set()
+        """The places and templates of constraints (IRIs) whose description stands in the plan."""
         self._classes: dict[str, str] = {}
         self.devices = dict(tree.devices)
         self.stated = dict(tree.classes)
@@ -66,6 +74,8 @@ class Symbols:
 
     def use(self, name: str, module: str = "planlang") -> str:
         """Import the name from the module and return it."""
+        if name in DESIGNATORS:
+            module = "planlang.designators"
         self._imports.setdefault(module, set()).add(name)
         return name
 
@@ -85,20 +95,18 @@ class Symbols:
             self._things[thing] = name, self._claim(wanted.upper()) if has_cases else name
         return self._things[thing]
 
-    def place(self, place: Place) -> str:
-        """Return the function that describes a place, the constant of a posture."""
-        if place.iri not in self._places:
-            wanted = without_digits(snake_case(place.name))
-            self._places[place.iri] = (place, self._claim(wanted.upper() if place.is_posture else wanted))
-        return self._places[place.iri][1]
+    def posture(self, place: Place) -> str:
+        """Return the constant of a posture."""
+        if place.iri not in self._postures:
+            self._postures[place.iri] = place, self._claim(without_digits(snake_case(place.name)).upper())
+        return self._postures[place.iri][1]
 
-    def constraint(self, constraint: Constraint) -> str:
-        """Return the function that describes the constraint without its limits."""
-        key = constraint.template, constraint.tool, constraint.world
-        if key not in self._constraints:
-            name = _GENERATED.sub("", local_name(constraint.template)) or local_name(constraint.template)
-            self._constraints[key] = constraint, self._claim(snake_case(name))
-        return self._constraints[key][1]
+    def explanation(self, what: Place | Constraint) -> str | None:
+        """Return the description of a place, or of what constraints relate, the first time that it is asked for."""
+        iri = what.iri if isinstance(what, Place) else what.template
+        is_new = iri not in self._explained
+        self._explained.add(iri)
+        return what.label if is_new else None
 
     def iri(self, iri: str) -> Sum:
         """Return an expression for an IRI: the constant of its namespace and its local name."""
@@ -131,13 +139,9 @@ class Symbols:
         """Return all things named so far, by first use."""
         return tuple(self._things)
 
-    def places(self) -> tuple[Place, ...]:
-        """Return all places named so far, by first use."""
-        return tuple(place for place, _ in self._places.values())
-
-    def constraints(self) -> tuple[Constraint, ...]:
-        """Return a constraint for each function that describes some, by first use."""
-        return tuple(constraint for constraint, _ in self._constraints.values())
+    def postures(self) -> tuple[tuple[Place, str], ...]:
+        """Return all postures named so far, by first use, each with its constant."""
+        return tuple(self._postures.values())
 
     def namespaces(self) -> list[tuple[str, str]]:
         """Return constants and the namespaces they stand for, that of the recipe first."""
@@ -222,16 +226,33 @@ class Expressions:
     """Writes expressions with the names of one module.
 
     ``variables`` hold the results of steps (IRIs), ``kept`` what states have made last, by name, and ``again`` runs
-    steps again, by name.
+    steps again, by name. ``claim`` gives out names inside of the function that the expressions stand in.
     """
 
     def __init__(
-        self, symbols: Symbols, variables: dict[str, str], kept: dict[str, str], again: dict[str, str]
+        self,
+        symbols: Symbols,
+        variables: dict[str, str],
+        kept: dict[str, str],
+        again: dict[str, str],
+        claim: Callable[[str], str],
     ) -> None:
         self._symbols = symbols
         self._variables = variables
         self._kept = kept
         self._again = again
+        self._claim = claim
+        self._held: dict[Hashable, str] = {}
+        """The variables that hold places and constraints."""
+        self._undefined: list[tuple[str, str | None, CallExpression]] = []
+
+    def take_variables(self) -> list[tuple[str, str | None, CallExpression]]:
+        """Return the variables that have been used since the last call, each with a comment and its value.
+
+        One whose value refers to another stands after it.
+        """
+        taken, self._undefined = self._undefined, []
+        return taken
 
     def alternatives(self, calls: tuple[FunctionCall, ...]) -> Expression:
         """Return called functions as one branch."""
@@ -258,12 +279,10 @@ class Expressions:
         match value:
             case Thing():
                 return Text(self._symbols.thing(value))
-            case PlaceUse(place, arguments):
-                if place.is_posture:
-                    return Text(self._symbols.place(place))
-                return call(self._symbols.place(place), *map(self._symbols.thing, arguments))
+            case PlaceUse():
+                return Text(self.place(value))
             case Part():
-                return self.feature(value)
+                return self._feature(value)
             case Constraint():
                 return self._constraint(value)
             case Passed(producer, otherwise):
@@ -279,7 +298,42 @@ class Expressions:
             case _:
                 return Text(repr(value))
 
-    def feature(self, part: Part) -> Expression:
+    def place(self, use: PlaceUse) -> str:
+        """Return the variable that holds a place, the constant of a posture."""
+        if use.place.is_posture:
+            return self._symbols.posture(use.place)
+        key = use.place.iri, *use.arguments
+        return self._variable(key, use.place.name, use.place, lambda: self._location(use))
+
+    def _variable(
+        self, key: Hashable, wanted: str, what: Place | Constraint, described: Callable[[], CallExpression]
+    ) -> str:
+        """Return the variable that holds what is described; what that refers to is described before it."""
+        if key not in self._held:
+            description = described()
+            self._held[key] = self._claim(without_digits(snake_case(wanted)))
+            self._undefined.append((self._held[key], self._symbols.explanation(what), description))
+        return self._held[key]
+
+    def _location(self, use: PlaceUse) -> CallExpression:
+        """Return the call that describes a place by its relations."""
+        own = dict(zip(use.place.changeable(), use.arguments, strict=True))
+        relations: dict[str, list[Expression]] = {}
+        for relation, reference in use.place.relations:
+            if isinstance(reference, Thing):
+                referred: Value = own.get(reference, reference)
+            else:
+                referred = PlaceUse(reference, tuple(own[thing] for thing in reference.changeable()))
+            relations.setdefault(relation, []).append(self.value(referred))
+        written: dict[str, Expression | str] = {
+            relation: references[0] if len(references) == 1 else sequence(references)
+            for relation, references in relations.items()
+        }
+        if (device := self._symbols.devices.get(use.place.iri)) is not None:
+            written["using"] = self._symbols.thing(device)
+        return call(self._symbols.use("a_location"), quoted(use.place.name), **written)
+
+    def _feature(self, part: Part) -> Expression:
         """Return a feature of a thing, which is a constant if it is found by the hand that holds it."""
         thing = self._symbols.constant(part.of) if part.held_by is not None else self._symbols.thing(part.of)
         more: dict[str, Expression | str] = {"of": thing}
@@ -290,9 +344,11 @@ class Expressions:
         return call(self._symbols.use("a_feature"), **more)
 
     def _constraint(self, constraint: Constraint) -> Expression:
-        """Return a constraint: the function of its template, with limits."""
-        things = map(self._symbols.thing, things_of(constraint))
-        template = f"{self._symbols.constraint(constraint)}({', '.join(things)})"
+        """Return a constraint: the variable that holds what its template relates, with limits."""
+        template = local_name(constraint.template)
+        key = constraint.template, constraint.tool, constraint.world
+        wanted = _GENERATED.sub("", template) or template
+        related = self._variable(key, wanted, constraint, lambda: self._related(constraint))
         more: dict[str, Expression | str] = {}
         if constraint.weight != 1.0:
             more["weight"] = repr(constraint.weight)
@@ -300,7 +356,14 @@ class Expressions:
             more["speed"] = quoted(constraint.speed.name)
         if not constraint.iri.startswith(constraint.template):
             more["name"] = quoted(local_name(constraint.iri))
-        return call(f"{template}.within", repr(constraint.lower), repr(constraint.upper), **more)
+        return call(f"{related}.within", repr(constraint.lower), repr(constraint.upper), **more)
+
+    def _related(self, constraint: Constraint) -> CallExpression:
+        """Return the call that describes what a constraint relates, without limits."""
+        features = [self._feature(part) for part in (constraint.tool, constraint.world)]
+        more: dict[str, Expression | str] = {} if constraint.frame is None else {"frame": quoted(constraint.frame)}
+        more["name"] = quoted(local_name(constraint.template))
+        return call(self._symbols.use("a_constraint"), quoted(constraint.kind.name), *features, **more)
 
     def _described(
         self, maker: str, type: str, properties: tuple[tuple[str, tuple[Value, ...]], ...]
@@ -334,12 +397,6 @@ class Expressions:
         if recovery.otherwise is not None:
             more["otherwise"] = use(recovery.otherwise, "planlang.failures")
         return call(use("Recovery"), *arguments, **more)
-
-
-def things_of(constraint: Constraint) -> list[Thing]:
-    """Return the things that a constraint is a function of: those that are found by no hand."""
-    parts = (constraint.tool, constraint.world)
-    return list(dict.fromkeys(part.of for part in parts if part.held_by is None and part.of.kind is not Kind.DEVICE))
 
 
 def partial_call(symbols: Symbols, expression: CallExpression) -> Expression:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-WIDTH = 88
-"""Columns of a line: what ruff and black take where nobody has set a width, so that either leaves a plan unchanged.
+WIDTH = 120
+"""Columns of a line, as in planlang's own code: a step with its properties stands on one. ``ruff format --line-length
+120`` leaves a plan unchanged, and so does black.
 
 Longer are lines with a name that is too long alone: no formatter breaks a name.
 """

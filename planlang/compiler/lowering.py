@@ -31,7 +31,6 @@ from planlang.designators import snake_case
 from planlang.diagnostics import Diagnostic, error, note, warning
 from planlang.failures import ObjectUndeliverable, ObjectUnreachable, PlanFailure
 from planlang.language.location import CURABLE
-from planlang.language.recovery_strategies import Strategy, find_strategy, registered_strategies
 from planlang.ontology import Ontology, shorten
 from planlang.ontology.terms import OWL
 from planlang.recipe.actions import Actions, RecoveryRule, recoveries_of
@@ -40,6 +39,7 @@ from planlang.recipe.checks.orderings import ordering_to_write
 from planlang.recipe.fillers import action_class, is_vocabulary_class
 from planlang.recipe.model import Kind, Place, Recipe, RecipeSet, Step, Thing
 from planlang.recipe.order import Precedence, Unit, callees_first, recipe_order, scopes_of, single_steps
+from planlang.recoveries import Strategy, find_strategy, registered_strategies
 
 NEXT_SOLUTION = "NextSolution"
 """The next solution, which is no registered strategy: a location scope performs it."""
@@ -333,7 +333,7 @@ def _destination(base: Step) -> Place:
     filler = next(filler for filler in base.fillers("toLocation") if isinstance(filler, (Place, Thing)))
     if isinstance(filler, Place):
         return filler
-    iri = filler.iri or filler.stated
+    iri = filler.iri or filler.stated if filler.slot is None else filler.name
     return Place(f"{iri.removesuffix(filler.name)}near-{filler.name}", (("in_reach_of", filler),))
 
 

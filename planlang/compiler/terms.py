@@ -199,8 +199,7 @@ class Terms:
 
     def use(self, place: Place) -> PlaceUse:
         """Return a place with the things that it depends on."""
-        things = dict.fromkeys(thing for thing in place.things() if thing.kind is not Kind.DEVICE)
-        return PlaceUse(place, tuple(things))
+        return PlaceUse(place, place.changeable())
 
     def device(self, recipe: Recipe, step: Step) -> Thing | None:
         """Return the device of a step of the hand: its own, else its recipe's."""
@@ -379,21 +378,27 @@ class Roles:
         return tuple(sorted(names, key=_rank))
 
     def held(self, recipe: Recipe, order: Precedence[str]) -> frozenset[str]:
-        """Return the steps (IRIs) that hold their roles; ``order`` has all orders of the recipe's steps."""
+        """Return the steps (IRIs) that hold their roles; ``order`` has all orders of the recipe's steps.
+
+        What is unordered with one that holds a role holds it, too: a request that waits in a module's queue for a role
+        would be in the way of the one that has the role and asks the module.
+        """
         users: dict[str, int] = {}
         for step in recipe.steps:
             for name in self.of(recipe, step):
                 users[name] = users.get(name, 0) | order.bit(step.iri)
         found = 0
-        for step in recipe.steps:
-            if step.recipes or step.is_abstract:
-                sharing = 0
-                for name in self.of(recipe, step):
-                    sharing |= users[name]
-                own = order.bit(step.iri)
-                sharing &= ~(order.later(step.iri) | order.earlier(step.iri) | own)
-                if sharing:
-                    found |= sharing | own
+        waiting = [step for step in recipe.steps if step.recipes or step.is_abstract]
+        while waiting:
+            step = waiting.pop()
+            sharing = 0
+            for name in self.of(recipe, step):
+                sharing |= users[name]
+            own = order.bit(step.iri)
+            sharing &= ~(order.later(step.iri) | order.earlier(step.iri) | own)
+            new = (sharing | own if sharing else 0) & ~found
+            found |= new
+            waiting += [recipe.step(iri) for iri in order.members(new & ~own)]
         return frozenset(order.members(found))
 
     def _roles(self, recipe: Recipe, step: Step) -> frozenset[Role]:

@@ -6,8 +6,8 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from planlang.language.recovery_strategies import Strategy
 from planlang.recipe.model import Constraint, Name, Part, Place, Thing
+from planlang.recoveries import Strategy
 
 
 @dataclass(frozen=True, slots=True)

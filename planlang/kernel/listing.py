@@ -13,7 +13,7 @@ from planlang.kernel.core import Task
 from planlang.kernel.tree import Node
 
 _PACKAGE = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
-_OWN = tuple(os.path.join(_PACKAGE, part) + os.sep for part in ("kernel", "language", "runs"))
+_OWN = tuple(os.path.join(_PACKAGE, part) for part in ("kernel/", "language/", "runs/", "recoveries.py"))
 SHOWN = 20
 """Tasks, or functions, that an error lists at most: about a screen."""
 

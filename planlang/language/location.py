@@ -51,6 +51,8 @@ _AT_LOCATION = Usage(
 
 CURABLE = (NavigationFailure, ManipulationPoseUnreachable, ManipulationGoalInCollision, LookingGoalUnreachable)
 """Failures that another base pose can cure."""
+ATTEMPTS = 5
+"""Places that a scope tries unless the plan says otherwise."""
 APART = 0.05
 """Base poses nearer than this to one that failed count as the same [m]: what is out of reach stays so."""
 REPLACED = 10
@@ -61,7 +63,7 @@ async def at_location(
     location: Location,
     body: Callable[[], Awaitable[V]],
     *,
-    attempts: int = 5,
+    attempts: int = ATTEMPTS,
     reaching: Iterable[Object | Location] = (),
     device: Device | None = None,
     by: str | None = None,

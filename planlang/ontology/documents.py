@@ -81,7 +81,7 @@ def read_syntax(content: bytes, file: str, *, base: str, label: str) -> Parsed:
 MOST_DOCUMENTS = 200
 """Files that one ontology may be made of."""
 
-VOCABULARY = ("knowrob", "srdl", "roboearth", "dul", "motion_constraints", "primitives", "recovery")
+VOCABULARY = ("knowrob", "srdl", "roboearth", "dul", "motion_constraints", "object_change", "primitives", "recovery")
 """Bundled files that every ontology has, then objects/, and the library of recipes."""
 
 
@@ -238,6 +238,7 @@ VOCABULARY_FILES: dict[str, str | None] = {
     "srdl": "srdl.omn",
     "roboearth": "roboearth.omn",
     "motion-constraints": "motion_constraints.omn",
+    "object-change": "object_change.omn",
     "primitives": "primitives.omn",
     "recovery": "recovery.omn",
     "computable": None,

@@ -152,6 +152,10 @@ class Place(_Named):
             else:
                 yield from reference.things()
 
+    def changeable(self) -> tuple[Thing, ...]:
+        """Return the things for which a plan may put others: all that the place refers to but devices, each once."""
+        return tuple(dict.fromkeys(thing for thing in self.things() if thing.kind is not Kind.DEVICE))
+
 
 @dataclass(frozen=True, slots=True)
 class Name(_Named):

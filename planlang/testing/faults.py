@@ -94,9 +94,13 @@ class Injector:
 
 
 def _called(node: Node, step: str) -> bool:
-    action = getattr(node, "action", None)
+    """Return True for a node that a fault means; an action in a branch or a state of its name is meant with that."""
+    around, action = node.parent, getattr(node, "action", None)
+    is_inside = around is not None and around.kind in ("branch", "state") and around.base_name == node.base_name
     if isinstance(action, Action) and step in ancestors_of(action.type, lambda cls: (cls,)):
-        return True
+        return not (is_inside and step == node.base_name)
+    if is_inside:
+        return False
     open_: Node | None = node
     for wanted in reversed(step.split("/")):
         if open_ is None or wanted not in (open_.name, open_.base_name):

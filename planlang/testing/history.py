@@ -264,11 +264,14 @@ class History:
         return Verdict(any(step.status == status for step in steps), f"{_name(what)} ({_all(steps)})")
 
 
+_ONCE = {("branch", "plan"), ("branch", "perform"), ("state", "plan"), ("state", "perform"), ("perform", "branch")}
+"""Kinds of a node and of one inside it that are one step if they have one name; the last is a module's own node."""
+
+
 def _stands_for_its_branch(step: Step, query: str) -> bool:
     """Return True for a plan or an action that is a branch or a state of the same name: it counts once."""
     parent = step.parent
-    stands = parent is not None and parent.kind in ("branch", "state") and step.kind in ("plan", "perform")
-    return stands and parent is not None and parent.called(query)
+    return parent is not None and (parent.kind, step.kind) in _ONCE and parent.called(query)
 
 
 def _name(what: What) -> str:

@@ -7,6 +7,7 @@ from importlib.metadata import distributions
 from pathlib import Path
 from typing import Any
 
+import pybullet_data
 import pytest
 from typer.testing import CliRunner
 
@@ -66,6 +67,19 @@ def test_the_pr2_passes_the_drink_without_moving_its_base(tmp_path: Path) -> Non
     trace = tmp_path / "run.jsonl"
     assert run("pass_a_drink", "--robot", "pr2", "--trace", trace)["final_state"] == ["bottle1: held by guest1"]
     assert not any("Translation" in one for one in performed(trace))
+
+
+def test_an_arm_that_is_fixed_at_the_table_passes_the_drink_by_a_robot_file_made_from_its_urdf(tmp_path: Path) -> None:
+    urdf, file = Path(pybullet_data.getDataPath()) / "franka_panda" / "panda.urdf", tmp_path / "arm.toml"
+    made = CliRunner().invoke(app, ["robot", "make", str(urdf), "-o", str(file)], prog_name="planlang")
+    assert made.exit_code == 0, made.output
+    mount = "[mount]\nsize = [0.5, 0.5, 0.55]\nat = [0.1, 0.0, 0.55]\n"  # as the bundled one: its maps serve
+    file.write_text(file.read_text() + mount)
+    assert run("pass_a_drink", "--robot", file, "--trust-map")["final_state"] == ["bottle1: held by guest1"]
+    driving = run("serve_a_drink", "--robot", file, "--trust-map")
+    assert (driving["exit_code"], driving["failure"]) == (3, ["MissingCapability"])
+    stuck = run("serve_a_drink", "--robot", file, "--trust-map", "--force")
+    assert stuck["exit_code"] == 1, "the base stays, and the bottle is out of reach"
 
 
 def test_a_run_that_trusted_the_map_is_resumed_so(tmp_path: Path) -> None:

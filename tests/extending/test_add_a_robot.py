@@ -27,6 +27,7 @@ turn_speed = 1.0
 turn_acceleration = 1.0
 jerk = 5.0
 """
+DRIVES = ROBOT_FILE.partition("radius = 0.36\n")[2]
 CAMERA = """
 [camera]
 link = "camera"
@@ -85,11 +86,24 @@ def run(plan: Path, robot: Path) -> dict[str, Any]:
     return answer("run", plan, "--robot", robot, "--environment", "hospital_room")
 
 
-def test_a_urdf_alone_is_answered_with_what_to_write(garage: Path) -> None:
+def test_a_urdf_alone_is_a_robot_that_stands_where_it_is_and_says_what_is_assumed(garage: Path) -> None:
     found = run(garage / "drive.py", garage / "cart.urdf")
-    (problem,) = found["diagnostics"]
-    assert (found["exit_code"], problem["code"]) == (2, "B016")
-    assert "urdf = 'cart.urdf'" in problem["help"]
+    assert (found["exit_code"], found["failure"]) == (3, ["MissingCapability"])
+    assert "the base of cart is fixed" in found["outcome"]
+    assert "planlang robot make" in found["diagnostics"][0]["help"]
+    missing = [one["message"] for one in found["diagnostics"] if one["code"] == "B016"]
+    assert any("[arms.arm] missing" in one for one in missing)
+
+
+def test_a_robot_file_is_made_from_the_urdf_and_completed(garage: Path) -> None:
+    made = answer("robot", "make", garage / "cart.urdf", "-o", garage / "cart.toml")
+    assert (made["exit_code"], made["output"]) == (0, str(garage / "cart.toml"))
+    text = (garage / "cart.toml").read_text()
+    assert "fixed = true" in text
+    (garage / "cart.toml").write_text(text.replace("fixed = true", DRIVES + "# fixed = true"))
+    assert run(garage / "drive.py", garage / "cart.toml")["exit_code"] == 0
+    again = answer("robot", "make", garage / "cart.urdf", "-o", garage / "cart.toml")
+    assert [one["code"] for one in again["diagnostics"]] == ["C005"], "what a person has completed is not replaced"
 
 
 def test_a_robot_file_with_a_name_a_urdf_and_a_base_is_a_robot_that_drives(garage: Path) -> None:

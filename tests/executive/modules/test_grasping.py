@@ -70,6 +70,11 @@ def test_a_bottle_is_grasped_lifted_and_carried(before_bottle: Stage) -> None:
     assert stage.planning.pose("bottle").distance(stage.truth.pose("bottle")) < 1e-6
 
 
+def test_a_thing_stands_for_where_it_is_grasped(before_bottle: Stage) -> None:
+    do(before_bottle, reach(BEFORE), OPEN, action("Reaching", to_location=THE_BOTTLE), CLOSE)
+    assert held_by(before_bottle.truth, "bottle") == "robot"
+
+
 def test_the_lift_follows_where_the_bottle_was_not_where_it_is(before_bottle: Stage) -> None:
     stage = before_bottle
     do(stage, reach(BEFORE), OPEN, reach(AROUND), CLOSE)
@@ -285,11 +290,12 @@ def test_two_arms_reach_one_after_the_other_because_they_share_the_torso(make_st
     assert max(moving) == 1
 
 
-def test_offering_to_a_patient_brings_the_bottle_into_their_comfort_zone(ward: Stage) -> None:
+@pytest.mark.parametrize("target", [a_location(in_reach_of=a_person("Patient")), a_person("Patient")])
+def test_offering_to_a_patient_brings_the_bottle_into_their_comfort_zone(ward: Stage, target: Location) -> None:
     hold_bottle(ward)
     location = a_location(in_reach_of=a_person("Patient"))
     stand(ward, next(ward.resolver.bases(a_location(in_reach_of=location))).base)
-    do(ward, reach(location))
+    do(ward, reach(target))
     assert ward.truth.person("patient").contains(ward.truth.pose("bottle").position)
     assert held_by(ward.truth, "bottle") == "robot"
 

@@ -11,7 +11,7 @@ import pytest
 from executive.modules.control import ROOMY
 from executive.motion import clearance_at
 from planlang import Recovery, look_from_another_place, perform, with_failure_handling
-from planlang.designators import Action, Object, a_location, action, an_object
+from planlang.designators import Action, Location, Object, a_location, action, an_object
 from planlang.failures import (
     ActionUnresolvable,
     LocationUnresolvable,
@@ -47,10 +47,12 @@ def test_the_base_arrives_at_the_pose(make_stage: MakeStage) -> None:
     assert stage.planning.configuration().base == stage.truth.configuration().base
 
 
-def test_a_location_is_gone_to_at_its_best_place(ward: Stage) -> None:
-    location = a_location(in_reach_of=THE_BOTTLE)
-    best = next(ward.resolver.bases(location)).base
-    drive(ward, action("Translation-LocationChange", to_location=location))
+@pytest.mark.parametrize("target", [a_location(in_reach_of=THE_BOTTLE), THE_BOTTLE])
+def test_a_location_is_gone_to_at_its_best_place_a_thing_to_where_it_is_in_reach(
+    ward: Stage, target: Location | Object
+) -> None:
+    best = next(ward.resolver.bases(a_location(in_reach_of=THE_BOTTLE))).base
+    drive(ward, action("Translation-LocationChange", to_location=target))
     assert ward.truth.configuration().base == pytest.approx(best, abs=1e-6)
 
 

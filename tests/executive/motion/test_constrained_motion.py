@@ -118,6 +118,15 @@ def test_a_phase_whose_weights_are_0_moves_nothing() -> None:
     assert robot.objection(problem, start, [impossible, [UPRIGHT], []], motions) is None
 
 
+def test_limits_between_which_there_is_no_room_but_rounding_are_met() -> None:
+    robot = arms("amigo")
+    problem, start = with_cup(robot)
+    # less than twice what is left for waypoints: in floating point lower + half < upper - half is not sure
+    narrow = a_constraint("LEFT_OF", CENTRE, TOP, lower=0.0002285611587255598, upper=0.0007999476392546951)
+    motions = solve_motion(problem, start, [[narrow]])
+    assert robot.objection(problem, start, [[narrow]], motions) is None
+
+
 def test_phases_that_ask_for_nothing_move_nothing() -> None:
     problem, start = with_cup(arms("amigo"))
     motions = solve_motion(problem, start, [[], []])

@@ -7,6 +7,9 @@ from dataclasses import dataclass, field
 
 import pytest
 
+Scope = dict[str, ast.AsyncFunctionDef | ast.expr]
+"""What names stand for inside of a function."""
+
 
 @dataclass
 class Happening:
@@ -47,10 +50,12 @@ class PlanReader:
         """What a plan function does, with the functions that it calls."""
         return self._body(self.functions[name].body, {})
 
-    def _body(self, statements: list[ast.stmt], scope: dict[str, ast.AsyncFunctionDef]) -> Happening:
+    def _body(self, statements: list[ast.stmt], scope: Scope) -> Happening:
         scope = dict(scope)
         done = Happening()
         for statement in statements:
+            if isinstance(statement, ast.Assign) and isinstance(statement.targets[0], ast.Name):
+                scope[statement.targets[0].id] = statement.value
             if isinstance(statement, ast.AsyncFunctionDef):
                 scope[statement.name] = statement
             elif isinstance(statement, ast.AsyncWith):
@@ -61,7 +66,7 @@ class PlanReader:
                 done = done.then(self._call(call.func, call.args, call.keywords, scope))
         return done
 
-    def _branch(self, node: ast.expr, scope: dict[str, ast.AsyncFunctionDef], name: str | None = None) -> Happening:
+    def _branch(self, node: ast.expr, scope: Scope, name: str | None = None) -> Happening:
         if isinstance(node, ast.Call):
             assert isinstance(node.func, ast.Name)
             assert node.func.id == "partial"
@@ -73,7 +78,7 @@ class PlanReader:
         function: ast.expr,
         arguments: list[ast.expr],
         keywords: list[ast.keyword],
-        scope: dict[str, ast.AsyncFunctionDef],
+        scope: Scope,
         name: str | None = None,
     ) -> Happening:
         assert isinstance(function, ast.Name)
@@ -93,9 +98,8 @@ class PlanReader:
                 return self._branch(arguments[0], scope)
             case "at_location":
                 place = arguments[0]
-                assert isinstance(place, ast.Call)
-                assert isinstance(place.func, ast.Name)
-                return Happening([f"at {place.func.id}"]).then(self._branch(arguments[1], scope))
+                assert isinstance(place, ast.Name)
+                return Happening([f"at {place.id}"]).then(self._branch(arguments[1], scope))
             case "par":
                 named = {str(k.arg): self._branch(k.value, scope, k.arg) for k in keywords}
                 return self._side_by_side(named, [])
@@ -106,7 +110,10 @@ class PlanReader:
                 branches = {key: self._branch(value, scope, key) for key, value in zip(keys, steps.values, strict=True)}
                 return self._side_by_side(branches, ast.literal_eval(pairs))
             case called:
-                return self._body((scope.get(called) or self.functions[called]).body, scope if called in scope else {})
+                known = scope.get(called) or self.functions[called]
+                if isinstance(known, ast.expr):
+                    return self._branch(known, scope)
+                return self._body(known.body, scope if called in scope else {})
 
     def _named(self, described: ast.expr, given: dict[str | None, ast.expr]) -> str:
         """The name of a step: its own, or else its class's."""

@@ -81,7 +81,7 @@ def test_steps_of_one_place_run_at_it_and_hand_places_narrow_it(compiled: Any) -
     )
     source = body(plan, "take")
     assert "async def at_there() -> None:" in source
-    assert "reaching=(grasp_pose(bottle),)" in source
+    assert "reaching=(grasp_pose,)" in source
     assert 'a_location("there", in_reach_of=bottle, using=GRIPPER)' in plan.source
 
 
@@ -94,7 +94,7 @@ def test_without_scopes_a_base_motion_is_a_step_like_any_other(compiled: Any) ->
         scopes=False,
     )
     assert "at_location" not in plan.source
-    assert "perform(action(DRIVE, to_location=there(bottle)))" in unbroken(plan.source)
+    assert "perform(action(DRIVE, to_location=there))" in unbroken(plan.source)
 
 
 def test_base_motion_that_nothing_follows_opens_no_scope(compiled: Any) -> None:
@@ -126,7 +126,7 @@ def test_base_motion_to_a_thing_goes_where_that_is_in_reach(compiled: Any) -> No
         step("Look", "k:LookingForSomething"),
     )
     assert 'a_location("near-bottle1", in_reach_of=bottle)' in plan.source
-    assert "at_location(near_bottle(bottle), at_near_bottle" in plan.source
+    assert "at_location(near_bottle, at_near_bottle" in plan.source
 
 
 def test_place_described_as_a_class_is_a_place(compiled: Any) -> None:
@@ -144,9 +144,49 @@ def test_place_may_be_relative_to_another_place(compiled: Any) -> None:
         "Individual: beyond\n    Types: k:Point3D\n    Facts: k:aboveOf graspPose, k:inReachOf room:patient1",
         step("Reach", "k:Reaching", "k:toLocation value beyond"),
     )
-    assert "def beyond(bottle: Object, patient: Person) -> Location:" in plan.source
-    assert 'a_location("beyond", above=grasp_pose(bottle), in_reach_of=patient)' in plan.source
-    assert "def grasp_pose(bottle: Object) -> Location:" in plan.source
+    assert [line.strip() for line in body(plan, "take").splitlines()[2:4]] == [
+        'grasp_pose = a_location("graspPose", in_center_of=bottle)',
+        'beyond = a_location("beyond", above=grasp_pose, in_reach_of=patient)',
+    ]
+
+
+def test_place_is_described_where_it_is_first_used_and_its_label_stands_in_the_plan_once(compiled: Any) -> None:
+    plan = compiled(
+        task("Take", "Look Reach Again", constraints=2),
+        orderings("Look<Reach", "Reach<Again"),
+        'Individual: beyond\n    Annotations: rdfs:label "over it"\n'
+        "    Types: k:Point3D\n    Facts: k:aboveOf room:cup1",
+        step("Look", "k:LookingForSomething"),
+        step("Reach", "k:Reaching", "k:toLocation value beyond"),
+        task("Again", "Back", above="k:PurposefulAction"),
+        step("Back", "k:Reaching", "k:toLocation value beyond"),
+    )
+    described = 'beyond = a_location("beyond", above=cup)'
+    assert described in body(plan, "again")
+    assert "# over it" not in body(plan, "take")
+    look, place, reach, again = body(plan, "take").splitlines()[2:]
+    assert "action(LOOK)" in look
+    assert place.strip() == described
+    assert "to_location=beyond" in reach
+    assert "partial(again, cup=cup)" in again
+
+
+def test_place_that_a_called_function_has_for_another_thing_is_described_for_each(compiled: Any) -> None:
+    plan = compiled(
+        task("Take", "Drive Fetch Touch", "k:objectActedOn value room:cup1", constraints=2),
+        orderings("Drive<Fetch", "Fetch<Touch"),
+        step("Over", "k:Point3D", "k:aboveOf some k:Cup"),
+        step("Drive", "k:Translation-LocationChange", "k:toLocation value there"),
+        task("Fetch", "Reach", above="k:PurposefulAction"),
+        step("Reach", "k:Reaching", "k:toLocation some Over", "k:objectActedOn some k:Cup"),
+        step("Touch", "k:Reaching", "k:toLocation some Over"),
+    )
+    source = body(plan, "take")
+    assert 'over = a_location("Over", above=cup_2)' in source
+    assert 'over_2 = a_location("Over", above=cup)' in source
+    assert "partial(fetch, cup=cup_2)" in source
+    assert "to_location=over_2" in source
+    assert "reaching=(over, over_2)" in source
 
 
 def test_recipe_with_a_base_motion_of_its_own_ends_the_scope_of_its_caller(compiled: Any) -> None:
@@ -213,7 +253,7 @@ def test_primitive_nearer_than_a_recipe_is_performed(compiled: Any) -> None:
         step("Look", "k:LookingForSomething"),
         task="Serve",
     )
-    assert "action(REACH, to_location=grasp_pose(bottle))" in plan.source
+    assert "action(REACH, to_location=grasp_pose)" in plan.source
 
 
 def test_recipes_of_two_superclasses_are_tried_in_order(compiled: Any) -> None:
@@ -298,7 +338,7 @@ def test_steps_between_a_grasp_and_the_release_go_back_to_the_grasp_when_the_thi
     give = step("Give", "k:HandingOverAnObject", "k:objectActedOn value room:bottle1")
     back = step("Back", "k:Translation-LocationChange", "k:toLocation value room:cup1")
     text = unbroken(compiled(*carrying(away, give, back), scopes=False).source)
-    assert "async def fetch_bottle() -> None:" in text
+    assert "fetch_bottle = partial(perform," in text
     assert text.count("Recovery(ObjectLost, fetch_again(bottle), attempts=2") == 1, "around the grasp itself"
     assert text.count("Recovery(ObjectLost, fetch_again(bottle, fetch_bottle), attempts=2") == 2
     assert "ObjectLost" not in text[text.index("perform(action(GIVE") :].partition("otherwise=ObjectUnfetchable")[2], (

@@ -23,6 +23,7 @@ from planlang.compiler.expressions import snake_case
 from planlang.compiler.lowering import Lowering
 from planlang.designators import local_name
 from planlang.ontology import Ontology, load
+from planlang.outputs import DIGITS
 from planlang.protocols import Solution
 from planlang.recipe import Actions, Ordering, Parameter, Place, Recipe, RecipeSet, Source, Step, Thing
 from planlang.recipe.actions import Movers
@@ -343,7 +344,7 @@ def test_shuffled_triples_of_a_file_change_nothing_but_its_digest(
         path: Path = folder / "task.nt"
         path.write_text("\n".join(text), encoding="utf-8")
         plan = compile_recipe(path)
-        sources.append(plan.source.replace(plan.recipes.source.sha256, "-"))
+        sources.append(plan.source.replace(plan.recipes.source.sha256[:DIGITS], "-"))
         assert [local_name(step.iri) for step in plan.recipes.main.steps] == sorted(
             graph.nodes, key=lambda name: int(name[1:])
         )

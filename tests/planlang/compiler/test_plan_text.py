@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from planlang.compiler import CompiledPlan, compile_recipe
 from planlang.compiler.compile import canonical, emit
 from planlang.compiler.expressions import Names, snake_case, without_digits
-from planlang.compiler.layout import Call, Display, Expression, Text, signature, statement
+from planlang.compiler.layout import WIDTH, Call, Display, Expression, Text, signature, statement
 from planlang.compiler.lowering import Lowering
 from planlang.diagnostics import Severity
 from planlang.files import bundled
@@ -43,7 +43,7 @@ from planlang.recipe import (
 
 def formatted(source: str) -> str:
     """What ruff makes of a source."""
-    command = [sys.executable, "-m", "ruff", "format", "--isolated", "-"]
+    command = [sys.executable, "-m", "ruff", "format", "--isolated", f"--line-length={WIDTH}", "-"]
     return subprocess.run(command, input=source, capture_output=True, text=True, check=True).stdout
 
 
@@ -155,7 +155,17 @@ class Writer:
 
 def changes(folder: Path) -> str:
     """What ruff would change in the sources of a folder."""
-    command = [sys.executable, "-m", "ruff", "format", "--diff", "--isolated", "--no-cache", str(folder)]
+    command = [
+        sys.executable,
+        "-m",
+        "ruff",
+        "format",
+        "--diff",
+        "--isolated",
+        f"--line-length={WIDTH}",
+        "--no-cache",
+        str(folder),
+    ]
     return subprocess.run(command, capture_output=True, text=True).stdout
 
 
@@ -189,7 +199,7 @@ def test_formatter_leaves_first_lines_as_they_are(
     lines = [f"{'    ' * level}async def outer{level}() -> None:" for level in range(depth)]
     lines += [*signature(f"async def {name}", given, returns, depth=depth), "    " * (depth + 1) + "pass"]
     source = "\n".join(lines) + "\n"
-    command = [sys.executable, "-m", "ruff", "format", "--isolated", "-"]
+    command = [sys.executable, "-m", "ruff", "format", "--isolated", f"--line-length={WIDTH}", "-"]
     assert subprocess.run(command, input=source, capture_output=True, text=True, check=True).stdout == source
 
 
@@ -288,8 +298,8 @@ def test_source_does_not_depend_on_the_hash_seed(plan: CompiledPlan) -> None:
 
 def test_golden_plan_is_formatted_linted_and_strictly_typed() -> None:
     for arguments in (
-        ["ruff", "format", "--check", "--isolated"],
-        ["ruff", "check", "--isolated", "--select", "E,F,W,I,B,UP,N,RUF"],
+        ["ruff", "format", "--check", "--isolated", f"--line-length={WIDTH}"],
+        ["ruff", "check", "--isolated", f"--line-length={WIDTH}", "--select", "E,F,W,I,B,UP,N,RUF"],
         ["mypy", "--strict", "--no-error-summary"],
     ):
         done = subprocess.run([sys.executable, "-m", *arguments, str(GOLDEN)], capture_output=True, text=True)
@@ -298,7 +308,8 @@ def test_golden_plan_is_formatted_linted_and_strictly_typed() -> None:
 
 def test_golden_plan_imports_planlang_only(plan: CompiledPlan) -> None:
     lines = [line for line in plan.source.splitlines() if line.startswith(("import ", "from "))]
-    assert all(line.split()[1] in ("functools", "planlang", "planlang.failures") for line in lines)
+    known = ("functools", "planlang", "planlang.designators", "planlang.failures", "planlang.recoveries")
+    assert all(line.split()[1] in known for line in lines)
 
 
 def test_no_iri_stands_inside_a_function(plan: CompiledPlan) -> None:

@@ -82,7 +82,7 @@ def test_place_without_relations_is_a_posture(hydro: CompiledPlan) -> None:
 
 def test_step_outside_a_recipe_with_a_device_gets_none(hydro: CompiledPlan) -> None:
     source = unbroken(hydro.source)
-    assert "perform(action(HANDOVER_OBJECT, to_location=hand_pose_handover(bed)))" in source
+    assert "perform(action(HANDOVER_OBJECT, to_location=hand_pose_handover))" in source
     for name in ("OPEN_GRIPPER_FOR_GRASPING", "OPEN_GRIPPER_FOR_HANDOVER"):
         assert f"perform(action({name}, device_used=ROBOT_RIGHT_GRIPPER))" in source
 
@@ -184,8 +184,8 @@ def test_plans_of_real_recipes_are_formatted_linted_and_typed(corpus: Path, tmp_
         assert [line for line in long if not re.fullmatch(r" +(\w+: \w+ = |\w+=|\"[^\"]+\": )\w+,", line)] == []
         (tmp_path / f"plan{number}.py").write_text(source, encoding="utf-8")
     for arguments in (
-        ["ruff", "format", "--diff", "--isolated"],
-        ["ruff", "check", "--isolated", "--select", "E,F,W,I,B,UP,N,RUF", "--ignore", "E501"],
+        ["ruff", "format", "--diff", "--isolated", f"--line-length={WIDTH}"],
+        ["ruff", "check", "--isolated", f"--line-length={WIDTH}", "--select", "E,F,W,I,B,UP,N,RUF", "--ignore", "E501"],
         ["mypy", "--strict", "--no-error-summary"],
     ):
         done = subprocess.run([sys.executable, "-m", *arguments, str(tmp_path)], capture_output=True, text=True)

@@ -12,6 +12,7 @@ import pytest
 
 from planlang import Action, Condition, Location, Trace, VirtualHost, checkpoint, run
 from planlang.compiler import CompiledPlan, compile_recipe
+from planlang.compiler.layout import WIDTH
 from planlang.failures import LocationUnresolvable
 from planlang.protocols import Solution
 from planlang.runs import with_paths
@@ -262,7 +263,7 @@ def test_a_plan_with_turns_is_formatted_and_typed(compiled: Callable[..., Compil
     )
     path = tmp_path / "serve.py"
     path.write_text(plan.source, encoding="utf-8")
-    for arguments in (["ruff", "format", "--check", "--isolated"], ["mypy", "--strict"]):
+    for arguments in (["ruff", "format", "--check", "--isolated", f"--line-length={WIDTH}"], ["mypy", "--strict"]):
         done = subprocess.run(
             [sys.executable, "-m", *arguments, str(path)], capture_output=True, text=True, check=False
         )

@@ -38,6 +38,7 @@ from planlang import (
     with_failure_handling,
 )
 from planlang import evaporate as evaporate_task
+from planlang import recoveries as strategies
 from planlang.designators import located
 from planlang.failures import (
     BranchEvaporated,
@@ -49,9 +50,8 @@ from planlang.failures import (
     ObjectUnreachable,
     PerceptionFailure,
 )
-from planlang.language import recovery_strategies as strategies
-from planlang.language.recovery_strategies import find_strategy, recovery_strategy, registered_strategies
 from planlang.misuse import PlanStructureError
+from planlang.recoveries import find_strategy, recovery_strategy, registered_strategies
 
 BOTTLE = an_object("DrinkingBottle", "http://example.org/map#bottle1")
 
@@ -296,7 +296,7 @@ async def shout(failure: object) -> object: ...
     [
         ("", {}, shout, "a string with something in it"),
         ("Shout", {"moves_base": True}, shout, "has to be about an object"),
-        ("Ignore", {}, shout, "planlang.ignore is registered as Ignore already"),
+        ("Ignore", {}, shout, "planlang.recoveries.ignore is registered as Ignore already"),
         ("Repeat", {}, shout, "planlang is registered as Repeat already"),
         ("Shout", {}, lambda failure: None, "plans cannot import lambda"),
         ("Shout", {}, None, "plans cannot import None"),

@@ -6,9 +6,9 @@ import pytest
 
 from planlang.compiler.lowering import LATER, NEXT_SOLUTION
 from planlang.files import bundled
-from planlang.language.recovery_strategies import registered_strategies
 from planlang.ontology import Literal, Ontology, expand, load, shorten
 from planlang.ontology.terms import KNOWROB, OWL, RDF, RDFS, VOCABULARIES, XSD
+from planlang.recoveries import registered_strategies
 
 
 @pytest.fixture(scope="module")

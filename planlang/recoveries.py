@@ -71,8 +71,7 @@ class Strategy:
         """
         if self.function is None or self.function is retry:
             return None
-        module = self.function.__module__
-        return ("planlang" if module.startswith("planlang.") else module), self.function.__name__
+        return self.function.__module__, self.function.__name__
 
 
 _registered: dict[str, Strategy] = {

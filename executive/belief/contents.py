@@ -1,0 +1,93 @@
+"""What a map says of contents, devices that are on, vessels and blades; what its ontology says that heat does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+from functools import cache
+
+from executive.belief.semantic_map import MapObject, SemanticMap, read_size
+from planlang.ontology import Ontology, expand, shorten
+from planlang.recipe.effects import effects_of, heat_effects, number_of_class, number_of_individual
+from sim import Body
+from sim.matter import ON, Heating, Portion, Rules, Size
+
+UNKNOWN_SIZE = (0.1, 0.1, 0.02)
+"""Size of what comes into being and has no size by its class [m]."""
+USUAL_AMOUNT = 100.0
+"""Amount of a content of which nothing says how much it is [ml]."""
+
+
+def rules_of(ontology: Ontology) -> Rules:
+    """Return what heat does, and of which sizes things are that come into being; raises BadInput."""
+    heating = tuple(
+        Heating(_short(one.inputs), shorten(one.output), _short(one.devices), one.duration)
+        for one in heat_effects(ontology)
+    )
+    flow = effects_of(ontology, expand("FluidFlow-Translation")).flow_rate
+    return Rules(heating, _taxonomy(ontology), _sizes(ontology), 0.0 if flow is None else flow)
+
+
+def _short(classes: Iterable[str]) -> tuple[str, ...]:
+    return tuple(map(shorten, classes))
+
+
+def _taxonomy(ontology: Ontology) -> Callable[[str, str], bool]:
+    @cache
+    def is_a(cls: str, above: str) -> bool:
+        return cls == above or ontology.is_a(expand(cls), expand(above))
+
+    return is_a
+
+
+def _sizes(ontology: Ontology) -> Callable[[str], Size]:
+    @cache
+    def size(cls: str) -> Size:
+        return read_size(ontology, expand(cls), (expand(cls),), []) or UNKNOWN_SIZE
+
+    return size
+
+
+def with_contents(bodies: Iterable[Body], semantic_map: SemanticMap) -> list[Body]:
+    """Return bodies with what they hold, whether they are on, and what they are as vessels and tools."""
+    ontology, held, types = semantic_map.ontology, dict[str, list[Portion]](), dict[str, tuple[str, ...]]()
+    for thing in semantic_map.objects:
+        types[thing.iri] = thing.types
+        for container in thing.inside if thing.pose is None else ():
+            held.setdefault(container, []).append(_portion(thing, ontology))
+
+    @cache
+    def number(types: tuple[str, ...], name: str) -> float | None:
+        return number_of_class(ontology, types, name)
+
+    return [_with_content(body, held.get(body.iri, ()), types.get(body.iri, ()), ontology, number) for body in bodies]
+
+
+def is_content(thing: MapObject) -> bool:
+    """Return whether a thing of a map is what another one holds: it is in something and has no place of its own."""
+    return thing.pose is None and bool(thing.inside)
+
+
+def _portion(thing: MapObject, ontology: Ontology) -> Portion:
+    amount = number_of_individual(ontology, thing.iri, "amount")
+    if amount is None:
+        amount = number_of_class(ontology, thing.types, "amount")
+    return Portion(shorten(thing.types[0]), USUAL_AMOUNT if amount is None else amount, (thing.name,))
+
+
+def _with_content(
+    body: Body,
+    portions: Sequence[Portion],
+    types: tuple[str, ...],
+    ontology: Ontology,
+    number: Callable[[tuple[str, ...], str], float | None],
+) -> Body:
+    capacity = number_of_individual(ontology, body.iri, "capacity")
+    if capacity is None:
+        capacity = number(types, "capacity")
+    blade = number(types, "bladeLength") or 0.0
+    states = [shorten(one) for one in ontology.values(body.iri, expand("stateOfObject")) if isinstance(one, str)]
+    if not (capacity or blade or states or portions):
+        return body
+    room = max(capacity or 0.0, sum(portion.amount for portion in portions))
+    return replace(body, content=tuple(portions), capacity=room, is_on=ON in states, blade=min(blade, max(body.size)))

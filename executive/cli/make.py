@@ -1,0 +1,38 @@
+"""``planlang robot make``: a robot file is derived from a URDF and a SRDF."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+from executive.cli.arguments import MakeArguments
+from executive.cli.console import Answer
+from executive.cli.inputs import check_files, refuse
+from executive.robots import CARRYING, bind_draft
+from executive.robots.arms import with_carrying
+from executive.robots.draft import draft_of
+from planlang.diagnostics import Diagnostic
+from planlang.outputs import check_outputs, write_text
+
+
+def command(arguments: MakeArguments) -> Answer:
+    """Make a robot file; raises BadInput."""
+    urdf, srdf, output = arguments.urdf, arguments.srdf, arguments.output
+    problems: list[Diagnostic] = []
+    check_files(problems, urdf=urdf, srdf=srdf)
+    problems += check_outputs({"--output": output}, {"the URDF": urdf, "--srdf": srdf}, force=arguments.force)
+    refuse(problems)
+    folder = Path() if output is None else output.parent
+    draft = draft_of(urdf, srdf, named=os.path.relpath(urdf, folder))
+    robot = bind_draft(draft, folder / f"{urdf.stem}.toml")
+    if robot.arms and CARRYING not in robot.postures:
+        table = draft.table("postures", CARRYING)
+        for joint, value in with_carrying(robot).postures[CARRYING].items():
+            table.add(joint, value, "" if table.entries else "hands level, close to the body, without contact")
+    text = draft.text()
+    if output is not None:
+        write_text(output, text)
+    data: dict[str, Any] = {"output": str(output)} if output is not None else {"source": text}
+    found = (*draft.diagnostics(), *robot.diagnostics)
+    return Answer(diagnostics=found, text=text if output is None else f"{output}: {robot.name}", data=data)

@@ -1,0 +1,270 @@
+"""How a hand is shaped: where its fingers point, how they close, how far they open, and where they grip.
+
+Measured on the shapes of the fingers at the limits of their joints; without shapes, on the origins of their links.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from executive.robots.anatomy import TOOL, Limb
+from executive.robots.mechanism import Mechanism
+from executive.robots.robot import Axis
+from planlang.geometry import Array
+from planlang.geometry.matrices import inverse, moved, product, rotated
+from planlang.geometry.urdf import Joint
+from planlang.protocols import Configuration
+from sim import PlanningWorld
+
+STRAIGHT, LOPSIDED = math.cos(math.radians(25)), math.cos(math.radians(45))
+"""Cosines of the angles up to which a direction is taken for that of a frame's axis; with one finger, which is on one
+side, for that of the wrist.
+"""
+PAD = 0.02
+"""Distance from the ends of the fingers to where they grip [m]; on short ones, half their length."""
+FRONT = 0.03
+"""Length of the ends of the fingers that counts for how far they are apart [m]."""
+STILL = 0.002
+"""Travel of a joint that opens nothing [m]."""
+SHARE = 0.95
+"""Share of the opening into which a thing fits."""
+LEAST_OPENING = 0.01
+"""Opening that is told of fingers that hardly move [m]."""
+WIDEST = {"revolute": math.pi, "continuous": 0.0, "prismatic": 0.3}
+"""Largest range of a finger's joint that is believed [rad, m]."""
+WIDEST_GAP = 0.13
+"""Gap to which fingers that go farther are opened [m]: hands that are wider bump into what is beside a thing."""
+THROUGH = -0.02
+"""Gap at which closed fingers go through each other [m]: shapes are coarse."""
+STEPS = [k / 20 for k in range(21)]
+"""Shares of the way from closed to opened that are looked at, so that closed fingers do not go through each other."""
+BESIDE = 0.05
+"""Distance up to which a link that is called a tool is where the fingers grip [m]."""
+
+Values = Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True)
+class HandShape:
+    """The shape of a hand; axes and offset are in the frame of ``tip``."""
+
+    tip: str
+    offset: Axis | None
+    """The grip point [m]; None if it is the tip's origin."""
+    approach: Axis
+    closing: Axis
+    opened: Values
+    closed: Values
+    max_opening: float
+    """Widest thing that fits [m]; 0 without fingers that move."""
+    fingers: tuple[str, ...]
+    is_measured: bool
+    """False if the directions are those of the wrist, for want of fingers."""
+
+
+def shape_of(limb: Limb, mechanism: Mechanism, world: PlanningWorld) -> HandShape:
+    """Return the shape of the hand at the end of a limb; moves the robot in ``world``."""
+    return _Hand(limb, mechanism, world).shape()
+
+
+class _Hand:
+    """A hand in a world. Points and directions are in the frame of the link that carries the fingers."""
+
+    def __init__(self, limb: Limb, mechanism: Mechanism, world: PlanningWorld) -> None:
+        self.limb, self.mechanism, self.world = limb, mechanism, world
+        self.links = {joint.name: _below(mechanism, joint) for joint in limb.fingers}
+        """Finger -> the links that move with it."""
+        inner = [j for j in mechanism.joints.values() if any(j.child in links for links in self.links.values())]
+        self.joints = [j for j in inner if mechanism.actuated(j.name) and 0 < j.upper - j.lower <= WIDEST[j.kind]]
+        self.middle = {joint.name: (joint.lower + joint.upper) / 2 for joint in self.joints}
+        self.wrist = self._place(limb.joints[-1].child)
+
+    def shape(self) -> HandShape:
+        ahead = self._ahead()
+        approach = ahead if ahead is not None else self._roll_axis()
+        closing = self._closing(approach)
+        opened, closed = self._ends(approach, closing)
+        grip = self._grip(approach, closing, closed) if ahead is not None else None
+        tip, offset = self._tip(grip)
+        turn = self._frame(tip)[:3, :3].T
+        links = [link for links in self.links.values() for link in links]
+        touching = [link for link in links if link in self.world.robot.solid_names] or links
+        return HandShape(
+            tip,
+            offset,
+            _axis(rotated(turn, approach)),
+            _axis(rotated(turn, closing)),
+            opened,
+            closed,
+            self._opening(approach, closing, opened, closed) if opened else 0.0,
+            tuple(dict.fromkeys(touching)),
+            ahead is not None,
+        )
+
+    # Where things are
+
+    def _frame(self, link: str) -> Array:
+        """Return a link's frame (4, 4) in that of the hand."""
+        back = inverse(self.world.link_pose(self.limb.hand).matrix())
+        return np.asarray(product(back, self.world.link_pose(link).matrix()))
+
+    def _place(self, link: str) -> Array:
+        return np.asarray(self._frame(link)[:3, 3])
+
+    def _points(self, values: Values) -> dict[str, Array]:
+        """Return the points (n, 3) of each finger with the joints at some values."""
+        known = self.world.robot.joints
+        posture = {name: value for name, value in {**self.middle, **values}.items() if name in known}
+        self.world.set_configuration(Configuration((0.0, 0.0, 0.0), posture))
+        numbers = {name: number for number, name in enumerate(self.world.robot.solid_names)}
+        back = inverse(self.world.link_pose(self.limb.hand).matrix())
+        found = {}
+        for finger, links in self.links.items():
+            solid = [numbers[link] for link in links if link in numbers]
+            if solid:
+                found[finger] = moved(back, np.concatenate(self.world.robot.points(solid)))
+            else:
+                found[finger] = np.stack([self._place(link) for link in links])
+        return found
+
+    # Directions
+
+    def _ahead(self) -> Array | None:
+        """Return the direction from the wrist to the fingers (3,); None without fingers, or if they are all around."""
+        points = self._points({})
+        if not points:
+            return None
+        middle = np.mean([one.mean(axis=0) for one in points.values()], axis=0) - self.wrist
+        if np.linalg.norm(middle) < STILL:
+            return None
+        return self._straightened(middle / np.linalg.norm(middle))
+
+    def _straightened(self, direction: Array) -> Array:
+        """Return an axis of the hand, or that of the wrist's last joint, which a direction nearly has; else itself."""
+        wrist = self._last_axis()
+        best = max([*np.eye(3), wrist], key=lambda axis: round(abs(float(axis @ direction)), 6))
+        cosine = float(best @ direction)
+        if abs(cosine) >= STRAIGHT:
+            return np.asarray(best * math.copysign(1.0, cosine))
+        cosine = float(wrist @ direction)
+        is_likely = len(self.links) == 1 and abs(cosine) >= LOPSIDED
+        return wrist * math.copysign(1.0, cosine) if is_likely else direction
+
+    def _last_axis(self) -> Array:
+        last = self.limb.joints[-1]
+        return rotated(self._frame(last.child)[:3, :3], last.axis)
+
+    def _roll_axis(self) -> Array:
+        """Return the axis of the last joint, pointing out of the arm: what a hand without fingers approaches along."""
+        axis = self._last_axis()
+        before = self._place(self.limb.joints[-2].child)
+        outwards = float(axis @ (self._place(self.limb.hand) - before))
+        return -axis if outwards < -1e-6 else axis
+
+    def _closing(self, approach: Array) -> Array:
+        """Return the direction (3,), at a right angle to the approach, along which the fingers move most."""
+        best = np.zeros(3)
+        for joint in self.joints:
+            ends = [self._points({joint.name: value}) for value in (joint.lower, joint.upper)]
+            for finger in self.links:
+                travel = (ends[1][finger] - ends[0][finger]).mean(axis=0)
+                travel = travel - approach * float(travel @ approach)
+                if np.linalg.norm(travel) > np.linalg.norm(best) + STILL:
+                    best = travel
+        if np.linalg.norm(best) < STILL:
+            best = min(np.eye(3)[[1, 0, 2]], key=lambda axis: round(abs(float(axis @ approach)), 6))
+        across = self._straightened(best / np.linalg.norm(best))
+        across = across - approach * float(across @ approach)
+        return np.asarray(across / np.linalg.norm(across))
+
+    # Opening
+
+    def _ends(self, approach: Array, closing: Array) -> tuple[Values, Values]:
+        """Return the values of the joints that open the hand, opened and closed."""
+        if not self.joints:
+            return {}, {}
+        opened, closed, travels = {}, {}, {}
+        for joint in self.joints:
+            low, high = (self._spread(closing, {joint.name: value}) for value in (joint.lower, joint.upper))
+            limits = (joint.lower, joint.upper) if low < high else (joint.upper, joint.lower)
+            closed[joint.name], opened[joint.name], travels[joint.name] = *limits, abs(high - low)
+        opening = [name for name, travel in travels.items() if travel >= STILL] or list(travels)
+        wide, narrow = ({name: values[name] for name in opening} for values in (opened, closed))
+        steps = [{name: narrow[name] + t * (wide[name] - narrow[name]) for name in opening} for t in STEPS]
+        gaps = [self._gap(approach, closing, values) for values in steps]
+        widths = [0.0 if gap is None else gap[1] - gap[0] for gap in gaps]
+        last = max((k for k, width in enumerate(widths) if width <= WIDEST_GAP), default=len(STEPS) - 1)
+        first = min((k for k, width in enumerate(widths[:last]) if width >= THROUGH), default=0)
+        return steps[last], steps[first]
+
+    def _spread(self, closing: Array, values: Values) -> float:
+        """Return the mean distance of the fingers from the middle of the hand [m]."""
+        middles = [float(closing @ (one.mean(axis=0) - self.wrist)) for one in self._points(values).values()]
+        return float(np.mean(np.abs(middles)))
+
+    def _opening(self, approach: Array, closing: Array, opened: Values, closed: Values) -> float:
+        """Return the widest thing that fits: the gap between the fingers, or their travel if they have no two sides."""
+        gap = self._gap(approach, closing, opened)
+        if gap is None or gap[1] - gap[0] < LEAST_OPENING:
+            width = 2 * (self._spread(closing, opened) - self._spread(closing, closed))
+        else:
+            width = gap[1] - gap[0]
+        return max(round(SHARE * width, 3), LEAST_OPENING)
+
+    def _gap(self, approach: Array, closing: Array, values: Values) -> tuple[float, float] | None:
+        """Return from where to where along the closing direction nothing is between the fingers' ends [m]."""
+        points = list(self._points(values).values())
+        end = max(float((one @ approach).max()) for one in points)
+        inner: tuple[list[float], list[float]] = [], []
+        for one in points:
+            across = one @ closing
+            front = across[one @ approach >= end - FRONT]
+            if len(front):
+                is_beyond = float(across.mean() - closing @ self.wrist) > 0
+                inner[is_beyond].append(float(front.min() if is_beyond else front.max()))
+        return (max(inner[0]), min(inner[1])) if inner[0] and inner[1] else None
+
+    # Where it grips
+
+    def _grip(self, approach: Array, closing: Array, closed: Values) -> Array:
+        """Return the point (3,) between the ends of the closed fingers."""
+        every = np.concatenate(list(self._points(closed).values()))
+        along = every @ approach
+        end, start = float(along.max()), float(along.min())
+        depth = end - min(PAD, (end - start) / 2)
+        gap = self._gap(approach, closing, closed)
+        middle = float(closing @ self.wrist) if gap is None else sum(gap) / 2
+        third = np.cross(approach, closing)
+        height = float((every[along >= end - FRONT] @ third).mean())
+        wrist = float(third @ self.wrist)
+        point = depth * approach + middle * closing + (wrist if abs(height - wrist) < PAD / 2 else height) * third
+        return np.asarray(point.round(4) + 0.0)
+
+    def _tip(self, grip: Array | None) -> tuple[str, Axis | None]:
+        """Return the tip link and the grip point in its frame: a link called a tool if it is there, else the hand."""
+        group = self.mechanism.rigid_with(self.limb.hand)
+        tools = [link for link in group if TOOL.search(link)]
+        if grip is None:
+            return (self.limb.hand if self.limb.hand in tools or not tools else tools[-1]), None
+        away = {link: float(np.linalg.norm(self._place(link) - grip)) for link in tools}
+        nearest = min(away, key=lambda link: away[link], default=None)
+        if nearest is not None and away[nearest] <= BESIDE:
+            return nearest, None
+        return self.limb.hand, _axis(grip)
+
+
+def _axis(values: Iterable[float]) -> Axis:
+    x, y, z = (round(float(value), 4) + 0.0 for value in values)
+    return x, y, z
+
+
+def _below(mechanism: Mechanism, joint: Joint) -> Sequence[str]:
+    """Return the links that move with a joint."""
+    found = [joint.child]
+    for link in found:
+        found += [one.child for one in mechanism.joints.values() if one.parent == link]
+    return found

@@ -1,0 +1,136 @@
+"""What classes of actions change, and what heat changes, as ontologies declare it (see object_change.omn)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from planlang.diagnostics import BadInput, Span, error
+from planlang.ontology import Literal, Ontology, Term, expand
+
+Classes = tuple[str, ...]
+"""IRIs of classes."""
+
+
+@dataclass(frozen=True, slots=True)
+class Effects:
+    """What an action changes; classes and states are IRIs, a rate is in ml/s, an amount in ml."""
+
+    destroyed: Classes = ()
+    """What the action acts on is destroyed if it is of one of these."""
+    created: Classes = ()
+    """One thing of each comes into being."""
+    turned: Classes = ()
+    """What the action acts on is turned over if it is of one of these."""
+    states: Classes = ()
+    """The states that the device is put in, the nearest first."""
+    flow_rate: float | None = None
+    amount: float | None = None
+
+    def __bool__(self) -> bool:
+        """Return True if the action changes anything."""
+        return self != Effects()
+
+
+@dataclass(frozen=True, slots=True)
+class HeatEffect:
+    """What is of ``inputs`` is of ``output``, once a side of it was for ``duration`` [s] over a device that is on."""
+
+    inputs: Classes
+    output: str
+    devices: Classes
+    duration: float
+
+
+def effects_of(ontology: Ontology, action_class: str) -> Effects:
+    """Return what actions of a class change: what is declared for it, and for the classes above it.
+
+    Of classes that are created the narrowest count. A rate, an amount or a state that is nearer replaces a farther one.
+    Raises BadInput for a number that is none.
+    """
+    table = _declared(ontology)
+    found = [effects for cls in ontology.ancestors(action_class) for effects in table.get(cls, ())]
+    return Effects(
+        destroyed=_each(one.destroyed for one in found),
+        created=narrowest(ontology, _each(one.created for one in found)),
+        turned=_each(one.turned for one in found),
+        states=_each(one.states for one in found),
+        flow_rate=next((one.flow_rate for one in found if one.flow_rate is not None), None),
+        amount=next((one.amount for one in found if one.amount is not None), None),
+    )
+
+
+def heat_effects(ontology: Ontology) -> tuple[HeatEffect, ...]:
+    """Return what heat changes, in the order of the files; raises BadInput for a number that is none."""
+    found = []
+    for individual in ontology.individuals(expand("HeatChange")):
+        inputs, devices = (_iris(ontology, individual, name) for name in ("inputsDestroyed", "deviceUsed"))
+        duration = number_of_individual(ontology, individual, "duration")
+        outputs = _iris(ontology, individual, "outputsCreated")
+        if duration is not None:
+            found += [HeatEffect(inputs, output, devices, duration) for output in outputs]
+    return tuple(found)
+
+
+def narrowest(ontology: Ontology, classes: Iterable[str]) -> Classes:
+    """Return those of some classes that have no other one below them."""
+    every = tuple(dict.fromkeys(classes))
+    return tuple(cls for cls in every if not any(cls != one and ontology.is_a(one, cls) for one in every))
+
+
+def number_of_class(ontology: Ontology, classes: Iterable[str], name: str) -> float | None:
+    """Return the number that the first of some classes, or the nearest above it, states for a property.
+
+    Raises BadInput for what is no number from 0 on.
+    """
+    for cls in classes:
+        for restriction in ontology.inherited_restrictions(cls, expand(name)):
+            return _checked(restriction.filler, name, restriction.span)
+    return None
+
+
+def number_of_individual(ontology: Ontology, individual: str, name: str) -> float | None:
+    """Return the number that is stated last of an individual, as :func:`number_of_class` does of a class."""
+    found = tuple(ontology.triples(individual, expand(name)))
+    return _checked(found[-1].object, name, found[-1].span) if found else None
+
+
+def _declared(ontology: Ontology) -> dict[str, list[Effects]]:
+    """Return what is declared for each class of actions; it is read once."""
+    key = "planlang.recipe.effects"
+    if key not in ontology.kept:
+        table: dict[str, list[Effects]] = {}
+        for individual in ontology.individuals(expand("ObjectChange")):
+            effects = Effects(
+                _iris(ontology, individual, "inputsDestroyed"),
+                _iris(ontology, individual, "outputsCreated"),
+                _iris(ontology, individual, "turnedOver"),
+                _iris(ontology, individual, "toState"),
+                number_of_individual(ontology, individual, "flowRate"),
+                number_of_individual(ontology, individual, "amount"),
+            )
+            for action in _iris(ontology, individual, "byAction"):
+                table.setdefault(action, []).append(effects)
+        ontology.kept[key] = table
+    declared: dict[str, list[Effects]] = ontology.kept[key]
+    return declared
+
+
+def _iris(ontology: Ontology, subject: str, name: str) -> Classes:
+    return tuple(term for term in ontology.values(subject, expand(name)) if isinstance(term, str))
+
+
+def _each(several: Iterable[Classes]) -> Classes:
+    return tuple(dict.fromkeys(cls for classes in several for cls in classes))
+
+
+def _checked(term: Term, name: str, span: Span | None) -> float:
+    try:
+        number = float(term.number()) if isinstance(term, Literal) else -1.0
+    except ValueError:
+        number = -1.0
+    if not (math.isfinite(number) and number >= 0):
+        text = term.value if isinstance(term, Literal) else str(term)
+        raise BadInput([error("M002", f"{name} is {text!r}, not a finite number from 0 on", span)])
+    return number

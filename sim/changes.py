@@ -1,0 +1,220 @@
+"""Changes of what there is: things are created, destroyed, turned over, switched on; what is poured lands below.
+
+Nothing here happens by itself; ``processes.py`` is what does.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Callable, Iterable, Sequence
+
+import numpy as np
+
+from planlang.designators import local_name
+from planlang.geometry import Pose
+from planlang.geometry.shapes import half_extents
+from sim.bodies import Bodies
+from sim.camera import Rays
+from sim.contact import Held
+from sim.falling import Falling, upright
+from sim.leaves import inside
+from sim.matter import Matter, Portion, Rules, Size
+from sim.scene import Body, BodyShape
+
+Point = tuple[float, float, float]
+
+REST = 0.005
+"""Gap below which a thing lies on what is below it [m]."""
+STANDS = 0.5
+"""Cosine of the tilt up to which a vessel takes something in."""
+BESIDE = 0.02
+"""Distance from a vessel at which what it does not hold lies [m]."""
+_INTO = 0.002
+"""Height over a thing's lowest point from which what is below it is looked for [m]: it may sink in a little."""
+_DEEP = 100.0
+"""Depth to which something falls that is poured out [m]."""
+ONE_PUDDLE = 0.2
+"""What is poured on a thing joins what of it is there, if that is not farther away than this [m]."""
+
+
+class Changes:
+    """Changes the things of one world. ``create`` and ``remove`` put bodies into the world and take them out."""
+
+    def __init__(
+        self,
+        bodies: Bodies,
+        matter: Matter,
+        rules: Rules,
+        rays: Rays,
+        falling: Falling,
+        held: dict[str, Held],
+        create: Callable[[Body], None],
+        remove: Callable[[str], None],
+    ) -> None:
+        self.bodies, self.matter, self.rules = bodies, matter, rules
+        self.rays, self.falling, self.held = rays, falling, held
+        self._create, self._remove = create, remove
+
+    # Asking
+
+    def type_of(self, name: str) -> str:
+        """Return the class of a thing, as heat has changed it."""
+        return self.matter.types[name][0] if name in self.matter.types else self.bodies.bodies[name].type
+
+    def was_ever(self, name: str, type: str) -> bool:
+        """Return whether a thing is of a class, or was before heat changed it."""
+        types = self.matter.types.get(name, (self.bodies.bodies[name].type,))
+        return any(self.rules.is_a(one, type) for one in types)
+
+    def is_vessel(self, name: str) -> bool:
+        """Return whether a thing holds what is poured into it."""
+        return self.bodies.bodies[name].capacity > 0
+
+    def under(self, name: str, but: Iterable[str] = ()) -> str | None:
+        """Return what a thing lies on where it is; ``but`` are things that count as not there."""
+        body, pose = self.bodies.bodies[name], self.bodies.poses[name]
+        x, y, z = pose.position
+        low = z - float(half_extents(pose, body.size)[2])
+        start, end = np.array([[x, y, low + _INTO]]), np.array([[x, y, low - REST]])
+        with contextlib.ExitStack() as stack:
+            for other in (name, *but):
+                stack.enter_context(self.rays.without(other))
+            return self.rays.down(start, end)[0][0]
+
+    def heated_by(self, name: str) -> tuple[str, bool] | None:
+        """Return the device that heats a thing, and whether the thing is inside of it; None if nothing does.
+
+        A thing is heated by what it lies on, by what that lies on, and so on, and by what it is inside of.
+        """
+        below, seen = self.under(name), {name}
+        while below is not None and below not in seen and below in self.bodies.bodies:
+            if self.matter.is_on(below):
+                return below, False
+            seen.add(below)
+            below = self.under(below)
+        place = np.array([self.bodies.poses[name].position])
+        for device in self.matter.states:
+            body, on = self.bodies.bodies[device], device != name and self.matter.is_on(device)
+            if on and inside(self.bodies.poses[device], body.size, place)[0]:
+                return device, True
+        return None
+
+    # Things
+
+    def create(self, name: str, type: str, size: Size, at: Pose, origins: Sequence[str], amount: float | None) -> None:
+        """Create a thing, at rest on what is below a pose; ``amount`` [ml] of its class, if it is given."""
+        shape = BodyShape.CYLINDER if math.isclose(size[0], size[1]) else BodyShape.BOX
+        self._create(Body(name, at, size, shape, type=type, movable=True))
+        self.matter.origins[name] = tuple(origins)
+        if amount is not None:
+            self.matter.put(name, Portion(type, amount, tuple(origins)))
+        rest, support = self.falling.rest(name)
+        if support is not None:
+            self.bodies.place(name, rest)
+        self.matter.count += 1
+
+    def destroy(self, name: str) -> None:
+        """Destroy a thing, with all that is in it."""
+        self._remove(name)
+        self.matter.gone[name] = None
+        self.matter.contents.pop(name, None)
+        self.matter.states.pop(name, None)
+        self.matter.count += 1
+
+    def turn_over(self, name: str) -> None:
+        """Turn a thing over where it lies; one that is held is let alone."""
+        pose, half_turn = self.bodies.poses[name], Pose((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+        if name not in self.held:
+            self.bodies.place(name, upright(pose @ half_turn))
+            self.matter.count += 1
+
+    def switch(self, name: str, state: str) -> None:
+        """Put a device into a state."""
+        self.matter.states[name] = state
+        self.matter.count += 1
+
+    # What is in them
+
+    def consume(self, name: str, type: str) -> list[Portion]:
+        """Take all that is of a class out of a thing."""
+        content = self.matter.contents.get(name, {})
+        taken = [portion for key, portion in content.items() if self.rules.is_a(key, type)]
+        for portion in taken:
+            del content[portion.type]
+        if not content:
+            self.matter.contents.pop(name, None)
+        self.matter.count += 1
+        return taken
+
+    def fill(self, name: str, portion: Portion) -> None:
+        """Add something to what a thing holds."""
+        self.give([portion], name, self.bodies.poses[name].position)
+        self.matter.count += 1
+
+    def pour(self, source: str, target: str, amount: float) -> float:
+        """Let an amount [ml] of what is in a thing flow on or into another; return how much it was."""
+        portions = self.matter.take(source, amount)
+        if not self.is_vessel(source) and source not in self.matter.contents and portions:
+            self.destroy(source)
+        x, y, z = self.bodies.poses[target].position
+        top = z + float(half_extents(self.bodies.poses[target], self.bodies.bodies[target].size)[2])
+        self.give(portions, target, (x, y, top))
+        self.matter.count += 1
+        return sum(portion.amount for portion in portions)
+
+    def drop(self, portions: Sequence[Portion], point: Point, source: str) -> None:
+        """Let portions fall from a point, out of a thing, on or into what is below."""
+        start = np.array([point])
+        with self.rays.without(source):
+            names, heights = self.rays.down(start, start - np.array([0.0, 0.0, _DEEP]))
+        if names[0] is not None:
+            self.give(portions, names[0], (point[0], point[1], float(heights[0])))
+
+    def give(self, portions: Sequence[Portion], target: str, point: Point) -> None:
+        """Put portions into a vessel that stands, as much as it holds, or on another thing, at a point."""
+        if self.is_vessel(target) and self.bodies.poses[target].rotation[2, 2] > STANDS:
+            self._fill(portions, target)
+        elif target in self.matter.origins and target in self.matter.contents:
+            for one in portions:
+                self.matter.put(target, one)
+        else:
+            for one in portions:
+                self._spread(one, target, point)
+
+    def _fill(self, portions: Sequence[Portion], vessel: str) -> None:
+        """Put portions into a vessel; what it does not hold comes down beside it."""
+        body = self.bodies.bodies[vessel]
+        whole, room = sum(one.amount for one in portions), max(0.0, body.capacity - self.matter.total(vessel))
+        share = 1.0 if whole <= room else room / whole
+        self.matter.heated.pop(vessel, None)
+        for one in portions:
+            self.matter.put(vessel, Portion(one.type, one.amount * share, one.origins))
+        below = self.under(vessel) if share < 1 else None
+        if below is not None:
+            half_x, _, half_z = half_extents(self.bodies.poses[vessel], body.size).tolist()
+            x, y, z = self.bodies.poses[vessel].position
+            for one in portions:
+                beside = (x + half_x + self.rules.size(one.type)[0] / 2 + BESIDE, y, z - half_z)
+                self._spread(Portion(one.type, one.amount * (1 - share), one.origins), below, beside)
+
+    def _spread(self, portion: Portion, target: str, point: Point) -> None:
+        """Put a portion on a thing: it joins what of it is there, or comes into being as a thing of its own."""
+        for name in self.matter.origins:
+            x, y, z = self.bodies.poses[name].position
+            near = math.dist((x, y), point[:2]) <= ONE_PUDDLE and z <= point[2] + ONE_PUDDLE / 2
+            if near and name not in self.bodies.removed and portion.type == self.type_of(name):
+                self.matter.put(name, portion)
+                return
+        size = self.rules.size(portion.type)
+        name = self.new_name(f"{local_name(portion.type)}_on_{target}")
+        at = Pose((point[0], point[1], point[2] + size[2] / 2))
+        self.create(name, portion.type, size, at, portion.origins, portion.amount)
+
+    def new_name(self, wish: str, others: Iterable[str] = ()) -> str:
+        """Return a name that nothing has or had here, nor among ``others``."""
+        taken, number, name = {*self.bodies.bodies, *others}, 1, wish
+        while name in taken:
+            number += 1
+            name = f"{wish}_{number}"
+        return name

@@ -1,0 +1,176 @@
+"""What happens by itself in the true world: vessels that are turned over run dry, heat bakes, blades carry and turn.
+
+A thin thing over a blade that rises goes with it, slides off when the blade turns over, and comes down with the other
+side up. Time goes on in steps; nothing here is random.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from planlang.geometry import Pose
+from sim.changes import Changes
+from sim.matter import Portion
+from sim.scene import Body
+from sim.snapshots import pose_json, pose_of
+
+NEAR_BLADE = 0.03
+"""Distance of a thing's centre from a blade within which the blade carries it [m]."""
+ROUNDING = 1e-6
+"""Error that a sum of many steps may have [s]."""
+RISEN = 1e-6
+"""A blade that is higher by more than this than a step before rises [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Riding:
+    """A thing on a blade: the tool, the thing's pose in the tool's frame, and the side of the blade that it is on."""
+
+    tool: str
+    offset: Pose
+    side: float
+
+
+class Processes:
+    """Advances what goes on in one world."""
+
+    def __init__(self, changes: Changes) -> None:
+        self._changes, self._bodies, self._matter = changes, changes.bodies, changes.matter
+        self.riding: dict[str, Riding] = {}
+        self.heights: dict[str, float] = {}
+        """Tool -> height of its blade one step before [m]."""
+
+    def step(self, seconds: float) -> None:
+        """Go on by some time [s]: what flows, what blades carry, what is heated."""
+        self.flow(seconds)
+        self.carry()
+        warm(self._changes, seconds)
+
+    def flow(self, seconds: float) -> None:
+        """Let vessels in hands run dry whose axis points down."""
+        for name in self._changes.held:
+            pose = self._bodies.poses[name]
+            if name in self._matter.contents and self._changes.is_vessel(name) and pose.rotation[2, 2] < 0:
+                portions = self._matter.take(name, self._changes.rules.flow_rate * seconds)
+                mouth = pose @ Pose((0.0, 0.0, self._bodies.bodies[name].size[2] / 2))
+                self._changes.drop(portions, mouth.position, name)
+
+    def carry(self) -> None:
+        """Let thin things go with the blades under them; things on blades that turn over slide off."""
+        tools = [name for name in self._changes.held if self._bodies.bodies[name].blade]
+        for thing, ride in list(self.riding.items()):
+            if thing in self._changes.held or thing in self._bodies.removed:
+                del self.riding[thing]
+            elif ride.tool not in tools:
+                self._leave(thing, ride.tool)
+            else:
+                self._ride(thing, ride)
+        if tools or self.heights:
+            for tool in tools:
+                self._take_along(tool)
+            self.heights = {tool: self._blade(tool).position[2] for tool in tools}
+
+    def _ride(self, thing: str, ride: Riding) -> None:
+        blade = self._blade(ride.tool)
+        self._bodies.place(thing, self._bodies.poses[ride.tool] @ ride.offset)
+        sinks = blade.position[2] < self.heights.get(ride.tool, blade.position[2]) - RISEN
+        turned = ride.side * blade.rotation[2, 2] < 0
+        if turned or (sinks and self._changes.under(thing, [ride.tool]) is not None):
+            self._leave(thing, ride.tool)
+
+    def _leave(self, thing: str, tool: str) -> None:
+        del self.riding[thing]
+        with self._changes.rays.without(tool):
+            self._changes.falling.begin(thing)
+
+    def _take_along(self, tool: str) -> None:
+        blade = self._blade(tool)
+        if blade.position[2] <= self.heights.get(tool, np.inf) + RISEN:
+            return
+        body, held = self._bodies.bodies[tool], self._changes.held
+        half = np.array([blade_extent / 2 for blade_extent in _blade_size(body)])
+        for thing, other in self._bodies.bodies.items():
+            if not other.thin or other.blade or thing in self.riding or thing in held or thing in self._bodies.removed:
+                continue
+            place = self._bodies.poses[thing]
+            if self.heights[tool] > place.position[2]:
+                continue
+            local = np.array((blade.inverse() @ place).position)
+            if np.linalg.norm(local - np.clip(local, -half, half)) <= NEAR_BLADE:
+                side = 1.0 if blade.rotation[2, 2] > 0 else -1.0
+                self.riding[thing] = Riding(tool, self._bodies.poses[tool].inverse() @ place, side)
+                self._changes.falling.stop(thing)
+
+    def _blade(self, tool: str) -> Pose:
+        """Return the pose of a blade's centre: x along the tool's longest axis, z the normal."""
+        body = self._bodies.bodies[tool]
+        along, _, normal = _axes(body)
+        centre, columns = np.zeros(3), np.zeros((3, 3))
+        centre[along] = (body.size[along] - body.blade) / 2
+        columns[along, 0], columns[normal, 2] = 1.0, 1.0
+        columns[:, 1] = np.cross(columns[:, 2], columns[:, 0])
+        matrix = np.eye(4)
+        matrix[:3, :3], matrix[:3, 3] = columns, centre
+        return self._bodies.poses[tool] @ Pose.from_matrix(matrix)
+
+    def snapshot(self) -> dict[str, Any]:
+        """Return what is on blades as JSON."""
+        riding = {thing: [ride.tool, pose_json(ride.offset), ride.side] for thing, ride in self.riding.items()}
+        return {"riding": riding, "heights": dict(self.heights)}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go on from a :meth:`snapshot`; raises ValueError for things that are not there."""
+        unknown = {*state["riding"], *state["heights"], *(ride[0] for ride in state["riding"].values())}
+        if not unknown <= self._bodies.bodies.keys():
+            raise ValueError(f"there is no body {', '.join(sorted(unknown - self._bodies.bodies.keys()))}")
+        self.riding = {
+            thing: Riding(str(tool), pose_of(offset), float(side))
+            for thing, (tool, offset, side) in state["riding"].items()
+        }
+        self.heights = {str(tool): float(height) for tool, height in state["heights"].items()}
+
+
+def warm(changes: Changes, seconds: float) -> None:
+    """Heat what is over, or inside of, devices that are on: lower sides, or all sides; it may become something else."""
+    bodies, matter, rules = changes.bodies, changes.matter, changes.rules
+    if not any(map(matter.is_on, matter.states)):
+        return
+    for name in list(bodies.bodies):
+        types = {changes.type_of(name), *matter.contents.get(name, {})}
+        if name in bodies.removed or not any(map(rules.can_heat, types)):
+            continue
+        if (heat := changes.heated_by(name)) is not None:
+            _heat(changes, name, *heat, seconds)
+
+
+def _heat(changes: Changes, name: str, device: str, within: bool, seconds: float) -> None:
+    matter, rules = changes.matter, changes.rules
+    low, high = matter.heated.get(name, (0.0, 0.0))
+    lies_on_lower = changes.bodies.poses[name].rotation[2, 2] >= 0
+    low, high = low + seconds * (within or lies_on_lower), high + seconds * (within or not lies_on_lower)
+    matter.heated[name] = low, high
+    source = changes.type_of(device)
+    type_now = changes.type_of(name)
+    result = rules.result(type_now, source)
+    if result is not None and max(low, high) >= result.seconds - ROUNDING:
+        matter.became(name, result.output, type_now)
+    for type in list(matter.contents.get(name, {})):
+        result = rules.result(type, source)
+        if result is not None and max(low, high) >= result.seconds - ROUNDING:
+            portion = matter.contents[name].pop(type)
+            matter.put(name, Portion(result.output, portion.amount, portion.origins))
+
+
+def _axes(body: Body) -> tuple[int, int, int]:
+    """Return the axes of a tool's box: the longest, the one between, the shortest."""
+    short, middle, long = sorted(range(3), key=lambda k: body.size[k])
+    return long, middle, short
+
+
+def _blade_size(body: Body) -> tuple[float, float, float]:
+    """Return the extents of a blade along its own axes [m]; it is as thin as nothing."""
+    return body.blade, body.size[_axes(body)[1]], 0.0
