@@ -98,15 +98,6 @@ class World(Protocol):
     def step(self) -> None:
         """Advance by one step: motions, people, falling objects."""
 
-    def names(self) -> tuple[str, ...]:
-        """Return the names of all bodies, in the order of the scene."""
-
-    def pose(self, name: str) -> Pose:
-        """Return the pose of the body's box centre in the map."""
-
-    def size(self, name: str) -> tuple[float, float, float]:
-        """Return the extents of the body's box along its own axes [m]."""
-
     def configuration(self) -> Configuration:
         """Return where the robot is."""
 

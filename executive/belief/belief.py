@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from executive.belief.obstacles import NAMES
 from executive.belief.semantic_map import MapObject, SemanticMap
 from planlang.designators import Object, local_name
 from planlang.failures import AmbiguousPerception, ObjectUnresolvable
@@ -62,6 +63,10 @@ class Belief:
         """The listener to which changes are written: event, details."""
         self._poses: dict[str, Pose] = {name: world.pose(name) for name in world.names()}
         self._first = dict(self._poses)
+        self._absent = {name: None for name in NAMES if name in self._poses}
+        """Obstacles in store, the next one first."""
+        self.met: str | None = None
+        """What the obstacle that was felt last is called, None while there is none."""
         self._taken: set[str] = set()
         """Things that a person has taken."""
         self._seen: dict[str, int] = {}
@@ -83,8 +88,8 @@ class Belief:
         return self._values[leaf]
 
     def names(self) -> tuple[str, ...]:
-        """Return the names of all things with a place, in the order of the map."""
-        return tuple(self._poses)
+        """Return the names of all things with a place, in the order of the map, then of obstacles that were felt."""
+        return tuple(name for name in self._poses if name not in self._absent)
 
     def pose(self, name: str) -> Pose:
         """Return a thing's believed pose; of a held one, where it was last known to stand."""
@@ -96,7 +101,15 @@ class Belief:
 
     def seen_from_here(self, name: str) -> bool:
         """Return True if a thing has been seen since the base last moved, or the map is trusted."""
-        return self.trusts_map or self._seen.get(name) == self._moves
+        return self.trusts_map or self.seen(name)
+
+    def seen(self, name: str) -> bool:
+        """Return True if the camera has shown a thing since the base last moved."""
+        return self._seen.get(name) == self._moves
+
+    def by_map_alone(self, name: str) -> bool:
+        """Return True if a thing is believed to be where the map has it, and was never seen."""
+        return self._poses[name] == self._first[name] and name not in self._seen
 
     def looked_in_vain(self, name: str) -> tuple[tuple[float, float, float], ...]:
         """Places of the base from where a thing was looked for without being seen."""
@@ -129,7 +142,7 @@ class Belief:
             if self._is_a(thing, what.type)
         }
         if not fitting:
-            known = ", ".join(self._poses)
+            known = ", ".join(name for name in self._poses if name not in NAMES)
             raise ObjectUnresolvable(f"{what} ({what.type}) is not in the map; there are {known}", designator=str(what))
         nearest = min(fitting, key=lambda name: fitting[name])
         equal = tuple(n for n in fitting if fitting[n] - fitting[nearest] < ALIKE and self.seen_from_here(n))
@@ -160,9 +173,31 @@ class Belief:
         self._changed("not_seen", name=name, base=base)
 
     def bump(self, name: str, pose: Pose) -> None:
-        """Record that the robot ran into a thing and feels where it is."""
-        if name in self._poses:
-            self._put(name, pose, "felt")
+        """Record that the robot ran into a thing, which is rather at a pose; it has to be looked at again."""
+        self._seen.pop(name, None)
+        self._put(name, pose, "felt")
+
+    def obstacle(self, pose: Pose, called: str | None = None) -> None:
+        """Record that the robot ran into something unknown, which failures call by the name that it was ``called``.
+
+        Without an obstacle in store the oldest is forgotten.
+        """
+        known = [name for name in self._poses if name in NAMES]
+        if not known:
+            return
+        name = next(iter(self._absent), known[0])
+        self._absent.pop(name, None)
+        del self._poses[name]  # the oldest comes first
+        self._poses[name], self.met = pose, called or name
+        self._changed("felt", name=name, pose=pose)
+
+    def forget(self, obstacles: Collection[str]) -> None:
+        """Record that there is no such obstacle: what was touched is known by now."""
+        for name in obstacles:
+            self._absent[name] = None
+            self._changed("explained", name=name)
+        if obstacles and not any(name in NAMES for name in self.names()):
+            self.met = None
 
     def moved(self, leaf: str, value: float, how: str = "moved") -> None:
         """Record that a leaf is at a value of its joint: its parts, and what lies inside of it, move with it."""
@@ -245,6 +280,8 @@ class Belief:
             "held": held,
             "dropped": dict(self.dropped),
             "taken": sorted(self._taken),
+            "met": self.met,
+            "felt": [name for name in self._poses if name in NAMES and name not in self._absent],
             "leaves": {leaf: value for leaf, value in self._values.items() if value},
             "led": dict(self.led),
             "seen": dict(self._seen),
@@ -259,13 +296,17 @@ class Belief:
             dropped = {str(arm): str(name) for arm, name in state["dropped"].items()}
             unknown = {*state["poses"], *state["held"], *state["taken"], *(name for _, name in state["bound"])}
             unknown |= {leaf for leaf in (*state["leaves"], *state["led"]) if leaf not in self.joints}
-            unknown |= {*dropped.values()}
+            unknown |= {*dropped.values(), *state["felt"]}
             if not unknown <= self._poses.keys():
                 raise ValueError(f"the map has no {', '.join(sorted(unknown - self._poses.keys()))}")
             values = {leaf: float(state["leaves"].get(leaf, 0.0)) for leaf in self.joints}
             self._values = {leaf: self.joints[leaf].within(value) for leaf, value in values.items()}
             self.led = {leaf: str(link) for leaf, link in state["led"].items()}
-            self._poses = {**self._first, **{name: _pose(pose) for name, pose in state["poses"].items()}}
+            poses = {**self._first, **{name: _pose(pose) for name, pose in state["poses"].items()}}
+            felt = {str(name): poses.pop(name) for name in state["felt"]}
+            self._poses = {**poses, **felt}
+            self._absent = {name: None for name in NAMES if name in poses}
+            self.met = None if state["met"] is None else str(state["met"])
             self.held = {
                 name: Grip(str(arm), str(link), _pose(offset), _pose(before))
                 for name, (arm, link, offset, before) in state["held"].items()
@@ -300,7 +341,7 @@ class Belief:
                 world.lead(self.led[leaf], leaf)
         there = set(world.names())
         for name, pose in self._poses.items():
-            if name in self._taken:
+            if name in self._taken or name in self._absent:
                 world.remove(name)
                 continue
             if name not in there:

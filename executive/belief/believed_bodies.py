@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +14,7 @@ from planlang.designators import Object
 from planlang.failures import LocationUnresolvable
 from planlang.geometry import Array, Pose
 from planlang.ontology import expand
+from planlang.protocols import Touch
 from sim import ComfortZone, PlanningWorld
 from sim.joints import JointKind
 from sim.leaves import inside
@@ -23,7 +24,11 @@ LEANING = 0.05
 """Greatest tilt of a top that counts as level [rad]: a bottle put down on it stays where it is."""
 
 MEANT = 0.03
-"""Distance up to which a touch is taken for one of a believed thing [m]: as far as belief may be wrong."""
+"""Distance up to which fingers are taken to feel a thing that was looked at [m]."""
+SHIFTED = 0.15
+"""Distance up to which something that was touched is taken for a believed thing that has been moved [m]."""
+PUSHED = 3.0
+"""Distance up to which movable furniture that nobody has seen may have been pushed [m]: across a room."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,8 +87,16 @@ class Block:
 
     def away(self, point: Array) -> float:
         """Return the distance of a map point (3,) to the prism, 0 inside [m]."""
-        above = max(self.low - point[2], point[2] - self.high, 0.0)
-        return math.hypot(float(self.distance(point[None, :2])[0]), above)
+        return float(np.linalg.norm(point - self.nearest(point)))
+
+    def nearest(self, point: Array) -> Array:
+        """Return the point (3,) of the prism that is nearest to a map point (3,)."""
+        half = np.array([self.half_x, self.half_y])
+        local = self.to_local(point[None, :2])
+        inside = np.clip(local, -half, half)
+        if self.round:
+            inside = local * min(1.0, self.half_x / max(float(np.linalg.norm(local)), 1e-9))
+        return np.array([*self.to_map(inside)[0], np.clip(point[2], self.low, self.high)])
 
     def support(self, direction: float) -> float:
         """Return how far the prism extends from its middle towards a heading of the map [m]."""
@@ -164,9 +177,40 @@ class BelievedBodies:
 
         In no case is it farther away than :data:`MEANT`.
         """
-        away = {name: self.block(name).away(point) for name in self.names() if self.is_graspable(name)}
+        return self._nearest(point, filter(self.is_graspable, self.names()), MEANT)
+
+    def explained(self, touch: Touch) -> tuple[str, Pose] | None:
+        """Return the body that a touch is best explained by, and where it then is; None if nothing explains it.
+
+        That is a body whose surface is believed to be at most :data:`SHIFTED` away; else the nearest piece of furniture
+        that can be moved, if it is at most :data:`PUSHED` away and the map alone tells where it is.
+        """
+        point = np.array(touch.point)
+        there = [name for name in self.names() if name not in self._belief.held and self.is_solid(name)]
+        there = [name for name in there if not self.is_room(name) and point[2] <= self.block(name).high + SHIFTED]
+        name = self._nearest(point, there, SHIFTED)
+        if name is not None:
+            return name, self._shifted(name, point - self.block(name).nearest(point))
+        loose = [name for name in there if self._belief.by_map_alone(name) and not self.is_graspable(name)]
+        name = self._nearest(point, filter(self.is_movable, loose), PUSHED)
+        if name is None:
+            return None
+        block, away = self.block(name), np.array([*touch.normal[:2], 0.0]) / max(math.hypot(*touch.normal[:2]), 1e-9)
+        behind = point - block.support(math.atan2(away[1], away[0])) * away
+        return name, self._shifted(name, np.array([*(behind - block.centre)[:2], 0.0]))
+
+    def _shifted(self, name: str, by: Array) -> Pose:
+        x, y, z = (self.pose(name).position + by).tolist()
+        return Pose((x, y, z), self.pose(name).orientation)
+
+    def is_movable(self, name: str) -> bool:
+        """Return whether the body may stand elsewhere than in the map."""
+        return self._world.scene.body(name).movable
+
+    def _nearest(self, point: Array, names: Iterable[str], within: float) -> str | None:
+        away = {name: self.block(name).away(point) for name in names}
         nearest = min(away, key=lambda name: away[name], default=None)
-        return nearest if nearest is not None and away[nearest] <= MEANT else None
+        return nearest if nearest is not None and away[nearest] <= within else None
 
     def is_round(self, name: str) -> bool:
         """Return whether a body is a cylinder."""

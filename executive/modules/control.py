@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from itertools import combinations, product
@@ -14,12 +15,13 @@ import numpy as np
 
 from executive.belief import Belief
 from executive.belief.believed_bodies import MEANT, Block
+from executive.belief.obstacles import EDGE, NAMES, behind
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
 from executive.motion import Grid, NoPath, clearance_at, clearance_field, plan_base_path, time_path
 from executive.robots import Gripper, Robot
 from executive.robots.arms import ArmModel
-from planlang import Fluent, checkpoint, wait_for
+from planlang import Fluent, checkpoint, using, wait_for
 from planlang.designators import Object
 from planlang.failures import GraspSlipped, LookingGoalUnreachable, ObjectLost, ObjectUnresolvable
 from planlang.geometry import Array, Pose, matrices
@@ -28,6 +30,9 @@ from planlang.protocols import Motion, MotionState, Touch, Trajectory, World
 T = TypeVar("T")
 OPPOSED = -0.5
 """Cosine of the directions from which two fingers feel one thing between them."""
+
+HEIGHTS = (0.0, 0.3, 0.6, 0.9)
+"""Heights above a touch at which the camera looks for what was touched [m]: a base touches things below the neck."""
 
 
 @dataclass
@@ -304,7 +309,27 @@ class Sensing:
         detections = self._control.world.detect(camera.link)
         belief.see(detections)
         self._control.sync()
+        self._explain()
         return tuple(detection.name for detection in detections)
+
+    async def _look_over(self, point: Array) -> None:
+        """Look at what was touched at a map point (3,), or, where the neck cannot bend that far, as low as it can."""
+        async with using("head"):
+            for height in HEIGHTS:
+                with suppress(LookingGoalUnreachable):
+                    await self.look_at(point + np.array([0.0, 0.0, height]), "what was touched")
+                    break
+        self.see()
+
+    def _explain(self) -> None:
+        """Forget the obstacles where a thing is that has been seen from here."""
+        belief, bodies = self._control.belief, self._control.scene.bodies
+        felt = {name: np.array(belief.pose(name).position) for name in belief.names() if name in NAMES}
+        seen = [
+            bodies.block(name) for name in belief.names() if felt and name not in felt and belief.seen_from_here(name)
+        ]
+        belief.forget([name for name, at in felt.items() if any(block.away(at) <= EDGE for block in seen)])
+        self._control.sync()
 
     def not_seen(self, name: str) -> None:
         """Remember that a body was looked for in vain from here."""
@@ -318,14 +343,23 @@ class Sensing:
             return False
         return scene.bodies.is_graspable(name) or scene.bodies.is_person(name)
 
-    def bump(self, motion: Motion) -> None:
-        """Learn the pose of a body that the robot ran into: contacts report the true pose of the whole object."""
-        name = motion.blocked_by
-        if motion.touch is not None:
-            self._control.check_shift(motion.touch)
-        if name is not None and name in self._control.world.names():
-            self._control.belief.bump(name, self._control.world.pose(name))
-            self._control.sync()
+    async def bump(self, motion: Motion) -> None:
+        """Learn from what a motion was blocked by: a touch at a point, and what the camera shows there.
+
+        Where a believed thing explains the touch it is believed to stand so much nearer; else there is an obstacle. An
+        obstacle that turns out to be a known thing is forgotten. Raises ObjectLost as :meth:`Control.check_shift` does.
+        """
+        control, touch = self._control, motion.touch
+        if touch is None:
+            return
+        control.check_shift(touch)
+        await self._look_over(np.array(touch.point))
+        explained, belief = control.scene.bodies.explained(touch), control.belief
+        if explained is None:
+            belief.obstacle(behind(touch), motion.blocked_by)
+        elif not (belief.seen(explained[0]) or control.scene.bodies.is_person(explained[0])):
+            belief.bump(*explained)
+        control.sync()
 
     def support_of(self, name: str) -> Block | None:
         """Return the shape of the body that something is believed to stand on."""

@@ -83,7 +83,7 @@ class Navigation:
             if motion.state is MotionState.DONE:
                 return
             blocked_by = motion.blocked_by
-            self.platform.sensing.bump(motion)
+            await self.platform.sensing.bump(motion)
         raise NavigationGoalNotReached(target=goal, blocked_by=blocked_by)
 
     def _goal(self, action: Action) -> BasePose:
@@ -106,6 +106,8 @@ class Navigation:
             stuck = _blocking(problem)
             raise NavigationGoalNotReached("the base is stuck", target=goal, blocked_by=stuck) from problem
         except MotionError as problem:
+            if (met := self.platform.belief.met) is not None:
+                raise NavigationGoalNotReached(target=goal, blocked_by=met) from problem
             raise NavigationPoseUnreachable(target=goal) from problem
 
 
@@ -268,7 +270,7 @@ class Reaching:
     async def _follow(self, arm: ArmModel, trajectory: Trajectory, label: str) -> None:
         motion = await self.platform.follow(arm.name, trajectory)
         if motion.state is not MotionState.DONE:
-            self.platform.sensing.bump(motion)
+            await self.platform.sensing.bump(motion)
             raise ManipulationGoalInCollision(arm=arm.name, what=label, blocked_by=motion.blocked_by)
 
 

@@ -10,11 +10,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.motion.arm_group import Movable
 from executive.motion.bodies import BASE, FIRST_JOINT, MAP, Bodies, Pairs, Solids, counts, kept_spheres
 from executive.motion.collision import QuickCheck
 from planlang.geometry import Array, Pose
@@ -23,6 +23,9 @@ from planlang.geometry.shapes import ConvexSolid, SolidKind, convex_solid
 from planlang.protocols import Configuration
 from sim import PlanningWorld, Solid
 from sim.contact import SUPPORT_DEPTH
+
+if TYPE_CHECKING:  # a plain run moves one arm at a time
+    from executive.motion.arm_group import Movable
 
 GROUND_SIZE = (60.0, 60.0, 0.1)
 """Size of the piece that stands for the floor [m]."""

@@ -16,14 +16,17 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.motion.arm_group import Movable
 from executive.motion.bodies import BASE, FIRST_JOINT, MAP, Bodies, Index, Pairs, Solids, counts, distances
 from planlang.geometry import Array
 from planlang.geometry.matrices import inverse, product
+
+if TYPE_CHECKING:  # a plain run moves one arm at a time
+    from executive.motion.arm_group import Movable
 
 TOUCHING = 0.001
 """Depth of spheres inside something that counts as a hit [m]: what exact queries take for touching, and rounding."""

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from executive.belief import Belief, SemanticMap, default_starts
+from executive.belief.obstacles import with_store
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
 from executive.locations import HandSolution, Reach, ReachKind, Resolver
@@ -57,7 +58,7 @@ def world_at_start(scene: Scene, robot: Robot, start: BasePose | None, stack: Ex
     first = next(places, None)
     if first is None:
         raise _nowhere()
-    world = PlanningWorld(replace(scene, start=first), robot.body())
+    world = PlanningWorld(replace(with_store(scene), start=first), robot.body())
     stack.callback(world.close)
     if not world.robot.solid:
         message = "no link has a shape (<collision> or <visual>): there is nothing to find room for"
@@ -73,7 +74,7 @@ def world_at_start(scene: Scene, robot: Robot, start: BasePose | None, stack: Ex
         raise _nowhere()
     if place == first:
         return world
-    world = PlanningWorld(replace(scene, start=place), robot.body())
+    world = PlanningWorld(replace(with_store(scene), start=place), robot.body())
     stack.callback(world.close)
     return world
 

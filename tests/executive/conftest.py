@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from executive.belief import Belief, MapObject, SemanticMap
+from executive.belief.obstacles import with_store
 from executive.belief.planning_scene import PlanningScene
 from executive.locations import Resolver
 from executive.modules.platform import Platform
@@ -164,7 +165,7 @@ def furnisher(
         *bodies: Body, start: tuple[float, float, float] = (0.0, 0.0, 0.0), truth: Sequence[Body] | None = None
     ) -> Stage:
         real = PyBulletWorld(Scene(tuple(truth or bodies), BOUNDS, start), robot.body())
-        believed = PlanningWorld(Scene(bodies, BOUNDS, start), robot.body())
+        believed = PlanningWorld(with_store(Scene(bodies, BOUNDS, start)), robot.body())
         worlds.extend((real, believed))
         belief = Belief(SemanticMap(None, vocabulary, tuple(map(_thing, bodies)), ()), believed)
         belief.sync(believed, real.configuration())

@@ -1,5 +1,6 @@
 """What the robot believes: bound, seen, bumped into, held, let go; and a planning world made equal to it."""
 
+import json
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
@@ -7,6 +8,7 @@ import numpy as np
 import pytest
 
 from executive.belief import Belief, SemanticMap, scene_of
+from executive.belief.obstacles import MOST, NAMES, with_store
 from executive.robots import Robot, bind_robot
 from planlang.designators import an_object
 from planlang.failures import AmbiguousPerception, ObjectUnresolvable
@@ -178,3 +180,24 @@ def test_what_a_person_took_is_out_of_the_planning_world_until_it_is_grasped_aga
     belief.sync(planning, here)
     assert planning.attached() == {"bottle1": arm.tip}
     assert planning.pose("bottle1").distance(planning.link_pose(arm.tip) @ offset) < 1e-6
+
+
+def test_obstacles_that_were_felt_are_things_without_a_name_in_the_map(semantic_map: SemanticMap, robot: Robot) -> None:
+    world = PlanningWorld(with_store(scene_of(semantic_map)), robot.body())
+    belief = Belief(semantic_map, world)
+    belief.sync(world, world.configuration())
+    assert not set(world.names()) & set(NAMES)
+    for number in range(MOST + 1):
+        belief.obstacle(Pose((2.0, 0.1 * number, 0.5)), "a fence")
+    belief.sync(world, world.configuration())
+    felt = [name for name in world.names() if name in NAMES]
+    assert len(felt) == MOST, "the oldest one is forgotten for the last"
+    assert min(world.pose(name).position[1] for name in felt) == pytest.approx(0.1)
+    other = Belief(semantic_map, world)
+    other.restore(json.loads(json.dumps(belief.snapshot())))
+    assert (other.names(), other.met) == (belief.names(), "a fence")
+    belief.forget(felt)
+    assert belief.met is None
+    belief.sync(world, world.configuration())
+    assert not set(world.names()) & set(NAMES)
+    world.close()

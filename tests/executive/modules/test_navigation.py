@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from executive.belief.obstacles import NAMES
 from executive.modules.control import ROOMY
 from executive.motion import clearance_at
 from planlang import Recovery, look_from_another_place, perform, with_failure_handling
@@ -80,8 +81,18 @@ def test_an_obstacle_elsewhere_than_believed_is_felt_and_driven_around(make_stag
     assert stage.belief.pose("post") == POST.pose, "the robot knows now where the post is"
 
 
-def test_an_obstacle_that_is_in_no_map_ends_in_a_failure_that_names_it(make_stage: MakeStage) -> None:
+def test_an_obstacle_that_is_in_no_map_is_felt_and_driven_around(make_stage: MakeStage) -> None:
     stage = make_stage(truth=[POST])
+    drive(stage, to(3.0, 0.0))
+    assert stage.truth.configuration().base == pytest.approx((3.0, 0.0, 0.0), abs=1e-6)
+    felt = [name for name in stage.belief.names() if name in NAMES]
+    assert felt, "of what was touched the robot believes that something is there"
+    assert all(math.dist(stage.belief.pose(name).position[:2], POST.pose.position[:2]) < 0.2 for name in felt)
+    assert "post" not in stage.belief.names(), "nobody tells its name"
+
+
+def test_an_obstacle_that_is_in_no_map_ends_in_a_failure_that_names_it(make_stage: MakeStage) -> None:
+    stage = make_stage(truth=[replace(POST, size=(0.1, 11.5, 1.0))])
     with pytest.raises(NavigationGoalNotReached) as caught:
         drive(stage, to(3.0, 0.0))
     assert caught.value.blocked_by == "post"
