@@ -39,6 +39,7 @@ class Actions:
         self.goals: dict[str, Goal] = read_goals(ontology)
         self.library: dict[str, list[str]] = read_library(ontology)
         """Classes of actions (IRIs) and the recipes that perform them where a file states none itself."""
+        self._standard = frozenset().union(*self.library.values())
         self.declared_slots, self.slot_problems = read_slots(ontology)
         self.recoveries: tuple[RecoveryRule, ...] = read_recoveries(ontology)
         self.performers: dict[str, tuple[tuple[str, ...], str | None]] = {}
@@ -63,6 +64,10 @@ class Actions:
     def primitive(self, step: Step) -> Primitive | None:
         """Return the primitive that performs the step, if one does."""
         return self.primitives[step.primitive] if step.primitive is not None else None
+
+    def is_standard(self, step: Step) -> bool:
+        """Return True unless a recipe of the file performs the step: then it needs what its class does."""
+        return self._standard.issuperset(step.recipes)
 
     def is_base_motion(self, step: Step) -> bool:
         """Return True for a primitive step that depends on BaseMotionCapability and states a destination."""
@@ -96,13 +101,12 @@ class Actions:
         without one of the library.
         """
         if self._last_moving is None or self._last_moving[0] is not recipes:
-            standard = frozenset().union(*self.library.values())
             callers: dict[str, list[str]] = {}
             for recipe in recipes.recipes.values():
                 for callee in (callee for step in recipe.steps for callee in step.recipes):
                     callers.setdefault(callee, []).append(recipe.iri)
             own = [recipe.iri for recipe in recipes.recipes.values() if any(map(self.is_base_motion, recipe.steps))]
-            stated = [iri for iri in own if iri not in standard]
+            stated = [iri for iri in own if iri not in self._standard]
             self._last_moving = recipes, (_with_callers(own, callers), _with_callers(stated, callers))
         return self._last_moving[1]
 
