@@ -89,11 +89,13 @@ from planlang.language.recovery import (
     with_failure_handling,
 )
 from planlang.language.running import run
+from planlang.object_changes import baked, contains, created, destroyed, switched_on, transformed_into
 from planlang.recoveries import (
     fetch_again,
     ignore,
     look_and_repeat,
     look_from_another_place,
+    open_what_is_in_the_way,
     recovery_strategy,
 )
 from planlang.runs import Trace
@@ -151,8 +153,12 @@ __all__ = [
     "action_class",
     "an_object",
     "at_location",
+    "baked",
     "budget",
     "checkpoint",
+    "contains",
+    "created",
+    "destroyed",
     "evaporate",
     "explain",
     "fetch_again",
@@ -168,6 +174,7 @@ __all__ = [
     "monitor",
     "now",
     "on_suspension",
+    "open_what_is_in_the_way",
     "par",
     "par_each",
     "partial_order",
@@ -186,10 +193,12 @@ __all__ = [
     "sleep",
     "state_machine",
     "suspend",
+    "switched_on",
     "tag",
     "task",
     "task_suspended",
     "timeout",
+    "transformed_into",
     "try_all",
     "try_each_in_order",
     "try_in_order",

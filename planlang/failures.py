@@ -10,6 +10,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any, ClassVar, Self
 
+from planlang.designators import Object
+
 
 @dataclass(frozen=True, slots=True)
 class Where:
@@ -352,7 +354,7 @@ class BehindClosedDoor(LocationUnresolvable):
     """What is to be reached is behind a door, or in a drawer, that is closed; ``door`` names it."""
 
     what: str | None = field(default=None, kw_only=True)
-    door: str | None = field(default=None, kw_only=True)
+    door: Object | None = field(default=None, kw_only=True)
 
     def describe(self) -> str:
         """``no place found: DESIGNATOR: bottle1 is behind door1, which is closed``."""

@@ -125,6 +125,15 @@ class World(Protocol):
     def release(self, name: str) -> None:
         """Let a body go; it sinks to the first surface below."""
 
+    def lead(self, link: str, leaf: str) -> None:
+        """Let a door or drawer follow a link whose fingers are closed on its handle, as far as its joint lets it."""
+
+    def let_go(self, leaf: str) -> None:
+        """Let a door or drawer stay where it is."""
+
+    def led(self) -> Mapping[str, str]:
+        """Door or drawer -> link of the robot that moves it; one that the hand has slipped off is none."""
+
     def attached(self) -> Mapping[str, str]:
         """Body -> link of the robot that holds it."""
 

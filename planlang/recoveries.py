@@ -18,6 +18,7 @@ from typing import Any, TypeVar
 
 from planlang.designators import Condition, Object, a_location, action
 from planlang.failures import (
+    BehindClosedDoor,
     LookingFailure,
     ManipulationFailure,
     ObjectNotFound,
@@ -167,6 +168,25 @@ def look_and_repeat(what: Object) -> Do:
         return RETRY
 
     return look
+
+
+@recovery_strategy("OpenWhatIsInTheWay", about_object=True, moves_base=True)
+def open_what_is_in_the_way(what: Object) -> Do:
+    """Open the closed door behind which the object is, or the drawer in which it is, then run the body again.
+
+    A failure that has another reason goes outward.
+    """
+
+    Usage("open_what_is_in_the_way", {"what": "bottle"}).instance("what", what, Object, "an object")
+
+    async def open_it(failure: PlanFailure) -> Decision:
+        closed = next((link for link in failure.chain() if isinstance(link, BehindClosedDoor)), None)
+        if closed is None or closed.door is None:
+            return PROPAGATE
+        await perform(action("OpeningAContainerArtifact", object_acted_on=closed.door))
+        return RETRY
+
+    return open_it
 
 
 @recovery_strategy("FetchAgain", about_object=True, moves_base=True, goes_back=True)

@@ -19,7 +19,7 @@ from sim.camera import Rays
 from sim.contact import Held
 from sim.falling import Falling, upright
 from sim.leaves import inside
-from sim.matter import Matter, Portion, Rules, Size
+from sim.matter import PUDDLE, Matter, Portion, Rules, Size
 from sim.scene import Body, BodyShape
 
 Point = tuple[float, float, float]
@@ -195,7 +195,7 @@ class Changes:
             half_x, _, half_z = half_extents(self.bodies.poses[vessel], body.size).tolist()
             x, y, z = self.bodies.poses[vessel].position
             for one in portions:
-                beside = (x + half_x + self.rules.size(one.type)[0] / 2 + BESIDE, y, z - half_z)
+                beside = (x + half_x + self._size(one.type)[0] / 2 + BESIDE, y, z - half_z)
                 self._spread(Portion(one.type, one.amount * (1 - share), one.origins), below, beside)
 
     def _spread(self, portion: Portion, target: str, point: Point) -> None:
@@ -206,10 +206,13 @@ class Changes:
             if near and name not in self.bodies.removed and portion.type == self.type_of(name):
                 self.matter.put(name, portion)
                 return
-        size = self.rules.size(portion.type)
+        size = self._size(portion.type)
         name = self.new_name(f"{local_name(portion.type)}_on_{target}")
         at = Pose((point[0], point[1], point[2] + size[2] / 2))
         self.create(name, portion.type, size, at, portion.origins, portion.amount)
+
+    def _size(self, type: str) -> Size:
+        return self.rules.size(type) or PUDDLE
 
     def new_name(self, wish: str, others: Iterable[str] = ()) -> str:
         """Return a name that nothing has or had here, nor among ``others``."""

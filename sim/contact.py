@@ -257,7 +257,9 @@ class Contacts:
         if contact.part in self.robot.number:
             return self._touch(self.robot.number[contact.part], contact.body, 0.0)
         uids = [self.bodies.pieces[index].uid for index in self.bodies.of[contact.part]]
-        return self._nearest(self.held[contact.part].link, [(uid, -1) for uid in uids], contact.body, 0.0)
+        held = self.held.get(contact.part)
+        link = self.leaves.leader(contact.part) if held is None else held.link
+        return None if link is None else self._nearest(link, [(uid, -1) for uid in uids], contact.body, 0.0)
 
     def _touch(self, number: int, name: str, reach: float) -> Touch | None:
         """Return where a body is nearest to a link, None if it is nowhere within ``reach`` [m]."""

@@ -16,8 +16,8 @@ from planlang.geometry.matrices import cross_matrix, product, rotated
 
 SHUT = 0.05
 """Share of its range up to which a joint counts as closed."""
-WIDE = 0.65
-"""Share of its range from which on it counts as open: 60 of 90 degrees."""
+WIDE = 0.7
+"""Share of its range from which on it counts as open: 63 of 90 degrees."""
 Point = tuple[float, float, float]
 
 
@@ -61,13 +61,23 @@ class Articulation:
         """Return the nearest value that the joint can have."""
         return min(max(value, self.lower), self.upper)
 
+    @property
+    def last_shut(self) -> float:
+        """Return the greatest value at which the leaf counts as closed."""
+        return SHUT * self.upper
+
+    @property
+    def first_open(self) -> float:
+        """Return the least value at which the leaf counts as open."""
+        return WIDE * self.upper
+
     def is_shut(self, value: float) -> bool:
         """Return whether the leaf counts as closed."""
-        return value <= SHUT * self.upper
+        return value <= self.last_shut
 
     def is_open(self, value: float) -> bool:
         """Return whether the leaf counts as open."""
-        return value >= WIDE * self.upper
+        return value >= self.first_open
 
     def motion(self, value: float) -> Pose:
         """Return how the leaf has moved in the map since it was closed (Rodrigues)."""

@@ -10,6 +10,7 @@ from dataclasses import replace
 from typing import Any
 
 from planlang.geometry import Pose
+from planlang.geometry.matrices import moved
 from planlang.protocols import Configuration, Contact
 from sim import snapshots
 from sim.bodies import Bodies, Part
@@ -224,8 +225,9 @@ class KinematicScene:
         near = {other for name in joint.bodies for other in self._contacts.touching(name, NEAR_BY)}
         touched = frozenset((*near, *joint.bodies, *((joint.holder,) if joint.holder else ())))
         carried = self._leaves.inside(leaf, self._held)
-        place = self._leaves.held_place(leaf, hand)
-        self._leaves.led[leaf] = Led(link, place, self.robot.hand_of(link), touched, carried, self.robot.moves)
+        closed = self._leaves.handle(leaf)
+        grip = moved((hand.inverse() @ joint.motion(self._leaves.values[leaf])).matrix(), closed)
+        self._leaves.led[leaf] = Led(link, grip, closed, self.robot.hand_of(link), touched, carried, self.robot.moves)
 
     def let_go(self, leaf: str) -> None:
         """Let a leaf stay where it is; nothing happens if no hand leads it."""

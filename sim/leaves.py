@@ -23,11 +23,13 @@ class Led:
     """A leaf that follows a hand: the hand goes where it goes, the leaf as far as its joint lets it."""
 
     link: str
-    """The link of the robot whose origin is where the fingers are closed."""
+    """The link of the robot that holds its handle."""
+    grip: Array
+    """The middle of the handle in the link's frame, (3,): the hand may turn about it."""
     closed: Array
-    """Where that place of the leaf is in the map when the leaf is shut, (3,)."""
+    """The same in the map when the leaf is shut, (3,)."""
     hand: frozenset[int]
-    """Numbers of the hand's links; they may touch the leaf and its parts."""
+    """Numbers of the hand's links; they may touch the handle."""
     touched: frozenset[str]
     """Bodies that the leaf may touch: what it belongs to, and what it touched at the beginning."""
     carried: dict[str, Pose] = field(default_factory=dict)
@@ -68,20 +70,26 @@ class Leaves:
     def follow(self, leaf: str, hand: Pose) -> None:
         """Move a leaf that is led to where its hand is."""
         led = self.led[leaf]
-        self.put(leaf, self.joints[leaf].value_at(led.closed, np.array(hand.position)), led.carried)
+        self.put(leaf, self.joints[leaf].value_at(led.closed, moved(hand.matrix(), led.grip)), led.carried)
 
     def strayed(self, leaf: str, hand: Pose) -> bool:
-        """Return whether a hand has left the place of a leaf that it held."""
-        there = moved(self.joints[leaf].motion(self.values[leaf]).matrix(), self.led[leaf].closed)
-        return float(np.linalg.norm(there - np.array(hand.position))) > SLIPPED
+        """Return whether a hand has left the handle that it held."""
+        led = self.led[leaf]
+        there = moved(self.joints[leaf].motion(self.values[leaf]).matrix(), led.closed)
+        return float(np.linalg.norm(there - moved(hand.matrix(), led.grip))) > SLIPPED
 
-    def held_place(self, leaf: str, hand: Pose) -> Array:
-        """Return where the place of a leaf at which a hand is now would be if it were shut, (3,) in the map."""
-        return moved(self.joints[leaf].motion(self.values[leaf]).inverse().matrix(), np.array(hand.position))
+    def handle(self, leaf: str) -> Array:
+        """Return the middle of a leaf's handle, of the leaf itself if it has none, (3,) in the map when it is shut."""
+        return np.array(self._bodies.bodies[self.joints[leaf].handle or leaf].pose.position)
+
+    def leader(self, body: str) -> str | None:
+        """Return the link of the robot that moves a leaf, a part of one, or what lies inside of one; None without."""
+        moving = ((one.link, (*self.joints[leaf].bodies, *one.carried)) for leaf, one in self.led.items())
+        return next((link for link, bodies in moving if body in bodies), None)
 
     def hands_on(self, body: str) -> frozenset[int]:
-        """Return the numbers of the links that may touch a body because they lead the leaf that it belongs to."""
-        return frozenset().union(*(led.hand for leaf, led in self.led.items() if body in self.joints[leaf].bodies))
+        """Return the numbers of the links that may touch a handle because they are closed on it."""
+        return frozenset().union(*(led.hand for leaf, led in self.led.items() if body == self.joints[leaf].handle))
 
 
 def inside(pose: Pose, size: Sequence[float], points: Array) -> NDArray[np.bool_]:

@@ -48,8 +48,12 @@ def _same(cls: str, above: str) -> bool:
     return cls == above
 
 
-def _flat(cls: str) -> Size:
-    return (0.14, 0.14, 0.008)
+PUDDLE = (0.14, 0.14, 0.008)
+"""Size of what was poured out, if nothing says which size its class has [m]."""
+
+
+def _unknown(cls: str) -> Size | None:
+    return None
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,8 +63,8 @@ class Rules:
     heating: tuple[Heating, ...] = ()
     is_a: Callable[[str, str], bool] = field(default=_same, compare=False)
     """Whether a class is another one, or below it."""
-    size: Callable[[str], Size] = field(default=_flat, compare=False)
-    """The size [m] of a thing of a class that comes into being."""
+    size: Callable[[str], Size | None] = field(default=_unknown, compare=False)
+    """The size [m] of a thing of a class that comes into being; None if the class has none."""
     flow_rate: float = 20.0
     """So fast does a vessel run dry that is turned over [ml/s]."""
 

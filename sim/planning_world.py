@@ -10,7 +10,7 @@ import numpy as np
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import rotations
 from planlang.geometry.shapes import SolidKind, outline_of
-from planlang.protocols import Configuration, Contact
+from planlang.protocols import Configuration, Contact, Touch
 from sim.contact import GROUND, Ignored, Query
 from sim.kinematic import KinematicScene
 from sim.robot import BASE
@@ -97,6 +97,11 @@ class PlanningWorld(KinematicScene):
             itself = not set(moving) <= {*BASE, "base"}
             apart = self._robot.moved_apart(frozenset(moving)) if itself else None
         return self._find(configuration or self._now, Query(links, apart, ignore, itself=itself, among=among))
+
+    def touches(self, links: Collection[str], configuration: Configuration | None = None) -> tuple[Touch, ...]:
+        """Return what links feel, now or at another configuration, as ``touches`` of the true world."""
+        self._show(configuration or self._now)
+        return self._contacts.touches(links)
 
     def self_contacts(self, configuration: Configuration | None = None) -> tuple[Contact, ...]:
         """Return the :meth:`contacts` that do not depend on the robot's pose: with what it holds, and in itself."""

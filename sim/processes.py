@@ -150,7 +150,7 @@ def warm(changes: Changes, seconds: float) -> None:
 def _heat(changes: Changes, name: str, device: str, within: bool, seconds: float) -> None:
     matter, rules = changes.matter, changes.rules
     low, high = matter.heated.get(name, (0.0, 0.0))
-    lies_on_lower = changes.bodies.poses[name].rotation[2, 2] >= 0
+    lies_on_lower = bool(changes.bodies.poses[name].rotation[2, 2] >= 0)
     low, high = low + seconds * (within or lies_on_lower), high + seconds * (within or not lies_on_lower)
     matter.heated[name] = low, high
     source = changes.type_of(device)

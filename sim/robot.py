@@ -390,7 +390,7 @@ class Robot:
     def _spanning(self, number: int) -> Array:
         """Return the points of one link in its own frame."""
         if number not in self._points:
-            found = []
+            found = [np.zeros((0, 3))]  # of an endless plane there are none
             for one in self.hulls(number):
                 own = one.points if not one.radius else one.points + one.radius * _BALL
                 found.append(moved(one.pose.matrix(), own))

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any
 
 import numpy as np
 
+from executive.belief.contents import is_content
 from executive.belief.obstacles import NAMES
 from executive.belief.semantic_map import MapObject, SemanticMap
 from planlang.designators import Object, local_name
@@ -80,8 +82,20 @@ class Belief:
         """Leaf -> link of the hand that moves it."""
         self._moving = {name: leaf for leaf, joint in self.joints.items() for name in joint.bodies}
         self._boxes = {body.name: body.size for body in world.scene.bodies if body.movable or body.name in self.joints}
+        self._matter = world.changes.matter
+        """What the believed world contains."""
+        self.made: dict[str, MapObject] = {}
+        """Things that came into being, by name."""
+        self._gone: dict[str, None] = {}
+        self.time = 0.0
+        """Plan time up to which heat is believed to have done its work [s]."""
 
     # Asking
+
+    @property
+    def things(self) -> Iterator[MapObject]:
+        """Things of the map, then those that came into being, whether they have a place or not."""
+        return chain(self.map.objects, self.made.values())
 
     def joint(self, leaf: str) -> float:
         """Return how far a door or drawer is believed to be open [rad, m]; 0 is closed."""
@@ -100,8 +114,8 @@ class Belief:
         return self.held[name].before if name in self.held else self._poses[name]
 
     def seen_from_here(self, name: str) -> bool:
-        """Return True if a thing has been seen since the base last moved, or the map is trusted."""
-        return self.trusts_map or self.seen(name)
+        """Return True if a thing has been seen since the base last moved, or the map is trusted about it."""
+        return (self.trusts_map and name not in self._in_vain) or self.seen(name)
 
     def seen(self, name: str) -> bool:
         """Return True if the camera has shown a thing since the base last moved."""
@@ -118,44 +132,73 @@ class Belief:
     def bind(self, what: Object, near: tuple[float, float, float]) -> str:
         """Return the thing that a designator means: that of its IRI; else, of its class, the nearest to the robot.
 
-        What a designator was bound to once it keeps meaning, wherever the robot goes. Raises ObjectUnresolvable,
+        What a designator was bound to once it keeps meaning, wherever the robot goes, as long as that is there. Without
+        such a thing it is what contains a substance of that class, as long as it does. Raises ObjectUnresolvable,
         telling what there is; AmbiguousPerception if two that were seen from here are equally near.
         """
         if what not in self._bound:
-            self._bound[what] = self._find(what, near)
+            found = self._find(what, near)
+            if found is None:
+                return self._container(what, near)
+            self._bound[what] = found
         return self._bound[what]
+
+    def bound_to(self, what: Object, name: str) -> None:
+        """Let a designator mean a thing from now on."""
+        self._bound[what] = name
 
     def of_class(self, what: Object) -> tuple[str, ...]:
         """Return the things of a designator's class, in the order of the map."""
-        return tuple(
-            thing.name for thing in self.map.objects if thing.name in self._poses and self._is_a(thing, what.type)
-        )
+        return tuple(thing.name for thing in self.things if thing.name in self._poses and self.is_a(thing, what.type))
 
-    def _find(self, what: Object, near: tuple[float, float, float]) -> str:
-        placed = [thing for thing in self.map.objects if thing.name in self._poses]
+    def _find(self, what: Object, near: tuple[float, float, float]) -> str | None:
+        placed = [thing for thing in self.things if thing.name in self._poses]
         for thing in placed:
             if what.iri is not None and thing.iri == what.iri:
                 return thing.name
         fitting = {
             thing.name: math.dist(self._poses[thing.name].position[:2], near[:2])
             for thing in placed
-            if self._is_a(thing, what.type)
+            if self.is_a(thing, what.type)
         }
-        if not fitting:
-            known = ", ".join(name for name in self._poses if name not in NAMES)
-            raise ObjectUnresolvable(f"{what} ({what.type}) is not in the map; there are {known}", designator=str(what))
+        if not fitting or self._meant(what) is not None:
+            return None
         nearest = min(fitting, key=lambda name: fitting[name])
         equal = tuple(n for n in fitting if fitting[n] - fitting[nearest] < ALIKE and self.seen_from_here(n))
         if len(equal) > 1 and nearest in equal:
             raise AmbiguousPerception(what=str(what), candidates=equal)
         return nearest
 
-    def _is_a(self, thing: MapObject, cls: str) -> bool:
-        """Return whether a thing is of a class; one that the map's vocabulary lacks is recognised by its local name."""
+    def _container(self, what: Object, near: tuple[float, float, float]) -> str:
+        """Return the nearest thing that contains what a designator means."""
+        meant = self._meant(what)
+        holding = [
+            name
+            for name, content in self._matter.contents.items()
+            if name in self._poses and any(self._is_kind(one.type, what.type) for one in content.values())
+            if meant is None or any(meant in one.origins for one in content.values())
+        ]
+        if not holding:
+            known = ", ".join(name for name in self._poses if name not in NAMES)
+            missing = "is not there any more" if meant in self._gone else "is not in the map"
+            raise ObjectUnresolvable(f"{what} ({what.type}) {missing}; there are {known}", designator=str(what))
+        return min(holding, key=lambda name: math.dist(self._poses[name].position[:2], near[:2]))
+
+    def _meant(self, what: Object) -> str | None:
+        """Return the individual that a designator names, if it is in something else, or not there any more."""
+        named = (thing for thing in self.things if what.iri is not None and thing.iri == what.iri)
+        return next((thing.name for thing in named if is_content(thing) or thing.name in self._gone), None)
+
+    def is_a(self, thing: MapObject, cls: str) -> bool:
+        """Return whether a thing is of a class, or was before it was heated."""
+        return any(self._is_kind(one, cls) for one in (*thing.types, *self._matter.types.get(thing.name, ())))
+
+    def _is_kind(self, one: str, cls: str) -> bool:
+        """Return whether a class is below one; one that the map's vocabulary lacks is recognised by its local name."""
         ontology = self.map.ontology
         if ontology.defined(expand(cls)):
-            return any(ontology.is_a(one, expand(cls)) for one in thing.types)
-        return any(local_name(above) == local_name(cls) for one in thing.types for above in ontology.ancestors(one))
+            return ontology.is_a(expand(one), expand(cls))
+        return any(local_name(above) == local_name(cls) for above in ontology.ancestors(expand(one)))
 
     # Learning
 
@@ -171,6 +214,11 @@ class Belief:
         """Record that a thing was looked for from here and not seen."""
         self._in_vain.setdefault(name, []).append(base)
         self._changed("not_seen", name=name, base=base)
+
+    def missed(self, name: str, arm: str, base: tuple[float, float, float]) -> None:
+        """Record that a hand closed on nothing where a thing was believed to be."""
+        self.dropped[arm] = name
+        self.not_seen(name, base)
 
     def bump(self, name: str, pose: Pose) -> None:
         """Record that the robot ran into a thing, which is rather at a pose; it has to be looked at again."""
@@ -205,7 +253,8 @@ class Belief:
         value = joint.within(value)
         if value == self._values[leaf]:
             return
-        content = [name for name in self._boxes if name not in self.joints and name not in {*self.held, *self._taken}]
+        elsewhere = {*self.joints, *self.held, *self._taken}
+        content = [name for name in self._boxes if name in self._poses and name not in elsewhere]
         at, places = self._poses[leaf], np.array([self._poses[name].position for name in content]).reshape(-1, 3)
         within = np.flatnonzero(inside(at, self._boxes[leaf], places)).tolist()
         offsets = {content[index]: at.inverse() @ self._poses[content[index]] for index in within}
@@ -251,6 +300,40 @@ class Belief:
         self._seen.pop(name, None)
         self._changed("lost", name=name, pose=pose)
 
+    def came_to_be(self, thing: MapObject, pose: Pose) -> None:
+        """Record that a thing came into being."""
+        self._make(thing, pose)
+        self._changed("created", name=thing.name, pose=pose)
+
+    def _make(self, thing: MapObject, pose: Pose) -> None:
+        self.made[thing.name] = thing
+        self._poses[thing.name] = self._first[thing.name] = pose
+        self._boxes[thing.name] = thing.size or (0.0, 0.0, 0.0)
+
+    def destroyed(self, name: str) -> None:
+        """Record that a thing is not there any more; what it was called may mean another one."""
+        self._lose(name)
+        self._changed("destroyed", name=name)
+
+    def _lose(self, name: str) -> None:
+        self._gone[name] = None
+        for table in (self.held, self._poses, self._seen):
+            table.pop(name, None)
+        self._bound = {what: meant for what, meant in self._bound.items() if meant != name}
+
+    def turned_over(self, name: str, pose: Pose) -> None:
+        """Record that a thing lies with the other side up."""
+        self._poses[name] = pose
+        self._changed("turned over", name=name, pose=pose)
+
+    def switched(self, name: str, state: str) -> None:
+        """Record that a device is in a state."""
+        self._changed("switched", name=name, state=state)
+
+    def poured(self, source: str, target: str, amount: float) -> None:
+        """Record that an amount [ml] of what was in a thing is in or on another one."""
+        self._changed("poured", name=source, into=target, amount=amount)
+
     def _put(self, name: str, pose: Pose, how: str) -> None:
         before = self._poses[name]
         if name in self._moving:
@@ -273,9 +356,16 @@ class Belief:
     def snapshot(self) -> dict[str, Any]:
         """Return what is believed, as JSON; poses that are still the map's are left out."""
         moved = {name: dump(pose) for name, pose in self._poses.items() if pose != self._first[name]}
+        made = [
+            [one.name, one.iri, list(one.types), list(one.size or ()), dump(self._first[one.name])]
+            for one in self.made.values()
+        ]
         held = {name: [grip.arm, grip.link, dump(grip.offset), dump(grip.before)] for name, grip in self.held.items()}
         return {
             "revision": self.revision,
+            "made": made,
+            "gone": list(self._gone),
+            "time": self.time,
             "poses": moved,
             "held": held,
             "dropped": dict(self.dropped),
@@ -297,8 +387,17 @@ class Belief:
             unknown = {*state["poses"], *state["held"], *state["taken"], *(name for _, name in state["bound"])}
             unknown |= {leaf for leaf in (*state["leaves"], *state["led"]) if leaf not in self.joints}
             unknown |= {*dropped.values(), *state["felt"]}
+            for name in self.made:
+                del self._first[name], self._boxes[name]
+            self.made, self._poses, self._gone = {}, dict(self._first), {}
+            for name, iri, types, size, pose in state["made"]:
+                x, y, z = map(float, size)
+                one = MapObject(str(iri), str(name), tuple(map(str, types)), None, (x, y, z))
+                self._make(one, _pose(pose))
+            unknown |= set(state["gone"])
             if not unknown <= self._poses.keys():
                 raise ValueError(f"the map has no {', '.join(sorted(unknown - self._poses.keys()))}")
+            self.time = float(state["time"])
             values = {leaf: float(state["leaves"].get(leaf, 0.0)) for leaf in self.joints}
             self._values = {leaf: self.joints[leaf].within(value) for leaf, value in values.items()}
             self.led = {leaf: str(link) for leaf, link in state["led"].items()}
@@ -320,6 +419,8 @@ class Belief:
                 for name, bases in state["in_vain"].items()
             }
             self.revision = int(state["revision"])
+            for name in state["gone"]:
+                self._lose(name)
         except (KeyError, TypeError, AttributeError) as problem:
             raise ValueError(f"the state of the belief is damaged: {problem!r}") from None
 
@@ -334,6 +435,8 @@ class Belief:
             if self.led.get(leaf) != world.led()[leaf]:
                 world.let_go(leaf)
         world.set_configuration(configuration)
+        for leaf in world.led():  # where the hand is, which the robot knows
+            self.moved(leaf, world.joint(leaf), "led")
         for leaf, value in self._values.items():
             if world.joint(leaf) != value:
                 world.set_joint(leaf, value)

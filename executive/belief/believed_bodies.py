@@ -13,10 +13,10 @@ from executive.belief.hollow import room_behind
 from planlang.designators import Object
 from planlang.failures import LocationUnresolvable
 from planlang.geometry import Array, Pose
-from planlang.ontology import expand
+from planlang.ontology import expand, shorten
 from planlang.protocols import Touch
 from sim import ComfortZone, PlanningWorld
-from sim.joints import JointKind
+from sim.joints import Articulation, JointKind
 from sim.leaves import inside
 from sim.scene import BodyShape
 
@@ -138,6 +138,12 @@ class BelievedBodies:
     def bind(self, what: Object) -> str:
         """Return the body that an object designator means; raises ObjectUnresolvable."""
         return self._belief.bind(what, self._world.configuration().base)
+
+    def designator(self, name: str) -> Object:
+        """Return the designator that means a body of the map."""
+        thing = self._belief.map.find(name)
+        assert thing is not None
+        return Object(shorten(thing.types[0]) if thing.types else "EnduringThing-Localized", thing.iri)
 
     def pose(self, name: str) -> Pose:
         """Return where a body is believed to be."""
@@ -262,6 +268,25 @@ class BelievedBodies:
                 turn = (0.0 if x > 0 else math.pi) if abs(x) >= abs(y) else math.copysign(math.pi / 2, y)
                 return block.yaw + turn
         return block.yaw
+
+    def leaf_of(self, what: Object, *, shut: bool) -> Articulation | None:
+        """Return the joint of what a designator means: a leaf, a part of one, or furniture with some; None without.
+
+        Of several leaves of furniture the one nearest to the robot that is shut, or is not, comes first.
+        """
+        name, joints, here = self.bind(what), self._belief.joints, self._world.configuration().base
+        for joint in joints.values():
+            if name in joint.bodies:
+                return joint
+        own = [joint for joint in joints.values() if joint.holder == name]
+        return min(
+            own,
+            key=lambda one: (
+                one.is_shut(self._belief.joint(one.leaf)) is not shut,
+                round(math.dist(self.pose(one.handle or one.leaf).position[:2], here[:2]), 6),
+            ),
+            default=None,
+        )
 
     def closed_before(self, name: str) -> str | None:
         """Return the closed door behind which a body is, or the closed drawer in which it is; None without one."""

@@ -12,8 +12,6 @@ from planlang.recipe.effects import effects_of, heat_effects, number_of_class, n
 from sim import Body
 from sim.matter import ON, Heating, Portion, Rules, Size
 
-UNKNOWN_SIZE = (0.1, 0.1, 0.02)
-"""Size of what comes into being and has no size by its class [m]."""
 USUAL_AMOUNT = 100.0
 """Amount of a content of which nothing says how much it is [ml]."""
 
@@ -40,10 +38,10 @@ def _taxonomy(ontology: Ontology) -> Callable[[str, str], bool]:
     return is_a
 
 
-def _sizes(ontology: Ontology) -> Callable[[str], Size]:
+def _sizes(ontology: Ontology) -> Callable[[str], Size | None]:
     @cache
-    def size(cls: str) -> Size:
-        return read_size(ontology, expand(cls), (expand(cls),), []) or UNKNOWN_SIZE
+    def size(cls: str) -> Size | None:
+        return read_size(ontology, expand(cls), (expand(cls),), [])
 
     return size
 

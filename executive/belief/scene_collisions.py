@@ -3,23 +3,27 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
+from operator import itemgetter
 from typing import Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from executive.belief.belief import Belief
-from executive.motion import Boxes, QuickCheck, clearance_at
+from executive.belief.believed_bodies import MEANT, Block
+from executive.motion import Boxes, Grid, QuickCheck, clearance_at
 from executive.motion.arm_bodies import ArmBodies, ArmShapes, Ignored, Room, links_of
 from executive.motion.bodies import Solids
 from executive.motion.clearance import TOUCHING, Band, Outline, clearances_at, cores, outlines, stands_in_none
-from executive.robots import Robot
+from executive.motion.drivable import Drivable, drivable
+from executive.robots import Gripper, Robot
 from executive.robots.arms import ArmModel
 from planlang.geometry import Array
 from planlang.geometry.matrices import moved
-from planlang.protocols import Configuration, Contact
+from planlang.protocols import Configuration, Contact, Touch
 from sim import PlanningWorld
 from sim.bodies import FLOOR
 from sim.scene import BodyShape
@@ -35,6 +39,8 @@ SLACK = 0.03
 """Room that may be missing in the grid, whose cells are 5 cm wide: places are validated exactly later [m]."""
 DOUBTFUL = 0.15
 """Factor of a place with doubtful room: only at the border of its cell, or with some headings."""
+MOST_FLOOR = 10_000.0
+"""Area of a map of which it is worked out where the base can get to [m^2]."""
 ROOMY = 0.3
 """More room than this is not better [m]."""
 
@@ -138,6 +144,31 @@ CLOSING_STEPS = 24
 """In how many steps closing fingers are looked at: with Amigo's gripper, which opens 10 cm, about 2 mm each."""
 
 
+OPPOSED = -0.5
+"""Cosine up to which the directions from which two fingers are touched count as opposed."""
+
+
+def pinched(touches: Iterable[Touch]) -> Array | None:
+    """Return the point (3,) of the map about which two fingers feel something between them; None if they do not."""
+    sides = [
+        (float(np.dot(one.normal, other.normal)), one, other)
+        for one, other in combinations(touches, 2)
+        if one.link != other.link
+    ]
+    opposed, one, other = min(sides, key=itemgetter(0), default=(0.0, None, None))
+    if one is None or other is None or opposed > OPPOSED:
+        return None
+    return np.add(one.point, other.point) / 2
+
+
+def _closing(gripper: Gripper) -> list[dict[str, float]]:
+    """Return the joint values of fingers on their way from open to closed."""
+    return [
+        {name: (1.0 - share) * gripper.opened[name] + share * gripper.closed[name] for name in gripper.joints}
+        for share in np.linspace(0.0, 1.0, CLOSING_STEPS + 1)[1:].tolist()
+    ]
+
+
 class SceneCollisions:
     """Collisions of the robot, with what it holds, in the planning world; what does not change is kept."""
 
@@ -145,6 +176,7 @@ class SceneCollisions:
         self._world, self._robot, self._belief, self._arms = world, robot, belief, tuple(arms)
         self._bodies: Latest[tuple[Boxes, Solids]] = Latest()
         self._floor: Latest[Floor] = Latest()
+        self._drivable: Latest[Drivable] = Latest()
         self._links = frozenset(world.robot.solid_names)
         self._rest = {arm.name: self._links - self._own_links(arm) for arm in arms}
         links = links_of(world)
@@ -171,6 +203,24 @@ class SceneCollisions:
             return Floor(self.obstacles(), self._world.silhouette(arms), shapes, self._world.scene.bounds)
 
         return self._floor.of((self._state(), self._posture()), work_out)
+
+    def drivable(self) -> Drivable:
+        """Return where the base can get to from where it is, arms left out.
+
+        Nothing is ruled out for a base that stands in something, nor on a map that is too large to be filled.
+        """
+        now, floor = self._world.configuration(), self.floor()
+        base = now.base
+
+        def work_out() -> Drivable:
+            x_min, y_min, x_max, y_max = floor.bounds
+            large = (x_max - x_min) * (y_max - y_min) > MOST_FLOOR
+            if large or self._world.contacts(now, ("base",)):
+                return Drivable(Grid(0.0, 0.0, 1, 1), np.ones((1, 1), bool), beyond=True)
+            grid = Grid.over((x_min, y_min), (x_max, y_max))
+            return drivable(base[:2], grid, floor.boxes, floor.silhouette, cores(floor.outlines))
+
+        return self._drivable.of((floor, base[:2]), work_out)
 
     def obstacles(self) -> Boxes:
         """Return boxes around the pieces of all bodies that are not held, the floor left out."""
@@ -253,15 +303,33 @@ class SceneCollisions:
             return None
         joints = dict(self._world.configuration().joints) | dict(zip(arm.joints, map(float, q), strict=True))
         joints |= gripper.opened
-        moving = list(gripper.joints)
-        steps = [
-            {name: (1.0 - share) * gripper.opened[name] + share * gripper.closed[name] for name in moving}
-            for share in np.linspace(0.0, 1.0, CLOSING_STEPS + 1)[1:].tolist()
-        ]
-        links = [self._world.robot.moved_by(name) for name in moving]
+        steps = _closing(gripper)
+        links = [self._world.robot.moved_by(name) for name in gripper.joints]
         apart = len(frozenset[int]().union(*links)) == sum(map(len, links))
         if apart and self._world.passed(Configuration(base, joints), steps) <= {around}:
             return None  # each finger goes its way whatever becomes of the others
+        stopped = self._close(base, joints, steps, around)
+        return stopped if isinstance(stopped, str) else None
+
+    def closed_on(self, base: BasePose, arm: ArmModel, q: Array, around: str) -> Mapping[str, float] | None:
+        """Return where the fingers of an arm come to rest with a body between them, as joint values; None elsewhere."""
+        gripper = self._robot.arm(arm.name).gripper
+        if gripper is None:
+            return None
+        joints = dict(self._world.configuration().joints) | dict(zip(arm.joints, map(float, q), strict=True))
+        joints |= gripper.opened
+        stopped = self._close(base, joints, _closing(gripper), around)
+        if isinstance(stopped, str):
+            return None
+        point = pinched(self._world.touches(gripper.finger_links, Configuration(base, joints)))
+        there = Block.of(self._world.pose(around), self._world.size(around))
+        return stopped if point is not None and there.away(point) <= MEANT else None
+
+    def _close(
+        self, base: BasePose, joints: dict[str, float], steps: Sequence[Mapping[str, float]], around: str
+    ) -> str | Mapping[str, float]:
+        """Return the fingers' joint values where they meet a body, or what they meet before."""
+        moving = list(steps[0])
         for step in steps:
             for name in tuple(moving):
                 value = step[name]
@@ -273,7 +341,7 @@ class SceneCollisions:
                     moving.remove(name)
                 else:
                     return next(body for body in bodies if body not in self._links)
-        return None
+        return {name: joints[name] for name in steps[0]}
 
     def lifted(self, arm: ArmModel, torsos: Sequence[float]) -> tuple[float, ...]:
         """Return the torso positions at which the rest of the robot, in its present posture, does not touch itself."""

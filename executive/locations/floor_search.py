@@ -91,6 +91,8 @@ class FloorSearch:
             place = bases[row].round(PLACES)
             base = (float(place[0]), float(place[1]), math.remainder(float(place[2]), 2 * math.pi))
             worth = float(total[row])
+            if not validator.has_way(place[None], log)[0]:
+                continue
             # there is room by the field: what is seen decides more often
             if not validator.sees(base, worth, demand, log) or not validator.stands(base, worth, demand, log):
                 continue

@@ -24,6 +24,7 @@ class Reason:
 
 
 COLLISION, NO_ROOM, NOT_VISIBLE = "in collision", "no room for the base", "not visible"
+NO_WAY = "no way for the base"
 OUT_OF_REACH = Reason("out of reach")
 
 
@@ -50,6 +51,8 @@ class Rejections:
     """Places that were looked at, in that order; the first thousands."""
     scored: list[tuple[Array, Array]] = field(default_factory=list)
     """Candidates (m, 3) before they were looked at, and their scores (m,)."""
+    walled: bool = False
+    """True if a place was rejected because the base cannot drive there: others are asked for that first, then."""
     refused: list[tuple[str, Array]] = field(default_factory=list)
     """Candidates (m, 2 or more) that were refused before they were looked at, with the reason."""
 

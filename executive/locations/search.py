@@ -29,7 +29,7 @@ from executive.locations.hand_solutions import (
     solve,
     unblocked,
 )
-from executive.locations.rejections import NO_ROOM, OUT_OF_REACH, Rejections
+from executive.locations.rejections import NO_ROOM, NO_WAY, OUT_OF_REACH, Rejections
 from executive.locations.validation import PLACES, BaseValidator, SelfOcclusion, scored, unmet
 from executive.motion import QuickCheck
 from executive.robots.arms import ArmModel
@@ -129,6 +129,12 @@ class ReachSearch:
         bands = [(reach.body, validator.band(reach, self.arms)) for reach in self.wanted[1:]]
         conjuncts: list[Conjunct] = [(f"not in reach of {body}", partial(_within, *band)) for body, band in bands]
         conjuncts += [(unmet(term), partial(scored, term)) for term in self.demand.areas]
+        if log.walled:
+            drivable = scene.collisions.drivable()
+            if not drivable.comes_near(middle[:2], float(max(aside)) + reach):
+                log.add(NO_WAY, sum(len(hand.candidates) for hand in hands))
+                return
+            conjuncts.append((NO_WAY, lambda bases: drivable(bases).astype(float)))
         inversion = Inversion(room, conjuncts, self._unseen() if budget.fine else None, budget.each)
         lifted = scene.collisions.lifted
         found = inversion.of(hands, self.inverse, lifted, least=budget.least, rows=budget.rows)
@@ -170,7 +176,7 @@ class ReachSearch:
         stance: QuickCheck,
         misses: Misses | None = None,
     ) -> Iterator[Solution]:
-        scene, budget, log = self.scene, self.budget, self.log
+        scene, budget, log, validator = self.scene, self.budget, self.log, self.validator
         x, y, _ = scene.base()
         order = found.order(lambda bases: np.exp(-np.hypot(bases[:, 0] - x, bases[:, 1] - y) / TRAVEL), budget.most)
         found = found.chosen(order)
@@ -201,6 +207,8 @@ class ReachSearch:
                 log.add(NO_ROOM, int((~roomy).sum()))
                 undecided[rows] = roomy
                 rows = rows[roomy]
+                undecided[rows] = validator.has_way(bases[rows], log)
+                rows = rows[undecided[rows]]
                 undecided[rows] = arms_have_room(bases[rows], stance, log)
                 waiting = np.append(waiting, rows[undecided[rows]])
                 while len(waiting) >= budget.block or (len(waiting) and first >= len(found)):

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
@@ -15,7 +16,16 @@ from executive.locations.base_candidates import InverseMaps
 from executive.locations.demands import ORDER, BaseDemand, Reach, ReachKind, sides
 from executive.locations.hand_predicates import Stage, candidates_of
 from executive.locations.hand_solutions import HandSolution, Trial, from_base
-from executive.locations.rejections import COLLISION, NO_ROOM, NOT_VISIBLE, OUT_OF_REACH, Reason, Rejections, first_body
+from executive.locations.rejections import (
+    COLLISION,
+    NO_ROOM,
+    NO_WAY,
+    NOT_VISIBLE,
+    OUT_OF_REACH,
+    Reason,
+    Rejections,
+    first_body,
+)
 from executive.motion import QuickCheck
 from executive.robots.arms import ArmModel
 from planlang.designators import Location
@@ -99,7 +109,8 @@ class BaseValidator:
     def check_hands(self, reach: Reach, location: Location) -> None:
         """Raise LocationUnresolvable if what is to be grasped is behind a closed door, or all hands for it are full."""
         if reach.kind is ReachKind.GRASP and (door := self.scene.bodies.closed_before(reach.body)) is not None:
-            raise BehindClosedDoor(designator=str(location), what=reach.body, door=door)
+            leaf = self.scene.bodies.designator(door)
+            raise BehindClosedDoor(designator=str(location), what=reach.body, door=leaf)
         if self.arms_for(reach, self.scene.arms.all):
             return
         arms = [arm.name for arm in self.scene.arms.all if reach.arms is None or arm.name in reach.arms]
@@ -213,6 +224,10 @@ class BaseValidator:
         self, base: BasePose, score: float, reached: dict[Reach, HandSolution], demand: BaseDemand, log: Rejections
     ) -> Solution | None:
         """Return a base pose that all else accepts, unless something is in reach that must not be."""
+        if not self.scene.collisions.drivable()(np.array([base]))[0]:
+            log.walled = True
+            _reject(log, base, score, NO_WAY)
+            return None
         for reach in demand.unreached:
             if self._first(reach, base, self.arms_for(reach, self.scene.arms.all), Rejections()) is not None:
                 _reject(log, base, score, f"{reach.body} is in reach")
@@ -231,6 +246,14 @@ class BaseValidator:
             **self._sides(demand),
         }
         return Solution(base, self.scene.revision(), detail)
+
+    def has_way(self, bases: Array, log: Rejections) -> NDArray[np.bool_]:
+        """Return which base poses (n, 3) the base may drive to, (n,); all as long as none was rejected for that."""
+        if not log.walled:
+            return np.ones(len(bases), bool)
+        good = self.scene.collisions.drivable()(bases)
+        log.add(NO_WAY, int((~good).sum()))
+        return good
 
     def _sides(self, demand: BaseDemand) -> dict[str, object]:
         """Return whose left and right was meant, where a location names sides."""

@@ -7,8 +7,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
-from itertools import combinations, product
-from operator import itemgetter
+from itertools import product
 from typing import NoReturn, TypeVar
 
 import numpy as np
@@ -17,7 +16,7 @@ from executive.belief import Belief
 from executive.belief.believed_bodies import MEANT, Block
 from executive.belief.obstacles import EDGE, NAMES, behind
 from executive.belief.planning_scene import PlanningScene
-from executive.belief.scene_collisions import BasePose
+from executive.belief.scene_collisions import BasePose, pinched
 from executive.motion import Grid, NoPath, clearance_at, clearance_field, plan_base_path, time_path
 from executive.robots import Gripper, Robot
 from executive.robots.arms import ArmModel
@@ -28,8 +27,6 @@ from planlang.geometry import Array, Pose, matrices
 from planlang.protocols import Motion, MotionState, Touch, Trajectory, World
 
 T = TypeVar("T")
-OPPOSED = -0.5
-"""Cosine of the directions from which two fingers feel one thing between them."""
 
 HEIGHTS = (0.0, 0.3, 0.6, 0.9)
 """Heights above a touch at which the camera looks for what was touched [m]: a base touches things below the neck."""
@@ -59,7 +56,9 @@ class Control:
         return self.joints(arm.joints)
 
     def sync(self) -> None:
-        """Make the planning scene equal to what is believed."""
+        """Make the planning scene equal to what is believed; from what a hand has slipped off it holds no more."""
+        for leaf in [leaf for leaf in self.belief.led if leaf not in self.world.led()]:
+            self.belief.let_go(leaf)
         self.belief.sync(self.scene.world, self.world.configuration())
 
     async def follow(self, group: str, trajectory: Trajectory) -> Motion:
@@ -123,16 +122,7 @@ class Control:
     def between_fingers(self, arm: str) -> Array | None:
         """Return the point (3,) of the map about which fingers of an arm feel something; None if they feel nothing."""
         gripper = self.robot.arm(arm).gripper
-        touches = self.world.touches(gripper.finger_links) if gripper is not None else ()
-        sides = [
-            (float(np.dot(one.normal, other.normal)), one, other)
-            for one, other in combinations(touches, 2)
-            if one.link != other.link
-        ]
-        opposed, one, other = min(sides, key=itemgetter(0), default=(0.0, None, None))
-        if one is None or other is None or opposed > OPPOSED:
-            return None
-        return np.add(one.point, other.point) / 2
+        return pinched(self.world.touches(gripper.finger_links)) if gripper is not None else None
 
     def below(self, name: str) -> Pose:
         """Return where a body is believed to come down when it leaves the hand."""
@@ -202,12 +192,17 @@ class Drive:
                 return trajectory
         raise NoPath(start, goal, {"finer checks": len(FINER)})
 
-    def room_for(self, postures: Sequence[tuple[ArmModel, Array]]) -> BasePose | None:
-        """Return the nearest base pose, here or behind, where arms can go to postures (d,); None if there is none."""
+    def room_for(self, postures: Sequence[tuple[ArmModel, Array]], least: float = 0.0) -> BasePose | None:
+        """Return the nearest base pose, here or behind, where arms can go to postures (d,); None if there is none.
+
+        It is at least so far from here [m].
+        """
         x, y, yaw = self._control.base()
         scene = self._control.scene
         back = [] if self._control.robot.base.fixed else product(BACK_OFF, BACKWARDS)
         for step, turn in [(0.0, 0.0), *back]:
+            if step < least:
+                continue
             pose = (x + step * math.cos(yaw + turn), y + step * math.sin(yaw + turn), yaw)
             if step and scene.collisions.contacts(pose):
                 continue
@@ -239,12 +234,33 @@ class Hands:
             return False
 
     async def move(self, arm: ArmModel, *, closed: bool) -> Motion:
-        """Open or close the fingers as far as they go."""
+        """Open or close the fingers as far as they go; fingers that open let go of a handle."""
         gripper = self.gripper(arm)
         assert gripper is not None
+        if not closed:
+            self._leave(arm)
         wanted = gripper.closed if closed else gripper.opened
         path = np.stack([self._control.joints(gripper.joints), [wanted[name] for name in gripper.joints]])
         return await self._control.follow(f"gripper of {arm.name}", self._control.timed(gripper.joints, path))
+
+    def lead(self, arm: ArmModel, leaf: str) -> None:
+        """Let a door or drawer, on the handle of which the fingers have closed, move with the hand from now on."""
+        control, link = self._control, self._control.robot.arm(arm.name).tip
+        control.world.lead(link, leaf)
+        control.belief.leads(leaf, link)
+        control.sync()
+
+    def _leave(self, arm: ArmModel) -> None:
+        control, link = self._control, self._control.robot.arm(arm.name).tip
+        for leaf in [leaf for leaf, leader in control.belief.led.items() if leader == link]:
+            control.world.let_go(leaf)
+            control.belief.let_go(leaf)
+        control.sync()
+
+    def is_on(self, arm: ArmModel, name: str) -> bool:
+        """Return whether what the closed fingers feel is where a body is believed to be."""
+        point = self._control.between_fingers(arm.name)
+        return point is not None and self._control.scene.bodies.block(name).away(point) <= MEANT
 
     def between_fingers(self, arm: ArmModel) -> str | None:
         """Return the body that the closed fingers feel: of the believed ones that which explains what they feel."""
@@ -305,7 +321,7 @@ class Sensing:
         """Take a picture and return the names of what was recognised; without camera, what the map is trusted about."""
         camera, belief = self._control.robot.camera, self._control.belief
         if camera is None:
-            return self._control.scene.world.names() if belief.trusts_map else ()
+            return tuple(name for name in self._control.scene.world.names() if belief.seen_from_here(name))
         detections = self._control.world.detect(camera.link)
         belief.see(detections)
         self._control.sync()

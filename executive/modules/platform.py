@@ -28,6 +28,8 @@ from planlang.relations import Sense
 
 ALONE = ""
 """The branch where no plan is running."""
+ITERATIONS = 1000
+"""Branches that the search of a path grows before it gives up."""
 MOST = 256
 """Choices that are remembered; branches that have ended are forgotten first."""
 
@@ -175,10 +177,10 @@ class Arms:
 
     # Where it can go
 
-    def path(self, arm: ArmModel, goal: Array, touches: str | None = None) -> Trajectory:
+    def path(self, arm: ArmModel, goal: Array, touches: str | None = None, iterations: int = ITERATIONS) -> Trajectory:
         """Return a timed path to joint positions (d,) through the planning scene; raises a MotionError.
 
-        The hand may touch the body ``touches``.
+        The hand may touch the body ``touches``. With few ``iterations`` it gives up early.
         """
         control = self._control
         control.sync()
@@ -196,7 +198,8 @@ class Arms:
             """Return where the arm is checked exactly: at each world step, and at the resolution of checks."""
             return np.concatenate([space.points(path), control.timed(arm.joints, path).positions[1:]])
 
-        return control.timed(arm.joints, plan_path(start, goal, space, quick, touching, self._rng, moments=moments))
+        found = plan_path(start, goal, space, quick, touching, self._rng, moments=moments, iterations=iterations)
+        return control.timed(arm.joints, found)
 
     def straight_path(self, arm: ArmModel, pose: Array, q: Array, touches: str | None) -> Trajectory:
         """Return a timed straight line of the tip to a map pose (4, 4) at joint positions q (d,).
@@ -253,6 +256,12 @@ class Platform(Control):
         if group == "base":
             return super().watched(group)
         return [arm.name for arm in self.arms.holding(self.scene.arms.all) if group != f"gripper of {arm.name}"]
+
+    def missed(self, arm: ArmModel) -> None:
+        """Believe that what a hand closed for in vain is not where the map has it, if there is no camera to tell."""
+        if self.robot.camera is None and arm.name in self.arms.begun:
+            _, base, solution = self.arms.begun[arm.name]
+            self.belief.missed(solution.reach.body, arm.name, base)
 
     def __post_init__(self) -> None:
         self.drive, self.hands, self.sensing = Drive(self), Hands(self), Sensing(self)

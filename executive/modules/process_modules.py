@@ -318,6 +318,7 @@ class Grasping:
         if name is None:
             what = action.get("object_acted_on")
             wanted = str(what) if isinstance(what, Object) else None
+            self.platform.missed(arm)
             raise GraspMissed(arm=arm.name, what=wanted, blocked_by=motion.blocked_by)
         hands.grasp(arm, name)
         return name

@@ -24,6 +24,8 @@ Touching = Callable[[float, float, float], Sequence[tuple[str, str]]]
 """A check for overlaps with the base at x, y, yaw, by name; nothing where it stands free."""
 TIGHT = 10.0
 """Cost of a metre without room, in metres with plenty."""
+ESCAPE = 0.8
+"""Distance from start and goal within which a base may have no room to turn [m]."""
 NARROW = 3.0
 """Extra cost of a metre with hardly any room over one with plenty."""
 
@@ -80,7 +82,7 @@ def plan_base_path(
     touching: Touching,
     *,
     comfort: float = 0.25,
-    escape: float = 0.8,
+    escape: float = ESCAPE,
     resolution: float = 0.08,
     replans: int = 12,
 ) -> Array:

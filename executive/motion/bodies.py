@@ -36,6 +36,10 @@ The slack comes out too large by half the diagonal of a cell: 5 mm for a link of
 """
 FLAT = 1e-7
 """Points nearer to a face than this are on it [m]: rounding of coordinates of some metres stays below."""
+MOST_POINTS, DIRECTIONS = 1_500, 600
+"""Points of a shape beyond which only those are taken that are outermost in some of these directions: their hull is
+smaller, by what the others stick out of it.
+"""
 THINNEST = 1e-3
 """Least extent of a shape: flatter ones are thickened to it [m], that they have an inside."""
 _CACHE = Cache("spheres", most=1000)
@@ -106,7 +110,10 @@ def spheres_in(points: Array, radius: float = 0.0, beyond: float = 0.0) -> Spher
     """
     if len(points) == 1:
         return Spheres(np.append(points, [[radius]], axis=1), beyond)
-    faces = faces_of(points)
+    outer = _outermost(points)
+    faces = faces_of(outer)
+    if len(outer) < len(points):
+        beyond += max(0.0, -float(faces.depths(points).min()))
     cells, _ = _cells(points, CENTRES)
     depths = faces.depths(cells)
     centres, radii = cells[depths > 1e-4], depths[depths > 1e-4]
@@ -130,6 +137,17 @@ def spheres_in(points: Array, radius: float = 0.0, beyond: float = 0.0) -> Spher
     met = cells[faces.depths(cells) >= -half]  # every point of the shape is in one of these
     slack = max(0.0, float((_distances(met, centres) - radii).min(axis=1).max()) + half)
     return Spheres(np.column_stack([centres, radii]), slack + beyond)
+
+
+def _outermost(points: Array) -> Array:
+    """Return, of too many points (n, 3), those farthest out in directions that are spread evenly (Fibonacci)."""
+    if len(points) <= MOST_POINTS:
+        return points
+    turn = np.pi * (3.0 - np.sqrt(5.0)) * np.arange(DIRECTIONS)
+    height = 1.0 - (2.0 * np.arange(DIRECTIONS) + 1.0) / DIRECTIONS
+    width = np.sqrt(1.0 - height**2)
+    directions = np.column_stack([width * np.cos(turn), width * np.sin(turn), height])
+    return np.asarray(points[np.unique([int(np.argmax(points @ direction)) for direction in directions])])
 
 
 def _cells(points: Array, number: int) -> tuple[Array, float]:

@@ -3,7 +3,8 @@
 General layout: ``binding`` is the entrance; ``robot`` reads SRDL, ``robot_file`` the numbers beside it and
 ``mechanism`` the URDF, ``limbs`` brings them together. ``requirements`` reads what classes of actions
 and capabilities require, ``matching`` compares that with a robot, ``tasks`` does so for a whole recipe. ``arms`` is the
-robot as planning asks it.
+robot as planning asks it. ``draft`` makes a robot file from a URDF: ``anatomy`` finds arms and hands in its tree,
+``hand_shape`` measures hands, ``srdf`` reads what stands beside it.
 """
 
 from executive.robots.binding import bind_draft, bind_robot, robots

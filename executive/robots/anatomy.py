@@ -17,9 +17,8 @@ ASIDE = 0.03
 TOOL = re.compile(r"tool|tcp|grip_?point|grasp|flange", re.IGNORECASE)
 _WHEEL = re.compile(r"wheel|caster|roller|rotor|propeller", re.IGNORECASE)
 _GRASPER = re.compile(r"grip|finger|jaw|claw|hand|pinch", re.IGNORECASE)
-_LEG = frozenset(
-    ("leg", "legs", "foot", "feet", "ankle", "knee", "thigh", "calf", "toe", "toes", "hip", "sole", "shank")
-)
+_NO_ARM = re.compile("head|neck|legs?|foot|feet|ankle|knee|thigh|calf|toes?|hip|sole|shank")
+"""Words in the names of joints that are of no arm."""
 _CAMERA = re.compile(r"optical|camera|kinect|realsense|openni|xtion|stereo", re.IGNORECASE)
 _OPTICAL = re.compile(r"optical", re.IGNORECASE)
 _COLOUR = re.compile(r"rgb|colou?r|stereo", re.IGNORECASE)
@@ -87,20 +86,24 @@ def _last(mechanism: Mechanism, link: str) -> str:
     return next((name for name in reversed(group) if TOOL.search(name)), link)
 
 
-def is_leg(limb: Limb) -> bool:
-    """Return whether a limb is called a leg."""
+def is_arm(limb: Limb) -> bool:
+    """Return whether a limb may be an arm: none of its joints is called that of a leg or of a head."""
     names = (name for joint in limb.joints for name in (joint.name, joint.child))
-    return any(not _LEG.isdisjoint(word.lower() for word in re.findall(r"[A-Z]?[a-z]+|[A-Z]+", name)) for name in names)
+    words = (word.lower() for name in names for word in re.findall(r"[A-Z]?[a-z]+|[A-Z]+", name))
+    return not any(map(_NO_ARM.fullmatch, words))
 
 
-def side(mechanism: Mechanism, limb: Limb) -> str | None:
-    """Return "left" or "right", as the names of a limb say, else as its shoulder is beside the middle of the robot."""
+def side(mechanism: Mechanism, limb: Limb, *, is_alone: bool) -> str | None:
+    """Return "left" or "right", as the names of a limb say, else as its shoulder is beside the middle of the robot.
+
+    What stands alone has a side only by name.
+    """
     said = side_of(limb.name, limb.hand, *(joint.name for joint in limb.joints))
     short = {match[1].lower() for joint in limb.joints if (match := re.match(r"([lrLR])_", joint.name))}
     if said is None and len(short) == 1:
         said = {"l": "left", "r": "right"}[short.pop()]
     y = float(mechanism.frame(limb.joints[0].child)[1, 3])
-    return said or (None if abs(y) < ASIDE else "left" if y > 0 else "right")
+    return said or (None if is_alone or abs(y) < ASIDE else "left" if y > 0 else "right")
 
 
 def camera(mechanism: Mechanism, arms: Iterable[str]) -> str | None:

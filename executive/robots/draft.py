@@ -24,6 +24,7 @@ from executive.robots.robot import CARRYING
 from executive.robots.robot_file import DEFAULT_BASE, DEFAULT_LIMITS
 from executive.robots.srdf import Srdf, read_srdf
 from planlang.diagnostics import Diagnostic, Span, note, warning
+from planlang.geometry import Array
 from planlang.geometry.urdf import read_urdf
 from sim import CameraModel, PlanningWorld, RobotBody, Scene
 
@@ -121,7 +122,7 @@ class Draft:
 
 
 def toml(value: Any, *, is_key: bool = False) -> str:
-    """Return a value in TOML's syntax; numbers rounded to six digits."""
+    """Return a value in TOML's syntax; numbers rounded to nine digits, so that what is at a limit stays there."""
     match value:
         case str():
             if is_key and re.fullmatch(r"[A-Za-z0-9_-]+", value):
@@ -130,7 +131,7 @@ def toml(value: Any, *, is_key: bool = False) -> str:
         case bool():
             return "true" if value else "false"
         case float() | np.floating():
-            return repr(round(float(value), 6) + 0.0)
+            return repr(round(float(value), 9) + 0.0)
         case Mapping():
             inner = ", ".join(f"{toml(key, is_key=True)} = {toml(one)}" for key, one in value.items())
             return f"{{ {inner} }}" if inner else "{}"
@@ -188,7 +189,7 @@ class _Maker:
         said = self.said.end_effectors if self.said is not None else ()
         stated = (anatomy.limb_of(self.mechanism, one.parent_link, one.parent_group or one.name) for one in said)
         arms = [limb for limb in stated if limb is not None] or list(anatomy.limbs(self.mechanism))
-        return [limb for limb in arms if not anatomy.is_leg(limb)]
+        return [limb for limb in arms if anatomy.is_arm(limb)]
 
     # The base
 
@@ -220,26 +221,30 @@ class _Maker:
 
     def _radius(self) -> tuple[float, str, Status]:
         """Return the radius of what no joint lifts."""
-        world = self.world
-        numbers = sorted(world.robot.grounded)
-        if not numbers:
+        points = self._ground()
+        if not len(points):
             return DEFAULT_BASE.radius, "no link of the base has a shape", Status.ASSUMED
-        points = np.concatenate(world.robot.points(numbers))[:, :2]
-        reach = float(np.hypot(*points.T).max()) + MARGIN
+        reach = float(np.hypot(points[:, 0], points[:, 1]).max()) + MARGIN
         return round(reach, 3), "around the links that no joint moves", Status.DERIVED
 
+    def _ground(self) -> Array:
+        """Return points (n, 3) of the links that no joint moves, in the frame of the root."""
+        return np.concatenate([np.zeros((0, 3)), *self.world.robot.points(sorted(self.world.robot.grounded))])
+
     def _mount(self) -> None:
-        lowest = [float(one[:, 2].min()) for one in self.world.robot.points(sorted(self.world.robot.grounded))]
         if self.limbs and not self._drives()[0]:
             table = self.draft.table("mount")
-            where = round(min(lowest, default=0.0), 3) + 0.0
+            where = round(float(self._ground()[:, 2].min(initial=0.0)), 3) + 0.0
             why = f"what it stands on, if not the floor; its lowest shape is at z = {where}"
             table.add("size", [0.4, 0.4, 0.6], why, Status.MISSING)
 
     # Arms
 
     def _arm(self, limb: Limb, names: list[str]) -> None:
-        shape, side = shape_of(limb, self.mechanism, self.world), anatomy.side(self.mechanism, limb)
+        shape, side = (
+            shape_of(limb, self.mechanism, self.world),
+            anatomy.side(self.mechanism, limb, is_alone=len(self.limbs) == 1),
+        )
         name = re.sub(r"[^A-Za-z0-9_-]", "_", side or limb.name or "arm")
         names.append(name)
         name += f"_{names.count(name)}" if names.count(name) > 1 else ""

@@ -45,6 +45,8 @@ STEPS = [k / 20 for k in range(21)]
 BESIDE = 0.05
 """Distance up to which a link that is called a tool is where the fingers grip [m]."""
 
+FIXED = ""
+"""Name of the jaw that does not move, in the place of a finger's."""
 Values = Mapping[str, float]
 
 
@@ -116,7 +118,7 @@ class _Hand:
         return np.asarray(self._frame(link)[:3, 3])
 
     def _points(self, values: Values) -> dict[str, Array]:
-        """Return the points (n, 3) of each finger with the joints at some values."""
+        """Return the points (n, 3) of each finger with the joints at some values; the other jaw of one is the hand."""
         known = self.world.robot.joints
         posture = {name: value for name, value in {**self.middle, **values}.items() if name in known}
         self.world.set_configuration(Configuration((0.0, 0.0, 0.0), posture))
@@ -129,6 +131,9 @@ class _Hand:
                 found[finger] = moved(back, np.concatenate(self.world.robot.points(solid)))
             else:
                 found[finger] = np.stack([self._place(link) for link in links])
+        still = [numbers[link] for link in self.mechanism.rigid_with(self.limb.hand) if link in numbers]
+        if len(self.links) == 1 and still:
+            found[FIXED] = moved(back, np.concatenate(self.world.robot.points(still)))
         return found
 
     # Directions
@@ -196,9 +201,9 @@ class _Hand:
         wide, narrow = ({name: values[name] for name in opening} for values in (opened, closed))
         steps = [{name: narrow[name] + t * (wide[name] - narrow[name]) for name in opening} for t in STEPS]
         gaps = [self._gap(approach, closing, values) for values in steps]
-        widths = [0.0 if gap is None else gap[1] - gap[0] for gap in gaps]
-        last = max((k for k, width in enumerate(widths) if width <= WIDEST_GAP), default=len(STEPS) - 1)
-        first = min((k for k, width in enumerate(widths[:last]) if width >= THROUGH), default=0)
+        widths = {k: gap[1] - gap[0] for k, gap in enumerate(gaps) if gap is not None}
+        last = max((k for k, width in widths.items() if width <= WIDEST_GAP), default=len(STEPS) - 1)
+        first = min((k for k, width in widths.items() if width >= THROUGH and k < last), default=0)
         return steps[last], steps[first]
 
     def _spread(self, closing: Array, values: Values) -> float:
@@ -219,12 +224,14 @@ class _Hand:
         """Return from where to where along the closing direction nothing is between the fingers' ends [m]."""
         points = list(self._points(values).values())
         end = max(float((one @ approach).max()) for one in points)
+        middles = [float((one @ closing).mean()) for one in points]
+        middle = sum(middles) / 2 if len(self.links) == 1 else float(closing @ self.wrist)
         inner: tuple[list[float], list[float]] = [], []
-        for one in points:
+        for one, centre in zip(points, middles, strict=True):
             across = one @ closing
             front = across[one @ approach >= end - FRONT]
             if len(front):
-                is_beyond = float(across.mean() - closing @ self.wrist) > 0
+                is_beyond = centre > middle
                 inner[is_beyond].append(float(front.min() if is_beyond else front.max()))
         return (max(inner[0]), min(inner[1])) if inner[0] and inner[1] else None
 

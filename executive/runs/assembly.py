@@ -17,13 +17,15 @@ from typing import Any
 import numpy as np
 
 from executive.belief import Belief, SemanticMap, default_starts
+from executive.belief.facts import decide
 from executive.belief.obstacles import with_store
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
 from executive.locations import HandSolution, Reach, ReachKind, Resolver
 from executive.locations.demands import HandTerm
 from executive.locations.grasp_candidates import HandPoses
-from executive.modules import process_modules
+from executive.modules import containers, process_modules, waiting
+from executive.modules.effects import ActionEffects, ModuleWithEffects
 from executive.modules.platform import ArmChoices, Platform
 from executive.robots import CARRYING, Robot
 from executive.robots.arms import ArmModel, arm_models, gaze_of
@@ -147,7 +149,14 @@ class RobotExecutive:
         self.platform = platform
         self.world_as_left = False
         """True if the user states that the world is as a snapshot left it: it is not restored then."""
-        self.modules: Sequence[ProcessModule] = tuple(create(platform) for create in modules)
+        self._effects = ActionEffects(platform)
+        self.modules: Sequence[ProcessModule] = tuple(
+            ModuleWithEffects(create(platform), self._effects) for create in modules
+        )
+
+    def may_create(self, what: Object, actions: Iterable[str]) -> bool:
+        """Return whether what a designator means may come into being by actions of some classes, or by heat."""
+        return self._effects.may_create(what, actions)
 
     def ancestors(self, action_type: str) -> Sequence[str]:
         """Return the class itself and its superclasses, nearest first; local names."""
@@ -182,17 +191,28 @@ class RobotExecutive:
 
     def holds(self, condition: Condition) -> bool:
         """Return whether the belief says so; raises ValueError for a predicate that nothing here decides."""
+        self._effects.pass_time()
         match condition:
             case Condition("holding", (Object() as what,)):
                 return self.platform.scene.bodies.bind(what) in self.platform.belief.held
+            case Condition("open" | "closed" as state, (Object() as what,)):
+                joint = self.platform.scene.bodies.leaf_of(what, shut=state == "open")
+                value = 0.0 if joint is None else self.platform.belief.joint(joint.leaf)
+                return joint is not None and (joint.is_open(value) if state == "open" else joint.is_shut(value))
             case Condition("located", (Location() as where,)):
                 self.platform.sync()
                 return self.platform.resolver.holds(where)
             case Condition("located", (Location() as where, Object() as what)):
                 self.platform.sync()
                 return self.platform.resolver.holds(where, what)
+        self.platform.sync()
+        decided = decide(condition, self.platform.belief, self.platform.scene.world)
+        if decided is not None:
+            return decided
         raise ValueError(
-            f"nothing decides {condition}; what can be asked: holding(object), located(location, object or device)"
+            f"nothing decides {condition}; what can be asked: holding(object), open(object), closed(object), "
+            "located(location, object or device), contains(thing, substance, amount), baked(thing, seconds), "
+            "switched_on(device), destroyed(thing), created(thing), transformed_into(thing, thing)"
         )
 
     def before_retry(self) -> Iterable[Action]:
@@ -252,6 +272,7 @@ class RobotExecutive:
             if not self.world_as_left and isinstance(platform.world, RestorableWorld):
                 platform.world.restore_state(left["world"])
             platform.belief.restore(left["belief"])
+            self._effects.restored()
             platform.scene.world.restore_state(left["believed"])
             platform.rng.bit_generator.state = left["rng"]
             arms = {arm.name: arm for arm in platform.scene.arms.all}
@@ -327,5 +348,6 @@ def _base(state: Any) -> BasePose:
 def bundled_registry() -> ModuleRegistry:
     """Return a registry with the process modules that come with planlang."""
     registry = ModuleRegistry()
-    registry.add(process_modules, "planlang", Rank.BUNDLED)
+    for module in (process_modules, containers, waiting):
+        registry.add(module, "planlang", Rank.BUNDLED)
     return registry

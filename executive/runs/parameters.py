@@ -9,6 +9,7 @@ from difflib import get_close_matches
 from typing import Any, get_args, get_type_hints
 
 from executive.belief import MapObject, SemanticMap
+from executive.belief.contents import is_content
 from executive.belief.semantic_map import environments_with
 from planlang.designators import Location, Object, Person, local_name
 from planlang.diagnostics import BadInput, Diagnostic, error, warning
@@ -128,7 +129,7 @@ def _missing(parameter: PlanParameter, semantic_map: SemanticMap) -> Diagnostic:
 def _bound(parameter: PlanParameter, text: str, semantic_map: SemanticMap, found: list[Diagnostic]) -> Bound:
     """Return the thing or location that a parameter is set to; raises BadInput."""
     thing, default = semantic_map.find(text), parameter.default
-    if thing is None or thing.pose is None:
+    if thing is None or (thing.pose is None and not is_content(thing)):
         if parameter.takes_places and thing is None and " " in text.strip():
             from executive.runs.phrases import read_phrase  # the grammar of phrases takes long to import
 

@@ -178,6 +178,17 @@ def needs_of(module: ModuleType, plan: Plan[Any, Any]) -> Needs:
     return _Source(module).needs(plan.name)
 
 
+def outputs_of(module: ModuleType) -> frozenset[str]:
+    """Return the names in a plan's module of what actions create (``outputs_created``): it is there later, not yet."""
+    stated = (
+        keyword.value
+        for node in ast.walk(ast.parse(inspect.getsource(module)))
+        for keyword in (node.keywords if isinstance(node, ast.Call) else ())
+        if keyword.arg == "outputs_created"
+    )
+    return frozenset(node.id for value in stated for node in ast.walk(value) if isinstance(node, ast.Name))
+
+
 Scope = Mapping[str, ast.AST]
 """Definitions in the source, by name."""
 

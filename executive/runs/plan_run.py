@@ -6,7 +6,7 @@ import inspect
 import traceback
 from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
@@ -26,6 +26,7 @@ from executive.runs.plan_files import (
     line_in,
     main_plan,
     needs_of,
+    outputs_of,
     required,
     required_of_plan,
     without_module,
@@ -34,7 +35,7 @@ from executive.runs.traces import ListenedTrace, check_same_run, lines_of, past_
 from planlang import PlanFailure, RunError, SimulationHost, budget, explain, run
 from planlang.designators import Location, Object
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
-from planlang.failures import ActionUnresolvable, MissingCapability
+from planlang.failures import ActionUnresolvable, MissingCapability, ObjectUnresolvable
 from planlang.language.plans import Plan
 from planlang.language.running import known as run_header
 from planlang.ontology import load
@@ -211,9 +212,9 @@ class Run:
 
         believed = world_at_start(scene, robot, options.start, self._stack)
         scene = believed.scene
-        truth = PyBulletWorld(
-            real_scene(scene, options.seed, believed), robot.body(), gui=options.gui, seed=options.seed
-        )
+        real = real_scene(scene, options.seed, believed)
+        real = replace(real, start=scene.start) if robot.base.fixed else real
+        truth = PyBulletWorld(real, robot.body(), gui=options.gui, seed=options.seed)
         self._stack.callback(truth.close)
         trusts_map = options.trust_map
         platform = platform_of(
@@ -241,9 +242,18 @@ class Run:
             header["infeasible"] = [alternative.name for alternative, _ in assessment.infeasible]
 
         def bind_all() -> None:
-            """Raise ObjectUnresolvable for a parameter that means nothing here, before anything moves."""
-            for what in _things(bound):
-                platform.scene.bodies.bind(what)
+            """Raise ObjectUnresolvable for a parameter that means nothing here or later, before anything moves.
+
+            A run that is resumed may have destroyed what one means.
+            """
+            made = outputs_of(self.source)
+            for name, value in bound.items():
+                for what in _things({name: value}):
+                    try:
+                        platform.scene.bodies.bind(what)
+                    except ObjectUnresolvable:
+                        if past is None and name not in made and not executive.may_create(what, needs.actions):
+                            raise
 
         body = self._body(bound, bind_all)
         if past is not None:

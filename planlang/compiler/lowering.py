@@ -54,7 +54,7 @@ CURED = frozenset(failure.__name__ for failure in CURABLE)
 RAISED = (ObjectUnreachable.__name__, ObjectUndeliverable.__name__)
 """The failures that a location scope raises without a further place: if nothing is held, and if something is."""
 
-LATER = frozenset({"OpenWhatIsInTheWay", "PutDownAndRegrasp"})
+LATER = frozenset({"PutDownAndRegrasp"})
 """Strategies of the vocabulary for which no function is registered so far."""
 
 

@@ -43,14 +43,15 @@ class HeatEffect:
     duration: float
 
 
-def effects_of(ontology: Ontology, action_class: str) -> Effects:
+def effects_of(ontology: Ontology, action_class: str, ancestors: Iterable[str] | None = None) -> Effects:
     """Return what actions of a class change: what is declared for it, and for the classes above it.
 
-    Of classes that are created the narrowest count. A rate, an amount or a state that is nearer replaces a farther one.
-    Raises BadInput for a number that is none.
+    ``ancestors`` are these, the class itself and the nearest first, where the ontology does not know them all. Of what
+    is created the narrowest classes count. A rate, an amount or a state that is nearer replaces a farther one. Raises
+    BadInput for a number that is none.
     """
-    table = _declared(ontology)
-    found = [effects for cls in ontology.ancestors(action_class) for effects in table.get(cls, ())]
+    table, levels = _declared(ontology), ontology.ancestors(action_class) if ancestors is None else ancestors
+    found = [effects for cls in levels for effects in table.get(cls, ())]
     return Effects(
         destroyed=_each(one.destroyed for one in found),
         created=narrowest(ontology, _each(one.created for one in found)),

@@ -33,6 +33,16 @@ class Belief:
     base: Base = (0.0, 0.0, 0.0)
     around: str | None = None
     """The thing between the open fingers, ready to be grasped."""
+    contents: dict[str, dict[str, float]] = field(default_factory=dict)
+    """Substances in things, and on them [ml]: ``belief.contents["bowl1"] = {"Milk": 200.0}``."""
+    heated: dict[str, tuple[float, float]] = field(default_factory=dict)
+    """How long both sides of things were over heat [s]."""
+    made: dict[str, list[str]] = field(default_factory=dict)
+    """Things that came into being, with all that went into them."""
+    gone: list[str] = field(default_factory=list)
+    """Things that were destroyed."""
+    on: list[str] = field(default_factory=list)
+    """Devices that are on."""
 
     def __post_init__(self) -> None:
         self._revision = 0
@@ -50,8 +60,14 @@ class Belief:
         around: str | None,
         revision: int,
         made_up: dict[str, list[Base]],
+        contents: dict[str, dict[str, float]],
+        heated: dict[str, tuple[float, float]],
+        made: dict[str, list[str]],
+        gone: list[str],
+        on: list[str],
     ) -> None:
         """Restore an earlier belief."""
+        self.contents, self.heated, self.made, self.gone, self.on = contents, heated, made, gone, on
         self.holding[:] = holding
         self.at, self.facts, self.base, self.around, self.made_up = at, facts, base, around, made_up
         self._seen, self._revision = self._state(), revision
@@ -66,10 +82,52 @@ class Belief:
         return self._revision
 
     def holds(self, condition: Condition) -> bool:
-        """Return True if a condition holds: ``holding(x)`` by what is held, anything else by the facts."""
-        if condition.predicate == "holding":
-            return all(getattr(what, "name", what) in self.holding for what in condition.arguments)
-        return self.facts.get(str(condition), False)
+        """Return True if a condition holds: by the facts, if they have it, else by what the belief says of things.
+
+        ``holding(x)`` is decided by what is held.
+        Without seconds, things are baked that were over heat at all, on both sides.
+        """
+        if str(condition) in self.facts and condition.predicate != "holding":
+            return self.facts[str(condition)]
+        arguments: list[Any] = [getattr(what, "name", what) for what in condition.arguments or ("",)]
+        first, *others = arguments
+        match condition.predicate:
+            case "holding":
+                return first in self.holding and all(what in self.holding for what in others)
+            case "contains":
+                amount = self.contents.get(first, {}).get(others[0], 0.0)
+                return amount >= others[1] if len(others) > 1 else amount > 0
+            case "baked":
+                least = min(self.heated.get(first, (0.0, 0.0)))
+                return least >= others[0] if others else least > 0
+            case "switched_on":
+                return first in self.on
+            case "destroyed":
+                return first in self.gone
+            case "created":
+                return first in self.made and first not in self.gone
+            case "transformed_into":
+                return self._went_into(first, others[0])
+        return False
+
+    def _went_into(self, what: str, result: str) -> bool:
+        parts, known = [result], {result}
+        for part in parts:  # grows while it is walked
+            parts += [one for one in self.made.get(part, ()) if one not in known]
+            known.update(parts)
+        return what != result and what in known
+
+    def destroy(self, *things: str) -> None:
+        """Let things be there no more."""
+        self.gone.extend(thing for thing in things if thing not in self.gone)
+        for thing in things:
+            self.drop(thing)
+
+    def create(self, thing: str, *of: str) -> None:
+        """Let a thing come into being of others, which are destroyed."""
+        self.destroy(*of)
+        self.made[thing] = list(of)
+        self.gone[:] = [one for one in self.gone if one != thing]
 
     def drop(self, what: str | None = None) -> None:
         """Let something go, or everything."""
@@ -103,6 +161,11 @@ class Belief:
                 what = _name(action.get("object_acted_on"))
                 if what is not None and what not in self.holding:
                     self.holding.append(what)
+            case "TurningOnPoweredDevice":
+                device = _name(action.get("object_acted_on"))
+                self.on.extend([device] if device is not None and device not in self.on else [])
+            case "TurningOffPoweredDevice":
+                self.on[:] = [one for one in self.on if one != _name(action.get("object_acted_on"))]
             case "OpeningAGripper" | "PuttingDownAnObject":
                 self.drop(_name(action.get("object_acted_on")))
             case "HandingOverAnObject":
@@ -110,15 +173,21 @@ class Belief:
                 if what is not None and taker is not None:
                     self.at[what] = taker
                 self.drop(what)
+            case "OpeningAContainerArtifact" | "ClosingAContainerArtifact" as name:
+                what, opens = _name(action.get("object_acted_on")), name == "OpeningAContainerArtifact"
+                self.facts |= {f"open({what})": opens, f"closed({what})": not opens}
 
     def _state(self) -> tuple[object, ...]:
-        return tuple(self.holding), repr(self.at), repr(self.facts)
+        changed = self.contents, self.heated, self.made, self.gone, self.on
+        return tuple(self.holding), repr(self.at), repr(self.facts), repr(changed)
 
 
 EFFECTIVE = frozenset(
     (
         *("Translation-LocationChange", "Reaching", "ClosingAGripper", "OpeningAGripper", "GraspingSomething"),
         *("PickingUpAnObject", "PuttingDownAnObject", "HandingOverAnObject"),
+        *("TurningOnPoweredDevice", "TurningOffPoweredDevice"),
+        *("OpeningAContainerArtifact", "ClosingAContainerArtifact"),
     )
 )
 """The classes of actions whose effects :meth:`Belief.done` knows."""

@@ -25,9 +25,15 @@ ORDINARY: Mapping[str, tuple[str, ...]] = {
     "head": ("LookingAtSomething",),
     "perception": ("LookingForSomething", "Perceiving"),
     "handover": ("HandingOverAnObject",),
+    "container": ("OpeningAContainerArtifact", "ClosingAContainerArtifact"),
 }
 """Process modules that every scripted robot has, with their classes of actions."""
-NEEDS: Mapping[str, tuple[str, ...]] = {"navigation": ("base",), "head": ("head",), "perception": ("head",)}
+NEEDS: Mapping[str, tuple[str, ...]] = {
+    "navigation": ("base",),
+    "head": ("head",),
+    "perception": ("head",),
+    "container": ("base", "head"),
+}
 RELEASING = ("OpeningAGripper", "HandingOverAnObject", "PuttingDownAnObject")
 
 
@@ -165,7 +171,8 @@ class ScriptedExecutive:
         belief = self.belief
         state: dict[str, Any] = {"holding": belief.holding, "at": belief.at, "facts": belief.facts, "base": belief.base}
         state |= {"around": belief.around, "revision": self.revision(), "left": self._left, "used": self._used}
-        state |= {"made_up": belief.made_up}
+        state |= {"made_up": belief.made_up, "contents": belief.contents, "heated": belief.heated}
+        state |= {"made": belief.made, "gone": belief.gone, "on": belief.on}
         return {key: dump(value) for key, value in state.items()}
 
     def restore(self, left: Mapping[str, Any]) -> None:

@@ -52,6 +52,12 @@ def test_a_robot_without_camera_that_trusts_the_map_hands_the_bottle_over(
     assert header(trace)["trusts_map"] is True
 
 
+def test_what_a_hand_without_camera_misses_where_the_map_has_it_is_not_found() -> None:
+    found = run("pass_a_drink", "--robot", "panda", "--trust-map", "--seed", "2")
+    assert (found["exit_code"], found["failure"]) == (1, ["ObjectNotFound", "GraspMissed"])
+    assert found["final_state"] == ["bottle1: at rest on table1"]
+
+
 def test_a_robot_with_a_camera_looks_unless_it_trusts_the_map(tmp_path: Path) -> None:
     looking, trusting = tmp_path / "looking.jsonl", tmp_path / "trusting.jsonl"
     for trace, options in ((looking, ()), (trusting, ("--trust-map",))):

@@ -91,7 +91,8 @@ def lead(world: AskableWorld) -> None:
     """Close the right hand on the bar, and let the leaf follow it."""
     world.set_configuration(GRASPING)
     play(world, "right_gripper", CLOSED)
-    assert world.between_fingers("hand_right") == "bar"
+    fingers = ("finger1_right", "finger2_right")
+    assert {touch.link for touch in world.touches(fingers)} == set(fingers)
     world.lead("grippoint_right", "leaf")
 
 

@@ -13,7 +13,7 @@ from planlang.designators import Location, a_device, a_location, a_person, a_pos
 from planlang.failures import LocationUnresolvable, ObjectUnresolvable
 from planlang.geometry import Pose
 from sim import Body
-from tests.executive.conftest import BED, BOTTLE, CABINET, PATIENT, THE_BOTTLE, MakeStage, Stage
+from tests.executive.conftest import BED, BOTTLE, CABINET, PATIENT, PLACE, THE_BOTTLE, MakeStage, Stage
 
 TO_GRASP = a_location(in_reach_of=THE_BOTTLE)
 TO_SEE = a_location(visible_from=THE_BOTTLE)
@@ -43,6 +43,24 @@ def test_a_bottle_on_a_high_pillar_is_out_of_reach(refused: Refused) -> None:
     assert set(failure.counts) <= {"out of reach", "not visible", "no room for the base", "in collision"}
     assert failure.counts["out of reach"] > 0
     assert set(failure.blocking) <= {"pillar"}
+
+
+@pytest.mark.parametrize(
+    "location", [TO_GRASP, a_location(near=an_object("Cabinet-PieceOfFurniture", PLACE + "cabinet"))], ids=str
+)
+def test_a_corner_that_is_walled_off_has_no_way_for_the_base(
+    refused: Refused, make_stage: MakeStage, location: Location
+) -> None:
+    aside = [
+        replace(body, pose=Pose((body.pose.position[0] + 3.8, *body.pose.position[1:]))) for body in (CABINET, BOTTLE)
+    ]
+    wall = box("wall", 4.0, 0.0, (0.1, 12.0, 2.0))
+    failure = refused(location, wall, *aside)
+    assert failure.counts["no way for the base"] > 0
+    assert "not looked at" not in failure.counts
+    gap = replace(wall, pose=Pose((4.0, -0.7, 1.0)), size=(0.1, 10.6, 2.0))
+    beyond = next(make_stage(gap, *aside).resolver.bases(location)).base
+    assert beyond[0] > 4.1, "around the wall's end there is one"
 
 
 def test_a_bottle_wider_than_the_open_fingers_is_too_wide_for_the_gripper(refused: Refused) -> None:

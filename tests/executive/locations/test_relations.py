@@ -196,10 +196,11 @@ def test_what_is_said_from_outside_is_not_said_of_the_room_that_everything_is_in
 
 def test_what_is_clear_of_a_room_is_in_another(make_stage: MakeStage) -> None:
     rooms = [Body(f"room{x}", Pose((x, 0.0, 1.5)), (5.0, 5.0, 3.0), "room", type="HospitalRoom") for x in (-2.75, 2.75)]
-    stage = make_stage(*rooms, start=(-2.0, 0.0, 0.0))
     other = an_object("HospitalRoom", PLACE + rooms[0].name)
-    for x, _, _ in bases(stage, a_location(clear_of=other), 3):
+    for x, _, _ in bases(make_stage(*rooms, start=(2.0, 0.0, 0.0)), a_location(clear_of=other), 3):
         assert x > 0
+    with pytest.raises(LocationUnresolvable, match="no way for the base"):  # walls without a door
+        bases(make_stage(*rooms, start=(-2.0, 0.0, 0.0)), a_location(clear_of=other), 3)
 
 
 def test_a_bottle_inside_a_wall_is_in_collision_with_it(make_stage: MakeStage) -> None:

@@ -244,6 +244,15 @@ def test_spheres_are_inside_of_the_shape_and_the_shape_within_their_slack(name: 
         assert away.min(axis=1).max() <= spheres.slack
 
 
+def test_a_scan_of_many_points_is_filled_in_bounded_memory_and_within_the_slack() -> None:
+    rng = np.random.default_rng(0)
+    points = rng.normal(size=(8_000, 3))
+    points *= 0.08 / np.linalg.norm(points, axis=1, keepdims=True)
+    spheres = spheres_in(points + rng.uniform(-1e-5, 1e-5, points.shape))
+    away = np.linalg.norm(points[:, None] - spheres.balls[:, :3], axis=2) - spheres.balls[:, 3]
+    assert 0 < away.min(axis=1).max() <= spheres.slack < 0.03
+
+
 def test_slack_of_a_hand_is_small() -> None:
     assert filled(hull("box", (0.07, 0.085, 0.038))).slack < 0.015
 

@@ -6,6 +6,8 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from executive.motion.base_path import Touching, plan_base_path
 from executive.motion.clearance import (
@@ -20,6 +22,7 @@ from executive.motion.clearance import (
     outlines,
     stands_in_none,
 )
+from executive.motion.drivable import drivable
 from executive.motion.errors import GoalInCollision, NoPath, OutsideLimits, StartInCollision
 from planlang.geometry import Array, Pose
 
@@ -363,3 +366,31 @@ def test_sizes_must_go_with_poses() -> None:
         Boxes.around([Pose.planar(0, 0)], np.ones((2, 3)))
     with pytest.raises(ValueError, match="no cell"):
         Grid.over((0, 0), (0.01, 1))
+
+
+places = st.tuples(st.floats(0.2, 5.8), st.floats(0.2, 5.8))
+sizes = st.tuples(st.floats(0.05, 4.0), st.floats(0.05, 0.6))
+
+
+@given(
+    st.lists(st.builds(lambda at, size, turn: (*at, *size[:: 1 - 2 * turn]), places, sizes, st.booleans()), max_size=9),
+    places,
+    places,
+)
+def test_a_base_that_has_a_path_can_drive_there(
+    walls: list[tuple[float, float, float, float]], start: tuple[float, float], goal: tuple[float, float]
+) -> None:
+    boxes = room(*walls)
+    try:
+        plan(boxes, (*start, 0.0), (*goal, 1.0))
+    except (NoPath, StartInCollision, GoalInCollision):
+        return
+    assert drivable(start, GRID, boxes, ROBOT, ROBOT)(np.array([[*goal, 1.0]])).all()
+
+
+def test_a_base_can_drive_to_no_place_behind_a_wall_nor_off_the_grid() -> None:
+    reached = drivable((1.0, 1.0), GRID, room((3.0, 3.0, 0.1, 6.0)), ROBOT, ROBOT)
+    bases = np.array([[2.0, 5.0, 0.0], [4.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])
+    assert reached(bases).tolist() == [True, False, False]
+    assert reached.comes_near(np.array([3.3, 1.0]), 0.9)
+    assert not reached.comes_near(np.array([5.0, 1.0]), 0.9)

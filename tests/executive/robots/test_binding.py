@@ -14,7 +14,7 @@ from robot_files import BASE, PANDA_ARM
 
 from executive.motion import Chain
 from executive.robots import Robot, bind_robot, robots
-from executive.robots.mechanism import Mount, mounted
+from executive.robots.mechanism import Mount, NotInstalled, mounted
 from planlang.designators import Device
 from planlang.diagnostics import BadInput
 from planlang.geometry import Pose
@@ -87,6 +87,22 @@ def test_another_robot_needs_its_urdf(corpus: Path, name: str) -> None:
         pytest.skip("the extra pr2 is installed, which has its URDF")
     with pytest.raises(BadInput, match="--urdf"):
         bind_robot(corpus / "robots" / name)
+
+
+def test_a_robot_whose_package_is_not_installed_is_said_not_to_have_been_compared(
+    corpus: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def absent(name: str, file: str) -> Path:
+        raise NotInstalled(f"the package {name} is not installed")
+
+    monkeypatch.setattr("executive.robots.robot_file.packaged", absent)
+    with pytest.raises(BadInput) as caught:
+        bind_robot(corpus / "robots" / "PR2@hydro.owl")
+    (found,) = caught.value.diagnostics
+    assert found.code == "B008"
+    assert "(amigo)" in found.message
+    assert found.help is not None
+    assert "pr2 was not compared (pip install 'planlang[pr2]')" in found.help
 
 
 def test_a_pr2_has_two_arms_on_a_torso(corpus: Path) -> None:

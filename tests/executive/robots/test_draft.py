@@ -132,6 +132,19 @@ def test_fingers_tell_where_a_hand_points_how_it_closes_and_where_it_grips(urdf:
     assert found["gripper"]["max_opening"] == pytest.approx(0.95 * 0.08, abs=0.002)
 
 
+def test_a_jaw_that_closes_on_a_fixed_one_is_opened_as_far_as_both_are_in_front(tmp_path: Path) -> None:
+    fixed = '<collision><origin xyz="0 -0.01 0.06"/><geometry><box size="0.02 0.01 0.14"/></geometry></collision>'
+    jaw = f'<link name="jaw">{FINGER}</link>' + joint("jaw", "l6", "jaw", "0 0.0 0.07", "-1 0 0", "0 1.5")
+    text = arm(fingers=False, more=jaw).replace('<link name="l6">', f'<link name="l6">{fixed}')
+    (tmp_path / "jaw.urdf").write_text(text)
+    found = made(tmp_path / "jaw.urdf")["arms"]["arm"]
+    assert found["approach"] == [0, 0, 1]
+    assert np.abs(found["closing"]).tolist() == [0, 1, 0]
+    assert found["gripper"]["closed"] == {"jaw": 0.0}
+    assert 0.3 < found["gripper"]["opened"]["jaw"] < 1.2
+    assert 0.01 < found["gripper"]["max_opening"] < 0.06
+
+
 def test_every_value_of_a_robot_file_has_its_reason_and_what_is_missing_is_a_comment(urdf: Path) -> None:
     lines = draft_of(urdf).text().splitlines()
     assert any(line.startswith("# link =") for line in lines), "no camera"
@@ -231,6 +244,17 @@ def test_a_robot_without_arms_is_a_robot_and_the_arms_are_missing(tmp_path: Path
     robot = bind_robot(tmp_path / "robot.urdf")
     assert robot.arms == ()
     assert any("no chain" in d.message for d in robot.diagnostics if d.code == "B016")
+
+
+def test_legs_and_heads_are_no_arms(tmp_path: Path) -> None:
+    for word in ("leg", "Neck", "knee"):
+        (tmp_path / "walker.urdf").write_text(arm(fingers=False).replace('"j2"', f'"{word}_2"'))
+        assert bind_robot(tmp_path / "walker.urdf").arms == ()
+
+
+@pytest.mark.parametrize("file", ["plane_implicit.urdf", "samurai.urdf", "laikago/laikago.urdf", "r2d2.urdf"])
+def test_what_is_hardly_a_robot_gives_a_robot_file_as_well(file: str) -> None:
+    assert made(ARMS / file)["base"]["radius"] > 0
 
 
 @given(st.text(min_size=1, max_size=20))

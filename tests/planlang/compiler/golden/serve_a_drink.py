@@ -1,15 +1,22 @@
 """Serve a drink.
 
 Compiled by planlang 0.1.0 from serve_a_drink.omn (sha256 7b3a485023f303a1), task ServeADrink.
-What follows has sha256 6dc30bf3bbeff3f5555fe8ac8b1d76ce63900a117e76b7adb5b2f914136bdf6e unless it was edited.
+What follows has sha256 a526605d9a095997dafb2d1f83f7c85dc52117dfc6dee8a1dd658e6be13db82e unless it was edited.
 """
 
 from functools import partial
 
 from planlang import Recovery, action, action_class, at_location, holding, perform, plan
 from planlang.designators import Object, Person, a_device, a_location, a_person, a_posture, an_object
-from planlang.failures import GraspMissed, ObjectLost, ObjectNotFound, ObjectNowhereToBeFound, ObjectUnfetchable
-from planlang.recoveries import fetch_again, look_and_repeat, look_from_another_place
+from planlang.failures import (
+    GraspMissed,
+    ObjectLost,
+    ObjectNotFound,
+    ObjectNowhereToBeFound,
+    ObjectUnfetchable,
+    ObjectUnreachable,
+)
+from planlang.recoveries import fetch_again, look_and_repeat, look_from_another_place, open_what_is_in_the_way
 
 RECIPE = "http://planlang.org/kb/serve_a_drink.owl#"
 HOSPITAL_ROOM = "http://planlang.org/kb/hospital_room.owl#"
@@ -73,6 +80,7 @@ async def serve_a_drink(*, bottle: Object = BOTTLE, patient: Person = PATIENT) -
         reaching=(approach_pose, grasp_pose),
         by=MOVE_BASE_TO_GRASP_POSE,
         recoveries=[
+            Recovery(ObjectUnreachable, open_what_is_in_the_way(bottle), attempts=2),
             Recovery(ObjectNotFound, look_from_another_place(bottle), attempts=3, otherwise=ObjectNowhereToBeFound),
             Recovery(ObjectLost, fetch_again(bottle), attempts=2, otherwise=ObjectUnfetchable),
         ],

@@ -1,0 +1,64 @@
+"""Conditions about what actions change, decided by what is believed to be in the believed world."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from executive.belief.belief import Belief
+from executive.belief.semantic_map import MapObject
+from planlang.designators import Condition, Object
+from planlang.failures import ObjectUnresolvable
+from sim import PlanningWorld
+from sim.facts import amount_of, came_to_be, is_baked, origins_of
+
+LEAST = 1e-6
+"""Less than this is nothing, and more than this less is enough [ml]."""
+
+
+def decide(condition: Condition, belief: Belief, world: PlanningWorld) -> bool | None:
+    """Return whether a condition about contents, heat, devices and creation holds; None for another predicate."""
+    changes = world.changes
+    match condition:
+        case Condition("contains", (Object() as what, Object() as substance)):
+            return _amount(belief, world, what, substance) > LEAST
+        case Condition("contains", (Object() as what, Object() as substance, int() | float() as least)):
+            return _amount(belief, world, what, substance) >= least - LEAST
+        case Condition("baked", (Object() as what,)):
+            return any(is_baked(changes, name) for name in _candidates(belief, world, what))
+        case Condition("baked", (Object() as what, int() | float() as seconds)):
+            return any(is_baked(changes, name, seconds) for name in _candidates(belief, world, what))
+        case Condition("switched_on", (Object() as what,)):
+            return changes.matter.is_on(belief.bind(what, world.configuration().base))
+        case Condition("destroyed", (Object() as what,)):
+            return any(thing.name in changes.matter.gone for thing in _named(belief, what))
+        case Condition("created", (Object() as what,)):
+            return bool(came_to_be(changes, what.type)) if what.iri is None else _was_made(belief, what)
+        case Condition("transformed_into", (Object() as source, Object() as result)):
+            names = {thing.name for thing in _named(belief, source)}
+            into = _candidates(belief, world, result)
+            return any(not names.isdisjoint(origins_of(changes, name)) for name in into)
+    return None
+
+
+def _amount(belief: Belief, world: PlanningWorld, what: Object, substance: Object) -> float:
+    return amount_of(world.changes, belief.bind(what, world.configuration().base), substance.type)
+
+
+def _was_made(belief: Belief, what: Object) -> bool:
+    return any(thing.iri == what.iri and thing.name in belief.names() for thing in belief.made.values())
+
+
+def _named(belief: Belief, what: Object) -> Iterator[MapObject]:
+    """Yield the things that a designator may mean, also those that are not there any more."""
+    exact = [thing for thing in belief.things if what.iri is not None and thing.iri == what.iri]
+    yield from exact or (thing for thing in belief.things if belief.is_a(thing, what.type))
+
+
+def _candidates(belief: Belief, world: PlanningWorld, what: Object) -> list[str]:
+    """Return the things that a designator may mean, or what contains such a substance."""
+    there = [thing.name for thing in _named(belief, what) if thing.name in belief.names()]
+    try:
+        bound = belief.bind(what, world.configuration().base)
+    except ObjectUnresolvable:
+        return there
+    return there or [bound]

@@ -1,0 +1,241 @@
+"""The process module that opens and closes doors, drawers and lids with a hand on their handle.
+
+It drives to where the arm can move the leaf along its way, takes the handle, goes with the leaf, and lets it go; what
+one place does not do is gone on with from another.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from itertools import product
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from executive.belief.scene_collisions import BasePose
+from executive.modules.platform import Platform
+from executive.modules.process_modules import Navigation
+from executive.motion import MotionError, time_curve, time_path
+from executive.robots import CARRYING
+from executive.robots.arms import ArmModel
+from planlang import checkpoint
+from planlang.designators import Action, Object, action
+from planlang.failures import (
+    ActionUnresolvable,
+    ContainerStuck,
+    DesignatorFailure,
+    EnvironmentManipulationFailure,
+    GraspMissed,
+    GraspSlipped,
+    HandleNotReachable,
+    LookingGoalUnreachable,
+    ManipulationFailure,
+    ManipulationPoseUnreachable,
+    NavigationFailure,
+)
+from planlang.geometry import Array, Pose
+from planlang.geometry.matrices import moved, rotated
+from planlang.modules import process_module
+from planlang.protocols import Configuration, MotionState, Trajectory
+from sim.joints import Articulation
+
+if TYPE_CHECKING:
+    from executive.modules.leaf_paths import LeafPath
+
+PLACES = 6
+"""Places of the base from which a leaf is moved, one after another."""
+WAYS = 4
+"""Ways that are tried when the first cannot be gone: others differ little."""
+STRAY = 0.01
+"""Largest distance of the hand from the way of the handle [m]."""
+FEW = 200
+"""Branches that the search of a path of the arm grows: there are other ways to try, and places with more room."""
+SHORTER = (0, 1, 2, 4)
+"""Steps at its end that are left out of a way that cannot be gone to there."""
+BACK = 0.2
+"""How far the base drives back from a leaf, at least, before the arm is tucked: beside it there is little room [m]."""
+NO_FURTHER = 0.02
+"""Share of its range by which a leaf has to move that is not stuck."""
+
+
+@process_module
+class Containers:
+    """Opens and closes doors, drawers and lids."""
+
+    name = "container"
+    actions = ("OpeningAContainerArtifact", "ClosingAContainerArtifact")
+    failures = (EnvironmentManipulationFailure, ManipulationFailure, NavigationFailure, DesignatorFailure)
+
+    def __init__(self, platform: Platform) -> None:
+        self.platform = platform
+
+    def resources(self, action: Action) -> tuple[str, ...]:
+        """Return base, head, torso and all arms: what of them is needed is found out on the way."""
+        torso = [] if self.platform.robot.torso is None else ["torso"]
+        return ("base", "head", *torso, *(arm.name for arm in self.platform.scene.arms.all))
+
+    async def execute(self, action: Action) -> str:
+        """Open or close ``object_acted_on``; return the name of the door, drawer or lid."""
+        what = action.get("object_acted_on")
+        if not isinstance(what, Object):
+            raise ActionUnresolvable("opening and closing need object_acted_on", designator=str(action))
+        opens = "OpeningAContainerArtifact" in self.platform.ancestors(action.type)
+        joint = self.platform.scene.bodies.leaf_of(what, shut=opens)
+        if joint is None:
+            raise ActionUnresolvable(f"{what} has no door, drawer or lid", designator=str(action))
+        for _ in range(PLACES):
+            if self._is_done(joint, opens):
+                return joint.leaf
+            await self._from_one_place(joint, opens)
+        if self._is_done(joint, opens):
+            return joint.leaf
+        raise ContainerStuck(f"{joint.leaf} is at {self._value(joint):.2f} after {PLACES} places", what=joint.leaf)
+
+    def _value(self, joint: Articulation) -> float:
+        return self.platform.belief.joint(joint.leaf)
+
+    def _is_done(self, joint: Articulation, opens: bool) -> bool:
+        value = self._value(joint)
+        return joint.is_open(value) if opens else joint.is_shut(value)
+
+    async def _from_one_place(self, joint: Articulation, opens: bool) -> None:
+        """Move the leaf as far as one place of the base allows; raises a failure if no way can be gone."""
+        from executive.modules.leaf_paths import LeafPaths  # most runs open nothing
+
+        arms = [arm for arm in self._free_arms() if self.platform.hands.gripper(arm) is not None]
+        if joint.handle is None or not arms:
+            lacks = "no hand is free" if joint.handle else f"{joint.leaf} has no handle"
+            raise HandleNotReachable(f"{HandleNotReachable.text}: {lacks}", what=joint.leaf)
+        await self._tuck(self.platform.arms.untucked())
+        problem: ManipulationFailure | NavigationFailure | None = None
+        goal, wanted = (joint.upper, joint.first_open) if opens else (0.0, joint.last_shut)
+        tried = 0
+        for path in LeafPaths(self.platform, joint).towards(goal, arms, wanted):
+            if path is None:
+                await checkpoint()
+                continue
+            try:
+                await self._along(path, joint)
+                return
+            except (ManipulationPoseUnreachable, GraspMissed, NavigationFailure) as failure:
+                problem = problem or failure
+                await self._tuck(self.platform.arms.untucked())
+            if (tried := tried + 1) == WAYS:
+                break
+        raise HandleNotReachable(what=joint.leaf) from problem
+
+    def _free_arms(self) -> Sequence[ArmModel]:
+        return self.platform.arms.free(self.platform.scene.arms.all)
+
+    async def _along(self, path: LeafPath, joint: Articulation) -> None:
+        """Drive there, take the handle, go with the leaf, let it go."""
+        platform, arm, before = self.platform, path.arm, self._value(joint)
+        await self._drive(path.base)
+        with suppress(LookingGoalUnreachable):
+            await platform.sensing.look_at(platform.scene.bodies.block(joint.handle or joint.leaf).centre, joint.leaf)
+            platform.sensing.see()
+        if abs(self._value(joint) - path.values[0]) > 1e-9:
+            return  # it is not where it was believed to be: its way has to be looked for again
+        platform.arms.choices.choose(arm.name)
+        await platform.hands.move(arm, closed=False)
+        await self._follow(arm, self._planned(arm, path.before, joint), joint)
+        await self._straight(arm, path.poses[1], path.joints[0], joint)
+        problem: ManipulationFailure | ContainerStuck | None = None
+        try:
+            await platform.hands.move(arm, closed=True)
+            if not platform.hands.is_on(arm, joint.handle or joint.leaf):
+                raise GraspMissed(arm=arm.name, what=joint.handle)
+            await self._lead(path, joint)
+        except (ManipulationFailure, ContainerStuck) as failure:
+            problem = failure
+        await platform.hands.move(arm, closed=False)
+        await self._back(path, joint)
+        if problem is not None:
+            raise problem
+        if abs(self._value(joint) - before) < NO_FURTHER * joint.upper:
+            raise ContainerStuck(what=joint.leaf)
+
+    async def _lead(self, path: LeafPath, joint: Articulation) -> None:
+        """Move the hand with the leaf; what the hand feels is where the leaf is."""
+        platform, arm = self.platform, path.arm
+        platform.hands.lead(arm, joint.leaf)
+        motion = await platform.follow(arm.name, self._timed(path, joint))
+        if joint.leaf not in platform.world.led():
+            raise GraspSlipped(arm=arm.name, what=joint.handle)
+        if motion.state is not MotionState.DONE:
+            await platform.sensing.bump(motion)
+            in_the_way = "" if motion.blocked_by is None else f" by {motion.blocked_by}"
+            raise ContainerStuck(f"{joint.leaf} is stopped{in_the_way}", what=joint.leaf)
+
+    def _timed(self, path: LeafPath, joint: Articulation) -> Trajectory:
+        """Return the way of the arm with times; the hand stays on the way of the handle between its postures, too."""
+        platform, arm = self.platform, path.arm
+        rows = np.concatenate([platform.arm_joints(arm)[None], path.joints[1:]])
+        for left_out, timing in product(SHORTER, (time_curve, time_path)):
+            trajectory = platform.timed(arm.joints, rows[: max(2, len(rows) - left_out)], timing)
+            within = arm.solver.chain.within(trajectory.positions, 1e-6).all()
+            if within and self._stray(path, trajectory) < STRAY and self._is_free(arm, trajectory):
+                return trajectory
+        raise ManipulationPoseUnreachable(arm=arm.name, what=joint.handle)
+
+    def _is_free(self, arm: ArmModel, trajectory: Trajectory) -> bool:
+        """Return whether nothing is in the way of the arm and of the leaf behind it."""
+        world, base = self.platform.scene.world, self.platform.base()
+        rows = (dict(zip(arm.joints, row, strict=True)) for row in trajectory.positions.tolist())
+        return not any(world.contacts(Configuration(base, row)) for row in rows)
+
+    def _stray(self, path: LeafPath, trajectory: Trajectory) -> float:
+        """Return the largest distance of the tip from the way of the handle [m]."""
+        tips = moved(Pose.planar(*path.base).matrix(), path.arm.solver.chain.fk(trajectory.positions)[:, :3, 3])
+        line = path.poses[1:, :3, 3]
+        starts, ways = line[:-1], np.diff(line, axis=0)
+        shares = np.einsum("nmk,mk->nm", tips[:, None] - starts[None], ways) / (ways**2).sum(axis=1)
+        nearest = starts[None] + np.clip(shares, 0.0, 1.0)[..., None] * ways[None]
+        return float(np.linalg.norm(tips[:, None] - nearest, axis=2).min(axis=1).max())
+
+    # Motions of the arm
+
+    async def _back(self, path: LeafPath, joint: Articulation) -> None:
+        """Take the hand back from the handle, then to the carrying posture, as far as there is room."""
+        platform, arm = self.platform, path.arm
+        tip = platform.scene.arms.tip(arm)
+        away = tip.copy()
+        back = rotated(path.poses[0][:3, :3].T, path.poses[0][:3, 3] - path.poses[1][:3, 3])
+        away[:3, 3] += rotated(tip[:3, :3], back)
+        with suppress(ManipulationPoseUnreachable):
+            await self._straight(arm, away, platform.arm_joints(arm), joint)
+        room = platform.drive.room_for(platform.arms.untucked(), least=BACK)
+        if room is not None:
+            with suppress(NavigationFailure):
+                await self._drive(room)
+        await self._tuck(platform.arms.untucked())
+
+    async def _drive(self, base: BasePose) -> None:
+        x, y, yaw = map(float, base)
+        await Navigation(self.platform).execute(action("Translation-LocationChange", x=x, y=y, yaw=yaw))
+
+    async def _tuck(self, untucked: Sequence[tuple[ArmModel, Array]]) -> None:
+        """Bring free arms to the carrying posture, where there is a way."""
+        for arm, posture in untucked if CARRYING in self.platform.robot.postures else ():
+            with suppress(MotionError):
+                await self.platform.follow(arm.name, self.platform.arms.path(arm, posture, iterations=FEW))
+
+    def _planned(self, arm: ArmModel, goal: Array, joint: Articulation) -> Trajectory:
+        try:
+            return self.platform.arms.path(arm, goal, joint.handle, FEW)
+        except MotionError as problem:
+            raise ManipulationPoseUnreachable(arm=arm.name, what=joint.handle) from problem
+
+    async def _straight(self, arm: ArmModel, pose: Array, q: Array, joint: Articulation) -> None:
+        try:
+            trajectory = self.platform.arms.straight_path(arm, pose, q, joint.handle)
+        except MotionError as problem:
+            raise ManipulationPoseUnreachable(arm=arm.name, what=joint.handle) from problem
+        await self._follow(arm, trajectory, joint)
+
+    async def _follow(self, arm: ArmModel, trajectory: Trajectory, joint: Articulation) -> None:
+        motion = await self.platform.follow(arm.name, trajectory)
+        if motion.state is not MotionState.DONE:
+            await self.platform.sensing.bump(motion)
+            raise ManipulationPoseUnreachable(arm=arm.name, what=joint.handle, blocked_by=motion.blocked_by)

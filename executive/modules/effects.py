@@ -1,0 +1,322 @@
+"""Effects of actions: what their classes declare is applied to the true world and to the belief once a module is done.
+
+A process module cannot change what there is by itself. A module whose motions pour or turn things over by themselves in
+the simulator says ``physical = True``: then these effects are left to the simulator, and only believed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from executive.belief import MapObject
+from executive.modules.platform import Platform
+from planlang.designators import Action, Location, Object, local_name
+from planlang.failures import ObjectUnresolvable
+from planlang.geometry import Pose
+from planlang.kernel import PlanStructureError, now
+from planlang.language.executive import ProcessModule
+from planlang.ontology import expand, shorten
+from planlang.recipe.effects import Effects, effects_of, narrowest, number_of_class
+from sim import PyBulletWorld
+from sim.changes import Changes
+from sim.facts import origins_of
+from sim.matter import PUDDLE, Portion, merged
+from sim.processes import warm
+
+ACTED_ON = ("object_acted_on", "inputs", "inputs_destroyed")
+"""Properties of an action with what it destroys, turns over or pours."""
+VESSELS = ("to_location", "device_used", *ACTED_ON)
+"""Properties of an action with the vessel that something comes into being in, the nearest first."""
+
+
+@dataclass(frozen=True, slots=True)
+class Output:
+    """What comes into being: its name and class; of a food, how much there is of it usually [ml]."""
+
+    name: str
+    type: str
+    amount: float | None
+    what: Object | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Transformation:
+    """Things that are destroyed, what is used up of things' contents (by class), and what comes into being of it."""
+
+    things: tuple[str, ...]
+    used: tuple[tuple[str, str], ...]
+    outputs: tuple[Output, ...]
+    vessel: str | None
+
+
+class ActionEffects:
+    """Applies effects of actions to the worlds of one platform."""
+
+    def __init__(self, platform: Platform) -> None:
+        self._platform = platform
+        world = platform.world
+        self._true = world.changes if isinstance(world, PyBulletWorld) else None
+        self.applied = 0 if self._true is None else self._true.matter.count
+        """How often the true world was changed, as far as is known here."""
+
+    def untouched(self) -> bool:
+        """Return whether nobody else has changed what there is."""
+        return self._true is None or self._true.matter.count == self.applied
+
+    def restored(self) -> None:
+        """Take the true world as it is."""
+        self.applied = 0 if self._true is None else self._true.matter.count
+
+    def pass_time(self) -> None:
+        """Let heat do its work in the believed world up to now; nothing else happens there by itself."""
+        try:
+            time = now()
+        except PlanStructureError:  # no plan is running, so that no time passes
+            return
+        belief, changes = self._platform.belief, self._believed
+        passed, belief.time = time - belief.time, time
+        if passed > 0 and any(map(changes.matter.is_on, changes.matter.states)):
+            self._platform.sync()
+            warm(changes, passed)
+
+    @property
+    def _believed(self) -> Changes:
+        return self._platform.scene.world.changes
+
+    def of(self, action: Action) -> Effects:
+        """Return the effects that an action's class declares; what the action states itself counts, too."""
+        ontology = self._platform.belief.map.ontology
+        ancestors = [expand(cls) for cls in self._platform.ancestors(action.type)]
+        effects = effects_of(ontology, expand(action.type), ancestors)
+        destroyed, created = (
+            tuple(expand(what.type) for what in _objects(action, name))
+            for name in ("inputs_destroyed", "outputs_created")
+        )
+        return replace(
+            effects,
+            destroyed=(*effects.destroyed, *destroyed),
+            created=narrowest(ontology, (*effects.created, *created)),
+        )
+
+    def may_create(self, what: Object, actions: Iterable[str]) -> bool:
+        """Return whether heat, or one of some classes of actions, makes what a designator means."""
+        effects = (self.of(Action(action)) for action in actions)
+        created = [
+            *(cls for one in effects for cls in one.created),
+            *(one.output for one in self._believed.rules.heating),
+        ]
+        return any(self._is_a(cls, what.type) for cls in created)
+
+    def apply(self, action: Action, *, physical: bool) -> None:
+        """Apply the effects of an action that was performed; what it acts on and is not there is left out."""
+        effects = self.of(action)
+        if not effects:
+            return
+        self._platform.sync()
+        before = set(self._platform.scene.world.names())
+        self._transform(action, effects)
+        self._turn_over(action, effects, physical=physical)
+        self._switch(action, effects)
+        self._pour(action, effects, physical=physical)
+        self._tell(before, {})
+        self._platform.sync()
+
+    # One kind of effect after the other
+
+    def _transform(self, action: Action, effects: Effects) -> None:
+        things, used = [], []
+        for what, name in self._bound(action, ACTED_ON):
+            types = {self._believed.type_of(name), what.type} if self._means(what, name) else set()
+            if any(self._is_a(type, cls) for type in types for cls in effects.destroyed):
+                things.append(name)
+            else:
+                content = self._believed.matter.contents.get(name, {})
+                meant = [type for type in content if self._is_a(type, what.type) or what.iri is not None]
+                used += [(name, type) for type in meant if any(self._is_a(type, cls) for cls in effects.destroyed)]
+        if not (things or used) and (effects.destroyed or not effects.created):
+            return
+        once = tuple(dict.fromkeys(things)), tuple(dict.fromkeys(used))
+        outputs = tuple(self._outputs(action, effects.created))
+        transformation = Transformation(*once, outputs, self._vessel(action, *once))
+        before = set(self._platform.scene.world.names())
+        for changes in self._worlds():
+            transform(changes, transformation, self._amount)
+        self._tell(before, {output.name: output for output in outputs})
+        for output in outputs:
+            if output.what is not None and output.name in self._platform.belief.made:
+                self._platform.belief.bound_to(output.what, output.name)
+
+    def _outputs(self, action: Action, created: Sequence[str]) -> Iterator[Output]:
+        """Yield what comes into being, under names that nothing has in any world; the action may say what it is."""
+        stated = list(_objects(action, "outputs_created"))
+        others: list[str] = [name for changes in self._worlds() for name in changes.bodies.bodies]
+        for cls in created:
+            type, name = shorten(cls), self._believed.new_name(f"{local_name(cls)}_1", others)
+            if name != f"{local_name(cls)}_1":
+                numbers = (f"{local_name(cls)}_{number}" for number in range(2, len(others) + 3))
+                name = next(one for one in numbers if one not in others)
+            others.append(name)
+            what = next((one for one in stated if one.type == type), None)
+            yield Output(name, type, self._usual(type), what)
+
+    def _vessel(self, action: Action, things: Sequence[str], used: Sequence[tuple[str, str]]) -> str | None:
+        """Return the vessel in which something comes into being: of the action, else where the inputs are."""
+        changes = self._believed
+        named = [name for _, name in self._bound(action, VESSELS)]
+        below = [one for one in map(changes.under, things) if one is not None and one in changes.bodies.bodies]
+        every = (*named, *(name for name, _ in used), *below)
+        return next((name for name in every if name not in things and changes.is_vessel(name)), None)
+
+    def _turn_over(self, action: Action, effects: Effects, *, physical: bool) -> None:
+        for what, name in self._bound(action, ACTED_ON) if effects.turned else ():
+            fits = any(
+                self._is_a(one, cls) for one in (what.type, self._believed.type_of(name)) for cls in effects.turned
+            )
+            if fits and name not in self._platform.belief.held:
+                for changes in self._worlds(only_believed=physical):
+                    changes.turn_over(name)
+                self._platform.belief.turned_over(name, self._platform.scene.world.pose(name))
+
+    def _switch(self, action: Action, effects: Effects) -> None:
+        devices = self._bound(action, ("object_acted_on", "device_used")) if effects.states else ()
+        for _, name in list(devices)[:1]:
+            for changes in self._worlds():
+                changes.switch(name, shorten(effects.states[0]))
+            self._platform.belief.switched(name, shorten(effects.states[0]))
+
+    def _pour(self, action: Action, effects: Effects, *, physical: bool) -> None:
+        if effects.flow_rate is None:
+            return
+        acted = [name for _, name in self._bound(action, (*ACTED_ON, "device_used", "from_location"))]
+        goals = [name for _, name in self._bound(action, ("to_location",))]
+        source = next((name for name in acted if name in self._believed.matter.contents), None)
+        target = next((name for name in (*goals, *acted) if name != source), None)
+        if source is None or target is None:
+            return
+        stated = action.get("amount")
+        amount = float(stated) if isinstance(stated, int | float) else effects.amount or 0.0
+        flowed = self._believed.pour(source, target, amount)
+        for changes in self._worlds(only_believed=physical)[1:]:
+            changes.pour(source, target, amount)
+        self._platform.belief.poured(source, target, flowed)
+
+    # Helpers
+
+    def _worlds(self, *, only_believed: bool = False) -> list[Changes]:
+        """Return the believed world, then the true one."""
+        return [self._believed, *([] if self._true is None or only_believed else [self._true])]
+
+    def _tell(self, before: set[str], outputs: dict[str, Output]) -> None:
+        """Tell the belief which things of the believed world came into being, and which are gone."""
+        world, belief = self._platform.scene.world, self._platform.belief
+        after = world.names()
+        for name in sorted(before - set(after)):
+            if name in belief.names():
+                belief.destroyed(name)
+        for name in (name for name in after if name not in before and name not in belief.made):
+            body, output = world.scene.body(name), outputs.get(name)
+            iri = output.what.iri if output is not None and output.what is not None else None
+            thing = MapObject(iri or "", name, (expand(body.type),), None, body.size)
+            belief.came_to_be(thing, world.pose(name))
+
+    def _bound(self, action: Action, properties: Iterable[str]) -> list[tuple[Object, str]]:
+        """Return the things that fill properties of an action, with their names; what is not there is left out."""
+        found = []
+        for what in (what for name in properties for what in _objects(action, name)):
+            try:
+                name = self._platform.scene.bodies.bind(what)
+            except ObjectUnresolvable:
+                continue
+            if name in self._believed.bodies.bodies and name not in self._believed.bodies.removed:
+                found.append((what, name))
+        return list(dict.fromkeys(found))
+
+    def _means(self, what: Object, name: str) -> bool:
+        """Return whether a designator means a thing itself, not what is in it."""
+        thing = next((one for one in self._platform.belief.things if one.name == name), None)
+        return thing is not None and (thing.iri == what.iri or self._platform.belief.is_a(thing, what.type))
+
+    def _is_a(self, type: str, cls: str) -> bool:
+        return self._believed.rules.is_a(shorten(type), shorten(cls))
+
+    def _usual(self, type: str) -> float | None:
+        return number_of_class(self._platform.belief.map.ontology, [expand(type)], "amount")
+
+    def _amount(self, type: str) -> float:
+        return self._usual(type) or 0.0
+
+
+def transform(changes: Changes, what: Transformation, amount_of: Any) -> None:
+    """Destroy and create in one world; nothing happens where nothing is of what is to be destroyed or used up."""
+    matter, bodies = changes.matter, changes.bodies
+    things = [name for name in what.things if name in bodies.bodies and name not in bodies.removed]
+    places = [bodies.poses[name] for name in (*things, *(name for name, _ in what.used))]
+    sizes = [bodies.bodies[name].size for name in things]
+    origins = merged(things, *(origins_of(changes, name) for name in things))
+    whole = sum(matter.total(name) or amount_of(changes.type_of(name)) for name in things)
+    taken = [portion for name, type in what.used for portion in changes.consume(name, type)]
+    if (what.things or what.used) and not things and not taken:
+        return
+    for name in things:
+        changes.destroy(name)
+    origins = merged(origins, *(portion.origins for portion in taken))
+    whole += sum(portion.amount for portion in taken)
+    place = places[0] if places else (bodies.poses[what.vessel] if what.vessel is not None else None)
+    shift = 0.0
+    for output in what.outputs:
+        amount = whole if output.amount is not None and len(what.outputs) == 1 and whole else output.amount
+        if what.vessel is not None and amount is not None:
+            changes.fill(what.vessel, Portion(output.type, amount, origins))
+        elif place is not None:
+            size = changes.rules.size(output.type) or (sizes[0] if sizes else PUDDLE)
+            at = Pose((place.position[0] + shift, *place.position[1:]))
+            changes.create(output.name, output.type, size, at, origins, amount)
+            shift += size[0]
+
+
+class ModuleWithEffects:
+    """A process module after whose actions the effects are applied that their classes declare."""
+
+    def __init__(self, module: ProcessModule, effects: ActionEffects) -> None:
+        self._module, self._effects = module, effects
+        self.name = module.name
+
+    @property
+    def actions(self) -> Sequence[str]:
+        """Action classes that it performs."""
+        return self._module.actions
+
+    @property
+    def failures(self) -> Sequence[type[Exception]]:
+        """Failure classes that it may raise."""
+        return self._module.failures
+
+    def resources(self, action: Action) -> tuple[str, ...]:
+        """Return what the action needs exclusively."""
+        return self._module.resources(action)
+
+    async def execute(self, action: Action) -> Any:
+        """Perform the action, then apply its effects; raises PlanStructureError if the module has changed things."""
+        self._effects.pass_time()
+        result = await self._module.execute(action)
+        self._effects.pass_time()
+        if not self._effects.untouched():
+            raise PlanStructureError(
+                f"process module {self.name} has changed what there is, which only declared effects do: state an "
+                "ObjectChange by the class of its actions (docs/modules.md)"
+            )
+        self._effects.apply(action, physical=bool(getattr(self._module, "physical", False)))
+        self._effects.restored()
+        return result
+
+
+def _objects(action: Action, name: str) -> Iterator[Object]:
+    """Yield the things that fill a property, and those that its locations are about."""
+    value = action.get(name)
+    for part in value if isinstance(value, tuple) else (value,):
+        if isinstance(part, Location):
+            yield from (one.reference for one in part.relations if isinstance(one.reference, Object))
+        elif isinstance(part, Object):
+            yield part

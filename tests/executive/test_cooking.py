@@ -1,0 +1,83 @@
+"""A real recipe for pancakes with a module that only takes its time: run, replayed and resumed by the command."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from executive.cli.app import app
+from tests.support.kitchen import kitchen_map
+
+COOKING = """
+from planlang import sleep
+from planlang.modules import process_module
+
+
+@process_module
+class Cooking:
+    name = "cooking"
+    actions = ("Cracking", "Mixing", "FluidFlow-Translation", "FlippingAnObject")
+    failures = ()
+
+    def __init__(self, platform):
+        self.platform = platform
+
+    def resources(self, action):
+        return ()
+
+    async def execute(self, action):
+        await sleep(61.0 if "Flipping" in action.type else 1.0)
+"""
+
+
+def answer(*arguments: object) -> dict[str, Any]:
+    """What the command answers, as JSON."""
+    result = CliRunner().invoke(app, [*map(str, arguments), "--json"])
+    assert "Traceback" not in result.output, result.output
+    found: dict[str, Any] = json.loads(result.stdout)
+    return found
+
+
+@pytest.fixture
+def cook(tmp_path: Path, corpus: Path) -> tuple[Any, ...]:
+    """The command's arguments: recipe, robot, kitchen, module."""
+    (tmp_path / "kitchen.omn").write_text(kitchen_map(on=True), encoding="utf-8")
+    (tmp_path / "cooking.py").write_text(COOKING, encoding="utf-8")
+    recipe = corpus / "recipes" / "pancake-making@hydro.owl"
+    where = ("--robot", "amigo", "--environment", tmp_path / "kitchen.omn", "--modules", tmp_path / "cooking.py")
+    return (recipe, *where)
+
+
+def test_the_recipe_runs_although_dough_and_pancake_are_not_in_the_map(cook: tuple[Any, ...], tmp_path: Path) -> None:
+    trace = tmp_path / "run.jsonl"
+    found = answer("run", *cook, "--trace", trace)
+    assert (found["exit_code"], found["plan_seconds"]) == (0, 65.0), found
+    assert answer("replay", trace, cook[0], "--modules", cook[-1])["equal"]
+
+
+@pytest.mark.parametrize("lines", [30, 50, 62])
+def test_a_run_that_was_cut_goes_on_with_what_is_changed_already(
+    cook: tuple[Any, ...], tmp_path: Path, lines: int
+) -> None:
+    trace, cut, resumed = (tmp_path / name for name in ("run.jsonl", "cut.jsonl", "resumed.jsonl"))
+    answer("run", *cook, "--trace", trace)
+    whole = trace.read_text(encoding="utf-8").splitlines(keepends=True)
+    cut.write_text("".join(whole[:lines]), encoding="utf-8")
+    assert answer("run", *cook, "--resume", cut, "--trace", resumed)["exit_code"] == 0
+    changes = [
+        [line for line in map(json.loads, path.read_text(encoding="utf-8").splitlines()) if line["event"] == "belief"]
+        for path in (trace, resumed)
+    ]
+    known = [{key: line.get(key) for key in ("step", "change", "name")} for line in changes[0]]
+    assert [{key: line.get(key) for key in ("step", "change", "name")} for line in changes[1]][-1] == known[-1]
+
+
+def test_a_thing_that_nothing_makes_is_missed_before_anything_moves(cook: tuple[Any, ...], tmp_path: Path) -> None:
+    path = tmp_path / "kitchen.omn"
+    path.write_text(kitchen_map().replace("Types: knowrob:WheatFlour", "Types: knowrob:Cup"), encoding="utf-8")
+    found = answer("run", *cook)
+    assert (found["failure"], found["plan_seconds"]) == (["ObjectUnresolvable"], 0.0)

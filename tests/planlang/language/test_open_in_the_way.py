@@ -1,0 +1,60 @@
+"""The strategy that opens what is in the way: in a scripted plan, without a world."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from planlang import Recovery, open_what_is_in_the_way, perform, with_failure_handling
+from planlang.designators import Condition, action, an_object
+from planlang.failures import BehindClosedDoor, ContainerStuck, ObjectUnreachable, PlanFailure
+from planlang.testing import Script, run_plan
+
+CUP, DOOR = an_object("Cup", "http://example.org/#cup1"), an_object("Door", "http://example.org/#door1")
+OPENS = Recovery(ObjectUnreachable, open_what_is_in_the_way(CUP), attempts=2)
+
+
+def fetching(*failures: PlanFailure | None) -> Callable[[], object]:
+    """A plan that fetches the cup, with one failure after another until there is none."""
+    left = list(failures)
+
+    async def fetch() -> None:
+        if left and (failure := left.pop(0)) is not None:
+            raise failure
+        await perform(action("ClosingAGripper", object_acted_on=CUP))
+
+    async def plan() -> None:
+        await with_failure_handling(fetch, OPENS)
+
+    return plan
+
+
+def behind_the_door() -> ObjectUnreachable:
+    """The failure of a scope about a thing behind a closed door."""
+    failure = ObjectUnreachable(what="cup1")
+    failure.__cause__ = BehindClosedDoor(what="cup1", door=DOOR)
+    return failure
+
+
+def test_the_door_is_opened_and_the_body_runs_again() -> None:
+    run = run_plan(fetching(behind_the_door()))
+    assert run.happened_before("OpeningAContainerArtifact", "ClosingAGripper")
+    assert run.belief.holds(Condition("open", (DOOR,)))
+    assert run.belief.holding == ["cup1"]
+
+
+def test_what_is_out_of_reach_for_another_reason_stays_so() -> None:
+    run = run_plan(fetching(ObjectUnreachable(what="cup1")))
+    assert isinstance(run.failure, ObjectUnreachable)
+    assert run.attempts("OpeningAContainerArtifact") == 0
+
+
+def test_a_door_that_is_stuck_is_the_reason_of_the_failure() -> None:
+    stuck = Script().on("OpeningAContainerArtifact", fails=ContainerStuck)
+    run = run_plan(fetching(behind_the_door()), script=stuck)
+    assert isinstance(run.failure, ContainerStuck)
+    assert [type(link) for link in run.failure.chain()][1:] == [ObjectUnreachable, BehindClosedDoor]
+
+
+def test_the_failure_says_what_is_behind_which_door() -> None:
+    said = str(BehindClosedDoor(designator="in_reach_of(cup1)", what="cup1", door=DOOR))
+    assert said == "no place found: in_reach_of(cup1): cup1 is behind door1, which is closed"

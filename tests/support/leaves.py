@@ -1,0 +1,112 @@
+"""Rooms with one door or drawer in them, drawn by a seed, and robots that stand there."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+
+from executive.belief import MapObject, SemanticMap, scene_of
+from executive.modules.platform import Platform
+from executive.robots import Robot, bind_robot
+from executive.robots.arms import with_carrying
+from executive.runs.assembly import RobotExecutive, bundled_registry, platform_of, world_at_start
+from planlang import SimulationHost, perform, run
+from planlang.designators import Object, action
+from planlang.files import bundled
+from planlang.geometry import Pose
+from planlang.ontology import Ontology, expand, load
+from sim import PyBulletWorld
+
+PLACE = "http://example.org/leaves.owl#"
+DRAWERS = 0.4
+"""Share of drawers."""
+KNOBS = 0.15
+"""Share of leaves with a knob instead of a bar."""
+START, BOUNDS = (-1.2, 0.0, 0.0), (-4.0, -4.0, 4.0, 4.0)
+
+
+@cache
+def vocabulary() -> Ontology:
+    """The bundled classes and properties."""
+    return load(bundled("ontologies") / "environments" / "hospital_room.omn")
+
+
+@cache
+def robot_of(name: str) -> Robot:
+    """A bundled robot that has a posture to drive in."""
+    return with_carrying(bind_robot(name))
+
+
+def thing(name: str, cls: str, pose: Pose, size: tuple[float, float, float], *parts: str) -> MapObject:
+    """A thing of a map."""
+    return MapObject(PLACE + name, name, (expand(cls),), pose, size, tuple(PLACE + part for part in parts))
+
+
+def drawn(seed: int) -> tuple[MapObject, ...]:
+    """A cabinet whose front is at x = 0.6 and faces the robot, with a door or a drawer, by a seed."""
+    rng = np.random.default_rng(seed)
+    slides = rng.uniform() < DRAWERS
+    width, height = rng.uniform(0.3, 0.6), rng.uniform(0.12, 0.3) if slides else rng.uniform(0.3, 0.8)
+    depth, z, side = rng.uniform(0.35, 0.55), rng.uniform(0.55, 1.15), rng.choice((-1.0, 1.0))
+    thick, gap, length = rng.uniform(0.008, 0.02), rng.uniform(0.02, 0.04), rng.uniform(0.1, min(0.25, 0.8 * width))
+    knob = rng.uniform() < KNOBS
+    back = Pose((0.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0))  # the x axis of furniture points to its front
+
+    def at(x: float, y: float, up: float) -> Pose:
+        return Pose((x, y, up)) @ back
+
+    y = 0.0 if slides else -side * (width / 2 - rng.uniform(0.03, 0.06))
+    size = (0.03, 0.03, 0.03) if knob else (thick, length, thick) if slides else (thick, thick, length)
+    grip = thing("grip", "ControlKnob" if knob else "Handle", at(0.58 - gap - size[0] / 2, y, z), size)
+    if slides:
+        leaf = thing("leaf", "Drawer", at(0.58 + depth / 2, 0.0, z), (depth, width, height), "grip")
+    else:
+        leaf = thing("leaf", "Door", at(0.6 - 0.01, 0.0, z), (0.02, width, height), "grip")
+    tall = min(2 * z, z + height / 2 + 0.2)
+    case = thing(
+        "case", "Cabinet-PieceOfFurniture", at(0.6 + depth / 2, 0.0, tall / 2), (depth, 2 * width, tall), "leaf"
+    )
+    return (case, leaf, grip)
+
+
+@dataclass(frozen=True, slots=True)
+class Room:
+    """A robot in a room: what is true, what it believes, and the executive."""
+
+    truth: PyBulletWorld
+    platform: Platform
+    executive: RobotExecutive
+
+    def designator(self, name: str) -> Object:
+        """The designator of a thing."""
+        return self.platform.scene.bodies.designator(name)
+
+    def do(self, kind: str, name: str, *, steps: int = 30_000) -> None:
+        """Perform an action about a thing; raises its failure."""
+
+        async def plan() -> None:
+            await perform(action(kind, object_acted_on=self.designator(name)))
+
+        run(plan, host=SimulationHost(self.truth), executive=self.executive, max_steps=steps)
+
+
+def room(
+    stack: ExitStack,
+    things: tuple[MapObject, ...],
+    robot: str = "amigo",
+    *,
+    truth: tuple[MapObject, ...] | None = None,
+    start: tuple[float, float, float] = START,
+) -> Room:
+    """A room with things in it, of which ``truth`` are there; ``stack`` ends its worlds."""
+    bound = robot_of(robot)
+    semantic_map = SemanticMap(None, vocabulary(), things, ())
+    believed = world_at_start(replace(scene_of(semantic_map), bounds=BOUNDS), bound, start, stack)
+    there = scene_of(SemanticMap(None, vocabulary(), truth or things, ()))
+    real = PyBulletWorld(replace(there, bounds=BOUNDS, start=start), bound.body())
+    stack.callback(real.close)
+    platform = platform_of(bound, semantic_map, real, believed, 0)
+    return Room(real, platform, RobotExecutive(platform, bundled_registry().resolve([])))
