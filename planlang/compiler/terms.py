@@ -249,7 +249,7 @@ class Terms:
                 for filler in source.fillers(name)
                 if isinstance(filler, Thing)
                 and filler.kind is thing.kind
-                and self._ontology.is_a(filler.stated, thing.stated)
+                and (filler.slot is not None or self._ontology.is_a(filler.stated, thing.stated))
             )
             if len(offered) == 1:
                 return next(iter(offered))

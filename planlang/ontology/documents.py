@@ -82,7 +82,7 @@ MOST_DOCUMENTS = 200
 """Files that one ontology may be made of."""
 
 VOCABULARY = ("knowrob", "srdl", "roboearth", "dul", "motion_constraints", "object_change", "primitives", "recovery")
-"""Bundled files that every ontology has, then objects/."""
+"""Bundled files that every ontology has, then objects/, and the library of recipes."""
 
 
 _CACHE = Cache("ontology", most=100)
@@ -212,7 +212,9 @@ def _imports(reading: Reading) -> Iterator[Triple]:
 def _vocabulary_paths() -> tuple[Path, ...]:
     folder = bundled("ontologies")
     paths = [folder / f"{name}.omn" for name in VOCABULARY]
-    return tuple(path for path in (*paths, *sorted((folder / "objects").glob("*.omn"))) if path.is_file())
+    library = bundled("recipes") / "library"
+    more = (*sorted((folder / "objects").glob("*.omn")), *sorted(library.glob("*.omn")))
+    return tuple(path for path in (*paths, *more) if path.is_file())
 
 
 def _bundled_reading(path: Path) -> Reading:

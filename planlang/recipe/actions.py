@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from planlang.designators import local_name
@@ -36,12 +37,15 @@ class Actions:
         self.ontology = ontology
         self.primitives: dict[str, Primitive] = read_primitives(ontology)
         self.goals: dict[str, Goal] = read_goals(ontology)
+        self.library: dict[str, list[str]] = read_library(ontology)
+        """Classes of actions (IRIs) and the recipes that perform them where a file states none itself."""
+        self._standard = frozenset().union(*self.library.values())
         self.declared_slots, self.slot_problems = read_slots(ontology)
         self.recoveries: tuple[RecoveryRule, ...] = read_recoveries(ontology)
         self.performers: dict[str, tuple[tuple[str, ...], str | None]] = {}
         """Action (IRI) -> who performs it, as :func:`planlang.recipe.performers.recipes_for` returns it."""
         self._statements: dict[str, Statements | None] = {}
-        self._last_moving: tuple[RecipeSet, frozenset[str]] | None = None
+        self._last_moving: tuple[RecipeSet, tuple[frozenset[str], frozenset[str]]] | None = None
 
     def statements(self, iri: str) -> Statements | None:
         """Return the recipe that a class or an individual states; None if it states none. Each is read once."""
@@ -61,6 +65,10 @@ class Actions:
         """Return the primitive that performs the step, if one does."""
         return self.primitives[step.primitive] if step.primitive is not None else None
 
+    def is_standard(self, step: Step) -> bool:
+        """Return True unless a recipe of the file performs the step: then it needs what its class does."""
+        return self._standard.issuperset(step.recipes)
+
     def is_base_motion(self, step: Step) -> bool:
         """Return True for a primitive step that depends on BaseMotionCapability and states a destination."""
         if step.primitive is None or not any(isinstance(goal, (Place, Thing)) for goal in step.fillers("toLocation")):
@@ -75,29 +83,31 @@ class Actions:
 
     def moves_the_base(self, recipe: Recipe, recipes: RecipeSet) -> bool:
         """Return True if the recipe has a base motion, itself or in a recipe below it."""
-        return recipe.iri in self._moving(recipes)
+        return recipe.iri in self._moving(recipes)[0]
 
     def movers(self, recipe: Recipe, recipes: RecipeSet) -> Movers:
-        """Return the steps of a recipe that move the base: by themselves, or in a recipe below them."""
-        moving = self._moving(recipes)
+        """Return the steps of a recipe that move the base: by themselves, or in a recipe below them.
+
+        A recipe of the library does not count: it stands in the place of a process module, and the base goes back to
+        where its caller's scope has it.
+        """
+        _, moving = self._moving(recipes)
         opening = frozenset(step.iri for step in recipe.steps if self.is_base_motion(step))
         ending = frozenset(step.iri for step in recipe.steps if not moving.isdisjoint(step.recipes))
         return Movers(opening, ending)
 
-    def _moving(self, recipes: RecipeSet) -> frozenset[str]:
-        """Return the recipes that move the base, themselves or in a recipe below them."""
+    def _moving(self, recipes: RecipeSet) -> tuple[frozenset[str], frozenset[str]]:
+        """Return the recipes that move the base, themselves or in a recipe below them; then those of them that do so
+        without one of the library.
+        """
         if self._last_moving is None or self._last_moving[0] is not recipes:
             callers: dict[str, list[str]] = {}
             for recipe in recipes.recipes.values():
                 for callee in (callee for step in recipe.steps for callee in step.recipes):
                     callers.setdefault(callee, []).append(recipe.iri)
-            waiting = [recipe.iri for recipe in recipes.recipes.values() if any(map(self.is_base_motion, recipe.steps))]
-            found = set(waiting)
-            while waiting:
-                above = [caller for caller in callers.get(waiting.pop(), ()) if caller not in found]
-                found.update(above)
-                waiting += above
-            self._last_moving = recipes, frozenset(found)
+            own = [recipe.iri for recipe in recipes.recipes.values() if any(map(self.is_base_motion, recipe.steps))]
+            stated = [iri for iri in own if iri not in self._standard]
+            self._last_moving = recipes, (_with_callers(own, callers), _with_callers(stated, callers))
         return self._last_moving[1]
 
     def uses_hand(self, step: Step) -> bool:
@@ -147,6 +157,17 @@ class Actions:
         names = primitive.releases if primitive is not None and primitive.releases else ("objectActedOn",)
         things = {filler for name in names for filler in step.fillers(name) if isinstance(filler, Thing)}
         return frozenset(things) if things else frozenset({None})
+
+
+def _with_callers(recipes: Iterable[str], callers: Mapping[str, Sequence[str]]) -> frozenset[str]:
+    """Return recipes with all that call them, directly or not."""
+    waiting = list(recipes)
+    found = set(waiting)
+    while waiting:
+        above = [caller for caller in callers.get(waiting.pop(), ()) if caller not in found]
+        found.update(above)
+        waiting += above
+    return frozenset(found)
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,6 +233,15 @@ def read_primitives(ontology: Ontology) -> dict[str, Primitive]:
         for individual in ontology.individuals(expand("Primitive"))
         for action in _names(ontology, individual, "performsAction")
     }
+
+
+def read_library(ontology: Ontology) -> dict[str, list[str]]:
+    """Return the recipes (IRIs of classes) that say of themselves for which class of actions they stand."""
+    found: dict[str, list[str]] = {}
+    for triple in ontology.triples(p=expand("standardRecipeOf")):
+        if isinstance(triple.subject, str) and isinstance(triple.object, str):
+            found.setdefault(triple.object, []).append(triple.subject)
+    return found
 
 
 def read_goals(ontology: Ontology) -> dict[str, Goal]:

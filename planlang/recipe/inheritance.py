@@ -50,7 +50,7 @@ class _Supply:
     def _more(self, recipe: Recipe, step: Step) -> list[Parameter]:
         """Return parameters for the empty slots of a step: its own, or those of the recipes that perform it."""
         more: list[Parameter] = []
-        if not step.recipes:
+        if self._actions.is_standard(step):
             for slot in self._actions.slots(step.action_class).values():
                 if slot.absence is not Absence.ALLOWED and not self._is_stated(step, slot):
                     more += self._filled(recipe, step, slot)

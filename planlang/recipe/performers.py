@@ -13,8 +13,8 @@ from planlang.recipe.statements import Statements
 def recipes_for(actions: Actions, iri: str) -> tuple[tuple[str, ...], str | None]:
     """Return the performers of an action: classes with recipes, or a primitive class; the nearer wins.
 
-    An individual's own recipe is nearer than any of its class. On a tie the primitive wins. Several recipes at the same
-    distance are alternatives.
+    An individual's own recipe is nearer than any of its class. On a tie the primitive wins, and a recipe of the library
+    is taken only where nothing else is at that distance. Several recipes at the same distance are alternatives.
     """
     if iri not in actions.performers:
         actions.performers[iri] = _performers(actions, iri)
@@ -39,6 +39,7 @@ def _performers(actions: Actions, iri: str) -> tuple[tuple[str, ...], str | None
             if ancestor in actions.primitives:
                 return (), ancestor
         found = tuple(ancestor for ancestor in level if actions.statements(ancestor) is not None)
+        found = found or tuple(recipe for ancestor in level for recipe in actions.library.get(ancestor, ()))
         if found:
             return found, None
     return (), None
