@@ -6,6 +6,7 @@ Lengths in metres, angles in radians; the map has z up and the floor at z = 0.
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
@@ -112,10 +113,12 @@ class Scene:
     """What turns or slides; the poses of these bodies are those when it is closed."""
     rules: Rules = field(default_factory=Rules)
     """What heat and tilting do to things."""
+    _by_name: Mapping[str, Body] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         names = [body.name for body in self.bodies]
-        twice = sorted({name for name in names if names.count(name) > 1})
+        object.__setattr__(self, "_by_name", {body.name: body for body in self.bodies})
+        twice = sorted(name for name, number in Counter(names).items() if number > 1)
         if twice:
             raise ValueError(f"bodies of a scene have names of their own, these occur twice: {', '.join(twice)}")
         moving = [name for joint in self.joints for name in joint.bodies]
@@ -124,9 +127,8 @@ class Scene:
 
     def body(self, name: str) -> Body:
         """Return the body of that name; ``KeyError`` lists the names there are."""
-        for body in self.bodies:
-            if body.name == name:
-                return body
+        if name in self._by_name:
+            return self._by_name[name]
         raise KeyError(f"no body {name!r} in the scene; there are {', '.join(body.name for body in self.bodies)}")
 
     def with_poses(self, poses: Mapping[str, Pose]) -> Scene:
@@ -215,9 +217,23 @@ class _Room:
 
     def __init__(self, scene: Scene, generator: np.random.Generator) -> None:
         self.scene, self.generator = scene, generator
-        self.supports = {body.name: _support(body, scene.bodies) for body in scene.bodies}
         self.bodies = {body.name: body for body in scene.bodies}
         self.poses = {body.name: body.pose for body in scene.bodies}
+        self._index = {body.name: index for index, body in enumerate(scene.bodies)}
+        self._centres = np.array([body.pose.position for body in scene.bodies]).reshape(-1, 3)
+        self._reach = np.array([_reach(body) for body in scene.bodies])
+        half = {body.name: _half_height(body.pose, body) for body in scene.bodies}
+        self.supports = {body.name: _support(body, self._around(body, body.pose), half) for body in scene.bodies}
+
+    def _around(self, body: Body, pose: Pose) -> list[Body]:
+        """Return the bodies that a body at a pose may stand on, stand in or touch, in the order of the scene."""
+        away = np.hypot(*(self._centres - pose.position)[:, :2].T)
+        return [self.scene.bodies[index] for index in np.flatnonzero(away <= self._reach + _reach(body)).tolist()]
+
+    def _put(self, poses: Mapping[str, Pose]) -> None:
+        self.poses.update(poses)
+        for name, pose in poses.items():
+            self._centres[self._index[name]] = pose.position
 
     def move_furniture(self, body: Body) -> None:
         """Move a body with what stands on it."""
@@ -230,7 +246,7 @@ class _Room:
             outline = footprint(moved[body.name], body.size)
             within = (outline >= (x_min, y_min)).all() and (outline <= (x_max, y_max)).all()
             if within and all(self._is_free(self.bodies[name], pose, group) for name, pose in moved.items()):
-                self.poses.update(moved)
+                self._put(moved)
                 return
 
     def move_object(self, body: Body) -> None:
@@ -243,7 +259,7 @@ class _Room:
             pose = _shifted(self.poses[body.name], shift, self.poses[body.name])
             stands = all(inside(surface, point, _RIM) for surface in surfaces for point in _outline(body, pose))
             if stands and self._is_free(body, pose, (body.name, support)):
-                self.poses[body.name] = pose
+                self._put({body.name: pose})
                 return
 
     def moved_start(self, radius: float, height: float) -> tuple[float, float, float]:
@@ -270,9 +286,16 @@ class _Room:
         """Return whether a body at a pose keeps clear of all bodies outside its group, supports below it apart."""
         return not any(
             _overlap(body, pose, other, self.poses[other.name])
-            for other in self.scene.bodies
+            for other in self._around(body, pose)
             if other.name not in group and other.name != body.name and other.shape is not BodyShape.MARKER
         )
+
+
+def _reach(body: Body) -> float:
+    """Return how far a body, with what it keeps clear, extends at most, however it is turned [m]; everywhere a room."""
+    if body.shape is BodyShape.ROOM:
+        return math.inf
+    return math.hypot(max(body.size[:2]), *body.size) / 2 + 2 * _CLEARANCE + _SUPPORTED
 
 
 def _outline(body: Body, pose: Pose) -> Array:
@@ -288,18 +311,20 @@ def _surfaces(support: Body, pose: Pose, of: Pose) -> Iterator[Array]:
             yield footprint(centre, cavity.size)
 
 
-def _support(body: Body, bodies: Sequence[Body]) -> str | None:
-    """Return what a body stands on or in: the one whose top is at its bottom, or that contains its centre."""
+def _support(body: Body, bodies: Sequence[Body], half: Mapping[str, float]) -> str | None:
+    """Return what a body stands on or in: the one whose top is at its bottom, or that contains its centre.
+
+    ``half`` are the half heights of bodies by name [m].
+    """
     if body.shape in (BodyShape.ROOM, BodyShape.MARKER):
         return None
-    bottom = body.pose.position[2] - _half_height(body.pose, body)
+    bottom = body.pose.position[2] - half[body.name]
     for other in bodies:
         if other is body or other.shape in (BodyShape.ROOM, BodyShape.MARKER, BodyShape.PERSON):
             continue
-        top = other.pose.position[2] + _half_height(other.pose, other)
-        if not inside(_outline(other, other.pose), body.pose.position):
-            continue
-        if abs(top - bottom) <= _SUPPORTED or abs(other.pose.position[2] - body.pose.position[2]) < top / 2 > bottom:
+        top = other.pose.position[2] + half[other.name]
+        within = abs(other.pose.position[2] - body.pose.position[2]) < top / 2 > bottom
+        if (within or abs(top - bottom) <= _SUPPORTED) and inside(_outline(other, other.pose), body.pose.position):
             return other.name
     return None
 

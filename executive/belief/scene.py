@@ -13,6 +13,7 @@ from executive.belief.hollow import hollowed
 from executive.belief.semantic_map import MapObject, SemanticMap
 from planlang.diagnostics import Diagnostic, note, warning
 from planlang.geometry import Array, Pose
+from planlang.geometry.matrices import rotated
 from planlang.geometry.shapes import corners, footprint, inside
 from planlang.ontology import expand, shorten
 from sim import Body, Scene
@@ -22,6 +23,9 @@ from sim.scene import GRASPABLE_WIDTH, BodyShape
 PENETRATION = 0.02
 """Greatest penetration of a thing into its support [m]."""
 
+HAIR = 1e-6
+"""More than rounding, less than matters [m]."""
+
 GAP = 0.03
 """Greatest gap between them [m]; the cameras that made real maps were not better."""
 
@@ -29,34 +33,44 @@ FLOOR = "floor"
 """Support of a body that stands on the ground."""
 
 
+class Standing:
+    """What the bodies of a scene stand on."""
+
+    def __init__(self, scene: Scene, poses: Mapping[str, Pose] | None = None) -> None:
+        """``poses`` replace those of the scene."""
+        self._poses = {body.name: (poses or {}).get(body.name, body.pose) for body in scene.bodies}
+        self._scene = scene
+        there = [body for body in scene.bodies if body.shape not in (BodyShape.MARKER, BodyShape.ROOM)]
+        self._names = [body.name for body in there]
+        matrices = Pose.matrices(self._poses[name] for name in self._names)
+        half = np.array([body.size for body in there]).reshape(-1, 3) / 2
+        self._centres, reach = matrices[:, :3, 3], rotated(np.abs(matrices[:, :3, :3]), half)
+        self._low, self._high = self._centres - reach, self._centres + reach
+
+    def support(self, name: str) -> str | None:
+        """Return the name of the body that a body stands on, :data:`FLOOR`, or None when there is nothing below it.
+
+        The support is the highest top within :data:`PENETRATION` above and :data:`GAP` below the body's lowest point,
+        under the body's centre.
+        """
+        pose = self._poses[name]
+        low, place = float(corners(pose, self._scene.body(name).size)[:, 2].min()), np.array(pose.position[:2])
+        best: tuple[float, str] | None = (0.0, FLOOR) if -PENETRATION <= low <= GAP else None
+        tops = self._high[:, 2]
+        near = (tops - PENETRATION - HAIR <= low) & (low <= tops + GAP + HAIR)
+        near &= ((self._low[:, :2] - HAIR <= place) & (place <= self._high[:, :2] + HAIR)).all(axis=1)
+        for other in (self._names[index] for index in np.flatnonzero(near).tolist()):
+            at, size = self._poses[other], self._scene.body(other).size
+            top = float(corners(at, size)[:, 2].max())
+            fits = other != name and top - PENETRATION <= low <= top + GAP
+            if fits and inside(footprint(at, size), pose.position):
+                best = max(best, (top, other)) if best else (top, other)
+        return best[1] if best else None
+
+
 def support_of(scene: Scene, name: str, poses: Mapping[str, Pose] | None = None) -> str | None:
-    """Return the name of the body that a body stands on, :data:`FLOOR`, or None when there is nothing below it.
-
-    The support is the highest top within :data:`PENETRATION` above and :data:`GAP` below the body's lowest point, under
-    the body's centre. ``poses`` replace those of the scene.
-    """
-    poses = poses or {}
-    body = scene.body(name)
-    pose = poses.get(name, body.pose)
-    low = float(corners(pose, body.size)[:, 2].min())
-    best: tuple[float, str] | None = (0.0, FLOOR) if -PENETRATION <= low <= GAP else None
-    for other in scene.bodies:
-        if other.name == name or other.shape in (BodyShape.MARKER, BodyShape.ROOM):
-            continue
-        place = poses.get(other.name, other.pose)
-        top = float(corners(place, other.size)[:, 2].max())
-        if top - PENETRATION <= low <= top + GAP and inside(footprint(place, other.size), pose.position):
-            best = max(best, (top, other.name)) if best else (top, other.name)
-    return best[1] if best else None
-
-
-def holds(container: Body, body: Body) -> bool:
-    """Return whether the centre of a body lies inside the box of another, below its top."""
-    if container.shape in (BodyShape.MARKER, BodyShape.ROOM, BodyShape.PERSON):
-        return False
-    local = container.pose.inverse() @ body.pose
-    half = np.asarray(container.size) / 2
-    return bool(np.all(np.abs(np.asarray(local.position)) < half))
+    """Return :meth:`Standing.support` of one body."""
+    return Standing(scene, poses).support(name)
 
 
 ROUND = ("DrinkingVessel", "Bottle", "Vase", "Can", "Jar-Container", "DrinkingCan", "CookingVessel")
@@ -173,11 +187,16 @@ def _opened(
 
 def _check_support(scene: Scene, semantic_map: SemanticMap, found: list[Diagnostic]) -> None:
     """Report things that stand nowhere: the simulator keeps them in the air, but it is rarely meant."""
+    boxes = [body for body in scene.bodies if body.shape is BodyShape.BOX]
+    turns = np.array([body.pose.rotation.T for body in boxes]).reshape(-1, 3, 3)
+    centres = np.array([body.pose.position for body in boxes]).reshape(-1, 3)
+    half, standing = np.array([body.size for body in boxes]).reshape(-1, 3) / 2, Standing(scene)
     for body in scene.bodies:
         thing = semantic_map.find(body.iri)
-        if not body.movable or thing is None or any(holds(b, body) for b in scene.bodies if b.shape is BodyShape.BOX):
+        if not body.movable or thing is None:
             continue
-        if support_of(scene, body.name) is None:
+        held = (np.abs(rotated(turns, body.pose.position - centres)) < half).all(axis=1)
+        if not held.any() and standing.support(body.name) is None:  # a box is in itself: it may be in the air
             low = float(corners(body.pose, body.size)[:, 2].min())
             message = f"{body.name} stands on nothing: its lowest point is {low:.3f} m over the floor"
             help = f"objects may sink into what they stand on by at most {PENETRATION} m"

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 
@@ -18,7 +18,7 @@ from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors, note, warning
 from planlang.files import Bundled
 from planlang.geometry import Array, Pose
-from planlang.geometry.matrices import product
+from planlang.geometry.matrices import orthonormal, product
 from planlang.ontology import Literal, Ontology, Triple, expand, load
 
 METRES: dict[str, float] = {
@@ -162,8 +162,6 @@ TOLERANCE = 1e-3
 
 FLAT = 0.1
 """Volume of a matrix's axes, relative to a cube of their mean length, that is no basis: one axis a twentieth."""
-STEPS = 20
-"""Newton's iterations: it doubles the digits, and the worst matrix that is not flat needs 9."""
 
 _ROTATION = tuple(f"m{i}{j}" for i in range(3) for j in range(3))
 _TRANSLATION = ("m03", "m13", "m23")
@@ -240,23 +238,11 @@ def rigid(rotation: Array, name: str, span: Span | None, found: list[Diagnostic]
         return np.eye(3)
     if np.abs(product(rotation.T, rotation) - np.eye(3)).max() > TOLERANCE:
         found.append(note("M001", f"the matrix {name} is not orthonormal; the nearest rotation is used", span))
-    nearest = _orthonormal(rotation)
+    nearest = orthonormal(rotation)
     if volume < 0:
         found.append(note("M001", f"the matrix {name} is a reflection; its y axis is turned around", span))
         nearest[:, 1] *= -1.0
     return nearest
-
-
-def _orthonormal(matrix: Array) -> Array:
-    """Return the nearest orthonormal matrix (3, 3): Newton's iteration (N. J. Higham, 1986), the same everywhere.
-
-    LAPACK's singular values would differ in their last digits between processors.
-    """
-    for _ in range(STEPS):
-        a, b, c = matrix
-        inverse = np.array([np.cross(b, c), np.cross(c, a), np.cross(a, b)])  # transposed, without its factor
-        matrix = (matrix + inverse / np.sum(a * inverse[0])) / 2
-    return matrix
 
 
 @dataclass(frozen=True, slots=True)
@@ -286,16 +272,22 @@ class SemanticMap:
     ontology: Ontology
     objects: tuple[MapObject, ...]
     diagnostics: tuple[Diagnostic, ...]
+    _known: Mapping[str, MapObject] = field(init=False, repr=False, compare=False)
+    _holders: Mapping[str, MapObject] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        inverse = self.objects[::-1]  # the first of several counts
+        known = {thing.name: thing for thing in inverse} | {thing.iri: thing for thing in inverse}
+        object.__setattr__(self, "_known", known)
+        object.__setattr__(self, "_holders", {part: thing for thing in inverse for part in thing.parts})
 
     def find(self, name: str) -> MapObject | None:
         """Return the thing with this IRI, or else of this name."""
-        return next((o for o in self.objects if o.iri == name), None) or next(
-            (o for o in self.objects if o.name == name), None
-        )
+        return self._known.get(name)
 
     def holder(self, thing: MapObject) -> MapObject | None:
         """Return what the thing is a proper physical part of, if the map says so."""
-        return next((o for o in self.objects if thing.iri in o.parts), None)
+        return self._holders.get(thing.iri)
 
 
 def read_map(ontology: Ontology) -> SemanticMap:
