@@ -234,7 +234,7 @@ CODES: dict[str, str] = {
     "M004": "a pose's rotation has no three directions; it is taken as not turned",
     "M005": "a size was filled in: doors are thin, other things have the default of their class",
     "M006": "a thing has no size that is known: it is a mere place",
-    "M007": "a size is negative",
+    "M007": "a size is negative; the thing is a mere place",
     "M008": "poses are relative to each other in a circle",
     "M009": "nothing in the file has a place: it is no map",
     "M010": "a pose is relative to something that has no place",

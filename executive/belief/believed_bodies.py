@@ -18,7 +18,7 @@ from planlang.protocols import Touch
 from sim import ComfortZone, PlanningWorld
 from sim.joints import Articulation, JointKind
 from sim.leaves import inside
-from sim.scene import BodyShape
+from sim.scene import GRASPABLE_WIDTH, BodyShape
 
 LEANING = 0.05
 """Greatest tilt of a top that counts as level [rad]: a bottle put down on it stays where it is."""
@@ -177,6 +177,15 @@ class BelievedBodies:
     def is_graspable(self, name: str) -> bool:
         """Return whether the body can be taken into a hand."""
         return self._world.scene.body(name).graspable
+
+    def ungraspable(self, name: str) -> str:
+        """Return why a body cannot be taken into a hand: "is 0.4 m wide, and ..."."""
+        body = self._world.scene.body(name)
+        if body.shape not in (BodyShape.BOX, BodyShape.CYLINDER):
+            return "is no thing that can be taken"
+        if not body.movable:
+            return "does not move"
+        return f"is {min(body.size[:2]):g} m wide, and things up to {GRASPABLE_WIDTH:g} m can be taken"
 
     def graspable_at(self, point: Array) -> str | None:
         """Return the body nearest to a point (3,) of the map that can be taken into a hand, None if all are elsewhere.

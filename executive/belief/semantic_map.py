@@ -87,9 +87,11 @@ THIN = 0.001
 def read_size(ontology: Ontology, iri: str, types: Iterable[str], found: list[Diagnostic]) -> Size | None:
     """Return the size of an individual; extents that the file does not state are filled in, and noted.
 
-    It is None when an extent is neither stated nor known for a class: such a thing is a marker.
+    It is None when an extent is negative, or neither stated nor known for a class: such a thing is a marker.
     """
     extents = stated_size(ontology, iri, found)
+    if any(value is not None and value < 0 for value in extents):
+        return None
     if all(extents):
         x, y, z = (value or 0.0 for value in extents)
         return (x, y, z)
@@ -133,8 +135,8 @@ def stated_size(ontology: Ontology, iri: str, found: list[Diagnostic]) -> tuple[
 
 def _positive(value: float, name: str, span: Span | None, found: list[Diagnostic]) -> float:
     if value < 0:
-        found.append(error("M007", f"{name} is {value} m; a thing cannot be smaller than nothing", span))
-        return 0.0
+        message = f"{name} is {value} m; a thing cannot be smaller than nothing: it is taken for a mere place"
+        found.append(warning("M007", message, span))
     return value
 
 

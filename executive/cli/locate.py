@@ -9,6 +9,7 @@ from itertools import islice
 from typing import Any
 
 from executive.belief import read_map, scene_of
+from executive.belief.scene_collisions import BasePose
 from executive.cli.arguments import LocateArguments
 from executive.cli.console import Answer, ExitCode, say, silent
 from executive.cli.inputs import check_files, chosen, planar, refuse
@@ -23,6 +24,7 @@ from planlang.designators import Location, Object, Relation
 from planlang.diagnostics import BadInput, Diagnostic, error, note, warning
 from planlang.failures import LocationUnresolvable, MissingCapability, ObjectUnresolvable
 from planlang.files import Bundled
+from planlang.geometry import Pose
 from planlang.ontology import load
 from planlang.outputs import check_outputs
 from planlang.outputs import replace as write_complete
@@ -162,7 +164,35 @@ def _bases(location: Location, platform: Platform, count: int, log: Rejections) 
         arm = detail.get("arm", "")
         how = f"{arm if arm.endswith('arm') else f'{arm} arm'}: {', '.join(detail['reaches'])}" if arm else ""
         line = f"{number}  {_listed(x=x, y=y, yaw=yaw)}  {how}".rstrip()
-        yield line, {"x": x, "y": y, "yaw": yaw, **detail}
+        score = next((place.score for place in reversed(log.places) if place.base == solution.base), None)
+        yield (
+            line,
+            {"x": x, "y": y, "yaw": yaw, "score": score, **detail, "hands": list(_hands(solution.base, platform))},
+        )
+
+
+def _hands(base: BasePose, platform: Platform) -> Iterator[dict[str, Any]]:
+    """Yield how each hand was judged to reach from a base pose: the tip's poses in order, each with joint values."""
+    torso = platform.robot.torso
+    for (_, _), reached in platform.resolver.reached_from(base).items():
+        for hand in reached.values():
+            arm, values = hand.arm, hand.joints.tolist()
+            gripper = platform.robot.arm(arm.name).gripper
+            poses = [
+                {"position": list(pose.position), "orientation": list(pose.orientation)}
+                for pose in map(Pose.from_matrix, hand.plan.poses[: len(values)])
+            ]
+            yield {
+                "arm": arm.name,
+                "reach": hand.plan.label,
+                "link": platform.robot.arm(arm.name).tip,
+                "fingers": dict(gripper.opened) if hand.plan.opened and gripper is not None else None,
+                "torso": values[0][arm.joints.index(torso)] if torso in arm.joints else None,
+                "postures": [
+                    {"joints": dict(zip(arm.joints, row, strict=True)), **pose}
+                    for row, pose in zip(values, poses, strict=True)
+                ],
+            }
 
 
 def _things(
@@ -225,6 +255,7 @@ def _resolved(
     data: dict[str, Any] = {
         "location": phrase,
         "meant": {str(reference): name for reference, name in meant.items()},
+        "posture": dict(platform.world.configuration().joints),
         "solutions": [place for _, place in places],
         "counts": counts,
         "blocking": blocking,

@@ -233,6 +233,10 @@ def hand_demand(location: Location, scene: PlanningScene, viewer: Viewer) -> Rea
         if not relation.negated and (reach := _made(relation, term.body, location, scene)) is not None:
             made[term] = reach
     if not made:
+        for relation, term in zip(location.relations, terms, strict=True):
+            if RELATIONS[relation.name].sense("hand") is Sense.PRE_GRASP and not relation.negated:
+                said = f" is where a hand waits to take {term.body}, which "
+                raise meaningless(relation, relation, f"{said}{scene.bodies.ungraspable(term.body)}")
         needed = tuple(name for name in meaningful("hand") if RELATIONS[name].sense("hand") is not Sense.AREA)
         raise meaningless(location, location, " does not say what the hand is at: it needs one of ", needed)
     first = min(made.values(), key=lambda reach: ORDER.index(reach.kind))

@@ -172,7 +172,7 @@ def with_size(name: str, size: float) -> str:
         (with_pose('1.0 0.0 0.0 "NaN"^^xsd:double  0.0 1.0 0.0 -0.8  0.0 0.0 1.0 0.9'), 2, "M002", "finite"),
         (with_pose("1.0 0.0 0.0 -2.8  0.0 1.0 0.0 -0.8  0.0 0.0 1.0 0.4"), 1, "M014", "inside cabinet1"),
         (with_size("bottle1", 0.0), 0, "M005", "default of DrinkingBottle"),
-        (with_size("bottle1", -0.1), 2, "M007", "smaller than nothing"),
+        (with_size("bottle1", -0.1), 0, "M007", "smaller than nothing"),
     ],
     ids=["reflected", "not orthonormal", "flat", "not a number", "inside of a cabinet", "of no size", "negative"],
 )

@@ -74,12 +74,23 @@ def test_a_relative_pose_is_composed_as_parent_times_relative(map_of: Read, thin
 def test_all_bad_numbers_of_a_file_are_reported_at_once(map_of: Read, thing: Write, seen: Write) -> None:
     with pytest.raises(BadInput) as problem:
         map_of(
-            thing("cabinet1", "Cabinet-PieceOfFurniture", (0.4, -1, 0.8)),
+            thing("cabinet1", "Cabinet-PieceOfFurniture", (0.4, 1, 0.8)),
             thing("table1", "Table-PieceOfFurniture", (0.4, 1, 0.8)),
-            seen("cabinet1", (1, 2, 0.4)),
+            seen("cabinet1", (1, 2, 0.4)).replace("m03 1.0", 'm03 "INF"^^xsd:double'),
             seen("table1", (1, 2, 0.4)).replace("m03 1.0", 'm03 "NaN"^^xsd:double'),
         )
-    assert [d.code for d in problem.value.diagnostics if d.severity is Severity.ERROR] == ["M007", "M002"]
+    assert [d.code for d in problem.value.diagnostics if d.severity is Severity.ERROR] == ["M002", "M002"]
+
+
+def test_a_negative_size_costs_the_thing_and_not_the_map(map_of: Read, thing: Write, seen: Write) -> None:
+    semantic_map = map_of(
+        thing("cabinet1", "Cabinet-PieceOfFurniture", (0.4, -1, 0.8)),
+        thing("table1", "Table-PieceOfFurniture", (0.4, 1, 0.8)),
+        seen("cabinet1", (1, 2, 0.4)),
+        seen("table1", (3, 2, 0.4)),
+    )
+    assert [(one.name, one.size) for one in semantic_map.objects] == [("cabinet1", None), ("table1", (0.4, 1, 0.8))]
+    assert [(d.code, d.severity) for d in semantic_map.diagnostics] == [("M007", Severity.WARNING)]
 
 
 def test_a_thing_of_unknown_size_is_a_place(map_of: Read, thing: Write, seen: Write) -> None:

@@ -63,6 +63,14 @@ def test_a_corner_that_is_walled_off_has_no_way_for_the_base(
     assert beyond[0] > 4.1, "around the wall's end there is one"
 
 
+def test_before_a_thing_that_is_too_wide_for_hands_the_width_is_the_reason(refused: Refused) -> None:
+    tray = replace(BOTTLE, name="tray", size=(0.4, 0.3, 0.05), shape="box", type="Tray")
+    before = a_location(in_reach_of=a_location(in_front_of=an_object("Tray", PLACE + "tray")))
+    assert "is 0.3 m wide, and things up to 0.12 m can be taken" in str(refused(before, CABINET, tray))
+    before = a_location(in_reach_of=a_location(in_front_of=an_object("Cabinet-PieceOfFurniture", PLACE + "cabinet")))
+    assert "cabinet, which does not move" in str(refused(before, CABINET, tray))
+
+
 def test_a_bottle_wider_than_the_open_fingers_is_too_wide_for_the_gripper(refused: Refused) -> None:
     failure = refused(TO_GRASP, CABINET, replace(BOTTLE, size=(0.118, 0.118, 0.2)))
     assert failure.counts["too wide for the gripper"] > 0
