@@ -165,7 +165,9 @@ def test_every_primitive_names_a_class_a_module_and_a_resource(vocabulary: Ontol
     }
     for primitive in found:
         assert isinstance(vocabulary.value(primitive, "processModule"), Literal)
-        is_waiting = vocabulary.value(primitive, "performsAction") == expand("Waiting")  # which needs no part of a robot
+        is_waiting = vocabulary.value(primitive, "performsAction") == expand(
+            "Waiting"
+        )  # which needs no part of a robot
         assert is_waiting or vocabulary.values(primitive, "usesResource")
 
 
