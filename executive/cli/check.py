@@ -6,6 +6,7 @@ Nothing of a plan is executed.
 from __future__ import annotations
 
 import difflib
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,7 +30,7 @@ def command(arguments: CheckArguments) -> Answer:
         raise typer.BadParameter("--accept and --output need --fix")
     if arguments.fix:
         return _fixed(read_recipe_file(arguments.file), arguments)
-    if Path(arguments.file).is_dir():
+    if os.path.isdir(arguments.file):  # False also for what can be no name of a folder
         from executive.cli.recipe_table import check_folder
 
         return check_folder(Path(arguments.file), arguments.folders)

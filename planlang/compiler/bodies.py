@@ -440,7 +440,11 @@ def _spaced(lines: list[str]) -> list[str]:
 def _comment(node: Node, depth: int) -> list[str]:
     """Return a comment with the description of a step, to stand above it."""
     match node:
-        case Perform(name=name, label=str(label)) | Scope(name=name, label=str(label)):
+        case (
+            Perform(name=name, label=str(label))
+            | Call(name=name, label=str(label))
+            | Scope(name=name, label=str(label))
+        ):
             says_more = snake_case(label) != snake_case(name)
             return _words(label, depth) if says_more else []
         case Gate(body=body, overlaps=overlaps):

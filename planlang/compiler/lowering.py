@@ -362,7 +362,8 @@ class Steps:
         node: Node
         if step.recipes:
             calls = tuple(self._call(recipe, step, callee) for callee in step.recipes)
-            node = Call(step.name, self._terms.action(recipe, step), calls, step.iri)
+            label = step.label if self._actions.is_standard(step) else None  # other recipes have labels of their own
+            node = Call(step.name, self._terms.action(recipe, step), calls, step.iri, label)
         else:
             once = step.is_abstract and recipe.machine is None
             node = Perform(step.name, self._terms.action(recipe, step), step.label, step.iri, once)

@@ -83,12 +83,13 @@ class FunctionCall:
 
 @dataclass(frozen=True, slots=True)
 class Call:
-    """Perform a step that has a recipe, or several as alternatives."""
+    """Perform a step that has a recipe, or several as alternatives; ``label`` is its description, as in Perform."""
 
     name: str
     action: ActionTerm
     calls: tuple[FunctionCall, ...]
     step: str = ""
+    label: str | None = None
 
 
 @dataclass(frozen=True, slots=True)

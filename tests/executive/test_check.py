@@ -69,7 +69,7 @@ def test_a_changed_recipe_beside_the_plan_counts_and_not_a_bundled_one_of_its_na
 def test_an_edited_plan_of_a_changed_recipe_is_told_as_both(recipe: Path) -> None:
     plan = compiled(recipe)
     change(recipe, "bring the bottle close to the robot", "hold the bottle close")
-    change(plan, "attempts=5", "attempts=7")
+    change(plan, "attempts=3", "attempts=7")
     assert checked(plan)[1] == ["C009", "C010"]
     result = CliRunner().invoke(app, ["compile", str(recipe), "-o", str(plan)])
     assert (result.exit_code, "C005" in result.stderr) == (2, True)

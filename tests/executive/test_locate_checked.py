@@ -67,7 +67,8 @@ def test_an_answer_can_be_checked_with_the_urdf_and_pybullet_alone(phrase: str) 
     answer = json.loads(CliRunner().invoke(app, ["locate", phrase, *where]).stdout)
     client = pybullet.connect(pybullet.DIRECT)
     robot = pybullet.loadURDF(str(URDF), useFixedBase=True, physicsClientId=client)
-    infos = [pybullet.getJointInfo(robot, k, physicsClientId=client) for k in range(pybullet.getNumJoints(robot))]
+    joint_count = pybullet.getNumJoints(robot, physicsClientId=client)
+    infos = [pybullet.getJointInfo(robot, k, physicsClientId=client) for k in range(joint_count)]
     number, index = {info[1].decode(): info[0] for info in infos}, {info[12].decode(): info[0] for info in infos}
     assert len(answer["solutions"]) == 2
     for place in answer["solutions"]:

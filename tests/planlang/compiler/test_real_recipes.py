@@ -109,7 +109,7 @@ def test_recipe_without_orderings_gets_the_three_that_are_plausible(corpus: Path
         "`PickUpBottle` should probably come before `MoveBaseToHandoverPose`",
         "`ReachToHandoverPose` should probably come before `OpenGripperForHandover`",
     ]
-    assert ("R021", 111) in codes(found, Severity.WARNING)
+    assert "R021" not in {code for code, _ in codes(found, Severity.WARNING)}  # the library picks up
 
 
 @pytest.mark.parametrize("file", ["knowrob@hydro.owl", "knowrob@2011-09_ias.owl"])
@@ -134,8 +134,8 @@ def test_file_with_several_tasks_lists_them(corpus: Path) -> None:
     ("file", "functions"),
     [
         ("make_pancakes@hydro.owl", ("make_pancakes",)),
-        ("GetFromRefrigerator@2010-11.owl", ("get_object_from_refrigerator",)),
-        ("acat-adt_example_pipetting@master.owl", ("pipetting_adt_sdfiuh436dsfg",)),
+        ("GetFromRefrigerator@2010-11.owl", ("grasp", "pick_up", "get_object_from_refrigerator")),
+        ("acat-adt_example_pipetting@master.owl", ("grasp", "pipetting_adt_sdfiuh436dsfg")),
         ("pancake@kinetic.owl", ("making_pancakes_0",)),
     ],
 )

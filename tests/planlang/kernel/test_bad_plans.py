@@ -445,7 +445,7 @@ def test_a_programming_error_of_a_process_module_ends_the_plan_as_itself_and_nam
     executive = ScriptedExecutive(Script().on("Cooking", does=broken))
     with pytest.raises(AttributeError, match="what_is_not_there") as caught:
         go(partial(par, other, partial(try_all, recovered, other)), executive=executive)
-    assert caught.value.__notes__ == ["raised by process module Cooking, performing Cooking()"]
+    assert caught.value.__notes__ == ["raised by process module rule of Cooking, performing Cooking()"]
     assert log == ["cleaned", "cleaned"]
 
 

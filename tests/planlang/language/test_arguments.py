@@ -148,6 +148,7 @@ INSIDE: list[Case] = [
     ("at_location reaching", lambda x: at_location(NEAR, works, reaching=x), ITERABLE),
     ("at_location reaching one", lambda x: at_location(NEAR, works, reaching=[x]), set()),
     ("at_location device", lambda x: at_location(NEAR, works, device=x), OPTIONAL),
+    ("at_location by", lambda x: at_location(NEAR, works, by=x), TEXT | OPTIONAL),
     ("at_location recoveries", lambda x: at_location(NEAR, works, recoveries=x), ITERABLE),
     ("at_location recovery", lambda x: at_location(NEAR, works, recoveries=[x]), set()),
     ("holds", lambda x: at_once(holds, x), set()),
@@ -205,6 +206,7 @@ OUTSIDE: list[Case] = [
     ("recovery_strategy", recovery_strategy, TEXT),
     ("look_and_repeat", look_and_repeat, set()),
     ("look_from_another_place", look_from_another_place, set()),
+    ("open_what_is_in_the_way", open_what_is_in_the_way, set()),
     ("fetch_again", fetch_again, set()),
     ("fetch_again again", lambda x: fetch_again(CUP, x), BRANCH | OPTIONAL | {"lambda"}),
     *((f"{f.__name__}", f, TEXT) for f in (an_object, a_person, a_device, Object, Person, Device)),
@@ -254,12 +256,20 @@ OUTSIDE: list[Case] = [
     ("a_constraint frame", lambda x: a_constraint("HEIGHT", RIM, RIM, frame=x), TEXT | OPTIONAL),
     ("a_constraint name", lambda x: a_constraint("HEIGHT", RIM, RIM, name=x), TEXT | OPTIONAL),
     ("holding", holding, set()),
+    ("contains", lambda x: contains(x, CUP), set()),
+    ("contains substance", lambda x: contains(CUP, x), set()),
+    ("contains at_least", lambda x: contains(CUP, CUP, x), NUMBERS | OPTIONAL),
+    ("baked", baked, set()),
+    ("baked seconds", lambda x: baked(CUP, x), NUMBERS | OPTIONAL),
+    *((f"{f.__name__}", f, set()) for f in (switched_on, destroyed, created)),
+    ("transformed_into", lambda x: transformed_into(x, CUP), set()),
+    ("transformed_into result", lambda x: transformed_into(CUP, x), set()),
     ("located", located, set()),
     ("located what", lambda x: located(NEAR, x), OPTIONAL),
 ]  # fmt: skip
 
 
-ANYTHING = {"Return", "given", "retry", "ignore", "PlanFailure", "TaskNode", "Signal"}
+ANYTHING = {"Return", "given", "retry", "ignore", "PlanFailure", "TaskNode", "Signal", "Feature", "MotionConstraint"}
 """What takes whatever there is, is called by the language only, or is made by it only."""
 
 
