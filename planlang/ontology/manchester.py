@@ -17,7 +17,7 @@ from planlang.diagnostics import BadInput, Diagnostic, Span, error, note
 from planlang.files import decode, offset_of, position_of
 from planlang.ontology.expressions import Statements
 from planlang.ontology.frames import Frames
-from planlang.ontology.terms import OWL, RDF, RDFS, XSD, expand, is_vocabulary
+from planlang.ontology.terms import OWL, RDF, RDFS, XSD, expand, is_vocabulary, resolve
 from planlang.ontology.triples import Parsed
 
 FRAME_WORDS = (
@@ -248,6 +248,7 @@ class _Names:
         self._file = file
         ontology = _ONTOLOGY.search(words)
         self._own = (ontology[1] if ontology else base).rstrip("#") + "#"
+        self.prefixes = {name: resolve(base, self._absolute(start)) for name, start in self.prefixes.items()}
         self._known: dict[str, str] = {}
         self._classes = frozenset(_CLASS.findall(words))
 

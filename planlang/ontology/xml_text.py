@@ -277,7 +277,7 @@ def _undeclared_entities(visible: str, result: Repaired, file: str) -> dict[str,
     found: dict[str, str] = {}
     for reference in used:
         name = reference[1]
-        values = [prefixes[name]] if name in prefixes else _customary().get(name, [])
+        values = [str(prefixes[name])] if name in prefixes else _customary().get(name, [])
         if name in found or not values or not values[0] or "&" in values[0] or "%" in values[0]:
             continue
         found[name] = values[0]
