@@ -64,7 +64,7 @@ from planlang.language.budgets import budget, timeout
 from planlang.language.conditions import Policy, achieve, holds, whenever, with_policies
 from planlang.language.executive import Executive, ProcessModule
 from planlang.language.location import at_location
-from planlang.language.performing import Request, monitor, perform, perform_async, using, with_requests
+from planlang.language.performing import Request, monitor, perform, perform_async, with_requests
 from planlang.language.plans import (
     Handle,
     Plan,
@@ -88,6 +88,7 @@ from planlang.language.recovery import (
     retry,
     with_failure_handling,
 )
+from planlang.language.resources import using
 from planlang.language.running import run
 from planlang.object_changes import baked, contains, created, destroyed, switched_on, transformed_into
 from planlang.recoveries import (

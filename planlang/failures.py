@@ -81,9 +81,6 @@ class PlanFailure(Exception):
         return raised
 
 
-# -- raised by process modules
-
-
 @dataclass(eq=False, repr=False)
 class LowLevelFailure(PlanFailure):
     """Raised by a process module."""

@@ -27,8 +27,9 @@ from planlang.kernel.tree import name_of
 from planlang.language.branches import Branch
 from planlang.language.budgets import take_attempt
 from planlang.language.executive import executive_for
-from planlang.language.performing import HeldPose, Lease, held_pose, perform, using
+from planlang.language.performing import HeldPose, held_pose, perform
 from planlang.language.recovery import Recovery, recoveries_of, recovering
+from planlang.language.resources import Lease, using
 from planlang.misuse import Usage
 
 if TYPE_CHECKING:

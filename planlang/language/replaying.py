@@ -19,7 +19,7 @@ from planlang.kernel.core import here, park
 from planlang.kernel.errors import DeadlockError, Evaporated
 from planlang.language.budgets import charge
 from planlang.language.executive import Executive, RecordedExecutive
-from planlang.language.performing import Arbiter, Lease, holding
+from planlang.language.resources import Arbiter, Lease, holding
 from planlang.language.running import inside_of
 from planlang.misuse import Usage
 from planlang.runs import Different, RecordedRun

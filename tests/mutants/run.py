@@ -100,7 +100,7 @@ MUTANTS = [
     ("success beats failure in pursue", "language/branches.py", "        if failed:\n            self.fail(failed)", "        if failed and len(failed) == len(dead):\n            self.fail(failed)"),
     ("try_in_order goes on after a success", "language/branches.py", "            return await in_node(attempt,", "            await in_node(attempt,"),
     ("a timeout strikes before the step is at rest", "language/budgets.py", "self.scheduler.deadline(self.owner, self.steps, self.expire)", "self.scheduler.alarm(self.owner, self.steps, self.expire)"),
-    ("resources stay taken", "language/performing.py", "            lock.holder = None", "            pass"),
+    ("resources stay taken", "language/resources.py", "            lock.holder = None", "            pass"),
     ("an equal value is a change", "kernel/fluent.py", "if not same(self._value, value):", "if True:"),
     ("a world fluent is read when it is asked for", "kernel/fluent.py", "self._at[1] != scheduler.now:", "True:"),
     ("pulses that came together are seen as one", "kernel/signals.py", 'self._seen + 1 if self._missed == "always" else self._count()', "self._count()"),

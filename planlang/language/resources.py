@@ -1,0 +1,155 @@
+"""Resources: what only one part of a plan may have at a time, granted in order of asking.
+
+A resource held by a part of the plan can be asked for again inside that part; what runs side by side inside it takes
+turns there. So a scope may hold the base while the steps in it, one at a time, move it.
+"""
+
+from __future__ import annotations
+
+from contextvars import ContextVar, Token
+from types import TracebackType
+
+from planlang.kernel import Scheduler, Task
+from planlang.kernel.cancel import deliver
+from planlang.kernel.core import here, park
+from planlang.kernel.primitives import record
+from planlang.kernel.signals import Wait
+from planlang.misuse import Usage
+
+
+class _Lock:
+    """Free iff ``holder`` is None."""
+
+    __slots__ = ("holder",)
+
+    def __init__(self) -> None:
+        self.holder: Lease | None = None
+
+
+class Lease(Wait):
+    """A request for resources, and what was granted: all at once or nothing."""
+
+    def __init__(
+        self, arbiter: Arbiter, scheduler: Scheduler, task: Task, names: tuple[str, ...], outer: Lease | None
+    ) -> None:
+        self.names = tuple(dict.fromkeys(names))
+        self.outer = outer
+        self.inner: dict[str, _Lock] = {name: _Lock() for name in self.names}
+        self.locks = [arbiter.lock(name, outer) for name in self.names]
+        self.granted = False
+        self.touched: set[str] = set()
+        """Resources of this lease that were granted again inside."""
+        self._arbiter = arbiter
+        self.scheduler = scheduler
+        self.task = task
+
+    def recheck(self) -> None:
+        """No longer held: it may be this one's turn."""
+        self._arbiter.grant()
+
+    def __str__(self) -> str:
+        has = ("" if lock.holder is None else f" (held by {lock.holder.task.path})" for lock in self.locks)
+        return " and ".join(f"{name}{held}" for name, held in zip(self.names, has, strict=True))
+
+
+class Arbiter:
+    """Grants resources first come, first served; a request never waits for one that asked later."""
+
+    def __init__(self) -> None:
+        self._locks: dict[str, _Lock] = {}
+        self._waiting: dict[Lease, None] = {}
+
+    def lock(self, name: str, outer: Lease | None) -> _Lock:
+        """Return the lock of a resource as seen from inside ``outer``."""
+        while outer is not None:
+            if name in outer.inner:
+                return outer.inner[name]
+            outer = outer.outer
+        return self._locks.setdefault(name, _Lock())
+
+    async def acquire(self, lease: Lease) -> None:
+        """Wait until all of the lease's resources are granted."""
+        if lease.task.doomed:
+            await deliver(lease.task)
+        self._waiting[lease] = None
+        self.grant()
+        try:
+            await park(lease)
+        except BaseException:
+            if lease.granted:
+                self.release(lease)
+            else:
+                del self._waiting[lease]
+                self.grant()
+            raise
+
+    def grant(self) -> None:
+        """Grant what is free to those who wait, in order; tasks that are held do not get a turn."""
+        wanted: set[_Lock] = set()
+        for lease in tuple(self._waiting):
+            if lease.task.holds:
+                continue
+            if all(lock.holder is None and lock not in wanted for lock in lease.locks):
+                del self._waiting[lease]
+                lease.granted = True
+                for name, lock in zip(lease.names, lease.locks, strict=True):
+                    lock.holder = lease
+                    _touch(lease.outer, name)
+                lease.scheduler.wake(lease.task)
+            else:
+                wanted.update(lease.locks)
+
+    def release(self, lease: Lease) -> None:
+        """Give back, and let others have their turn."""
+        for lock in lease.locks:
+            lock.holder = None
+        self.grant()
+
+
+_lease: ContextVar[Lease | None] = ContextVar("lease", default=None)
+
+
+_USING = Usage("async with using", {"name": '"left_arm"'})
+
+
+class using:  # noqa: N801 - used like a function: async with using("left_arm", "base")
+    """``async with using("left_arm", "base") as lease:`` holds resources until the block ends, evaporation included.
+
+    They are granted all at once, first come, first served, so that statements which name all they need cannot block
+    each other. Two that ask for more inside, in opposite order, can: DeadlockError says who waits for what, and who
+    has it.
+    """
+
+    def __init__(self, *names: str) -> None:
+        for name in names:
+            _USING.text("name", name)
+        self.names = names
+
+    async def __aenter__(self) -> Lease:
+        scheduler, task = here()
+        arbiter = scheduler.service(Arbiter)
+        self._lease = lease = Lease(arbiter, scheduler, task, self.names, _lease.get())
+        self._arbiter = arbiter
+        await arbiter.acquire(lease)
+        self._token: Token[Lease | None] = _lease.set(lease)
+        record("acquired", resources=lease.names)
+        return lease
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None
+    ) -> None:
+        _lease.reset(self._token)
+        record("released", resources=self._lease.names)
+        self._arbiter.release(self._lease)
+
+
+def holding() -> Lease | None:
+    """Return the innermost lease of the running task."""
+    return _lease.get()
+
+
+def _touch(lease: Lease | None, name: str) -> None:
+    while lease is not None:
+        if name in lease.inner:
+            lease.touched.add(name)
+        lease = lease.outer
