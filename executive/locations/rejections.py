@@ -53,6 +53,8 @@ class Rejections:
     """Candidates (m, 3) before they were looked at, and their scores (m,)."""
     walled: bool = False
     """True if a place was rejected because the base cannot drive there: others are asked for that first, then."""
+    hopeless: bool = False
+    """True if no base pose will do, however many are looked at: a larger search is spared."""
     refused: list[tuple[str, Array]] = field(default_factory=list)
     """Candidates (m, 2 or more) that were refused before they were looked at, with the reason."""
 

@@ -105,6 +105,8 @@ class Resolver:
                     budget = replace(budget, stage=min(budget.stage, Stage.ALL))
                 log.begin_again(before)
                 yield ReachSearch(validator, wanted, demand, arms, budget, log, is_taken if again else None).places()
+                if log.hopeless:
+                    return
                 again = bool(found)  # what was found is found again: it need not be validated once more
 
         for solution in chain.from_iterable(searches()):

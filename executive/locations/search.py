@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from executive.belief.planning_scene import Unseen
 from executive.belief.scene_collisions import BasePose
+from executive.locations.areas import Facing
 from executive.locations.base_candidates import BaseCandidates, Conjunct, Inversion, Misses, moved_to_room
 from executive.locations.demands import BaseDemand, Reach
 from executive.locations.grasp_candidates import CLASSES, Hand
@@ -124,9 +125,10 @@ class ReachSearch:
             return
         middle = np.mean([hand.candidates.points.mean(axis=0) for hand in hands], axis=0)
         aside = [np.linalg.norm(hand.candidates.points[:, :2] - middle[:2], axis=1).max() for hand in hands]
+        bands = [(reach.body, validator.band(reach, self.arms)) for reach in self.wanted[1:]]
+        log.hopeless = self._is_hopeless(middle[:2], float(max(aside)) + reach, bands)
         floor, block = scene.collisions.floor(), scene.bodies.block(first.body)
         room = floor.field((float(middle[0]), float(middle[1])), block.yaw, float(max(aside)) + reach)
-        bands = [(reach.body, validator.band(reach, self.arms)) for reach in self.wanted[1:]]
         conjuncts: list[Conjunct] = [(f"not in reach of {body}", partial(_within, *band)) for body, band in bands]
         conjuncts += [(unmet(term), partial(scored, term)) for term in self.demand.areas]
         if log.walled:
@@ -158,6 +160,14 @@ class ReachSearch:
                 yield from then._in_blocks(moved, hands, middle, stance, self._unseen()) if len(moved) else ()
         if not log.explained:
             validator.name_crowding(inversion.crowded(), log)
+
+    def _is_hopeless(
+        self, middle: Array, radius: float, bands: Sequence[tuple[str, tuple[tuple[float, float], float, float]]]
+    ) -> bool:
+        """Return whether a conjunct about the base holds nowhere within a radius [m] of a place (2,)."""
+        areas = (term for term in self.demand.areas if not isinstance(term, Facing))
+        apart = any(math.dist(middle, centre) > radius + most for _, (centre, _, most) in bands)
+        return apart or not all(term.nearly(middle[None], radius)[0] for term in areas)
 
     def _unseen(self) -> Misses | None:
         """Return a test of the bases from which the robot itself hides what has to be seen."""
