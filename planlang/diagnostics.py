@@ -64,7 +64,7 @@ class Declaration:
 
 
 Suggestion = Rename | Order | Declaration
-"""What a help says as a change of the file."""
+"""A change of the file that a help proposes."""
 
 
 @dataclass(frozen=True, slots=True)

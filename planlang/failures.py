@@ -348,7 +348,7 @@ class LocationUnresolvable(DesignatorFailure):
 
 @dataclass(eq=False, repr=False)
 class BehindClosedDoor(LocationUnresolvable):
-    """What is to be reached is behind a door, or in a drawer, that is closed; ``door`` names it."""
+    """The thing to be reached is behind a door, or in a drawer, that is closed; ``door`` names it."""
 
     what: str | None = field(default=None, kw_only=True)
     door: Object | None = field(default=None, kw_only=True)

@@ -55,7 +55,7 @@ class _Named(Enum):
 
 
 class FeatureKind(_Named):
-    """What a feature is."""
+    """The kinds of features."""
 
     POINT = "point"
     """A position alone."""
@@ -86,9 +86,9 @@ class ConstraintType:
     unit: str
     """"m", or "" for sines and cosines."""
     range: tuple[float, float] = (-math.inf, math.inf)
-    """What the function can be; limits outside of it bind nothing."""
+    """The values that the function can have; limits outside of them bind nothing."""
     tool_direction: bool = False
-    """Whether the tool feature must have a direction, so that it is no point."""
+    """True if the tool feature must have a direction, so that it is no point."""
     world_direction: bool = False
     """The same of the world feature."""
     axis: Vector = (0.0, 0.0, 0.0)
@@ -141,7 +141,7 @@ class ConstraintKind(_Named):
 
 @dataclass(frozen=True, slots=True)
 class Pace:
-    """How fast the feature of a tool may move [m/s] and turn [rad/s]."""
+    """Greatest speeds of the feature of a tool: of moving [m/s] and of turning [rad/s]."""
 
     owl: str
     linear: float

@@ -34,11 +34,11 @@ class Contact:
 
 @dataclass(frozen=True, slots=True)
 class Touch:
-    """What a link of the robot feels on its surface; it tells where it is touched, not by what."""
+    """A touch that a link of the robot feels on its surface; it tells where it is touched, not by what."""
 
     link: str
     point: tuple[float, float, float]
-    """Where it is touched, in the map."""
+    """The touched point, in the map."""
     normal: tuple[float, float, float]
     """Unit vector from what touches towards the link, in the map."""
 
@@ -73,7 +73,7 @@ class Motion:
     blocked_by: str | None = None
     """Its name for messages; nothing is concluded from it, and a robot that cannot know it leaves it out."""
     touch: Touch | None = None
-    """Where the robot, or what it holds, was touched when it was blocked."""
+    """The contact that blocked the robot, or what it holds."""
 
 
 @dataclass(frozen=True, slots=True)

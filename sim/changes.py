@@ -35,7 +35,7 @@ _INTO = 0.002
 _DEEP = 100.0
 """Depth to which something falls that is poured out [m]."""
 ONE_PUDDLE = 0.2
-"""What is poured on a thing joins what of it is there, if that is not farther away than this [m]."""
+"""Greatest distance at which a poured substance joins what of it is there [m]."""
 
 
 class Changes:

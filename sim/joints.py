@@ -22,7 +22,7 @@ Point = tuple[float, float, float]
 
 
 class JointKind(StrEnum):
-    """How a body moves."""
+    """The kinds of joints."""
 
     HINGED = "hinged"
     PRISMATIC = "prismatic"

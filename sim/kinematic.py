@@ -26,7 +26,7 @@ from sim.robot import Robot
 from sim.scene import Body, BodyShape, CameraModel, RobotBody, Scene
 
 NEAR_BY = 0.01
-"""What a leaf is not farther from when a hand begins to lead it may touch it [m]: frames, neighbours, seals."""
+"""Distance within which bodies may touch a leaf when a hand begins to lead it [m]: frames, neighbours, seals."""
 
 
 class KinematicScene:
@@ -63,7 +63,7 @@ class KinematicScene:
         self.changes = Changes(
             self._bodies, self._matter, scene.rules, self._rays, self._falling, self._held, self._create, self.remove
         )
-        """What an executive changes when an action was performed that has effects."""
+        """The changes that an executive makes when an action was performed that has effects."""
         self._show(self._now)
 
     # The robot

@@ -47,7 +47,7 @@ class Leaves:
         self.led: dict[str, Led] = {}
         self._bodies = bodies
         self.movable = [body.name for body in scene.bodies if body.movable]
-        """What may lie inside of leaves."""
+        """The spaces inside of leaves in which things may lie."""
 
     def put(self, leaf: str, value: float, carried: Mapping[str, Pose]) -> None:
         """Move a leaf, with its parts and what lies inside of it, to a value of its joint."""

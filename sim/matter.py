@@ -1,4 +1,4 @@
-"""What things consist of and contain, how long they were over heat, what is on: the state that actions change.
+"""Substances, contents, heat and devices that are on: the state that actions change.
 
 Amounts are in millilitres, times in seconds of the world.
 """
@@ -33,7 +33,7 @@ class Portion:
 
 @dataclass(frozen=True, slots=True)
 class Heating:
-    """What is of one of ``inputs`` becomes ``output``, once a side of it was ``seconds`` over one of ``sources``."""
+    """A thing of one of ``inputs`` becomes ``output``, once a side of it was ``seconds`` over one of ``sources``."""
 
     inputs: tuple[str, ...]
     output: str
@@ -58,11 +58,11 @@ def _unknown(cls: str) -> Size | None:
 
 @dataclass(frozen=True, slots=True)
 class Rules:
-    """What classes of things do; the default knows of no classes above others, and of no heat."""
+    """The behaviour of classes of things; the default knows of no classes above others, and of no heat."""
 
     heating: tuple[Heating, ...] = ()
     is_a: Callable[[str, str], bool] = field(default=_same, compare=False)
-    """Whether a class is another one, or below it."""
+    """Return True if a class is another one, or below it."""
     size: Callable[[str], Size | None] = field(default=_unknown, compare=False)
     """The size [m] of a thing of a class that comes into being; None if the class has none."""
     flow_rate: float = 20.0
@@ -104,9 +104,9 @@ class Matter:
         self.origins: dict[str, tuple[str, ...]] = {}
         """Thing that came into being -> the names of all that went into it."""
         self.gone: dict[str, None] = {}
-        """What was destroyed, in order."""
+        """The destroyed things, in order."""
         self.count = 0
-        """How often somebody has changed something; what time changes is not counted."""
+        """Number of changes that somebody made; those by time are not counted."""
 
     def put(self, name: str, portion: Portion) -> None:
         """Add to the contents of a thing."""

@@ -1,4 +1,4 @@
-"""What happens by itself in the true world: vessels that are turned over run dry, heat bakes, blades carry and turn.
+"""Processes that nobody drives: vessels that are turned over run dry, heat bakes, blades carry and turn.
 
 A thin thing over a blade that rises goes with it, slides off when the blade turns over, and comes down with the other
 side up. Time goes on in steps; nothing here is random.

@@ -70,11 +70,11 @@ class Body:
     cavities: tuple[Cavity, ...] = ()
     """Rooms inside a box: compartments, the inside of a drawer."""
     content: tuple[Portion, ...] = ()
-    """What it holds, or consists of, at the beginning."""
+    """Its content, or what it consists of, at the beginning."""
     capacity: float = 0.0
-    """What it holds as a vessel [ml]."""
+    """Its capacity as a vessel [ml]."""
     is_on: bool = False
-    """Whether it is a device that is on at the beginning."""
+    """True for a device that is on at the beginning."""
     blade: float = 0.0
     """Length of the blade at the front end of its longest axis [m]; 0 without one."""
 
@@ -110,9 +110,9 @@ class Scene:
     start: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Base of the robot at the beginning: x, y, yaw."""
     joints: tuple[Articulation, ...] = ()
-    """What turns or slides; the poses of these bodies are those when it is closed."""
+    """The leaves that turn or slide; the poses of their bodies are those when it is closed."""
     rules: Rules = field(default_factory=Rules)
-    """What heat and tilting do to things."""
+    """The effects of heat and tilting on things."""
     _by_name: Mapping[str, Body] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:

@@ -32,7 +32,7 @@ GRIPS = ("Handle", "ControlKnob")
 OPENED = 1.57
 """Upper limit of a hinge of which no file says one [rad]."""
 EXTENDED = 0.8
-"""How far a drawer comes out of which no file says it, as a share of its depth."""
+"""Travel of a drawer whose file states none, as a share of its depth."""
 UPRIGHT = 1.5
 """A door that is wider than this many times its height turns about a level axis, unless its handle is upright."""
 LEVEL = 0.7

@@ -68,7 +68,7 @@ class Belief:
         self._absent = {name: None for name in NAMES if name in self._poses}
         """Obstacles in store, the next one first."""
         self.met: str | None = None
-        """What the obstacle that was felt last is called, None while there is none."""
+        """Name of the obstacle that was felt last, None while there is none."""
         self._taken: set[str] = set()
         """Things that a person has taken."""
         self._seen: dict[str, int] = {}
@@ -76,14 +76,14 @@ class Belief:
         self._bound: dict[Object, str] = {}
         self._in_vain: dict[str, list[tuple[float, float, float]]] = {}
         self.joints: dict[str, Articulation] = {joint.leaf: joint for joint in world.scene.joints}
-        """What turns or slides, by leaf."""
+        """The joints, by leaf."""
         self._values = dict.fromkeys(self.joints, 0.0)
         self.led: dict[str, str] = {}
         """Leaf -> link of the hand that moves it."""
         self._moving = {name: leaf for leaf, joint in self.joints.items() for name in joint.bodies}
         self._boxes = {body.name: body.size for body in world.scene.bodies if body.movable or body.name in self.joints}
         self._matter = world.changes.matter
-        """What the believed world contains."""
+        """Contents of the believed world."""
         self.made: dict[str, MapObject] = {}
         """Things that came into being, by name."""
         self._gone: dict[str, None] = {}

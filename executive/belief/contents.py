@@ -1,4 +1,4 @@
-"""What a map says of contents, devices that are on, vessels and blades; what its ontology says that heat does."""
+"""Contents, devices that are on, vessels and blades of a map, and the effects of heat in its ontology."""
 
 from __future__ import annotations
 

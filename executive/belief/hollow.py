@@ -22,7 +22,7 @@ WALL = 0.02
 SHEET = 0.01
 """The same for drawers [m]."""
 BEYOND = 0.1
-"""How far the room of a compartment goes beyond the open side of its furniture [m]."""
+"""Length by which the room of a compartment goes beyond the open side of its furniture [m]."""
 ROOM_FOR_IT = 0.05
 """A thing that sticks into a shelf or a wall by no more than this has room there: maps are not better [m]."""
 

@@ -34,7 +34,7 @@ FLOOR = "floor"
 
 
 class Standing:
-    """What the bodies of a scene stand on."""
+    """The supports of the bodies of a scene."""
 
     def __init__(self, scene: Scene, poses: Mapping[str, Pose] | None = None) -> None:
         """``poses`` replace those of the scene."""

@@ -54,7 +54,7 @@ FEW = 200
 SHORTER = (0, 1, 2, 4)
 """Steps at its end that are left out of a way that cannot be gone to there."""
 BACK = 0.2
-"""How far the base drives back from a leaf, at least, before the arm is tucked: beside it there is little room [m]."""
+"""Least distance that the base drives back from a leaf before the arm is tucked: beside it there is little room [m]."""
 NO_FURTHER = 0.02
 """Share of its range by which a leaf has to move that is not stuck."""
 

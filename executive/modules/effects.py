@@ -33,7 +33,7 @@ VESSELS = ("to_location", "device_used", *ACTED_ON)
 
 @dataclass(frozen=True, slots=True)
 class Output:
-    """What comes into being: its name and class; of a food, how much there is of it usually [ml]."""
+    """Something that comes into being: its name and class; of a food, how much there is of it usually [ml]."""
 
     name: str
     type: str
@@ -59,7 +59,7 @@ class ActionEffects:
         world = platform.world
         self._true = world.changes if isinstance(world, PyBulletWorld) else None
         self.applied = 0 if self._true is None else self._true.matter.count
-        """How often the true world was changed, as far as is known here."""
+        """Number of changes of the true world, as far as is known here."""
 
     def untouched(self) -> bool:
         """Return whether nobody else has changed what there is."""

@@ -1,4 +1,4 @@
-"""How a hand moves a door or a drawer: grasps of its handle along the arc or line that the joint makes of it.
+"""Paths of a hand that moves a door or a drawer: grasps of its handle along the arc or line that the joint makes of it.
 
 The joint leads: each grasp is carried through the values of the joint, and inverse kinematics follows from value to
 value, for many places of the base at once. What is left is looked at exactly in the planning scene, best first.

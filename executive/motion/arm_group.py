@@ -97,4 +97,4 @@ class ArmGroup:
 
 
 Movable = Chain | ArmGroup
-"""What moves links by joints: one chain or several."""
+"""A mechanism that moves links by joints: one chain or several."""

@@ -1,4 +1,4 @@
-"""Where the phases of a motion under constraints end: configurations at which each phase's constraints hold.
+"""Ends of the phases of a motion under constraints: configurations at which each phase's constraints hold.
 
 All phases are solved together, so that each end is near to those before and after it, from several beginnings, as the
 search is a local one. Where that finds nothing each phase is looked at by itself: of constraints that cannot all hold a
@@ -51,7 +51,7 @@ OTHER = 0.05
 
 
 class Obstacles(Protocol):
-    """What must not be touched: :class:`executive.motion.collision.QuickCheck` of a group of arms."""
+    """The bodies that must not be touched: :class:`executive.motion.collision.QuickCheck` of a group of arms."""
 
     @property
     def names(self) -> tuple[tuple[str, str], ...]:

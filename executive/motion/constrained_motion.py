@@ -44,14 +44,14 @@ UNMOVED = 1e-9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PhaseMotion:
-    """How one phase is moved."""
+    """The motion of one phase."""
 
     trajectory: Trajectory
     """Begins where the phase before ended; a single row where nothing moves."""
     kept: tuple[MotionConstraint, ...]
-    """What holds throughout, beside at the end."""
+    """The constraints that hold throughout, beside at the end."""
     given_up: tuple[MotionConstraint, ...]
-    """What heavier constraints exclude."""
+    """The constraints that heavier ones exclude."""
 
 
 def solve_motion(

@@ -33,7 +33,7 @@ LENGTH_TOLERANCE, COSINE_TOLERANCE = 1e-3, 5e-3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Surroundings:
-    """Where the things of constraints are: tools in hands, the rest where it was at the start."""
+    """The things of constraints: tools in hands, the rest where it was at the start."""
 
     base: Array
     """Pose (4, 4) of the arms' base link in the map."""

@@ -62,16 +62,16 @@ class Rows:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Optimum:
-    """What was found."""
+    """The result of an optimisation."""
 
     q: Array
     """Configurations (m, n)."""
     excess: Array
-    """How far the function of each row is beyond its limits, in tolerances (r,)."""
+    """The violation of each row, in tolerances (r,)."""
     blocked: float
-    """How much clearance is missing at most [m]; 0 where nothing is in the way."""
+    """The most clearance that is missing [m]; 0 where nothing is in the way."""
     needed: NDArray[np.bool_]
-    """Which rows have to hold (r,)."""
+    """True for rows that have to hold (r,)."""
 
     @property
     def holds(self) -> bool:
@@ -87,9 +87,9 @@ class Optimiser:
     functions: ConstraintFunctions
     rows: Rows
     start: Array
-    """What comes before the first (n,)."""
+    """The row before the first (n,)."""
     end: Array | None
-    """What comes after the last (n,), if anything does."""
+    """The row after the last (n,), if there is one."""
     weights: Array
     """Price of squared moves of each joint (n,)."""
     penalties: Array
@@ -230,7 +230,7 @@ class _Here:
     of: Index
     """In which configuration each is (k,)."""
     room: Array
-    """What each has more than it needs (k,) [m]."""
+    """Return the clearance that each has to spare (k,) [m]."""
     price: float
 
 

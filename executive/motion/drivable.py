@@ -1,4 +1,4 @@
-"""Where a base can get to: one flood fill from where it stands, over cells in which it has room.
+"""The area that a base can drive to: one flood fill from where it stands, over cells in which it has room.
 
 It allows more than :func:`executive.motion.base_path.plan_base_path` does: what it rules out, no path leads to.
 """
@@ -18,7 +18,7 @@ from planlang.geometry import Array
 
 Mask = NDArray[np.bool_]
 WINDING = 1.5
-"""How much longer a way out of a tight place may be than a straight one."""
+"""Greatest length of a way out of a tight place, relative to a straight one."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,7 +28,7 @@ class Drivable:
     grid: Grid
     cells: Mask
     beyond: bool = False
-    """Whether it may get to places off the grid."""
+    """True if it may get to places off the grid."""
 
     def __call__(self, bases: Array) -> Mask:
         """Return which base poses (n, 3) may be driven to, (n,)."""

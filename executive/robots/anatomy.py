@@ -1,4 +1,4 @@
-"""What the tree of a URDF shows of a robot: arms with their hands, wheels, a camera; names decide if it does not."""
+"""Anatomy of a robot from its URDF: arms with their hands, wheels, a camera; names decide if it does not."""
 
 from __future__ import annotations
 

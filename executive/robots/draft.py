@@ -39,7 +39,7 @@ _UNSAFE = {"\x7f": "\\u007f"}
 
 
 class Status(Enum):
-    """How a value came about. MISSING: it stands as an example, in a comment."""
+    """The origin of a value. MISSING: it stands as an example, in a comment."""
 
     DERIVED = "derived"
     ASSUMED = "assumed"

@@ -1,4 +1,4 @@
-"""How a hand is shaped: where its fingers point, how they close, how far they open, and where they grip.
+"""The shape of a hand: where its fingers point, how they close, how far they open, and where they grip.
 
 Measured on the shapes of the fingers at the limits of their joints; without shapes, on the origins of their links.
 """

@@ -37,7 +37,7 @@ _ANY_CAPABILITY, _ROBOT = expand("srdl2-cap:Capability"), expand("knowrob:Robot"
 
 
 class ClassProperties:
-    """What classes have of properties, as several ontologies say together."""
+    """The properties of classes, as several ontologies say together."""
 
     def __init__(self, ontologies: Iterable[Ontology]) -> None:
         self.ontologies = tuple(ontologies)

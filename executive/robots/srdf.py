@@ -29,7 +29,7 @@ class EndEffector:
 
 @dataclass(frozen=True, slots=True)
 class Srdf:
-    """What a SRDF says."""
+    """The contents of an SRDF."""
 
     path: Path
     end_effectors: tuple[EndEffector, ...]

@@ -20,7 +20,7 @@ MOST_NAMES = 20
 """Things of a map that one message lists."""
 
 Bound = Object | Location
-"""What a parameter may be bound to."""
+"""A value that a parameter may be bound to."""
 
 
 @dataclass(frozen=True, slots=True)

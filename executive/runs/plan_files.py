@@ -146,7 +146,7 @@ class Assessment:
 
 
 Lacking = Callable[[Iterable[str]], tuple[Missing, ...]]
-"""What is or may be missing for action classes."""
+"""Return everything that is or may be missing for action classes."""
 
 
 def assess(needs: Needs, lacking: Lacking, unperformed: Lacking = lambda actions: ()) -> Assessment:

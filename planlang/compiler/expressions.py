@@ -48,7 +48,7 @@ DESIGNATORS = frozenset(
 
 
 _GENERATED = re.compile(r"_[A-Za-z0-9]{8}$")
-"""What ontology editors append to a name to make it unique."""
+"""The end that ontology editors append to a name to make it unique."""
 
 
 class Symbols:

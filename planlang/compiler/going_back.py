@@ -14,13 +14,13 @@ from planlang.recipe.model import Thing
 
 @dataclass(frozen=True, slots=True)
 class Keeping:
-    """What the steps of a node get hold of, with the recoveries from its loss, and what they let go."""
+    """The things that the steps of a node get hold of, with the recoveries from its loss, and what they let go."""
 
     lasting: tuple[Recover, ...] = ()
     let_go: frozenset[Thing | None] = frozenset()
     """None for whatever is held."""
     name: str = ""
-    """What running the first of these steps again is called."""
+    """The name of running the first of these steps again."""
     once: bool = False
     """True if the node must not be run again."""
 

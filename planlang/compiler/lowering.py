@@ -350,9 +350,9 @@ class Steps:
         """The recoveries that leave the place, one for each failure, of each recipe that does not move the base."""
 
         self._open: dict[str, Keeping] = {}
-        """What each recipe holds at its end, with the recoveries that go back to it from what follows."""
+        """The things that each recipe holds at its end, with the recoveries that go back to it from what follows."""
         self._unrepeatable: dict[str, bool] = {}
-        """Whether a recipe (IRI) has a step that must not be repeated, itself or in a recipe below it."""
+        """True for a recipe (IRI) that has a step that must not be repeated, itself or in a recipe below it."""
 
         self.recoveries_in_words: dict[tuple[str, str], tuple[str, ...]] = {}
         """The recoveries of each step of a recipe (both IRIs), in words."""

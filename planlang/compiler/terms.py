@@ -36,7 +36,7 @@ from planlang.recipe.slots import offered
 _T = Thing | PlaceUse | Part | Constraint | Name | str | int | float | bool
 
 Given = Thing | PlaceUse
-"""What a caller passes for a parameter: a thing, or a place for one that stands for a place."""
+"""The argument of a caller for a parameter: a thing, or a place for one that stands for a place."""
 
 Renaming = dict[Thing, Given]
 """Parameter of a called function -> what its caller passes."""

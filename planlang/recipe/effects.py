@@ -1,4 +1,4 @@
-"""What classes of actions change, and what heat changes, as ontologies declare it (see object_change.omn)."""
+"""Effects of classes of actions, and of heat, as ontologies declare it (see object_change.omn)."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ Classes = tuple[str, ...]
 
 @dataclass(frozen=True, slots=True)
 class Effects:
-    """What an action changes; classes and states are IRIs, a rate is in ml/s, an amount in ml."""
+    """Changes that an action makes; classes and states are IRIs, a rate is in ml/s, an amount in ml."""
 
     destroyed: Classes = ()
-    """What the action acts on is destroyed if it is of one of these."""
+    """Classes of objects that are destroyed when the action acts on them."""
     created: Classes = ()
     """One thing of each comes into being."""
     turned: Classes = ()
-    """What the action acts on is turned over if it is of one of these."""
+    """Classes of objects that are turned over when the action acts on them."""
     states: Classes = ()
     """The states that the device is put in, the nearest first."""
     flow_rate: float | None = None
@@ -35,7 +35,7 @@ class Effects:
 
 @dataclass(frozen=True, slots=True)
 class HeatEffect:
-    """What is of ``inputs`` is of ``output``, once a side of it was for ``duration`` [s] over a device that is on."""
+    """A thing of ``inputs`` is of ``output``, once a side of it was for ``duration`` [s] over a device that is on."""
 
     inputs: Classes
     output: str

@@ -87,7 +87,7 @@ class Kind(Enum):
 
 
 class Absence(Enum):
-    """What it means that an action leaves a slot empty; the values are the properties of OWL that declare slots."""
+    """Meaning of an action that leaves a slot empty; the values are the properties of OWL that declare slots."""
 
     ERROR = "mustState"
     PARAMETER = "requires"

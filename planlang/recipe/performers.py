@@ -1,4 +1,4 @@
-"""What performs an action as far as a recipe's file and the vocabulary know: recipes, or a primitive."""
+"""The performers of an action as far as a recipe's file and the vocabulary know: recipes, or a primitive."""
 
 from __future__ import annotations
 

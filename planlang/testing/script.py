@@ -36,7 +36,7 @@ class Belief:
     contents: dict[str, dict[str, float]] = field(default_factory=dict)
     """Substances in things, and on them [ml]: ``belief.contents["bowl1"] = {"Milk": 200.0}``."""
     heated: dict[str, tuple[float, float]] = field(default_factory=dict)
-    """How long both sides of things were over heat [s]."""
+    """Time that both sides of things were over heat [s]."""
     made: dict[str, list[str]] = field(default_factory=dict)
     """Things that came into being, with all that went into them."""
     gone: list[str] = field(default_factory=list)

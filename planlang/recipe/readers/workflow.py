@@ -182,7 +182,7 @@ def _related(ontology: Ontology, task: str, parts: list[str]) -> tuple[tuple[Ord
 
 
 class _Nesting:
-    """Which tasks are steps or phases of which, in all workflows of an ontology."""
+    """The tasks and their steps and phases, in all workflows of an ontology."""
 
     def __init__(self, ontology: Ontology) -> None:
         self._above: dict[str, dict[str, None]] = {}
