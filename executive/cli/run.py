@@ -23,6 +23,11 @@ from planlang.outputs import check_outputs
 
 def command(arguments: RunArguments) -> Answer:
     """Run or resume a plan; raises BadInput."""
+    return _answer(run_plan_file(options_of(arguments)), is_announced=not arguments.json)
+
+
+def options_of(arguments: RunArguments) -> RunOptions:
+    """Return the options of the run that the arguments ask for; raises BadInput."""
     if arguments.file is None and arguments.resume is None:
         raise typer.BadParameter("name a recipe or plan, or --resume TRACE")
     if arguments.world_as_left and arguments.resume is None:
@@ -60,7 +65,7 @@ def command(arguments: RunArguments) -> Answer:
     def announce(diagnostics: Sequence[Diagnostic]) -> None:
         show(diagnostics, all_notes=arguments.verbose)
 
-    options = RunOptions(
+    return RunOptions(
         plan=found.path if isinstance(found, PlanFile) else None,
         recipe=found.path if isinstance(found, RecipeFile) else None,
         task=arguments.task or header.task,
@@ -85,7 +90,6 @@ def command(arguments: RunArguments) -> Answer:
         progress=silent if arguments.json else say,
         announce=silent if arguments.json else announce,
     )
-    return _answer(run_plan_file(options), is_announced=not arguments.json)
 
 
 _NEEDS = "only bundled recipes have a default: this plan"

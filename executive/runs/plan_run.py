@@ -46,7 +46,6 @@ from sim import PyBulletWorld
 from sim.world import at_rest_on, held_by
 
 if TYPE_CHECKING:
-    from executive.pictures.recording import Recording
     from planlang.language.replaying import Replay
 
 BUDGET = 600.0
@@ -96,6 +95,8 @@ class RunOptions:
     progress: Callable[[str], None] = lambda line: None
     announce: Callable[[Sequence[Diagnostic]], None] = lambda found: None
     """Given the diagnostics once, before the plan runs."""
+    watchers: tuple[Callable[[PyBulletWorld], None], ...] = ()
+    """Called with the true world before the plan runs and after every step of the world."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -305,16 +306,16 @@ class Run:
     ) -> RunResult:
         options = self.options
         listeners = [lines_of(lambda step, line: options.progress(f"{step / truth.rate:7.2f} s  {line}"))]
-        recording = None
-        world: PyBulletWorld | _FilmedWorld = truth
+        recording, watchers = None, [*options.watchers]
         if options.record is not None:
             from executive.pictures.recording import Recording, drawn_in
 
             drawn = drawn_in(truth)
-            recording = Recording(truth.rate, drawn, title=self.plan.name)
+            film = recording = Recording(truth.rate, drawn, title=self.plan.name)
             listeners.append(lines_of(recording.event))
-            world = _FilmedWorld(truth, recording)
+            watchers.append(lambda world: film.frame(world.steps))
         trace = ListenedTrace.to(options.trace, header, tuple(listeners), past)
+        world = _WatchedWorld(truth, watchers) if watchers else truth
         outcome, message = Outcome.DONE, "done"
         failures: tuple[str, ...] = ()
         try:
@@ -374,16 +375,20 @@ def run_plan_file(options: RunOptions) -> RunResult:
         return whole.execute()
 
 
-class _FilmedWorld:
-    """A world that is recorded after every step."""
+class _WatchedWorld:
+    """A world that others look at before the first step and after every one."""
 
-    def __init__(self, world: PyBulletWorld, recording: Recording) -> None:
-        self.world, self.recording, self.rate = world, recording, world.rate
-        recording.frame(0)
+    def __init__(self, world: PyBulletWorld, watchers: Sequence[Callable[[PyBulletWorld], None]]) -> None:
+        self.world, self.watchers, self.rate = world, watchers, world.rate
+        self._show()
 
     def step(self) -> None:
         self.world.step()
-        self.recording.frame(self.world.steps)
+        self._show()
+
+    def _show(self) -> None:
+        for watcher in self.watchers:
+            watcher(self.world)
 
 
 def _is_own(file: Path) -> bool:

@@ -1,0 +1,17 @@
+"""Recipes reach their goals in the simulator's truth; ``tests/benchmarks/goals.py`` runs those that take longer."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.support.scenarios import CORPUS, Scenario, judged, scenarios
+
+QUICK = [one for one in scenarios().values() if one.seconds <= 10.0]
+
+
+@pytest.mark.parametrize("scenario", QUICK, ids=lambda one: one.name)
+def test_a_recipe_reaches_its_goal(scenario: Scenario) -> None:
+    if scenario.needs_corpus and not CORPUS.is_dir():
+        pytest.skip("the corpus of real OWL files is not beside this checkout")
+    found = judged(scenario)
+    assert found.reached, (found.result.message, found.unmet)

@@ -1,0 +1,125 @@
+"""Scenarios: a run as a user types it, and what must hold in the simulator's truth when it has ended.
+
+Each module of this package has the scenarios of one family of recipes in a list ``SCENARIOS``. Goals ask the simulated
+world alone, never the plan or the belief.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, fields, replace
+from importlib import import_module
+from pathlib import Path
+from pkgutil import iter_modules
+
+import typer
+
+from executive.cli.app import app
+from executive.cli.arguments import RunArguments
+from executive.cli.run import options_of
+from executive.runs.plan_run import Outcome, Run, RunResult
+from planlang.geometry import Pose
+from sim import PyBulletWorld
+
+TOP = Path(__file__).resolve().parents[3]
+CORPUS = TOP.parent / "shared" / "corpus"
+
+
+@dataclass
+class Watched:
+    """The true world of a run: as it began, what was seen of it at each step, and as it is now."""
+
+    world: PyBulletWorld = field(init=False)
+    start: dict[str, Pose] = field(default_factory=dict)
+    """Poses of all bodies before the plan ran."""
+    tilts: dict[str, float] = field(default_factory=dict)
+    """Largest angle between up and the z axis of each body while the robot held it [rad]."""
+    notes: dict[str, object] = field(default_factory=dict)
+    """What the scenario's own watchers keep."""
+
+    def __call__(self, world: PyBulletWorld) -> None:
+        """Take note of the world after one more step."""
+        if not self.start:
+            self.world, self.start = world, {name: world.pose(name) for name in world.names()}
+        for name in world.attached():
+            self.tilts[name] = max(self.tilts.get(name, 0.0), tilt(world.pose(name)))
+
+
+def tilt(pose: Pose) -> float:
+    """Return the angle between up and the z axis of a pose [rad]."""
+    return math.acos(max(-1.0, min(1.0, float(pose.matrix()[2, 2]))))
+
+
+Goal = Callable[[Watched], Iterable[str]]
+"""Says what does not hold; nothing if the goal is reached."""
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """A run and its goal. ``arguments`` are those of ``planlang run``; ``corpus/`` begins paths in the corpus."""
+
+    name: str
+    arguments: tuple[str, ...]
+    goal: Goal
+    watchers: tuple[Callable[[Watched], None], ...] = ()
+    """Called after each step, to keep something in ``notes``."""
+    seconds: float = 5.0
+    """Wall-clock time that a run takes here, roughly [s]: what takes more than 10 is left out of the suite."""
+
+    @property
+    def command(self) -> str:
+        """The command as a user types it."""
+        return " ".join(("planlang run", *(f'"{one}"' if " " in one else one for one in self.arguments)))
+
+    @property
+    def needs_corpus(self) -> bool:
+        """Return whether files of the corpus are used."""
+        return any(one.startswith("corpus/") for one in self.arguments)
+
+
+@dataclass(frozen=True)
+class Judged:
+    """How a run of a scenario ended, and what of its goal does not hold."""
+
+    result: RunResult
+    unmet: tuple[str, ...]
+    tilts: dict[str, float]
+
+    @property
+    def reached(self) -> bool:
+        """Return whether the run ended without failure and its goal holds."""
+        return self.result.outcome is Outcome.DONE and not self.unmet
+
+
+def judged(scenario: Scenario, seed: int = 0) -> Judged:
+    """Run a scenario in this process; raises BadInput as the command does."""
+    texts = [
+        str(CORPUS / one.removeprefix("corpus/")) if one.startswith("corpus/") else one for one in scenario.arguments
+    ]
+    watched = Watched()
+
+    def watch(world: PyBulletWorld) -> None:
+        watched(world)
+        for watcher in scenario.watchers:
+            watcher(watched)
+
+    options = replace(options_of(_parsed([*texts, "--seed", str(seed), "--json"])), watchers=(watch,))
+    with Run(options) as run:
+        result = run.execute()
+        unmet = tuple(scenario.goal(watched)) if watched.start else ("the run did not begin",)
+    return Judged(result, unmet, watched.tilts)
+
+
+def _parsed(words: Sequence[str]) -> RunArguments:
+    """Return the arguments that the command would get."""
+    group = typer.main.get_command(app)
+    command = group.commands["run"]  # type: ignore[attr-defined]
+    values = command.make_context("run", list(words)).params
+    return RunArguments(**{one.name: values[one.name] for one in fields(RunArguments)})
+
+
+def scenarios() -> dict[str, Scenario]:
+    """Return all scenarios by name."""
+    modules = (import_module(f"{__name__}.{one.name}") for one in iter_modules(__path__))
+    return {one.name: one for module in modules for one in getattr(module, "SCENARIOS", ())}
