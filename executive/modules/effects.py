@@ -16,7 +16,7 @@ from planlang.designators import Action, Location, Object, local_name
 from planlang.failures import ObjectUnresolvable
 from planlang.geometry import Pose
 from planlang.kernel import PlanStructureError, now
-from planlang.language.executive import ProcessModule
+from planlang.language.executive import ProcessModule, WrappedModule
 from planlang.ontology import expand, shorten
 from planlang.recipe.effects import Effects, effects_of, narrowest, number_of_class
 from sim import PyBulletWorld
@@ -276,26 +276,12 @@ def transform(changes: Changes, what: Transformation, amount_of: Any) -> None:
             shift += size[0]
 
 
-class ModuleWithEffects:
+class ModuleWithEffects(WrappedModule):
     """A process module after whose actions the effects are applied that their classes declare."""
 
     def __init__(self, module: ProcessModule, effects: ActionEffects) -> None:
-        self._module, self._effects = module, effects
-        self.name = module.name
-
-    @property
-    def actions(self) -> Sequence[str]:
-        """Action classes that it performs."""
-        return self._module.actions
-
-    @property
-    def failures(self) -> Sequence[type[Exception]]:
-        """Failure classes that it may raise."""
-        return self._module.failures
-
-    def resources(self, action: Action) -> tuple[str, ...]:
-        """Return what the action needs exclusively."""
-        return self._module.resources(action)
+        super().__init__(module)
+        self._effects = effects
 
     async def execute(self, action: Action) -> Any:
         """Perform the action, then apply its effects; raises PlanStructureError if the module has changed things."""
