@@ -152,8 +152,9 @@ def due(changes: Changes, type: str) -> float | None:
     found = []
     for name in changes.bodies.bodies:
         heat = None if name in changes.bodies.removed else changes.heated_by(name)
-        types = () if heat is None else (changes.type_of(name), *changes.matter.contents.get(name, {}))
-        for one in types if heat is not None else ():
+        if heat is None:
+            continue
+        for one in (changes.type_of(name), *changes.matter.contents.get(name, {})):
             result = changes.rules.result(one, changes.type_of(heat[0]))
             if result is not None and changes.rules.is_a(result.output, type):
                 found.append(result.seconds - max(changes.matter.heated.get(name, (0.0, 0.0))))

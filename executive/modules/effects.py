@@ -179,7 +179,7 @@ class ActionEffects:
     def _vessel(
         self, action: Action, effects: Effects, things: Sequence[str], used: Sequence[tuple[str, str]]
     ) -> str | None:
-        """Return the vessel in which something comes into being: of the action, else where inputs are, else a usual one."""
+        """Return the vessel in which something comes into being: of the action, of its inputs, else a usual one."""
         changes = self._believed
         named = [name for _, name in self._bound(action, VESSELS)]
         below = [one for one in map(changes.under, things) if one is not None and one in changes.bodies.bodies]
