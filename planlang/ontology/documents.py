@@ -29,6 +29,8 @@ class Syntax(Enum):
     RDFXML = "RDF/XML"
     MANCHESTER = "Manchester syntax"
     TURTLE = "Turtle"
+    URDF = "URDF"
+    """A world: read as the statements of a map."""
 
 
 _MANCHESTER = re.compile(
@@ -36,6 +38,7 @@ _MANCHESTER = re.compile(
     r"|Individual|EquivalentClasses|DisjointClasses|EquivalentProperties|DisjointProperties|SameIndividual"
     r"|DifferentIndividuals):(?=\s|$|<)"
 )
+_URDF = re.compile(r"(?:\s|<\?[^>]*\?>|<!--.*?-->)*+<robot\b", re.DOTALL)
 _NOTHING_SAID = re.compile(r"(?:[^\S\r\n]*(?:#[^\r\n]*)?(?:\r\n?|\n))*(?:[^\S\r\n]*#[^\r\n]*\Z)?")
 _TURTLE = re.compile(
     r"""@prefix\b|@base\b|(?i:prefix|base)\s
@@ -56,6 +59,8 @@ def syntax_of(text: str, file: str) -> Syntax:
         return Syntax.MANCHESTER
     if _TURTLE.match(start):
         return Syntax.TURTLE
+    if _URDF.match(text, position):
+        return Syntax.URDF
     if start.startswith("<"):
         return Syntax.RDFXML
     if not start:
@@ -75,6 +80,10 @@ def read_syntax(content: bytes, file: str, *, base: str, label: str) -> Parsed:
             from planlang.ontology.manchester import read_manchester as read
         case Syntax.TURTLE:
             from planlang.ontology.turtle import read_turtle as read
+        case Syntax.URDF:
+            from planlang.ontology.urdf_world import read_world
+
+            return read_world(Path(file))
     return read(text, file, base=base, label=label)
 
 
@@ -126,6 +135,8 @@ def _read(path: Path, content: bytes) -> Reading:
     diagnostics = (*parsed.diagnostics, *use_canonical_names(triples), *repair(triples), *malformed(triples))
     if key is not None and not diagnostics:
         _CACHE.keep(key, triples.packed())
+    for other in parsed.others:
+        digest = hashlib.sha256(digest.encode() + other).hexdigest()
     return Reading(Document(path, _own_iri(triples), digest), triples, diagnostics)
 
 
