@@ -38,7 +38,7 @@ _MANCHESTER = re.compile(
     r"|Individual|EquivalentClasses|DisjointClasses|EquivalentProperties|DisjointProperties|SameIndividual"
     r"|DifferentIndividuals):(?=\s|$|<)"
 )
-_URDF = re.compile(r"(?:\s|<\?[^>]*\?>|<!--.*?-->)*+<robot\b", re.DOTALL)
+_URDF = re.compile(r"(?:\s|<\?[^>]*\?>|<!--.*?-->|<!DOCTYPE[^>\[]*(?:\[[^\]]*\]\s*)?>)*+<robot\b", re.DOTALL)
 _NOTHING_SAID = re.compile(r"(?:[^\S\r\n]*(?:#[^\r\n]*)?(?:\r\n?|\n))*(?:[^\S\r\n]*#[^\r\n]*\Z)?")
 _TURTLE = re.compile(
     r"""@prefix\b|@base\b|(?i:prefix|base)\s

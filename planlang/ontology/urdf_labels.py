@@ -18,6 +18,7 @@ from typing import Any
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, error
 from planlang.files import bundled, read_file
+from planlang.ontology.terms import is_vocabulary
 
 LARGEST = 1_000_000
 """Bytes of a file of labels."""
@@ -146,6 +147,8 @@ class _Reader:
             self._bad("the three lengths of size are greater than 0", span)
             size = None
         cls = self._of_kind(entry, "class", str, "the name of a class", span)
+        if cls is not None and not is_vocabulary(cls) and ":" not in cls:
+            self._bad(f"the vocabulary has no class {cls[:60]!r}", span)
         walls = self._of_kind(entry, "walls", (int, float), "a length in metres", span)
         if walls is not None and not 0 < walls <= FARTHEST:
             self._bad("walls is a length in metres, greater than 0", span)

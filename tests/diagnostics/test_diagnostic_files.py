@@ -35,8 +35,9 @@ def files(letters: str) -> list[Path]:
 
 
 def of_map(path: Path) -> list[Diagnostic]:
-    semantic_map = read_map(load(path))
-    found = list(semantic_map.diagnostics)
+    ontology = load(path.with_suffix(".urdf") if path.suffix == ".toml" else path)  # labels of a world
+    semantic_map = read_map(ontology)
+    found = [*ontology.diagnostics, *semantic_map.diagnostics]
     scene_of(semantic_map, found)
     return found
 
