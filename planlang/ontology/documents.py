@@ -162,20 +162,20 @@ def _own_iri(triples: Triples) -> str | None:
     return next((name for name in names if name is not None), None)
 
 
-def read_all(path: Path, folders: Sequence[Path], *, builtin: bool) -> list[Reading]:
-    """Return the file, its imports depth first, then the bundled vocabulary.
+def read_all(path: Path, folders: Sequence[Path], *, builtin: bool, also: Sequence[Path] = ()) -> list[Reading]:
+    """Return the file, those that are named beside it, the imports of all depth first, then the bundled vocabulary.
 
-    Raises BadInput if the file itself cannot be used; an import that cannot be is a warning of the main document.
+    Raises BadInput if a named file cannot be used; an import that cannot be is a warning of the main document.
     """
-    main = _read(path, read_bytes(path))
-    readings = [main]
-    loaded = {path.resolve()}
-    digests = {main.document.sha256}
+    readings = [_read(named, read_bytes(named)) for named in (path, *also)]
+    main = readings[0]
+    loaded = {named.resolve() for named in (path, *also)}
+    digests = {reading.document.sha256 for reading in readings}
     imports = ImportMap(path, folders)
     problems: list[Diagnostic] = []
     vocabulary = _vocabulary_paths() if builtin else ()
     satisfied = {file.resolve() for file in vocabulary}
-    pending: list[tuple[Path, Iterator[Triple]]] = [(path, _imports(main))]
+    pending: list[tuple[Path, Iterator[Triple]]] = [(one.document.path, _imports(one)) for one in readings[::-1]]
     while pending:
         importing, remaining = pending[-1]
         triple = next(remaining, None)

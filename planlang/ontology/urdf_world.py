@@ -1,12 +1,13 @@
 """Reads a world in URDF as the statements of a semantic map: things with classes, boxes and poses, and their joints.
 
 Each link with a shape is a thing: a box, whose pose is that of its shape. What hangs from a link is a part of the
-nearest thing above. A joint that turns or slides is a HingedJoint or PrismaticJoint at its place in the map. What a URDF
-does not say (classes, boxes for meshes that are not there) is taken from labels.
+nearest thing above. A joint that turns or slides is a HingedJoint or PrismaticJoint at its place in the map. What a
+URDF does not say (classes, boxes for meshes that are not there) is taken from labels.
 """
 
 from __future__ import annotations
 
+import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -178,7 +179,7 @@ class _World:
             return None
         return box
 
-    def _shape(self, shape: Element, labels: tuple[Labels, ...]) -> _Box | None:
+    def _shape(self, shape: ElementTree.Element, labels: tuple[Labels, ...]) -> _Box | None:
         origin = shape.find("origin")
         xyz, rpy = (numbers("0 0 0" if origin is None else origin.get(at, "0 0 0")) for at in ("xyz", "rpy"))
         frame = Pose.from_matrix(rigid(rotation_of(*rpy), np.array(xyz)))

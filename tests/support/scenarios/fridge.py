@@ -92,7 +92,7 @@ SCENARIOS = [
         "get_from_refrigerator",
         (
             *("corpus/recipes/GetFromRefrigerator@2010-11.owl", "--accept", "R042", "--robot", "pr2"),
-            *("--environment", "iai_kitchen", "--ontologies", "corpus/environments"),
+            *("--environment", "corpus/environments/IAI_kitchen@iai_maps.urdf", "--environment", "iai_kitchen_milk"),
             *_set(
                 PickingUpAnObject="milk1",
                 OpeningARefrigerator="iai_fridge_main",
