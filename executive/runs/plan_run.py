@@ -78,6 +78,8 @@ class RunOptions:
     robot: Path | None = None
     urdf: Path | None = None
     environment: Path | None = None
+    additions: tuple[Path, ...] = ()
+    """Maps of further things in the environment."""
     start: tuple[float, float, float] | None = None
     trust_map: bool = False
     """The poses of the map count as seen: a robot without camera works from them."""
@@ -186,7 +188,7 @@ class Run:
         if options.plan is not None:
             self._requirements = required_of_plan(self.path, self.plan, found, folders=options.ontologies)
         # Cheap questions first: a misspelt parameter is reported before the robot is bound, which can take a minute.
-        ontology = load(options.environment, folders=options.ontologies)
+        ontology = load(options.environment, folders=options.ontologies, also=options.additions)
         semantic_map = read_map(ontology)
         found += (*ontology.diagnostics, *semantic_map.diagnostics)
         scene = scene_of(semantic_map, found)
