@@ -24,7 +24,7 @@ from executive.belief.scene_collisions import BasePose
 from executive.locations import HandSolution, Reach, ReachKind, Resolver
 from executive.locations.demands import HandTerm
 from executive.locations.grasp_candidates import HandPoses
-from executive.modules import containers, placing, process_modules, waiting
+from executive.modules import containers, devices, placing, process_modules, waiting
 from executive.modules.effects import ActionEffects, ModuleWithEffects
 from executive.modules.platform import ArmChoices, Platform
 from executive.robots import CARRYING, Robot
@@ -348,6 +348,6 @@ def _base(state: Any) -> BasePose:
 def bundled_registry() -> ModuleRegistry:
     """Return a registry with the process modules that come with planlang."""
     registry = ModuleRegistry()
-    for module in (process_modules, placing, containers, waiting):
+    for module in (process_modules, placing, containers, devices, waiting):
         registry.add(module, "planlang", Rank.BUNDLED)
     return registry

@@ -22,8 +22,10 @@ from executive.runs.plan_files import (
     Requirements,
     assess,
     compiled_plan,
+    fixed_recipe,
     import_plan,
     line_in,
+    located,
     main_plan,
     needs_of,
     outputs_of,
@@ -68,12 +70,16 @@ class RunOptions:
     plan: Path | None = None
     recipe: Path | None = None
     task: str | None = None
+    accepted: tuple[str, ...] = ()
+    """Codes of fixes that the recipe gets before it is compiled, though they may be guesses."""
     ontologies: tuple[Path, ...] = ()
     modules: tuple[Path, ...] = ()
     """The user's files of process modules."""
     robot: Path | None = None
     urdf: Path | None = None
     environment: Path | None = None
+    additions: tuple[Path, ...] = ()
+    """Maps of further things in the environment."""
     start: tuple[float, float, float] | None = None
     trust_map: bool = False
     """The poses of the map count as seen: a robot without camera works from them."""
@@ -131,8 +137,13 @@ class Run:
                 self.path = options.plan
             else:
                 assert options.recipe is not None
-                recipe = load(options.recipe, folders=options.ontologies)
+                file, folders = options.recipe, options.ontologies
+                if options.accepted:
+                    file = fixed_recipe(file, stack, self.found, options.task, folders, options.accepted)
+                    folders = (options.recipe.parent, *folders)
+                recipe = load(file, folders=folders)
                 self.path, recipes = compiled_plan(recipe, stack, self.found, task=options.task)
+                self.found = [located(one, file, options.recipe) for one in self.found]
                 self._requirements = required(recipe, recipes)
             self.source = import_plan(self.path)
             self.plan: Plan[Any, Any] = main_plan(self.source, options.task if options.plan is not None else None)
@@ -177,7 +188,7 @@ class Run:
         if options.plan is not None:
             self._requirements = required_of_plan(self.path, self.plan, found, folders=options.ontologies)
         # Cheap questions first: a misspelt parameter is reported before the robot is bound, which can take a minute.
-        ontology = load(options.environment, folders=options.ontologies)
+        ontology = load(options.environment, folders=options.ontologies, also=options.additions)
         semantic_map = read_map(ontology)
         found += (*ontology.diagnostics, *semantic_map.diagnostics)
         scene = scene_of(semantic_map, found)
