@@ -246,6 +246,8 @@ CODES: dict[str, str] = {
     "M016": "a door inside of its furniture is moved to a face of it",
     "M017": "the limits of a joint leave it no way to be closed and opened; those of its box are used",
     "M018": "a direction has no three numbers, or is of length zero",
+    "M019": "a link of a world in URDF has no box: its mesh is not there, and no label tells its size",
+    "M020": "a file of labels for a world in URDF is not as it should be",
     # B: binding robots
     "B001": "a robot file is not as it should be",
     "B002": "there is no robot in the file",

@@ -176,7 +176,9 @@ _TABLE = (
         "in_center_of",
         "inCenterOf",
         ("in the center of", "in the centre of", "in the middle of"),
-        hand=Meaning(Sense.GRASP_POINT, "the grip point within 1 cm of X's centre: the grasp"),
+        hand=Meaning(
+            Sense.GRASP_POINT, "the grip point within 1 cm of X's centre or of the line from there up: the grasp"
+        ),
         of_solids=True,
         of_rooms=False,
     ),

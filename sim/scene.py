@@ -17,6 +17,7 @@ import numpy as np
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import rotated
 from planlang.geometry.shapes import footprint, half_extents, inside
+from sim.controls import Control
 from sim.joints import Articulation
 from sim.matter import Portion, Rules
 
@@ -111,6 +112,8 @@ class Scene:
     """Base of the robot at the beginning: x, y, yaw."""
     joints: tuple[Articulation, ...] = ()
     """The leaves that turn or slide; the poses of their bodies are those when it is closed."""
+    controls: tuple[Control, ...] = ()
+    """Buttons and knobs of devices."""
     rules: Rules = field(default_factory=Rules)
     """The effects of heat and tilting on things."""
     _by_name: Mapping[str, Body] = field(init=False, repr=False, compare=False)

@@ -61,7 +61,11 @@ RecipeOrPlan = Annotated[
 Robot = Annotated[str | None, typer.Option(metavar="ROBOT", help="The robot: a file, or a bundled robot's name.")]
 Urdf = Annotated[Path | None, typer.Option(metavar="FILE", help="The robot's URDF, if the robot's file names none.")]
 Environment = Annotated[
-    str | None, typer.Option(metavar="MAP", help="The semantic map: a file, or a bundled environment's name.")
+    list[str] | None,
+    typer.Option(
+        metavar="MAP",
+        help="The semantic map: a file (OWL or URDF), or a bundled environment's name; further ones add things to it.",
+    ),
 ]
 Start = Annotated[
     str | None,
@@ -167,9 +171,10 @@ class MatchArguments(TaskArguments):
     urdf: Urdf = None
     modules: Modules = None
     environment: Annotated[
-        str | None,
+        list[str] | None,
         typer.Option(
-            metavar="MAP", help="A semantic map, file or bundled name, that is also searched for what is missing."
+            metavar="MAP",
+            help="A semantic map, file or bundled name, that is also searched for what is missing; repeatable.",
         ),
     ] = None
     semantics: Annotated[Reading, typer.Option(help="How requirements are read; original: as KnowRob did.")] = (

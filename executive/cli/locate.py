@@ -12,7 +12,7 @@ from executive.belief import read_map, scene_of
 from executive.belief.scene_collisions import BasePose
 from executive.cli.arguments import LocateArguments
 from executive.cli.console import Answer, ExitCode, say, silent
-from executive.cli.inputs import check_files, chosen, planar, refuse
+from executive.cli.inputs import check_files, chosen, environments, planar, refuse
 from executive.locations import Rejections
 from executive.locations.demands import LocationMeaningless, base_demand, sides, thing_demand, without_unused
 from executive.modules.platform import Platform
@@ -40,7 +40,9 @@ def command(arguments: LocateArguments) -> Answer:
     problems: list[Diagnostic] = []
     check_files(problems, urdf=arguments.urdf)
     robot_file = chosen(Bundled.ROBOT, arguments.robot, None, problems, needs="locate")
-    environment = chosen(Bundled.ENVIRONMENT, arguments.environment, None, problems, needs="locate")
+    first, *further = (*(arguments.environment or ()),) or (None,)
+    environment = chosen(Bundled.ENVIRONMENT, first, None, problems, needs="locate")
+    more = environments(further, problems)
     inputs = {"--urdf": arguments.urdf, "--robot": robot_file, "--environment": environment}
     outputs = {"--explain": arguments.explain}
     problems += check_outputs(outputs, inputs, pictures=["--explain"], force=arguments.force)
@@ -49,7 +51,7 @@ def command(arguments: LocateArguments) -> Answer:
     assert environment is not None
     with ExitStack() as stack:
         found: list[Diagnostic] = []
-        ontology = load(environment, folders=arguments.folders)
+        ontology = load(environment, folders=arguments.folders, also=more)
         semantic_map = read_map(ontology)
         lexicon = lexicon_of(semantic_map)
         location = read_location(arguments.phrase, lexicon)

@@ -13,7 +13,7 @@ import typer
 from executive.belief.semantic_map import DEFAULT_ENVIRONMENT, default_environment
 from executive.cli.arguments import RunArguments
 from executive.cli.console import Answer, ExitCode, say, show, silent
-from executive.cli.inputs import PlanFile, RecipeFile, accepted, check_files, chosen, planar, read, refuse
+from executive.cli.inputs import PlanFile, RecipeFile, accepted, check_files, chosen, environments, planar, read, refuse
 from executive.runs.plan_run import Outcome, RunOptions, RunResult, run_plan_file
 from executive.runs.traces import TraceHeader, read_trace
 from planlang.diagnostics import Diagnostic, error
@@ -44,12 +44,13 @@ def options_of(arguments: RunArguments) -> RunOptions:
         Bundled.ROBOT, arguments.robot or header.robot, "amigo" if is_bundled else None, problems, needs=_NEEDS
     )
     notes: list[Diagnostic] = []
-    environment = arguments.environment or header.environment
+    environment, *further = (*(arguments.environment or ()),) or (header.environment,)
     if environment is None and is_bundled:
         environment = default_environment(found.path, bindings.values(), notes)
     semantic_map = chosen(
         Bundled.ENVIRONMENT, environment, DEFAULT_ENVIRONMENT if is_bundled else None, problems, needs=_NEEDS
     )
+    additions = environments(further, problems)
     trace = arguments.trace or arguments.resume
     outputs = {"--picture": arguments.picture, "--trace": trace, "--record": arguments.record}
     outputs["--upload"] = arguments.upload
@@ -76,6 +77,7 @@ def options_of(arguments: RunArguments) -> RunOptions:
         robot=robot,
         urdf=arguments.urdf,
         environment=semantic_map,
+        additions=additions,
         start=start or header.start,
         trust_map=arguments.trust_map or header.trusts_map,
         unknown=tuple(arguments.unknown or header.unknown),

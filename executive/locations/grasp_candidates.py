@@ -40,6 +40,9 @@ ARM_ROOM = 0.45
 """Largest reach of a hand over the edge of a surface for a place over it [m]."""
 COMFORTABLE = 0.2
 """Distance inside a comfort zone from which a place is as good as can be (see :meth:`ComfortZone.margins`)."""
+GRIPPED = 0.01
+"""Least height of a thing above the grip point [m]."""
+UP = np.array([0.0, 0.0, 1.0])
 OBLIQUE = 0.4
 """Weight of a grasp across the edges of a box, beside one across its faces."""
 
@@ -115,9 +118,18 @@ class Hand(NamedTuple):
 
 @lru_cache(maxsize=8)  # arms of one kind have the same
 def grasping(
-    name: str, block: Block, frame: HandFrame, max_opening: float, classes: tuple[GraspClass, ...], headings: int
+    name: str,
+    block: Block,
+    frame: HandFrame,
+    max_opening: float,
+    classes: tuple[GraspClass, ...],
+    headings: int,
+    palm: tuple[tuple[float, ...], ...] = (),
 ) -> GraspCandidates:
-    """Return candidates for pre-grasp, grasp, lift and retreat; the fingers close horizontally across the body."""
+    """Return candidates for pre-grasp, grasp, lift and retreat; the fingers close horizontally across the body.
+
+    They grip the middle, or as much higher as the ``palm``, corners in the tip's frame, has to be to stay off the body.
+    """
     grasps, yaws, rolls, weights = [], [], [], []
     for grasp in classes:
         for number in range(headings):
@@ -140,9 +152,31 @@ def grasping(
         axis=1,
     )
     points = np.tile(block.centre, (count, 1))
-    return _oriented(
+    found = _oriented(
         f"grasp {name}", points, offsets, 1, grasps, yaws, rolls, weights, frame, touches=name, opened=True
     )
+    if not count or not palm:
+        return found
+    raised = _raised_over(block, found, directions, np.array(palm))
+    found = replace(found, points=found.points + raised[:, None] * np.array([0.0, 0.0, 1.0]))
+    return found.chosen(np.flatnonzero(raised <= block.high - block.centre[2] - GRIPPED))
+
+
+def _raised_over(block: Block, candidates: GraspCandidates, directions: Array, palm: Array) -> Array:
+    """Return how much higher than the middle of a block hands (n,) are for their palms (m, 3) not to touch it [m].
+
+    The palm is behind the block, above it, or beyond a plane across the approach directions (n, 3).
+    """
+    corners = palm @ candidates.rotations.transpose(0, 2, 1)
+    back = -directions * [1.0, 1.0, 0.0]
+    half, raised = (block.high - block.low) / 2, np.full(len(directions), np.inf)
+    for axes in (back / np.maximum(np.linalg.norm(back, axis=1), 1e-9)[:, None], -directions, UP + 0.0 * directions):
+        level = np.hypot(axes[:, 0], axes[:, 1])
+        sideways = [block.support(math.atan2(y, x)) for x, y, _ in axes.tolist()]
+        gap = np.einsum("nmk,nk->nm", corners, axes).min(axis=1) - level * sideways - half * axes[:, 2]
+        rise = np.where(gap >= 0.0, 0.0, -gap / np.maximum(axes[:, 2], 1e-9))
+        raised = np.minimum(raised, np.where(level + axes[:, 2] > 1e-6, rise, np.inf))
+    return raised
 
 
 def held_above(

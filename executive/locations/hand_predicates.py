@@ -207,7 +207,7 @@ def _overhang(block: Block, points: Array, outer: Block) -> Array:
 
 
 AT_CENTRE = 0.01
-"""Largest distance of a grip point from the centre [m]."""
+"""Largest distance of a grip point from the centre, or from the line from there up [m]."""
 AT_POSE = 0.02
 """Largest distance of the hand from its pose before a thing [m]."""
 LEVEL = 0.2
@@ -243,9 +243,9 @@ def _holds(term: HandTerm, points: Array, rotations: Array, arm: ArmModel, scene
             zone = scene.bodies.zone(term.body)
             return np.array([zone.contains(point) for point in middles], bool)
         case Sense.GRASP_POINT:
-            return _is_at(points, block.centre)
+            return _is_at(points, block)
         case Sense.REACH if handled:
-            return _is_at(points, block.centre)
+            return _is_at(points, block)
         case Sense.REACH | Sense.OVER:
             low, high = bounds(term.within, term.beyond, meaning.bounds) if meaning.bounds else HEIGHTS
             over = points[:, 2] + arm.lowest(rotations, held) - block.high
@@ -262,7 +262,8 @@ def _holds(term: HandTerm, points: Array, rotations: Array, arm: ArmModel, scene
             ahead = points + APPROACH * rotated(rotations, np.asarray(arm.frame.approach)) - block.centre
             raised = max(LIFTS) if scene.arms.is_held(term.body) else 0.0
             near = np.linalg.norm(ahead[:, :2], axis=1) <= AT_POSE
-            return np.asarray(near & (ahead[:, 2] >= -AT_POSE) & (ahead[:, 2] <= raised + AT_POSE))
+            highest = max(raised, block.high - block.centre[2])
+            return np.asarray(near & (ahead[:, 2] >= -AT_POSE) & (ahead[:, 2] <= highest + AT_POSE))
     assert meaning.bounds is not None, f"{term.name} is no area for a hand"
     area = area_of(
         term.name,
@@ -277,8 +278,11 @@ def _holds(term: HandTerm, points: Array, rotations: Array, arm: ArmModel, scene
     return np.asarray(area.score(middles[:, :2]) > 0)
 
 
-def _is_at(points: Array, centre: Array) -> Mask:
-    return np.asarray(np.linalg.norm(points - centre, axis=1) <= AT_CENTRE)
+def _is_at(points: Array, block: Block) -> Mask:
+    """Return which grip points (n, 3) are in the middle of a block, or over that as far as it reaches, (n,)."""
+    away = points - block.centre
+    away[:, 2] -= np.clip(away[:, 2], 0.0, block.high - block.centre[2])
+    return np.asarray(np.linalg.norm(away, axis=1) <= AT_CENTRE)
 
 
 def _level(rotations: Array, arm: ArmModel, held: Held | None) -> Mask:
@@ -358,7 +362,7 @@ def _grasps(
     block = scene.bodies.block(reach.body)
     classes = (GraspClass(reach.grasp),) if reach.grasp is not None else CLASSES if stage else NATURAL
     headings = HEADINGS * 2**stage
-    candidates = grasping(reach.body, block, arm.frame, arm.max_opening, classes, headings)
+    candidates = grasping(reach.body, block, arm.frame, arm.max_opening, classes, headings, arm.palm)
     if not len(candidates):
         rejections.add("no gripper" if arm.max_opening <= 0 else "too wide for the gripper")
         return None

@@ -1,7 +1,8 @@
 """Effects of actions: what their classes declare is applied to the true world and to the belief once a module is done.
 
 A process module cannot change what there is by itself. A module whose motions pour or turn things over by themselves in
-the simulator says ``physical = True``: then these effects are left to the simulator, and only believed.
+the simulator says ``physical = True``: then these effects are left to the simulator, and only believed. One whose hand
+pushes buttons and turns knobs says ``by_hand = True``: then the simulator switches what these belong to.
 """
 
 from __future__ import annotations
@@ -124,7 +125,7 @@ class ActionEffects:
                 return due(self._believed, what.type)
         return None
 
-    def apply(self, action: Action, *, physical: bool) -> None:
+    def apply(self, action: Action, *, physical: bool, by_hand: bool) -> None:
         """Apply the effects of an action that was performed; what it acts on and is not there is left out."""
         effects = self.of(action)
         if not effects:
@@ -133,7 +134,7 @@ class ActionEffects:
         before = set(self._platform.scene.world.names())
         self._transform(action, effects)
         self._turn_over(action, effects, physical=physical)
-        self._switch(action, effects)
+        self._switch(action, effects, by_hand=by_hand)
         self._pour(action, effects, physical=physical)
         self._tell(before, {})
         self._platform.sync()
@@ -203,10 +204,11 @@ class ActionEffects:
                     changes.turn_over(name)
                 self._platform.belief.turned_over(name, self._platform.scene.world.pose(name))
 
-    def _switch(self, action: Action, effects: Effects) -> None:
-        devices = self._bound(action, ("object_acted_on", "device_used")) if effects.states else ()
-        for _, name in list(devices)[:1]:
-            for changes in self._worlds():
+    def _switch(self, action: Action, effects: Effects, *, by_hand: bool) -> None:
+        named = self._bound(action, ("object_acted_on", "device_used")) if effects.states else ()
+        devices = {one.device for one in self._platform.scene.world.scene.controls}
+        for name in sorted((name for _, name in named), key=lambda name: name not in devices)[:1]:
+            for changes in self._worlds(only_believed=by_hand):
                 changes.switch(name, shorten(effects.states[0]))
             self._platform.belief.switched(name, shorten(effects.states[0]))
 
@@ -323,7 +325,8 @@ class ModuleWithEffects(WrappedModule):
                 f"process module {self.name} has changed what there is, which only declared effects do: state an "
                 "ObjectChange by the class of its actions (docs/modules.md)"
             )
-        self._effects.apply(action, physical=bool(getattr(self._module, "physical", False)))
+        physical, by_hand = (bool(getattr(self._module, name, False)) for name in ("physical", "by_hand"))
+        self._effects.apply(action, physical=physical, by_hand=by_hand)
         self._effects.restored()
         return result
 

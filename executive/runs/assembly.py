@@ -25,7 +25,6 @@ from executive.belief.scene_collisions import BasePose
 from executive.locations import HandSolution, Reach, ReachKind, Resolver
 from executive.locations.demands import HandTerm
 from executive.locations.grasp_candidates import HandPoses
-from executive.modules import process_modules
 from executive.modules.effects import ActionEffects, ModuleWithEffects
 from executive.modules.platform import ArmChoices, Platform
 from executive.robots import CARRYING, Robot
@@ -34,18 +33,11 @@ from planlang.action_classes import ancestors_of
 from planlang.designators import Action, Condition, Device, Location, Object, a_posture, action
 from planlang.diagnostics import BadInput, Span, error
 from planlang.failures import (
-    DesignatorFailure,
-    EnvironmentManipulationFailure,
-    LookingFailure,
-    ManipulationFailure,
-    NavigationFailure,
     ObjectNotFound,
     ObjectUnresolvable,
-    PerceptionFailure,
 )
 from planlang.geometry import Array
 from planlang.language.executive import ProcessModule
-from planlang.modules import ModuleRegistry, OnDemand, Rank
 from planlang.ontology import Ontology, expand, shorten
 from planlang.protocols import RestorableWorld, Solution, World
 from planlang.runs.codec import dump, load
@@ -376,40 +368,3 @@ def _array(state: Any, shape: tuple[int, ...]) -> Array:
 def _base(state: Any) -> BasePose:
     x, y, yaw = state
     return float(x), float(y), float(yaw)
-
-
-ON_DEMAND = (
-    OnDemand("executive.modules.waiting:Waiting", "waiting", ("Waiting",), (DesignatorFailure,)),
-    OnDemand(
-        "executive.modules.containers:Containers",
-        "container",
-        ("OpeningAContainerArtifact", "ClosingAContainerArtifact"),
-        (EnvironmentManipulationFailure, ManipulationFailure, NavigationFailure, DesignatorFailure),
-    ),
-    OnDemand(
-        "executive.modules.searching:Software",
-        "software",
-        ("StartSoftwareModules", "StopSoftwareModules", "LoadTypicalObjectModels"),
-        (DesignatorFailure,),
-    ),
-    OnDemand(
-        "executive.modules.searching:Inference", "inference", ("InferLikelyObjectLocations",), (DesignatorFailure,)
-    ),
-    OnDemand(
-        "executive.modules.searching:Checking",
-        "checking",
-        ("CheckingWhetherConditionObtains",),
-        (PerceptionFailure, LookingFailure, DesignatorFailure),
-    ),
-    OnDemand("executive.modules.mapping:Mapping", "mapping", ("UploadMapToRoboEarth",)),
-)
-"""Process modules that few plans need, with the classes of actions that they perform."""
-
-
-def bundled_registry() -> ModuleRegistry:
-    """Return a registry with the process modules that come with planlang."""
-    registry = ModuleRegistry()
-    registry.add(process_modules, "planlang", Rank.BUNDLED)
-    for module in ON_DEMAND:
-        registry.add_on_demand(module, "planlang", Rank.BUNDLED)
-    return registry

@@ -14,9 +14,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from executive.belief import Belief, read_map, scene_of
+from executive.modules.bundled import bundled_registry
 from executive.robots import FindingKind, Missing, bind_robot, missing_capabilities, trusting_map
 from executive.robots.arms import with_carrying
-from executive.runs.assembly import RobotExecutive, bundled_registry, platform_of, real_scene, world_at_start
+from executive.runs.assembly import RobotExecutive, platform_of, real_scene, world_at_start
 from executive.runs.parameters import Bound, bound_parameters, plan_parameters, unknown_things
 from executive.runs.plan_files import (
     Requirements,
@@ -78,6 +79,8 @@ class RunOptions:
     robot: Path | None = None
     urdf: Path | None = None
     environment: Path | None = None
+    additions: tuple[Path, ...] = ()
+    """Maps of further things in the environment."""
     start: tuple[float, float, float] | None = None
     trust_map: bool = False
     """The poses of the map count as seen: a robot without camera works from them."""
@@ -190,7 +193,7 @@ class Run:
         if options.plan is not None:
             self._requirements = required_of_plan(self.path, self.plan, found, folders=options.ontologies)
         # Cheap questions first: a misspelt parameter is reported before the robot is bound, which can take a minute.
-        ontology = load(options.environment, folders=options.ontologies)
+        ontology = load(options.environment, folders=options.ontologies, also=options.additions)
         semantic_map = read_map(ontology)
         found += (*ontology.diagnostics, *semantic_map.diagnostics)
         scene = scene_of(semantic_map, found)

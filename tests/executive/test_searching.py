@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from executive.belief import Belief, read_map
 from executive.cli.app import app
 from executive.locations.likely_places import LOOKING
-from executive.runs.assembly import ON_DEMAND
+from executive.modules.bundled import ON_DEMAND
 from planlang import perform
 from planlang.designators import Object, a_posture, action, an_object
 from planlang.failures import ObjectNotFound, ObjectNowhereToBeFound, PerceptionFailure

@@ -162,6 +162,8 @@ def test_every_primitive_names_a_class_a_module_and_a_resource(vocabulary: Ontol
         "OpeningAContainerArtifact",
         "ClosingAContainerArtifact",
         "Waiting",
+        "TurningOnPoweredDevice",
+        "TurningOffPoweredDevice",
     }
     for primitive in found:
         assert isinstance(vocabulary.value(primitive, "processModule"), Literal)
