@@ -155,6 +155,8 @@ class CameraModel:
     """The direction of view, in the link's frame: z for an optical frame, x for a body frame."""
     up: tuple[float, float, float] = (0.0, -1.0, 0.0)
     """The upward direction of its picture, in the link's frame."""
+    recognises: tuple[str, ...] | None = None
+    """Classes of things of which there are models from the beginning; None: of all."""
 
     @property
     def half_angle(self) -> float:

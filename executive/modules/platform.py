@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,6 +27,9 @@ from planlang.kernel import Task
 from planlang.language.branches import concurrent_branches
 from planlang.protocols import Trajectory
 from planlang.relations import Sense
+
+if TYPE_CHECKING:
+    from executive.locations.likely_places import Searches
 
 ALONE = ""
 """The branch where no plan is running."""
@@ -250,6 +255,23 @@ class Platform(Control):
     arms: Arms = field(init=False)
     hands: Hands = field(init=False)
     sensing: Sensing = field(init=False)
+    upload: Path | None = field(init=False, default=None)
+    """The file that uploaded maps are written to."""
+    _searches: Searches | None = field(init=False, default=None)
+
+    @property
+    def searches(self) -> Searches:
+        """The searches of this run."""
+        from executive.locations.likely_places import Searches  # most runs look for nothing in several places
+
+        if self._searches is None:
+            self._searches = Searches(self.scene, self.drive.seconds)
+        return self._searches
+
+    @property
+    def searches_begun(self) -> bool:
+        """Whether anything was looked for in several places."""
+        return self._searches is not None
 
     def watched(self, group: str) -> Sequence[str]:
         """Return the arms that must not lose what they hold: all while driving, else those that this strand uses."""
