@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 
+from executive.belief.class_names import is_kind
 from executive.belief.contents import is_content
 from executive.belief.obstacles import NAMES
 from executive.belief.recognition import Recognition
 from executive.belief.semantic_map import MapObject, SemanticMap
-from planlang.designators import Object, local_name
+from planlang.designators import Object
 from planlang.failures import AmbiguousPerception, ObjectUnresolvable
 from planlang.geometry import Pose
-from planlang.ontology import expand
 from planlang.protocols import Configuration, Detection
 from planlang.runs.codec import dump, load
 from sim import PlanningWorld
@@ -201,11 +201,8 @@ class Belief:
         return any(self._is_kind(one, cls) for one in (*thing.types, *self._matter.types.get(thing.name, ())))
 
     def _is_kind(self, one: str, cls: str) -> bool:
-        """Return whether a class is below one; one that the map's vocabulary lacks is recognised by its local name."""
-        ontology = self.map.ontology
-        if ontology.defined(expand(cls)):
-            return ontology.is_a(expand(one), expand(cls))
-        return any(local_name(above) == local_name(cls) for above in ontology.ancestors(expand(one)))
+        """Return whether a class is below one; one that the map's vocabulary lacks is recognised by its name."""
+        return is_kind(self.map.ontology, one, cls)
 
     def recognises(self, name: str) -> bool:
         """Return whether a thing would be recognised in a picture."""
