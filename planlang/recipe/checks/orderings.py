@@ -6,6 +6,7 @@ delivering: an order comes from the recipe or not at all.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
@@ -241,6 +242,9 @@ def plausible_orders(
     The orders of the recipe must have no cycle; ``added`` are those that location scopes add. Suggestions never
     contradict the recipe or each other, and none follows from the others.
     """
+    if numbered := _by_number(recipe):
+        yield from ((before, after, "the steps are numbered in this order") for before, after in pairwise(numbered))
+        return
     facts = {step.iri: _facts(actions, step) for step in recipe.steps}
     all_roles = [role for fact in facts.values() for role in fact.roles]
     grasps = actions.is_a(recipe, *ROLES["acquires"])
@@ -271,6 +275,15 @@ def plausible_orders(
             for before, after in wider.reduction()
             if (before, after) in suggested
         )
+
+
+def _by_number(recipe: Recipe) -> list[str]:
+    """Return the steps (IRIs) in the order of the numbers that end their names, if nothing else orders them."""
+    numbers = {step.iri: re.search(r"[0-9]{1,9}$", step.name) for step in recipe.steps}
+    found = {int(number[0]): iri for iri, number in numbers.items() if number is not None}
+    if recipe.orderings or recipe_order(recipe).number_of_edges or len(found) < len(recipe.steps):
+        return []
+    return [found[number] for number in sorted(found)]
 
 
 def _may(first: frozenset[str], second: frozenset[str], all_roles: list[str], grasps: bool) -> bool:
@@ -376,9 +389,9 @@ def shared_resources(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     if len(using) < 2:
         return
     order = recipe_order(recipe)
-    if checked.added:
-        order = order.extended(checked.added)
-    suggested = {frozenset((before, after)) for before, after, _ in plausible_orders(actions, recipe, checked.added)}
+    suggested = [(before, after) for before, after, _ in plausible_orders(actions, recipe, checked.added)]
+    if checked.added or suggested:
+        order = order.extended([*checked.added, *suggested])
 
     def shared(first: Step, second: Step) -> frozenset[str]:
         """Return what both steps need; a recipe also holds what its steps need, process modules take turns by step."""
@@ -388,9 +401,7 @@ def shared_resources(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     pairs = [
         (first, second)
         for first, second in combinations(using, 2)
-        if shared(first, second)
-        and not order.ordered(first.iri, second.iri)
-        and frozenset((first.iri, second.iri)) not in suggested
+        if shared(first, second) and not order.ordered(first.iri, second.iri)
     ]
     if pairs:
         first, second = pairs[0]
