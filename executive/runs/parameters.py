@@ -172,6 +172,27 @@ def _bound(parameter: PlanParameter, text: str, semantic_map: SemanticMap, found
     raise BadInput([error("X006", message, help=_fitting(parameter, semantic_map))])
 
 
+ALL = "all"
+"""What stands for all things of a map."""
+
+
+def unknown_things(semantic_map: SemanticMap, words: Sequence[str]) -> tuple[str, ...]:
+    """Return the names of things, without rooms, that words mean: a thing, a class, or :data:`ALL`.
+
+    Raises BadInput for a word that means nothing in the map.
+    """
+    rooms = [one for one in semantic_map.objects if _is(semantic_map, one, expand("RoomInAConstruction"))]
+    things = [one for one in semantic_map.objects if one not in rooms and one.pose is not None]
+    found: dict[str, None] = {}
+    for word in words:
+        meant = [one.name for one in things if word in (ALL, one.name, one.iri) or _is(semantic_map, one, expand(word))]
+        if not meant:
+            known = _listed([one.name for one in things])
+            raise BadInput([error("X005", f"{word!r} is not in the map", help=f"--unknown may be all, or {known}")])
+        found.update(dict.fromkeys(meant))
+    return tuple(found)
+
+
 def _wanted(parameter: PlanParameter) -> str:
     """Return the class of what a parameter takes."""
     if parameter.default is not None:
