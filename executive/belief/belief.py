@@ -10,14 +10,15 @@ from typing import Any
 
 import numpy as np
 
+from executive.belief.class_names import is_kind
 from executive.belief.contents import is_content
 from executive.belief.knowledge import Knowledge, Source
 from executive.belief.obstacles import NAMES
+from executive.belief.recognition import Recognition
 from executive.belief.semantic_map import MapObject, SemanticMap
-from planlang.designators import Object, local_name
+from planlang.designators import Object
 from planlang.failures import AmbiguousPerception, ObjectUnresolvable
 from planlang.geometry import Pose
-from planlang.ontology import expand
 from planlang.protocols import Configuration, Detection
 from planlang.runs.codec import dump, load
 from sim import PlanningWorld
@@ -51,13 +52,17 @@ def _ignore(event: str, details: Mapping[str, Any]) -> None:
 class Belief:
     """Poses of the things of a map as the robot knows them. Only sensing and acting change it."""
 
-    def __init__(self, semantic_map: SemanticMap, world: PlanningWorld, *, trusts_map: bool = False) -> None:
+    def __init__(
+        self, semantic_map: SemanticMap, world: PlanningWorld, *, trusts_map: bool = False, unknown: Iterable[str] = ()
+    ) -> None:
         """``world`` is a planning world of the map's scene; its poses are the first ones believed.
 
-        With ``trusts_map`` they count as seen, wherever the base is.
+        With ``trusts_map`` they count as seen, wherever the base is. Of things that are ``unknown`` the robot does not
+        know where they are until it has seen them.
         """
         self.map = semantic_map
         self.trusts_map = trusts_map
+        self.recognition = Recognition(semantic_map.ontology)
         self.revision = 0
         self.held: dict[str, Grip] = {}
         self.dropped: dict[str, str] = {}
@@ -66,6 +71,8 @@ class Belief:
         """The listener to which changes are written: event, details."""
         self._poses: dict[str, Pose] = {name: world.pose(name) for name in world.names()}
         self._first = dict(self._poses)
+        self.unknown = {name: self._poses.pop(name) for name in dict.fromkeys(unknown) if name in self._poses}
+        """Things of which the robot does not know where they are, with the pose that the map states."""
         self._absent = {name: None for name in NAMES if name in self._poses}
         """Obstacles in store, the next one first."""
         self.met: str | None = None
@@ -208,21 +215,29 @@ class Belief:
         return any(self._is_kind(one, cls) for one in (*thing.types, *self._matter.types.get(thing.name, ())))
 
     def _is_kind(self, one: str, cls: str) -> bool:
-        """Return whether a class is below one; one that the map's vocabulary lacks is recognised by its local name."""
-        ontology = self.map.ontology
-        if ontology.defined(expand(cls)):
-            return ontology.is_a(expand(one), expand(cls))
-        return any(local_name(above) == local_name(cls) for above in ontology.ancestors(expand(one)))
+        """Return whether a class is below one; one that the map's vocabulary lacks is recognised by its name."""
+        return is_kind(self.map.ontology, one, cls)
+
+    def recognises(self, name: str) -> bool:
+        """Return whether a thing would be recognised in a picture."""
+        thing = self.map.find(name) or self.made.get(name)
+        return thing is None or self.recognition.recognises(thing)
 
     # Learning
 
     def see(self, detections: Iterable[Detection]) -> None:
         """Believe that what the camera recognised is where it saw it."""
         for detection in detections:
+            if detection.name in self.unknown:
+                self._find_out(detection.name)
             if detection.name in self._poses and detection.name not in self.held:
                 self._know(detection.name, Source.SEEN)
                 self._in_vain.pop(detection.name, None)
                 self._put(detection.name, detection.pose, "seen")
+
+    def _find_out(self, name: str) -> None:
+        self._poses[name] = self.unknown.pop(name)
+        self._changed("found", name=name)
 
     def not_seen(self, name: str, base: tuple[float, float, float]) -> None:
         """Record that a thing was looked for from here and not seen."""
@@ -388,6 +403,8 @@ class Belief:
             "held": held,
             "dropped": dict(self.dropped),
             "taken": sorted(self._taken),
+            "unknown": list(self.unknown),
+            "recognition": self.recognition.snapshot(),
             "met": self.met,
             "felt": [name for name in self._poses if name in NAMES and name not in self._absent],
             "leaves": {leaf: value for leaf, value in self._values.items() if value},
@@ -422,6 +439,8 @@ class Belief:
             poses = {**self._first, **{name: _pose(pose) for name, pose in state["poses"].items()}}
             felt = {str(name): poses.pop(name) for name in state["felt"]}
             self._poses = {**poses, **felt}
+            self.unknown = {str(name): self._poses.pop(name) for name in state["unknown"]}
+            self.recognition.restore(state["recognition"])
             self._absent = {name: None for name in NAMES if name in poses}
             self.met = None if state["met"] is None else str(state["met"])
             self.held = {
@@ -464,6 +483,8 @@ class Belief:
             if leaf in self.led and leaf not in world.led():
                 world.lead(self.led[leaf], leaf)
         there = set(world.names())
+        for name in self.unknown:
+            world.remove(name)
         for name, pose in self._poses.items():
             if name in self._taken or name in self._absent:
                 world.remove(name)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from executive.belief.articulation import articulated
 from executive.belief.contents import is_content, rules_of, with_contents
+from executive.belief.controls import controls_of
 from executive.belief.hollow import WALL, hollowed, open_at
 from executive.belief.semantic_map import MapObject, SemanticMap
 from planlang.diagnostics import Diagnostic, note, warning
@@ -121,7 +122,9 @@ def scene_of(semantic_map: SemanticMap, found: list[Diagnostic] | None = None) -
     bodies, joints = articulated(bodies, semantic_map, found)
     bodies = _opened(bodies, joints, semantic_map, found)
     bodies = with_contents(bodies, semantic_map)
-    scene = Scene(tuple(bodies), _bounds(bodies), joints=joints, rules=rules_of(semantic_map.ontology))
+    controls = controls_of(bodies, joints, semantic_map)
+    rules = rules_of(semantic_map.ontology)
+    scene = Scene(tuple(bodies), _bounds(bodies), joints=joints, controls=controls, rules=rules)
     _check_support(scene, semantic_map, found)
     return scene
 

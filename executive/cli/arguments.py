@@ -202,6 +202,14 @@ class RunArguments(TaskArguments, VerboseArguments):
     trust_map: Annotated[
         bool, typer.Option("--trust-map", help="Things count as seen where the map has them; needs no camera.")
     ] = False
+    unknown: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="THING",
+            help="The robot does not know where this thing of the map is, or things of this class; all: anything but "
+            "rooms. Repeatable.",
+        ),
+    ] = None
     set_: Annotated[
         list[str] | None,
         typer.Option(
@@ -228,6 +236,9 @@ class RunArguments(TaskArguments, VerboseArguments):
     ] = None
     record: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write a recording for rerun (needs planlang[record]).")
+    ] = None
+    upload: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write the map that the plan uploads, in Manchester syntax.")
     ] = None
     resume: Annotated[
         Path | None,

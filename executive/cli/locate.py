@@ -14,7 +14,8 @@ from executive.cli.arguments import LocateArguments
 from executive.cli.console import Answer, ExitCode, say, silent
 from executive.cli.inputs import check_files, chosen, environments, planar, refuse
 from executive.locations import Rejections
-from executive.locations.demands import LocationMeaningless, base_demand, sides, thing_demand, without_unused
+from executive.locations.consistency import LocationMeaningless
+from executive.locations.demands import base_demand, sides, thing_demand, viewpoint, without_unused
 from executive.modules.platform import Platform
 from executive.robots import bind_robot
 from executive.robots.arms import with_carrying
@@ -217,11 +218,12 @@ def _frame(location: Location, what: str | None, platform: Platform) -> dict[str
     return sides(thing_demand(location, what, scene, (x, y)), scene)
 
 
-def _frame_lines(frame: Mapping[str, str], platform: Platform) -> Iterator[str]:
+def _frame_lines(frame: Mapping[str, str], location: Location, platform: Platform) -> Iterator[str]:
     """Yield a line for each side."""
-    x, y, _ = platform.base()
+    there = viewpoint(location, platform.scene)
+    x, y = there or platform.base()[:2]
     for words, whose in frame.items():
-        seen = f"as seen from the robot at {_listed(x=x, y=y)}"
+        seen = f"as seen from {'the robot at ' if there is None else ''}{_listed(x=x, y=y)}"
         yield f"  {words}: {'in its own frame' if whose == 'its own' else seen}"
 
 
@@ -264,7 +266,7 @@ def _resolved(
         "counts": counts,
         "blocking": blocking,
     }
-    lines = [phrase, *_frame_lines(frame, platform), *(f"  {line}" for line, _ in places)]
+    lines = [phrase, *_frame_lines(frame, location, platform), *(f"  {line}" for line, _ in places)]
     if not places:
         message = str(failure).replace(f": {location}", "", 1)  # the phrase is printed above
         data |= {"failure": [type(failure).__name__], "message": message}

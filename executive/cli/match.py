@@ -74,7 +74,7 @@ def _action(actions: Actions, wanted: str, span: Span) -> str:
 
 def _performed(files: Sequence[Path], found: list[Diagnostic]) -> frozenset[str]:
     """Return the action classes that process modules perform; those of the user's files are executed."""
-    from executive.runs.assembly import bundled_registry
+    from executive.modules.bundled import bundled_registry
 
     registry = bundled_registry()
     registry.add_installed()

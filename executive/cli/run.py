@@ -53,6 +53,7 @@ def options_of(arguments: RunArguments) -> RunOptions:
     additions = environments(further, problems)
     trace = arguments.trace or arguments.resume
     outputs = {"--picture": arguments.picture, "--trace": trace, "--record": arguments.record}
+    outputs["--upload"] = arguments.upload
     inputs = {"the plan": found.path, "--urdf": arguments.urdf, "--robot": robot, "--environment": semantic_map}
     inputs |= {f"--modules {file}": file for file in arguments.modules or ()}
     problems += check_outputs(outputs, inputs, pictures=["--picture"], force=arguments.force)
@@ -79,6 +80,7 @@ def options_of(arguments: RunArguments) -> RunOptions:
         additions=additions,
         start=start or header.start,
         trust_map=arguments.trust_map or header.trusts_map,
+        unknown=tuple(arguments.unknown or header.unknown),
         bindings=bindings,
         seed=header.seed if arguments.seed is None else arguments.seed,
         schedule=header.schedule if arguments.schedule is None else arguments.schedule,
@@ -86,6 +88,7 @@ def options_of(arguments: RunArguments) -> RunOptions:
         trace=trace,
         picture=arguments.picture,
         record=arguments.record,
+        upload=arguments.upload,
         force=arguments.force,
         resume=recorded,
         world_as_left=arguments.world_as_left,

@@ -16,18 +16,19 @@ from typing import Generic, TypeVar
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
 from executive.locations.base_candidates import InverseMaps
+from executive.locations.consistency import meaningless
 from executive.locations.demands import (
     BaseDemand,
     Reach,
     ReachKind,
     base_demand,
     hand_demand,
-    meaningless,
     thing_demand,
 )
 from executive.locations.floor_search import FloorSearch
-from executive.locations.hand_predicates import Placement, Stage, candidates_of, hand_holds
+from executive.locations.hand_predicates import Stage, candidates_of, hand_holds
 from executive.locations.hand_solutions import HandSolution, from_base
+from executive.locations.placement import Placement
 from executive.locations.rejections import COLLISION, NOT_VISIBLE, Rejections
 from executive.locations.search import BUDGETS, ReachSearch
 from executive.locations.validation import BaseValidator

@@ -17,7 +17,7 @@ from executive.belief.believed_bodies import MEANT, Block
 from executive.belief.obstacles import EDGE, NAMES, behind
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose, pinched
-from executive.motion import Grid, NoPath, clearance_at, clearance_field, plan_base_path, time_path
+from executive.motion import Grid, MotionError, NoPath, clearance_at, clearance_field, plan_base_path, time_path
 from executive.robots import Gripper, Robot
 from executive.robots.arms import ArmModel
 from planlang import Fluent, checkpoint, using, wait_for
@@ -192,6 +192,13 @@ class Drive:
                 return trajectory
         raise NoPath(start, goal, {"finer checks": len(FINER)})
 
+    def seconds(self, goal: BasePose) -> float | None:
+        """Return the time to drive to a base pose [s], None if no path is found."""
+        try:
+            return (len(self.path(goal).positions) - 1) / self._control.world.rate
+        except MotionError:
+            return None
+
     def room_for(self, postures: Sequence[tuple[ArmModel, Array]], least: float = 0.0) -> BasePose | None:
         """Return the nearest base pose, here or behind, where arms can go to postures (d,); None if there is none.
 
@@ -322,7 +329,8 @@ class Sensing:
         camera, belief = self._control.robot.camera, self._control.belief
         if camera is None:
             return tuple(name for name in self._control.scene.world.names() if belief.seen_from_here(name))
-        detections = self._control.world.detect(camera.link)
+        seen = self._control.world.detect(camera.link)
+        detections = [one for one in seen if belief.recognises(one.name)]
         belief.see(detections)
         self._control.sync()
         self._explain()

@@ -14,10 +14,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from executive.belief import Belief, read_map, scene_of
+from executive.modules.bundled import bundled_registry
 from executive.robots import FindingKind, Missing, bind_robot, missing_capabilities, trusting_map
 from executive.robots.arms import with_carrying
-from executive.runs.assembly import RobotExecutive, bundled_registry, platform_of, real_scene, world_at_start
-from executive.runs.parameters import Bound, bound_parameters, plan_parameters
+from executive.runs.assembly import RobotExecutive, platform_of, real_scene, world_at_start
+from executive.runs.parameters import Bound, bound_parameters, plan_parameters, unknown_things
 from executive.runs.plan_files import (
     Requirements,
     assess,
@@ -83,6 +84,8 @@ class RunOptions:
     start: tuple[float, float, float] | None = None
     trust_map: bool = False
     """The poses of the map count as seen: a robot without camera works from them."""
+    unknown: tuple[str, ...] = ()
+    """Things and classes of things of which the robot does not know where they are."""
     bindings: Mapping[str, str] | None = None
     seed: int = 0
     schedule: int | None = None
@@ -90,6 +93,8 @@ class RunOptions:
     trace: Path | None = None
     picture: Path | None = None
     record: Path | None = None
+    upload: Path | None = None
+    """The file for maps that the plan uploads."""
     force: bool = False
     """Run although the robot lacks a capability, or the program a process module."""
     resume: RecordedRun | None = None
@@ -228,10 +233,18 @@ class Run:
         real = replace(real, start=scene.start) if robot.base.fixed else real
         truth = PyBulletWorld(real, robot.body(), gui=options.gui, seed=options.seed)
         self._stack.callback(truth.close)
-        trusts_map = options.trust_map
+        trusts_map, unknown = options.trust_map, unknown_things(semantic_map, options.unknown)
         platform = platform_of(
-            robot, semantic_map, truth, believed, options.seed, options.progress, trusts_map=trusts_map
+            robot,
+            semantic_map,
+            truth,
+            believed,
+            options.seed,
+            options.progress,
+            trusts_map=trusts_map,
+            unknown=unknown,
         )
+        platform.upload = options.upload
         executive = RobotExecutive(platform, self._modules)
         platform.scene.collisions.prepare()
         # What a trace must have in common with another to be equal to it, beside seed and schedule.
@@ -248,6 +261,8 @@ class Run:
         }
         if options.trust_map:
             header["trusts_map"] = True
+        if options.unknown:
+            header["unknown"] = list(options.unknown)
         if self.registry.identity:
             header["modules"] = self.registry.identity
         if assessment.infeasible:
@@ -264,7 +279,8 @@ class Run:
                     try:
                         platform.scene.bodies.bind(what)
                     except ObjectUnresolvable:
-                        if past is None and name not in made and not executive.may_create(what, needs.actions):
+                        appears = executive.may_create(what, needs.actions) or executive.may_find(what, needs.actions)
+                        if past is None and name not in made and not appears:
                             raise
 
         body = self._body(bound, bind_all)

@@ -90,7 +90,9 @@ def read_syntax(content: bytes, file: str, *, base: str, label: str) -> Parsed:
 MOST_DOCUMENTS = 200
 """Files that one ontology may be made of."""
 
-VOCABULARY = ("knowrob", "srdl", "roboearth", "dul", "motion_constraints", "object_change", "primitives", "recovery")
+VOCABULARY = (
+    "knowrob", "srdl", "roboearth", "dul", "motion_constraints", "object_change", "primitives", "recovery", "searching",
+)  # fmt: skip
 """Bundled files that every ontology has, then objects/, and the library of recipes."""
 
 
@@ -252,6 +254,7 @@ VOCABULARY_FILES: dict[str, str | None] = {
     "object-change": "object_change.omn",
     "primitives": "primitives.omn",
     "recovery": "recovery.omn",
+    "searching": "searching.omn",
     "computable": None,
     "comp_spatial": None,
     "comp_temporal": None,
