@@ -32,6 +32,12 @@ ON_DEMAND = (
         "ClosingAContainerArtifact",
         failures=_HAND_WORK,
     ),
+    _on_demand(
+        "placing:Lowering",
+        "lowering",
+        "LoweringAnObject",
+        failures=(ManipulationFailure, PerceptionFailure, LookingFailure, DesignatorFailure),
+    ),
     _on_demand("devices:Devices", "device", "TurningOnPoweredDevice", "TurningOffPoweredDevice", failures=_HAND_WORK),
     _on_demand(
         "searching:Software",

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from executive.belief import MapObject
+from executive.belief.class_names import known
 from executive.modules.platform import Platform
 from planlang import sleep
 from planlang.designators import Action, Location, Object, local_name
@@ -94,7 +95,7 @@ class ActionEffects:
         ancestors = [expand(cls) for cls in self._platform.ancestors(action.type)]
         effects = effects_of(ontology, expand(action.type), ancestors)
         destroyed, created = (
-            tuple(expand(what.type) for what in _objects(action, name))
+            tuple(known(ontology, what.type) for what in _objects(action, name))
             for name in ("inputs_destroyed", "outputs_created")
         )
         return replace(
@@ -115,14 +116,17 @@ class ActionEffects:
     def due(self, action: Action) -> float | None:
         """Return how long heat still takes to make what an action acts on [s]; None for what is there, or is not made.
 
-        So a pancake is turned when its lower side is baked, although no step of the recipe waits for that.
+        What is turned over has to be made on the side that is heated. So a pancake is turned when its lower side is
+        baked, although no step of the recipe waits for that.
         """
+        self._platform.sync()
         for what in (what for name in ACTED_ON for what in _objects(action, name)):
             try:
-                self._platform.scene.bodies.bind(what)
+                name = self._platform.scene.bodies.bind(what)
             except ObjectUnresolvable:
-                self._platform.sync()
-                return due(self._believed, what.type)
+                return min(due(self._believed, self._believed.bodies.bodies, what.type), default=None)
+            if self.of(action).turned:
+                return min(due(self._believed, [name]), default=None)
         return None
 
     def apply(self, action: Action, *, physical: bool, by_hand: bool) -> None:
@@ -132,11 +136,13 @@ class ActionEffects:
             return
         self._platform.sync()
         before = set(self._platform.scene.world.names())
-        self._transform(action, effects)
+        if effects.flow_rate is None:  # what is poured creates nothing but what lands
+            self._transform(action, effects)
         self._turn_over(action, effects, physical=physical)
         self._switch(action, effects, by_hand=by_hand)
         self._pour(action, effects, physical=physical)
         self._tell(before, {})
+        self._name_what_landed(action, effects, before)
         self._platform.sync()
 
     # One kind of effect after the other
@@ -166,7 +172,7 @@ class ActionEffects:
 
     def _outputs(self, action: Action, created: Sequence[str]) -> Iterator[Output]:
         """Yield what comes into being, under names that nothing has in any world; the action may say what it is."""
-        stated = list(_objects(action, "outputs_created"))
+        stated, ontology = list(_objects(action, "outputs_created")), self._platform.belief.map.ontology
         others: list[str] = [name for changes in self._worlds() for name in changes.bodies.bodies]
         for cls in created:
             type, name = shorten(cls), self._believed.new_name(f"{local_name(cls)}_1", others)
@@ -174,7 +180,7 @@ class ActionEffects:
                 numbers = (f"{local_name(cls)}_{number}" for number in range(2, len(others) + 3))
                 name = next(one for one in numbers if one not in others)
             others.append(name)
-            what = next((one for one in stated if one.type == type), None)
+            what = next((one for one in stated if shorten(known(ontology, one.type)) == type), None)
             yield Output(name, type, self._usual(type), what)
 
     def _vessel(
@@ -231,6 +237,13 @@ class ActionEffects:
         for changes in self._worlds(only_believed=physical)[1:]:
             changes.pour(source, target, amount)
         self._platform.belief.poured(source, target, flowed)
+
+    def _name_what_landed(self, action: Action, effects: Effects, before: set[str]) -> None:
+        """Let what a pouring step says that it creates mean what has come to lie where it was poured."""
+        new = [name for name in self._platform.scene.world.names() if name not in before]
+        for what in _objects(action, "outputs_created") if effects.flow_rate is not None else ():
+            for name in new[:1]:
+                self._platform.belief.bound_to(what, name)
 
     # Helpers
 

@@ -124,18 +124,6 @@ def _close(one: BasePose, other: BasePose) -> bool:
     return math.dist(one[:2], other[:2]) < 1e-3 and abs(turn) < 1e-3
 
 
-def _target(action: Action) -> Location | None:
-    """Return where a hand is to go; for a thing where it is grasped, for a person where they reach."""
-    match action.get("to_location"):
-        case Location() as location:
-            return location
-        case Person() as person:
-            return a_location(in_reach_of=person)
-        case Object() as what:
-            return a_location(in_center_of=what)
-    return None
-
-
 MOST_SOLUTIONS = 6
 """Hand poses of one location for which a path is planned: further ones differ little and fail alike."""
 
@@ -159,16 +147,17 @@ class Reaching:
 
     async def execute(self, action: Action) -> None:
         """Reach; raises a failure of the classes in ``failures``."""
-        location = _target(action)
+        location = self._target(action)
         if location is None:
-            raise ActionUnresolvable("reaching needs to_location", designator=str(action))
+            raise ActionUnresolvable("it needs to_location", designator=str(action))
         arms = self._arms(action)
         if not arms:
             raise ActionUnresolvable("the robot has no arm that this may mean", designator=str(action))
         if not location.relations:
             await self._to_posture(arms[0], location.name or "")
             return
-        await self._look_first(location)
+        if not any(self.platform.arms.begun_grasp(arm, location) for arm in arms):
+            await self._look_first(location)
         problem: ManipulationFailure | LocationUnresolvable | None = None
         for arm in arms:
             try:
@@ -182,13 +171,24 @@ class Reaching:
             raise kind(arm=arms[0].name, what=str(location), blocked_by=blocking) from problem
         raise problem or ManipulationPoseUnreachable(arm=arms[0].name, what=str(location))
 
+    def _target(self, action: Action) -> Location | None:
+        """Return where a hand is to go; for a thing where it is grasped, for a person where they reach."""
+        match action.get("to_location"):
+            case Location() as location:
+                return location
+            case Person() as person:
+                return a_location(in_reach_of=person)
+            case Object() as what:
+                return a_location(in_center_of=what)
+        return None
+
     def _arms(self, action: Action) -> list[ArmModel]:
         """Return the arms to try: of the device; else one that holds something; else the one chosen before; else all.
 
         To grasp, free arms come first; to reach a person, arms that hold something.
         """
         scene, arms = self.platform.scene, self.platform.arms
-        device, location = action.get("device_used"), _target(action)
+        device, location = action.get("device_used"), self._target(action)
         named = scene.arms.of(device) if isinstance(device, Device) else scene.arms.all
         if location is not None and self.platform.resolver.is_grasp(location) and (free := arms.free(named)):
             return free
@@ -200,7 +200,7 @@ class Reaching:
 
     def _is_for_person(self, action: Action) -> bool:
         """Return whether the hand is to go to where a person reaches it."""
-        location, scene = _target(action), self.platform.scene
+        location, scene = self._target(action), self.platform.scene
         return location is not None and any(
             isinstance(relation.reference, Object) and scene.bodies.is_person(scene.bodies.bind(relation.reference))
             for relation in location.relations
@@ -338,6 +338,7 @@ class Grasping:
         if held is None:
             return None
         await hands.settled(held.name)
+        self.platform.arms.put_down(arm, held.name)
         return held.name
 
 

@@ -156,6 +156,7 @@ def test_every_primitive_names_a_class_a_module_and_a_resource(vocabulary: Ontol
         "Reaching",
         "OpeningAGripper",
         "ClosingAGripper",
+        "LoweringAnObject",
         "LookingForSomething",
         "Perceiving",
         "HandingOverAnObject",
