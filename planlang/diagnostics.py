@@ -300,6 +300,7 @@ CODES: dict[str, str] = {
     "X025": "a trace was written with other versions of packages",
     "X026": "the last line of a trace is incomplete and ignored",
     "X027": "a resumed plan does something else than before",
+    "X028": "a parameter that is not set is the only thing of the class that its step names",
     # C: command line
     "C001": "a named file or folder does not exist or cannot be read",
     "C002": "the file is neither a recipe nor a plan",

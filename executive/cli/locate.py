@@ -166,11 +166,13 @@ def _bases(location: Location, platform: Platform, count: int, log: Rejections) 
         detail = solution.detail
         arm = detail.get("arm", "")
         how = f"{arm if arm.endswith('arm') else f'{arm} arm'}: {', '.join(detail['reaches'])}" if arm else ""
+        how += "".join(f", after a look from {_listed(x=a, y=b, yaw=c)}" for a, b, c in detail.get("looks", ()))
         line = f"{number}  {_listed(x=x, y=y, yaw=yaw)}  {how}".rstrip()
         score = next((place.score for place in reversed(log.places) if place.base == solution.base), None)
+        hands = list(_hands(solution.base, platform))
         yield (
             line,
-            {"x": x, "y": y, "yaw": yaw, "score": score, **detail, "hands": list(_hands(solution.base, platform))},
+            {"x": x, "y": y, "yaw": yaw, "score": score, **detail, "hands": hands},
         )
 
 

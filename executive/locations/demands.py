@@ -80,6 +80,8 @@ class BaseDemand:
     unreached: tuple[Reach, ...] = ()
     """The reaches that must not be possible."""
     unseen: tuple[str, ...] = ()
+    remembered: tuple[str, ...] = ()
+    """Things to be handled that need not be seen from there: they are looked at before."""
 
 
 @dataclass(frozen=True, slots=True)

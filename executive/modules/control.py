@@ -360,10 +360,15 @@ class Sensing:
         self._control.belief.not_seen(name, self._control.base())
 
     def must_look(self, what: Object) -> bool:
-        """Return whether a thing to grasp, or a person to give to, has not been seen since the base last moved."""
+        """Return whether a thing to grasp, or a person to give to, has not been seen since the base last moved.
+
+        False for what was seen from elsewhere and cannot be seen from here.
+        """
         scene, belief = self._control.scene, self._control.belief
         name = scene.bodies.bind(what)
         if name in belief.held or belief.seen_from_here(name):
+            return False
+        if belief.remembers(name) and scene.visibility.hidden(scene.base(), name) is not None:
             return False
         return scene.bodies.is_graspable(name) or scene.bodies.is_person(name)
 
