@@ -210,10 +210,29 @@ ROLES: dict[str, tuple[str, ...]] = {
     "picks up": ("PickingUpAnObject",),
     "opens a container": ("OpeningAContainerArtifact",),
     "closes a container": ("ClosingAContainerArtifact",),
+    "adds": ("AddingSth",),
+    "mixes": ("Mixing", "Stirring"),
+    "pours": ("FluidFlow-Translation",),
+    "heats up": ("PreheatOven",),
+    "operates": ("OperateOven",),
+    "waits": ("Waiting",),
     "opens a gripper": ("OpeningAGripper",),
     "closes a gripper": ("ClosingAGripper",),
 }
 """Role of a step -> the classes of actions that have it."""
+
+
+WORK = (
+    ("adds", "mixes", "something is added before all is mixed"),
+    ("picks up", "pours", "a vessel is picked up before something is poured out of it"),
+    ("heats up", "delivers", "an oven is heated before something is put into it"),
+    ("heats up", "operates", "an oven is heated before it is used"),
+    ("delivers", "operates", "something is put into an oven before that is used"),
+    ("heats up", "waits", "what goes on is waited for when it has begun"),
+    ("operates", "waits", "what goes on is waited for when it has begun"),
+    ("delivers", "waits", "a thing is put where it has to be before it is waited for"),
+)
+"""Roles of an earlier and of a later step, and why."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -243,7 +262,9 @@ def plausible_orders(
     contradict the recipe or each other, and none follows from the others.
     """
     if numbered := _by_number(recipe):
-        yield from ((before, after, "the steps are numbered in this order") for before, after in pairwise(numbered))
+        stated = {(one.before, one.after) for one in recipe.orderings}
+        missing = (pair for pair in pairwise(numbered) if pair not in stated)
+        yield from ((before, after, "the steps are numbered in this order") for before, after in missing)
         return
     facts = {step.iri: _facts(actions, step) for step in recipe.steps}
     all_roles = [role for fact in facts.values() for role in fact.roles]
@@ -278,12 +299,14 @@ def plausible_orders(
 
 
 def _by_number(recipe: Recipe) -> list[str]:
-    """Return the steps (IRIs) in the order of the numbers that end their names, if nothing else orders them."""
-    numbers = {step.iri: re.search(r"[0-9]{1,9}$", step.name) for step in recipe.steps}
-    found = {int(number[0]): iri for iri, number in numbers.items() if number is not None}
-    if recipe.orderings or recipe_order(recipe).number_of_edges or len(found) < len(recipe.steps):
+    """Return the steps (IRIs) in the order of the numbers that end their names, unless they are ordered otherwise."""
+    parts = {step.iri: re.fullmatch(r"(.*?)([0-9]{1,9})", step.name) for step in recipe.steps}
+    found = {(part[1], int(part[2])): iri for iri, part in parts.items() if part is not None}
+    if len({prefix for prefix, _ in found}) != 1 or len(found) < len(recipe.steps):
         return []
-    return [found[number] for number in sorted(found)]
+    steps = [found[key] for key in sorted(found)]
+    stated = {(one.before, one.after) for one in recipe.orderings}
+    return steps if stated <= set(pairwise(steps)) and not recipe.overlaps else []
 
 
 def _may(first: frozenset[str], second: frozenset[str], all_roles: list[str], grasps: bool) -> bool:
@@ -309,6 +332,9 @@ def _why(first: _Facts, second: _Facts, all_roles: list[str], *, grasps: bool) -
             return "an object is grasped before it is let go"
         if "moves the base" in b and not is_related:
             return "an object is picked up before it is carried away"
+    for earlier, later, why in WORK:
+        if earlier in a and later in b:
+            return why
     if "opens a container" in a and b & {"picks up", "closes a container"}:
         return "a container is opened before something is taken out of it"
     if "picks up" in a and "closes a container" in b:
