@@ -192,18 +192,20 @@ class Drive:
                 return trajectory
         raise NoPath(start, goal, {"finer checks": len(FINER)})
 
-    def room_for(self, postures: Sequence[tuple[ArmModel, Array]], least: float = 0.0) -> BasePose | None:
+    def room_for(
+        self, postures: Sequence[tuple[ArmModel, Array]], least: float = 0.0, ahead: float | None = None
+    ) -> BasePose | None:
         """Return the nearest base pose, here or behind, where arms can go to postures (d,); None if there is none.
 
-        It is at least so far from here [m].
+        It is at least so far from here [m]. ``ahead``: the heading of the work [rad]; that of the base, unless given.
         """
         x, y, yaw = self._control.base()
-        scene = self._control.scene
+        scene, work = self._control.scene, yaw if ahead is None else ahead
         back = [] if self._control.robot.base.fixed else product(BACK_OFF, BACKWARDS)
         for step, turn in [(0.0, 0.0), *back]:
             if step < least:
                 continue
-            pose = (x + step * math.cos(yaw + turn), y + step * math.sin(yaw + turn), yaw)
+            pose = (x + step * math.cos(work + turn), y + step * math.sin(work + turn), yaw)
             if step and scene.collisions.contacts(pose):
                 continue
             if not any(scene.collisions.contacts(pose, arm, posture) for arm, posture in postures):
