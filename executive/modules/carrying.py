@@ -39,6 +39,8 @@ NARROWER = 0.04
 """Differences of the robot's radius, with what it holds, that count [m]: it has to get through doors."""
 NEAR = 0.01
 """Differences by which a posture is another [m, rad]."""
+OVER_THE_BASE = 2
+"""Such differences that are put up with, so that nothing that is lost falls on the base."""
 APART = 0.12
 """Least distance of the hand's places in two of them [m]; those that are turned apart may be at one place."""
 
@@ -51,9 +53,12 @@ def upright_postures(control: Control, arm: ArmModel, held: Held, named: Array) 
     found = list(islice(_free(control, arm, held, named), LOOKED_AT))
     if not found:
         return []
-    widths = _widths(arm, held, np.stack([named, *found]))
-    wider = np.maximum(0, np.rint((widths[1:] - widths[0]) / NARROWER))
-    return [found[k] for k in np.argsort(wider, kind="stable")[:MOST]]
+    joints, things = _distances(arm, held, np.stack([named, *found]))
+    half = max(held.size[:2]) / 2
+    widths = np.maximum(joints, things + half)
+    worse = np.maximum(0, np.rint((widths[1:] - widths[0]) / NARROWER))
+    worse += OVER_THE_BASE * (things[1:] - half < control.robot.base.radius + NEAR)
+    return [found[k] for k in np.argsort(worse, kind="stable")[:MOST]]
 
 
 def is_near(arm: ArmModel, held: Held, named: Array, q: Array) -> bool:
@@ -101,12 +106,11 @@ def _alike(pose: Array, other: Array) -> bool:
     return near and float(np.abs(pose[:3, :3] - other[:3, :3]).max()) < 0.5
 
 
-def _widths(arm: ArmModel, held: Held, q: Array) -> Array:
-    """Return how far joints of the arm, and what it holds, are at most from the axis of the base (n,) [m]."""
+def _distances(arm: ArmModel, held: Held, q: Array) -> tuple[Array, Array]:
+    """Return how far from the axis of the base the farthest joint of the arm is, and the thing's middle, (n,) [m]."""
     chain, tips = arm.solver.chain, arm.solver.chain.fk(q)
     joints = np.linalg.norm(chain.frames(q)[:, :, :2, 3], axis=2).max(axis=1)
-    things = np.linalg.norm(moved(tips, np.asarray(held.pose.position))[:, :2], axis=1) + max(held.size[:2]) / 2
-    return np.asarray(np.maximum(joints, things))
+    return joints, np.linalg.norm(moved(tips, np.asarray(held.pose.position))[:, :2], axis=1)
 
 
 def _configuration(control: Control, arm: ArmModel, q: Array) -> Configuration:
