@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import cache
 
+from executive.belief.class_names import is_kind
 from executive.belief.semantic_map import MapObject, SemanticMap, read_size
 from planlang.ontology import Ontology, expand, shorten
 from planlang.recipe.effects import effects_of, heat_effects, number_of_class, number_of_individual
@@ -34,7 +35,7 @@ def _short(classes: Iterable[str]) -> tuple[str, ...]:
 def _taxonomy(ontology: Ontology) -> Callable[[str, str], bool]:
     @cache
     def is_a(cls: str, above: str) -> bool:
-        return cls == above or ontology.is_a(expand(cls), expand(above))
+        return cls == above or is_kind(ontology, cls, above)
 
     return is_a
 

@@ -61,7 +61,11 @@ RecipeOrPlan = Annotated[
 Robot = Annotated[str | None, typer.Option(metavar="ROBOT", help="The robot: a file, or a bundled robot's name.")]
 Urdf = Annotated[Path | None, typer.Option(metavar="FILE", help="The robot's URDF, if the robot's file names none.")]
 Environment = Annotated[
-    str | None, typer.Option(metavar="MAP", help="The semantic map: a file, or a bundled environment's name.")
+    list[str] | None,
+    typer.Option(
+        metavar="MAP",
+        help="The semantic map: a file (OWL or URDF), or a bundled environment's name; further ones add things to it.",
+    ),
 ]
 Start = Annotated[
     str | None,
@@ -70,6 +74,10 @@ Start = Annotated[
 Modules = Annotated[
     list[Path] | None,
     typer.Option(metavar="FILE.py", help="Also use the process modules of this file, which is executed; repeatable."),
+]
+Accept = Annotated[
+    list[str] | None,
+    typer.Option(metavar="CODE", help="Fix the recipe in memory first, with uncertain fixes of this code; repeatable."),
 ]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite files that planlang did not write.")]
 
@@ -163,9 +171,10 @@ class MatchArguments(TaskArguments):
     urdf: Urdf = None
     modules: Modules = None
     environment: Annotated[
-        str | None,
+        list[str] | None,
         typer.Option(
-            metavar="MAP", help="A semantic map, file or bundled name, that is also searched for what is missing."
+            metavar="MAP",
+            help="A semantic map, file or bundled name, that is also searched for what is missing; repeatable.",
         ),
     ] = None
     semantics: Annotated[Reading, typer.Option(help="How requirements are read; original: as KnowRob did.")] = (
@@ -187,11 +196,20 @@ class RunArguments(TaskArguments, VerboseArguments):
     ] = None
     robot: Robot = None
     urdf: Urdf = None
+    accept: Accept = None
     environment: Environment = None
     start: Start = None
     trust_map: Annotated[
         bool, typer.Option("--trust-map", help="Things count as seen where the map has them; needs no camera.")
     ] = False
+    unknown: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="THING",
+            help="The robot does not know where this thing of the map is, or things of this class; all: anything but "
+            "rooms. Repeatable.",
+        ),
+    ] = None
     set_: Annotated[
         list[str] | None,
         typer.Option(
@@ -218,6 +236,9 @@ class RunArguments(TaskArguments, VerboseArguments):
     ] = None
     record: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write a recording for rerun (needs planlang[record]).")
+    ] = None
+    upload: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write the map that the plan uploads, in Manchester syntax.")
     ] = None
     resume: Annotated[
         Path | None,
@@ -248,6 +269,7 @@ class ReplayArguments(TaskArguments):
         str | None,
         typer.Argument(metavar="RECIPE|PLAN", help="The recipe or plan that was run; needed unless it is bundled."),
     ] = None
+    accept: Accept = None
     modules: Modules = None
 
 

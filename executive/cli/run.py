@@ -13,7 +13,7 @@ import typer
 from executive.belief.semantic_map import DEFAULT_ENVIRONMENT, default_environment
 from executive.cli.arguments import RunArguments
 from executive.cli.console import Answer, ExitCode, say, show, silent
-from executive.cli.inputs import PlanFile, RecipeFile, check_files, chosen, planar, read, refuse
+from executive.cli.inputs import PlanFile, RecipeFile, accepted, check_files, chosen, environments, planar, read, refuse
 from executive.runs.plan_run import Outcome, RunOptions, RunResult, run_plan_file
 from executive.runs.traces import TraceHeader, read_trace
 from planlang.diagnostics import Diagnostic, error
@@ -44,14 +44,16 @@ def options_of(arguments: RunArguments) -> RunOptions:
         Bundled.ROBOT, arguments.robot or header.robot, "amigo" if is_bundled else None, problems, needs=_NEEDS
     )
     notes: list[Diagnostic] = []
-    environment = arguments.environment or header.environment
+    environment, *further = (*(arguments.environment or ()),) or (header.environment,)
     if environment is None and is_bundled:
         environment = default_environment(found.path, bindings.values(), notes)
     semantic_map = chosen(
         Bundled.ENVIRONMENT, environment, DEFAULT_ENVIRONMENT if is_bundled else None, problems, needs=_NEEDS
     )
+    additions = environments(further, problems)
     trace = arguments.trace or arguments.resume
     outputs = {"--picture": arguments.picture, "--trace": trace, "--record": arguments.record}
+    outputs["--upload"] = arguments.upload
     inputs = {"the plan": found.path, "--urdf": arguments.urdf, "--robot": robot, "--environment": semantic_map}
     inputs |= {f"--modules {file}": file for file in arguments.modules or ()}
     problems += check_outputs(outputs, inputs, pictures=["--picture"], force=arguments.force)
@@ -69,13 +71,16 @@ def options_of(arguments: RunArguments) -> RunOptions:
         plan=found.path if isinstance(found, PlanFile) else None,
         recipe=found.path if isinstance(found, RecipeFile) else None,
         task=arguments.task or header.task,
+        accepted=accepted(arguments.accept),
         ontologies=arguments.folders,
         modules=tuple(arguments.modules or ()),
         robot=robot,
         urdf=arguments.urdf,
         environment=semantic_map,
+        additions=additions,
         start=start or header.start,
         trust_map=arguments.trust_map or header.trusts_map,
+        unknown=tuple(arguments.unknown or header.unknown),
         bindings=bindings,
         seed=header.seed if arguments.seed is None else arguments.seed,
         schedule=header.schedule if arguments.schedule is None else arguments.schedule,
@@ -83,6 +88,7 @@ def options_of(arguments: RunArguments) -> RunOptions:
         trace=trace,
         picture=arguments.picture,
         record=arguments.record,
+        upload=arguments.upload,
         force=arguments.force,
         resume=recorded,
         world_as_left=arguments.world_as_left,

@@ -17,7 +17,7 @@ from executive.belief.believed_bodies import MEANT, Block
 from executive.belief.obstacles import EDGE, NAMES, behind
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose, pinched
-from executive.motion import Grid, NoPath, clearance_at, clearance_field, plan_base_path, time_path
+from executive.motion import Grid, MotionError, NoPath, clearance_at, clearance_field, plan_base_path, time_path
 from executive.robots import Gripper, Robot
 from executive.robots.arms import ArmModel
 from planlang import Fluent, checkpoint, using, wait_for
@@ -192,6 +192,13 @@ class Drive:
                 return trajectory
         raise NoPath(start, goal, {"finer checks": len(FINER)})
 
+    def seconds(self, goal: BasePose) -> float | None:
+        """Return the time to drive to a base pose [s], None if no path is found."""
+        try:
+            return (len(self.path(goal).positions) - 1) / self._control.world.rate
+        except MotionError:
+            return None
+
     def room_for(
         self, postures: Sequence[tuple[ArmModel, Array]], least: float = 0.0, ahead: float | None = None
     ) -> BasePose | None:
@@ -324,7 +331,8 @@ class Sensing:
         camera, belief = self._control.robot.camera, self._control.belief
         if camera is None:
             return tuple(name for name in self._control.scene.world.names() if belief.seen_from_here(name))
-        detections = self._control.world.detect(camera.link)
+        seen = self._control.world.detect(camera.link)
+        detections = [one for one in seen if belief.recognises(one.name)]
         belief.see(detections)
         self._control.sync()
         self._explain()
@@ -354,10 +362,15 @@ class Sensing:
         self._control.belief.not_seen(name, self._control.base())
 
     def must_look(self, what: Object) -> bool:
-        """Return whether a thing to grasp, or a person to give to, has not been seen since the base last moved."""
+        """Return whether a thing to grasp, or a person to give to, has not been seen since the base last moved.
+
+        False for what was seen from elsewhere and cannot be seen from here.
+        """
         scene, belief = self._control.scene, self._control.belief
         name = scene.bodies.bind(what)
         if name in belief.held or belief.seen_from_here(name):
+            return False
+        if belief.remembers(name) and scene.visibility.hidden(scene.base(), name) is not None:
             return False
         return scene.bodies.is_graspable(name) or scene.bodies.is_person(name)
 

@@ -1,29 +1,33 @@
 """Effects of actions: what their classes declare is applied to the true world and to the belief once a module is done.
 
 A process module cannot change what there is by itself. A module whose motions pour or turn things over by themselves in
-the simulator says ``physical = True``: then these effects are left to the simulator, and only believed.
+the simulator says ``physical = True``: then these effects are left to the simulator, and only believed. One whose hand
+pushes buttons and turns knobs says ``by_hand = True``: then the simulator switches what these belong to.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 from executive.belief import MapObject
+from executive.belief.class_names import known
 from executive.modules.platform import Platform
+from planlang import sleep
 from planlang.designators import Action, Location, Object, local_name
 from planlang.failures import ObjectUnresolvable
 from planlang.geometry import Pose
 from planlang.kernel import PlanStructureError, now
-from planlang.language.executive import ProcessModule
+from planlang.language.executive import ProcessModule, WrappedModule
 from planlang.ontology import expand, shorten
 from planlang.recipe.effects import Effects, effects_of, narrowest, number_of_class
 from sim import PyBulletWorld
 from sim.changes import Changes
 from sim.facts import origins_of
 from sim.matter import PUDDLE, Portion, merged
-from sim.processes import warm
+from sim.processes import due, warm
 
 ACTED_ON = ("object_acted_on", "inputs", "inputs_destroyed")
 """Properties of an action with what it destroys, turns over or pours."""
@@ -91,7 +95,7 @@ class ActionEffects:
         ancestors = [expand(cls) for cls in self._platform.ancestors(action.type)]
         effects = effects_of(ontology, expand(action.type), ancestors)
         destroyed, created = (
-            tuple(expand(what.type) for what in _objects(action, name))
+            tuple(known(ontology, what.type) for what in _objects(action, name))
             for name in ("inputs_destroyed", "outputs_created")
         )
         return replace(
@@ -109,18 +113,36 @@ class ActionEffects:
         ]
         return any(self._is_a(cls, what.type) for cls in created)
 
-    def apply(self, action: Action, *, physical: bool) -> None:
+    def due(self, action: Action) -> float | None:
+        """Return how long heat still takes to make what an action acts on [s]; None for what is there, or is not made.
+
+        What is turned over has to be made on the side that is heated. So a pancake is turned when its lower side is
+        baked, although no step of the recipe waits for that.
+        """
+        self._platform.sync()
+        for what in (what for name in ACTED_ON for what in _objects(action, name)):
+            try:
+                name = self._platform.scene.bodies.bind(what)
+            except ObjectUnresolvable:
+                return min(due(self._believed, self._believed.bodies.bodies, what.type), default=None)
+            if self.of(action).turned:
+                return min(due(self._believed, [name]), default=None)
+        return None
+
+    def apply(self, action: Action, *, physical: bool, by_hand: bool) -> None:
         """Apply the effects of an action that was performed; what it acts on and is not there is left out."""
         effects = self.of(action)
         if not effects:
             return
         self._platform.sync()
         before = set(self._platform.scene.world.names())
-        self._transform(action, effects)
+        if effects.flow_rate is None:  # what is poured creates nothing but what lands
+            self._transform(action, effects)
         self._turn_over(action, effects, physical=physical)
-        self._switch(action, effects)
+        self._switch(action, effects, by_hand=by_hand)
         self._pour(action, effects, physical=physical)
         self._tell(before, {})
+        self._name_what_landed(action, effects, before)
         self._platform.sync()
 
     # One kind of effect after the other
@@ -139,7 +161,7 @@ class ActionEffects:
             return
         once = tuple(dict.fromkeys(things)), tuple(dict.fromkeys(used))
         outputs = tuple(self._outputs(action, effects.created))
-        transformation = Transformation(*once, outputs, self._vessel(action, *once))
+        transformation = Transformation(*once, outputs, self._vessel(action, effects, *once))
         before = set(self._platform.scene.world.names())
         for changes in self._worlds():
             transform(changes, transformation, self._amount)
@@ -150,7 +172,7 @@ class ActionEffects:
 
     def _outputs(self, action: Action, created: Sequence[str]) -> Iterator[Output]:
         """Yield what comes into being, under names that nothing has in any world; the action may say what it is."""
-        stated = list(_objects(action, "outputs_created"))
+        stated, ontology = list(_objects(action, "outputs_created")), self._platform.belief.map.ontology
         others: list[str] = [name for changes in self._worlds() for name in changes.bodies.bodies]
         for cls in created:
             type, name = shorten(cls), self._believed.new_name(f"{local_name(cls)}_1", others)
@@ -158,16 +180,25 @@ class ActionEffects:
                 numbers = (f"{local_name(cls)}_{number}" for number in range(2, len(others) + 3))
                 name = next(one for one in numbers if one not in others)
             others.append(name)
-            what = next((one for one in stated if one.type == type), None)
+            what = next((one for one in stated if shorten(known(ontology, one.type)) == type), None)
             yield Output(name, type, self._usual(type), what)
 
-    def _vessel(self, action: Action, things: Sequence[str], used: Sequence[tuple[str, str]]) -> str | None:
-        """Return the vessel in which something comes into being: of the action, else where the inputs are."""
+    def _vessel(
+        self, action: Action, effects: Effects, things: Sequence[str], used: Sequence[tuple[str, str]]
+    ) -> str | None:
+        """Return the vessel in which something comes into being: of the action, of its inputs, else a usual one."""
         changes = self._believed
         named = [name for _, name in self._bound(action, VESSELS)]
         below = [one for one in map(changes.under, things) if one is not None and one in changes.bodies.bodies]
-        every = (*named, *(name for name, _ in used), *below)
+        usual = [name for cls in effects.vessels for name in self._nearest(cls)]
+        every = (*named, *(name for name, _ in used), *below, *usual)
         return next((name for name in every if name not in things and changes.is_vessel(name)), None)
+
+    def _nearest(self, cls: str) -> list[str]:
+        """Return the things of a class, the nearest to the robot first."""
+        belief, (x, y, _) = self._platform.belief, self._platform.base()
+        found = belief.of_class(Object(shorten(cls)))
+        return sorted(found, key=lambda name: math.dist(belief.pose(name).position[:2], (x, y)))
 
     def _turn_over(self, action: Action, effects: Effects, *, physical: bool) -> None:
         for what, name in self._bound(action, ACTED_ON) if effects.turned else ():
@@ -179,28 +210,40 @@ class ActionEffects:
                     changes.turn_over(name)
                 self._platform.belief.turned_over(name, self._platform.scene.world.pose(name))
 
-    def _switch(self, action: Action, effects: Effects) -> None:
-        devices = self._bound(action, ("object_acted_on", "device_used")) if effects.states else ()
-        for _, name in list(devices)[:1]:
-            for changes in self._worlds():
+    def _switch(self, action: Action, effects: Effects, *, by_hand: bool) -> None:
+        named = self._bound(action, ("object_acted_on", "device_used")) if effects.states else ()
+        devices = {one.device for one in self._platform.scene.world.scene.controls}
+        for name in sorted((name for _, name in named), key=lambda name: name not in devices)[:1]:
+            for changes in self._worlds(only_believed=by_hand):
                 changes.switch(name, shorten(effects.states[0]))
             self._platform.belief.switched(name, shorten(effects.states[0]))
 
     def _pour(self, action: Action, effects: Effects, *, physical: bool) -> None:
         if effects.flow_rate is None:
             return
-        acted = [name for _, name in self._bound(action, (*ACTED_ON, "device_used", "from_location"))]
+        acted = self._bound(action, (*ACTED_ON, "device_used", "from_location"))
         goals = [name for _, name in self._bound(action, ("to_location",))]
-        source = next((name for name in acted if name in self._believed.matter.contents), None)
-        target = next((name for name in (*goals, *acted) if name != source), None)
-        if source is None or target is None:
+        what, source = next(((w, name) for w, name in acted if name in self._believed.matter.contents), (None, None))
+        target = next((name for name in (*goals, *(name for _, name in acted)) if name != source), None)
+        if what is None or source is None or target is None:
             return
         stated = action.get("amount")
-        amount = float(stated) if isinstance(stated, int | float) else effects.amount or 0.0
+        if isinstance(stated, int | float):
+            amount = float(stated)
+        else:  # "pour the mix" is all of it, "pour from the bottle" some of it
+            all_of_it = self._believed.matter.total(source)
+            amount = effects.amount or 0.0 if self._means(what, source) else all_of_it
         flowed = self._believed.pour(source, target, amount)
         for changes in self._worlds(only_believed=physical)[1:]:
             changes.pour(source, target, amount)
         self._platform.belief.poured(source, target, flowed)
+
+    def _name_what_landed(self, action: Action, effects: Effects, before: set[str]) -> None:
+        """Let what a pouring step says that it creates mean what has come to lie where it was poured."""
+        new = [name for name in self._platform.scene.world.names() if name not in before]
+        for what in _objects(action, "outputs_created") if effects.flow_rate is not None else ():
+            for name in new[:1]:
+                self._platform.belief.bound_to(what, name)
 
     # Helpers
 
@@ -276,30 +319,18 @@ def transform(changes: Changes, what: Transformation, amount_of: Any) -> None:
             shift += size[0]
 
 
-class ModuleWithEffects:
+class ModuleWithEffects(WrappedModule):
     """A process module after whose actions the effects are applied that their classes declare."""
 
     def __init__(self, module: ProcessModule, effects: ActionEffects) -> None:
-        self._module, self._effects = module, effects
-        self.name = module.name
-
-    @property
-    def actions(self) -> Sequence[str]:
-        """Action classes that it performs."""
-        return self._module.actions
-
-    @property
-    def failures(self) -> Sequence[type[Exception]]:
-        """Failure classes that it may raise."""
-        return self._module.failures
-
-    def resources(self, action: Action) -> tuple[str, ...]:
-        """Return what the action needs exclusively."""
-        return self._module.resources(action)
+        super().__init__(module)
+        self._effects = effects
 
     async def execute(self, action: Action) -> Any:
         """Perform the action, then apply its effects; raises PlanStructureError if the module has changed things."""
         self._effects.pass_time()
+        if (due := self._effects.due(action)) is not None:
+            await sleep(due)
         result = await self._module.execute(action)
         self._effects.pass_time()
         if not self._effects.untouched():
@@ -307,7 +338,8 @@ class ModuleWithEffects:
                 f"process module {self.name} has changed what there is, which only declared effects do: state an "
                 "ObjectChange by the class of its actions (docs/modules.md)"
             )
-        self._effects.apply(action, physical=bool(getattr(self._module, "physical", False)))
+        physical, by_hand = (bool(getattr(self._module, name, False)) for name in ("physical", "by_hand"))
+        self._effects.apply(action, physical=physical, by_hand=by_hand)
         self._effects.restored()
         return result
 

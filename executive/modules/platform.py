@@ -8,12 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from executive.belief.scene_collisions import BasePose
-from executive.locations import HandSolution, ReachKind, Resolver
+from executive.locations import HandSolution, Reach, ReachKind, Resolver
 from executive.locations.demands import asks_for
+from executive.locations.grasp_candidates import HandPoses
 from executive.modules.carrying import is_near, upright_postures
 from executive.modules.control import Control, Drive, Hands, Sensing
 from executive.motion import JointSpace, MotionError, cartesian_path, keeps_line, plan_path, time_curve, time_path
@@ -28,6 +31,9 @@ from planlang.language.branches import concurrent_branches
 from planlang.protocols import Trajectory
 from planlang.relations import Sense
 
+if TYPE_CHECKING:
+    from executive.locations.likely_places import Searches
+
 ALONE = ""
 """The branch where no plan is running."""
 ITERATIONS = 1000
@@ -36,6 +42,8 @@ SHARE = 0.8
 """Share of the largest tilt of what is held to which paths keep, as they are checked at some places only."""
 HAIR = 1e-6
 """More than rounding [rad]."""
+AT_PLACE = 0.01
+"""Difference of the tip's pose from that at which it puts something down, up to which it retreats from there [m, 1]."""
 MOST = 256
 """Choices that are remembered; branches that have ended are forgotten first."""
 
@@ -118,7 +126,7 @@ class Arms:
         self.choices = ArmChoices()
         """Arms that were chosen where the plan left the choice."""
         self.begun: dict[str, tuple[int, BasePose, HandSolution]] = {}
-        """Arm -> belief revision, base pose and the grasp whose pre-grasp it has taken."""
+        """Arm -> belief revision, base pose and the solution that it is in the middle of."""
 
     # Which arm
 
@@ -139,21 +147,38 @@ class Arms:
         return [arm for arm in self.in_order(arms) if self._control.scene.arms.held(arm.name) is None]
 
     def use(self, arm: ArmModel, solution: HandSolution) -> None:
-        """Remember which arm was chosen, and the grasp that it has begun."""
+        """Remember which arm was chosen, and the grasp that it has begun, or how it puts something down."""
         self.choices.choose(arm.name)
-        if solution.reach.kind is ReachKind.GRASP:
+        if solution.reach.kind in (ReachKind.GRASP, ReachKind.PLACE):
             self.begun[arm.name] = (self._control.belief.revision, self._control.base(), solution)
 
     def begun_grasp(self, arm: ArmModel, location: Location) -> HandSolution | None:
-        """Return the grasp whose pre-grasp the arm has taken, if the location asks for it and nothing has changed."""
-        if arm.name not in self.begun or not asks_for(location, "hand", Sense.GRASP_POINT):
+        """Return what the arm goes on with, if the location asks for it and nothing has changed.
+
+        After the pre-grasp that is the grasp, after something was put down the retreat from it.
+        """
+        if arm.name not in self.begun:
             return None
         revision, base, solution = self.begun[arm.name]
+        goes_on = Sense.PRE_GRASP if solution.reach.kind is ReachKind.RETREAT else Sense.GRASP_POINT
+        if not asks_for(location, "hand", goes_on):
+            return None
         meant = [
             self._control.scene.bodies.bind(r.reference) for r in location.relations if isinstance(r.reference, Object)
         ]
         current = revision == self._control.belief.revision and base == self._control.base()
         return solution if current and solution.reach.body in meant else None
+
+    def put_down(self, arm: ArmModel, what: str) -> None:
+        """Begin to retreat from what the arm has just put down."""
+        _, base, solution = self.begun.get(arm.name, (0, (0.0, 0.0, 0.0), None))
+        if solution is None or solution.reach.kind is not ReachKind.PLACE:
+            return
+        if np.abs(self._control.scene.arms.tip(arm) - solution.plan.poses[1]).max() > AT_PLACE:
+            return
+        plan = HandPoses(f"retreat from {what}", solution.plan.poses[2:], what, opened=True)
+        retreat = HandSolution(Reach(ReachKind.RETREAT, what), arm, plan, solution.joints[2:])
+        self.begun[arm.name] = (self._control.belief.revision, base, retreat)
 
     # Where it is
 
@@ -320,6 +345,23 @@ class Platform(Control):
     arms: Arms = field(init=False)
     hands: Hands = field(init=False)
     sensing: Sensing = field(init=False)
+    upload: Path | None = field(init=False, default=None)
+    """The file that uploaded maps are written to."""
+    _searches: Searches | None = field(init=False, default=None)
+
+    @property
+    def searches(self) -> Searches:
+        """The searches of this run."""
+        from executive.locations.likely_places import Searches  # most runs look for nothing in several places
+
+        if self._searches is None:
+            self._searches = Searches(self.scene, self.drive.seconds)
+        return self._searches
+
+    @property
+    def searches_begun(self) -> bool:
+        """Whether anything was looked for in several places."""
+        return self._searches is not None
 
     def watched(self, group: str) -> Sequence[str]:
         """Return the arms that must not lose what they hold: all while driving, else those that this strand uses."""

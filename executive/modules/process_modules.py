@@ -14,6 +14,7 @@ from itertools import islice
 
 import numpy as np
 
+from executive.belief.recognition import VISION
 from executive.belief.scene_collisions import BasePose
 from executive.locations import HandSolution, ReachKind
 from executive.locations.demands import asks_for
@@ -21,7 +22,7 @@ from executive.modules.platform import ITERATIONS, Platform
 from executive.motion import GoalInCollision, MotionError, NoPath, StartInCollision
 from executive.robots.arms import ArmModel
 from planlang import perform, using
-from planlang.designators import Action, Device, Location, Object, Person, Relation, a_location, action
+from planlang.designators import Action, Device, Location, Object, Person, Posture, Relation, a_location, action
 from planlang.failures import (
     ActionUnresolvable,
     CommunicationFailure,
@@ -43,6 +44,7 @@ from planlang.failures import (
     NavigationPoseUnreachable,
     ObjectLost,
     ObjectNotFound,
+    ObjectNowhereToBeFound,
     PerceptionFailure,
 )
 from planlang.geometry import Array, Pose
@@ -61,7 +63,7 @@ class Navigation:
 
     name = "navigation"
     actions = ("Translation-LocationChange",)
-    failures = (NavigationFailure, ObjectLost, DesignatorFailure)
+    failures = (NavigationFailure, ObjectLost, DesignatorFailure, ObjectNowhereToBeFound)
 
     def __init__(self, platform: Platform) -> None:
         self.platform = platform
@@ -92,6 +94,8 @@ class Navigation:
         match action.get("x"), action.get("y"), action.get("yaw"), action.get("to_location"):
             case float(x), float(y), float(yaw), None:
                 return x, y, yaw
+            case None, None, None, Posture(name=str(name)) if search := self.platform.searches.begun.get(name):
+                return self.platform.searches.next(search).base
             case None, None, None, Location() | Object() as where:
                 location = where if isinstance(where, Location) else a_location(in_reach_of=where)
                 return next(self.platform.resolver.bases(location)).base
@@ -122,18 +126,6 @@ def _close(one: BasePose, other: BasePose) -> bool:
     return math.dist(one[:2], other[:2]) < 1e-3 and abs(turn) < 1e-3
 
 
-def _target(action: Action) -> Location | None:
-    """Return where a hand is to go; for a thing where it is grasped, for a person where they reach."""
-    match action.get("to_location"):
-        case Location() as location:
-            return location
-        case Person() as person:
-            return a_location(in_reach_of=person)
-        case Object() as what:
-            return a_location(in_center_of=what)
-    return None
-
-
 BACKING = (0.15, 0.3)
 """Least distances by which the base backs off, one after the other, when an arm has no way [m]."""
 FEW = 300
@@ -161,16 +153,17 @@ class Reaching:
 
     async def execute(self, action: Action) -> None:
         """Reach; raises a failure of the classes in ``failures``."""
-        location = _target(action)
+        location = self._target(action)
         if location is None:
-            raise ActionUnresolvable("reaching needs to_location", designator=str(action))
+            raise ActionUnresolvable("it needs to_location", designator=str(action))
         arms = self._arms(action)
         if not arms:
             raise ActionUnresolvable("the robot has no arm that this may mean", designator=str(action))
         if not location.relations:
             await self._to_posture(arms[0], location.name or "")
             return
-        await self._look_first(location)
+        if not any(self.platform.arms.begun_grasp(arm, location) for arm in arms):
+            await self._look_first(location)
         problem: ManipulationFailure | LocationUnresolvable | None = None
         for arm in arms:
             try:
@@ -184,13 +177,24 @@ class Reaching:
             raise kind(arm=arms[0].name, what=str(location), blocked_by=blocking) from problem
         raise problem or ManipulationPoseUnreachable(arm=arms[0].name, what=str(location))
 
+    def _target(self, action: Action) -> Location | None:
+        """Return where a hand is to go; for a thing where it is grasped, for a person where they reach."""
+        match action.get("to_location"):
+            case Location() as location:
+                return location
+            case Person() as person:
+                return a_location(in_reach_of=person)
+            case Object() as what:
+                return a_location(in_center_of=what)
+        return None
+
     def _arms(self, action: Action) -> list[ArmModel]:
         """Return the arms to try: of the device; else one that holds something; else the one chosen before; else all.
 
         To grasp, free arms come first; to reach a person, arms that hold something.
         """
         scene, arms = self.platform.scene, self.platform.arms
-        device, location = action.get("device_used"), _target(action)
+        device, location = action.get("device_used"), self._target(action)
         named = scene.arms.of(device) if isinstance(device, Device) else scene.arms.all
         if location is not None and self.platform.resolver.is_grasp(location) and (free := arms.free(named)):
             return free
@@ -202,7 +206,7 @@ class Reaching:
 
     def _is_for_person(self, action: Action) -> bool:
         """Return whether the hand is to go to where a person reaches it."""
-        location, scene = _target(action), self.platform.scene
+        location, scene = self._target(action), self.platform.scene
         return location is not None and any(
             isinstance(relation.reference, Object) and scene.bodies.is_person(scene.bodies.bind(relation.reference))
             for relation in location.relations
@@ -374,6 +378,7 @@ class Grasping:
         if held is None:
             return None
         await hands.settled(held.name)
+        self.platform.arms.put_down(arm, held.name)
         return held.name
 
 
@@ -462,22 +467,36 @@ class Perception:
 
     name = "perception"
     actions = ("Perceiving",)
-    failures = (PerceptionFailure, LookingFailure, DesignatorFailure)
+    failures = (PerceptionFailure, LookingFailure, DesignatorFailure, NavigationFailure, ObjectNowhereToBeFound)
 
     def __init__(self, platform: Platform) -> None:
         self.platform = platform
 
     def resources(self, action: Action) -> tuple[str, ...]:
-        """Return the head."""
-        return ("head",)
+        """Return the head, and the base if places have to be gone to."""
+        return ("head", "base") if self._goes(action) else ("head",)
+
+    def _goes(self, action: Action) -> bool:
+        """Return whether something is looked for of which it is not known where it is."""
+        what, bodies = action.get("object_acted_on"), self.platform.scene.bodies
+        seeks = "LookingForAThingOrTypeOfThing" in self.platform.ancestors(action.type)
+        return seeks and isinstance(what, Object) and bodies.known(what) is None
 
     async def execute(self, action: Action) -> Pose:
-        """Look for ``object_acted_on``; return its pose as seen, or raise ObjectNotFound."""
+        """Look for ``object_acted_on``; return its pose as seen, or raise ObjectNotFound.
+
+        Where it is not known where the thing is, it is looked for in all places where it is likely, those within
+        ``location_searched``; raises ObjectNowhereToBeFound when it is at none.
+        """
         what = action.get("object_acted_on")
         if not isinstance(what, Object):
             raise ActionUnresolvable("perceiving needs object_acted_on", designator=str(action))
         platform = self.platform
-        name = platform.scene.bodies.bind(what)
+        if not platform.belief.recognition.runs(VISION):
+            raise PerceptionFailure(f"{what} cannot be seen: what recognises things is stopped")
+        name = platform.scene.bodies.known(what)
+        if name is None:
+            return platform.belief.pose(await self._search(action, what))
         beyond: LookingGoalUnreachable | None = None
         for count, point in enumerate(self._gazes(name)):
             if count == MOST_GAZES:
@@ -491,6 +510,17 @@ class Perception:
                 return platform.belief.pose(name)
         platform.sensing.not_seen(name)
         raise ObjectNotFound(what=name) from beyond
+
+    async def _search(self, action: Action, what: Object) -> str:
+        """Look for something from here, or, if that is asked for, at one likely place after another."""
+        from executive.modules.searching import found_in_places, seen_from_here  # known things are looked at directly
+
+        if self._goes(action):
+            return await found_in_places(self.platform, action, what)
+        name = await seen_from_here(self.platform, what)
+        if name is None:
+            raise ObjectNotFound(what=str(what))
+        return name
 
     def _gazes(self, name: str) -> Iterator[Array]:
         """Yield points (3,) to look at: the believed place, then over its support, nearest to that place first."""

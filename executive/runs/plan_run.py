@@ -14,16 +14,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from executive.belief import Belief, read_map, scene_of
+from executive.modules.bundled import bundled_registry
 from executive.robots import FindingKind, Missing, bind_robot, missing_capabilities, trusting_map
 from executive.robots.arms import with_carrying
-from executive.runs.assembly import RobotExecutive, bundled_registry, platform_of, real_scene, world_at_start
-from executive.runs.parameters import Bound, bound_parameters, plan_parameters
+from executive.runs.assembly import RobotExecutive, platform_of, real_scene, world_at_start
+from executive.runs.parameters import Bound, bound_parameters, plan_parameters, unknown_things
 from executive.runs.plan_files import (
     Requirements,
     assess,
     compiled_plan,
+    fixed_recipe,
     import_plan,
     line_in,
+    located,
     main_plan,
     needs_of,
     outputs_of,
@@ -69,15 +72,21 @@ class RunOptions:
     plan: Path | None = None
     recipe: Path | None = None
     task: str | None = None
+    accepted: tuple[str, ...] = ()
+    """Codes of fixes that the recipe gets before it is compiled, though they may be guesses."""
     ontologies: tuple[Path, ...] = ()
     modules: tuple[Path, ...] = ()
     """The user's files of process modules."""
     robot: Path | None = None
     urdf: Path | None = None
     environment: Path | None = None
+    additions: tuple[Path, ...] = ()
+    """Maps of further things in the environment."""
     start: tuple[float, float, float] | None = None
     trust_map: bool = False
     """The poses of the map count as seen: a robot without camera works from them."""
+    unknown: tuple[str, ...] = ()
+    """Things and classes of things of which the robot does not know where they are."""
     bindings: Mapping[str, str] | None = None
     seed: int = 0
     schedule: int | None = None
@@ -85,6 +94,8 @@ class RunOptions:
     trace: Path | None = None
     picture: Path | None = None
     record: Path | None = None
+    upload: Path | None = None
+    """The file for maps that the plan uploads."""
     force: bool = False
     """Run although the robot lacks a capability, or the program a process module."""
     resume: RecordedRun | None = None
@@ -134,8 +145,13 @@ class Run:
                 self.path = options.plan
             else:
                 assert options.recipe is not None
-                recipe = load(options.recipe, folders=options.ontologies)
+                file, folders = options.recipe, options.ontologies
+                if options.accepted:
+                    file = fixed_recipe(file, stack, self.found, options.task, folders, options.accepted)
+                    folders = (options.recipe.parent, *folders)
+                recipe = load(file, folders=folders)
                 self.path, recipes = compiled_plan(recipe, stack, self.found, task=options.task)
+                self.found = [located(one, file, options.recipe) for one in self.found]
                 self._requirements = required(recipe, recipes)
             self.source = import_plan(self.path)
             self.plan: Plan[Any, Any] = main_plan(self.source, options.task if options.plan is not None else None)
@@ -180,7 +196,7 @@ class Run:
         if options.plan is not None:
             self._requirements = required_of_plan(self.path, self.plan, found, folders=options.ontologies)
         # Cheap questions first: a misspelt parameter is reported before the robot is bound, which can take a minute.
-        ontology = load(options.environment, folders=options.ontologies)
+        ontology = load(options.environment, folders=options.ontologies, also=options.additions)
         semantic_map = read_map(ontology)
         found += (*ontology.diagnostics, *semantic_map.diagnostics)
         scene = scene_of(semantic_map, found)
@@ -193,6 +209,8 @@ class Run:
         performed = self.registry.actions if options.resume is None else None
         unperformed = partial(without_module, semantic_map.ontology, performed)
         assessment = assess(needs, lambda actions: (), unperformed)
+        if not assessment.missing:  # the program's process modules perform what the vocabulary has nothing for
+            found[:] = [one for one in found if one.code != "R021"]
         if assessment.missing and not options.force:
             options.announce(found)
             return self._refused(assessment.missing)
@@ -220,10 +238,18 @@ class Run:
         real = replace(real, start=scene.start) if robot.base.fixed else real
         truth = PyBulletWorld(real, robot.body(), gui=options.gui, seed=options.seed)
         self._stack.callback(truth.close)
-        trusts_map = options.trust_map
+        trusts_map, unknown = options.trust_map, unknown_things(semantic_map, options.unknown)
         platform = platform_of(
-            robot, semantic_map, truth, believed, options.seed, options.progress, trusts_map=trusts_map
+            robot,
+            semantic_map,
+            truth,
+            believed,
+            options.seed,
+            options.progress,
+            trusts_map=trusts_map,
+            unknown=unknown,
         )
+        platform.upload = options.upload
         executive = RobotExecutive(platform, self._modules)
         platform.scene.collisions.prepare()
         # What a trace must have in common with another to be equal to it, beside seed and schedule.
@@ -240,6 +266,8 @@ class Run:
         }
         if options.trust_map:
             header["trusts_map"] = True
+        if options.unknown:
+            header["unknown"] = list(options.unknown)
         if self.registry.identity:
             header["modules"] = self.registry.identity
         if assessment.infeasible:
@@ -256,7 +284,8 @@ class Run:
                     try:
                         platform.scene.bodies.bind(what)
                     except ObjectUnresolvable:
-                        if past is None and name not in made and not executive.may_create(what, needs.actions):
+                        appears = executive.may_create(what, needs.actions) or executive.may_find(what, needs.actions)
+                        if past is None and name not in made and not appears:
                             raise
 
         body = self._body(bound, bind_all)

@@ -101,12 +101,11 @@ def executive_for(construct: str) -> Executive:
     return executive
 
 
-class RecordedModule:
-    """A process module whose results are recorded."""
+class WrappedModule:
+    """What a process module says of itself, said of another one: the base of those that add to one."""
 
-    def __init__(self, module: ProcessModule, recorded: Recorded) -> None:
+    def __init__(self, module: ProcessModule) -> None:
         self._module = module
-        self._recorded = recorded
         self.name = module.name
 
     @property
@@ -118,6 +117,18 @@ class RecordedModule:
     def failures(self) -> Sequence[type[Exception]]:
         """Failure classes that it may raise."""
         return self._module.failures
+
+    def resources(self, action: Action) -> tuple[str, ...]:
+        """Return what the action needs exclusively."""
+        return tuple(self._module.resources(action))
+
+
+class RecordedModule(WrappedModule):
+    """A process module whose results are recorded."""
+
+    def __init__(self, module: ProcessModule, recorded: Recorded) -> None:
+        super().__init__(module)
+        self._recorded = recorded
 
     def resources(self, action: Action) -> tuple[str, ...]:
         """Return what the action needs exclusively."""

@@ -156,12 +156,15 @@ def test_every_primitive_names_a_class_a_module_and_a_resource(vocabulary: Ontol
         "Reaching",
         "OpeningAGripper",
         "ClosingAGripper",
+        "LoweringAnObject",
         "LookingForSomething",
         "Perceiving",
         "HandingOverAnObject",
         "OpeningAContainerArtifact",
         "ClosingAContainerArtifact",
         "Waiting",
+        "TurningOnPoweredDevice",
+        "TurningOffPoweredDevice",
     }
     for primitive in found:
         assert isinstance(vocabulary.value(primitive, "processModule"), Literal)
