@@ -201,18 +201,21 @@ class Drive:
         except MotionError:
             return None
 
-    def room_for(self, postures: Sequence[tuple[ArmModel, Array]], least: float = 0.0) -> BasePose | None:
+    def room_for(
+        self, postures: Sequence[tuple[ArmModel, Array]], least: float = 0.0, ahead: float | None = None
+    ) -> BasePose | None:
         """Return the nearest base pose, here or around, where arms can go to postures (d,); None if there is none.
 
-        It is at least so far from here [m]. Poses to which the robot can go straight, as its arms are now, come first.
+        It is at least so far from here [m]. ``ahead``: the heading of the work [rad]; that of the base, unless given.
+        Poses to which the robot can go straight, as its arms are now, come first.
         """
         x, y, yaw = self._control.base()
-        contacts = self._control.scene.collisions.contacts
+        contacts, work = self._control.scene.collisions.contacts, yaw if ahead is None else ahead
         around = [] if self._control.robot.base.fixed else product(BACK_OFF, AWAY)
         bent, free = None, dict.fromkeys(AWAY, 0.0)
 
         def at(step: float, turn: float) -> BasePose:
-            return (x + step * math.cos(yaw + turn), y + step * math.sin(yaw + turn), yaw)
+            return (x + step * math.cos(work + turn), y + step * math.sin(work + turn), yaw)
 
         def is_straight(step: float, turn: float) -> bool:
             while free[turn] < step and not contacts(at(free[turn] + STRIDE, turn)):
