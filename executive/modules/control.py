@@ -155,7 +155,7 @@ ROOMY = 0.01
 BACK_OFF = (0.1, 0.2, 0.3, 0.45, 0.6)
 """Distances at which room for the carrying posture is looked for [m]; the base is to stay near its work."""
 AWAY = tuple(share * math.pi for share in (1.0, 0.75, -0.75, 0.5, -0.5, 0.25, -0.25, 0.0))
-"""Directions in which the base backs off, relative to its heading [rad]: straight back first; arms work at all sides."""
+"""Directions in which the base backs off, relative to its heading [rad]: straight back first; arms work at any side."""
 STRIDE, HAIR = 0.05, 1e-6
 """Steps in which a straight way of the base is looked at, and what rounding takes from them [m]."""
 
