@@ -78,6 +78,8 @@ class Body:
     """True for a device that is on at the beginning."""
     blade: float = 0.0
     """Length of the blade at the front end of its longest axis [m]; 0 without one."""
+    largest_tilt: float | None = None
+    """How far its z axis may lean from upright while it is carried [rad]; None if it may be turned as one likes."""
 
     def __post_init__(self) -> None:
         if self.shape not in tuple(BodyShape):

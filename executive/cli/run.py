@@ -115,9 +115,10 @@ def _answer(result: RunResult, *, is_announced: bool) -> Answer:
         "outcome": result.message,
         "failure": list(result.failure),
         "final_state": list(result.final_state),
+        "largest_tilts": result.tilts.degrees(),
         "plan_seconds": result.seconds,
     }
-    text = "\n".join(line for line in (result.message, *result.final_state) if line)
+    text = "\n".join(line for line in (result.message, *result.final_state, *result.tilts.lines()) if line)
     return Answer(code, () if is_announced else result.diagnostics, text, data)
 
 

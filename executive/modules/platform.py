@@ -7,7 +7,7 @@ made once in each strand of the run, and kept there.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,8 +17,10 @@ from executive.belief.scene_collisions import BasePose
 from executive.locations import HandSolution, Reach, ReachKind, Resolver
 from executive.locations.demands import asks_for
 from executive.locations.grasp_candidates import HandPoses
+from executive.modules.carrying import is_near, upright_postures
 from executive.modules.control import Control, Drive, Hands, Sensing
 from executive.motion import JointSpace, MotionError, cartesian_path, keeps_line, plan_path, time_curve, time_path
+from executive.motion.upright import Upright
 from executive.robots import CARRYING
 from executive.robots.arms import ArmModel
 from planlang.designators import Location, Object
@@ -36,6 +38,10 @@ ALONE = ""
 """The branch where no plan is running."""
 ITERATIONS = 1000
 """Branches that the search of a path grows before it gives up."""
+SHARE = 0.8
+"""Share of the largest tilt of what is held to which paths keep, as they are checked at some places only."""
+HAIR = 1e-6
+"""More than rounding [rad]."""
 AT_PLACE = 0.01
 """Difference of the tip's pose from that at which it puts something down, up to which it retreats from there [m, 1]."""
 MOST = 256
@@ -195,17 +201,51 @@ class Arms:
         now = zip(arm.joints, self._control.arm_joints(arm), strict=True)
         return np.array([known[meant].get(joint, value) for joint, value in now])
 
+    def postures(self, arm: ArmModel, name: str) -> list[Array]:
+        """Return joint positions (d,) for a named posture, the best first: such that what is held stays upright.
+
+        Raises ActionUnresolvable as :meth:`posture` does; none are left if nothing near it keeps upright what is held.
+        """
+        named, held = self.posture(arm, name), self._control.scene.arms.held(arm.name)
+        if held is None or held.largest_tilt is None:
+            return [named]
+        self._control.sync()
+        return upright_postures(self._control, arm, held, named)
+
     def untucked(self) -> list[tuple[ArmModel, Array]]:
-        """Return the arms that are not in the carrying posture, each with its joint positions there (d,)."""
-        postures = [(arm, self.posture(arm, CARRYING)) for arm in self._control.scene.arms.all]
-        return [(arm, posture) for arm, posture in postures if not self.is_at(arm, posture)]
+        """Return the arms that are not in the carrying posture, each with its joint positions there (d,).
+
+        The height of a torso that arms share does not count: what one of them holds may need another.
+        """
+        arms = [arm for arm in self._control.scene.arms.all if not self._is_tucked(arm)]
+        postures = [(arm, self.postures(arm, CARRYING)) for arm in arms]
+        return [(arm, qs[0]) for arm, qs in postures if qs]
+
+    def _is_tucked(self, arm: ArmModel) -> bool:
+        q, named, held = (
+            self._control.arm_joints(arm),
+            self.posture(arm, CARRYING),
+            self._control.scene.arms.held(arm.name),
+        )
+        if held is not None and held.largest_tilt is not None:
+            return is_near(arm, held, named, q)
+        away = np.abs(q - named)
+        return bool((away if arm.lift is None else np.delete(away, arm.lift.column)).max() <= 1e-3)
 
     # Where it can go
 
-    def path(self, arm: ArmModel, goal: Array, touches: str | None = None, iterations: int = ITERATIONS) -> Trajectory:
-        """Return a timed path to joint positions (d,) through the planning scene; raises a MotionError.
+    def path(
+        self,
+        arm: ArmModel,
+        goal: Array,
+        touches: str | None = None,
+        iterations: int = ITERATIONS,
+        others: Sequence[Array] = (),
+    ) -> Trajectory:
+        """Return a timed path to joint positions (d,), or to ``others``, through the planning scene.
 
-        The hand may touch the body ``touches``. With few ``iterations`` it gives up early.
+        Raises a MotionError. The hand may touch the body ``touches``. With few ``iterations`` it gives up early. What
+        is held stays upright if it has to.
         """
         control = self._control
         control.sync()
@@ -223,8 +263,38 @@ class Arms:
             """Return where the arm is checked exactly: at each world step, and at the resolution of checks."""
             return np.concatenate([space.points(path), control.timed(arm.joints, path).positions[1:]])
 
-        found = plan_path(start, goal, space, quick, touching, self._rng, moments=moments, iterations=iterations)
+        upright = self.upright(arm, goal)
+        found = plan_path(
+            start,
+            goal,
+            space,
+            quick,
+            touching,
+            self._rng,
+            moments=moments,
+            others=others,
+            constraint=upright,
+            iterations=iterations,
+        )
+        if upright is not None and len(found) > 2:  # a curve does not stop at each of many waypoints
+            curve = control.timed(arm.joints, found, time_curve)
+            rows = curve.positions[1:]
+            doubtful = rows[~quick.sure(rows)]
+            if chain.within(rows, 1e-6).all() and upright.holds(rows).all() and not any(map(touching, doubtful)):
+                return curve
         return control.timed(arm.joints, found)
+
+    def upright(self, arm: ArmModel, goal: Array) -> Upright | None:
+        """Return how upright an arm keeps what it holds on its way to joint positions (d,); None if it need not.
+
+        Where it leans more at the start, as after pouring, or is to at the goal, it may on the way.
+        """
+        held = self._control.scene.arms.held(arm.name)
+        if held is None or held.largest_tilt is None:
+            return None
+        usual = Upright(arm.solver.chain, held.up, SHARE * held.largest_tilt)
+        ends = usual.tilts(np.stack([self._control.arm_joints(arm), goal]))
+        return replace(usual, limit=max(usual.limit, float(ends.max()) + HAIR))
 
     def straight_path(self, arm: ArmModel, pose: Array, q: Array, touches: str | None) -> Trajectory:
         """Return a timed straight line of the tip to a map pose (4, 4) at joint positions q (d,).

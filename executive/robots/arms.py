@@ -49,6 +49,13 @@ class Held:
     name: str
     pose: Pose
     size: tuple[float, float, float]
+    largest_tilt: float | None = None
+    """How far its z axis may lean from upright [rad]; None if it may be turned as one likes."""
+
+    @property
+    def up(self) -> Array:
+        """Return its z axis in the tip frame, (3,)."""
+        return np.asarray(self.pose.rotation[:, 2])
 
     def lowest_of(self, rotations: Array) -> Array:
         """Return height of the object's lowest point relative to the tip, for tip rotations (m, 3, 3), (m,) [m]."""

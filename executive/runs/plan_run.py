@@ -6,7 +6,7 @@ import inspect
 import traceback
 from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
@@ -35,6 +35,7 @@ from executive.runs.plan_files import (
     stated_waiting,
     without_module,
 )
+from executive.runs.tilts import Tilts
 from executive.runs.traces import ListenedTrace, check_same_run, lines_of, past_of, recorded_parameters, sha256
 from planlang import PlanFailure, RunError, SimulationHost, budget, explain, run
 from planlang.designators import Location, Object
@@ -123,6 +124,8 @@ class RunResult:
     """Plan time [s]."""
     failure: tuple[str, ...] = ()
     """Classes of the failure that ended the plan and of its causes, the failure itself first."""
+    tilts: Tilts = field(default_factory=Tilts)
+    """How far what was carried leaned from upright, in the simulator's truth."""
 
 
 class Run:
@@ -341,7 +344,8 @@ class Run:
     ) -> RunResult:
         options = self.options
         listeners = [lines_of(lambda step, line: options.progress(f"{step / truth.rate:7.2f} s  {line}"))]
-        recording, watchers = None, [*options.watchers]
+        recording, tilts = None, Tilts()
+        watchers: list[Callable[[PyBulletWorld], None]] = [tilts, *options.watchers]
         if options.record is not None:
             from executive.pictures.recording import Recording, drawn_in
 
@@ -350,7 +354,7 @@ class Run:
             listeners.append(lines_of(recording.event))
             watchers.append(lambda world: film.frame(world.steps))
         trace = ListenedTrace.to(options.trace, header, tuple(listeners), past)
-        world = _WatchedWorld(truth, watchers) if watchers else truth
+        world = _WatchedWorld(truth, watchers)
         outcome, message = Outcome.DONE, "done"
         failures: tuple[str, ...] = ()
         try:
@@ -390,7 +394,7 @@ class Run:
             if recording is not None and options.record is not None:
                 write_complete(options.record, recording.save)
         state = tuple(_state_lines(truth, bound, executive.platform.belief))
-        return RunResult(outcome, message, state, tuple(self.found), truth.steps / truth.rate, failures)
+        return RunResult(outcome, message, state, tuple(self.found), truth.steps / truth.rate, failures, tilts)
 
     def _users_line(self, problem: Exception) -> str | None:
         """Return the line of the plan, or of a user's process module, that raised; None if planlang did, below it."""
