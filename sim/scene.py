@@ -78,6 +78,10 @@ class Body:
     """True for a device that is on at the beginning."""
     blade: float = 0.0
     """Length of the blade at the front end of its longest axis [m]; 0 without one."""
+    wall: float = 0.0
+    """Thickness of the walls of what is hollow and open above, such as a plate or a bowl [m]; 0 for what is solid."""
+    soft: bool = False
+    """True for cloth and the like: between two fingers that close on it from above it makes a fold."""
     largest_tilt: float | None = None
     """How far its z axis may lean from upright while it is carried [rad]; None if it may be turned as one likes."""
 
@@ -97,10 +101,9 @@ class Body:
 
     @property
     def graspable(self) -> bool:
-        """Return True if a hand could take it: a movable box or cylinder that is narrow enough."""
-        return (
-            self.movable and self.shape in (BodyShape.BOX, BodyShape.CYLINDER) and min(self.size[:2]) <= GRASPABLE_WIDTH
-        )
+        """Return True if a hand could take it: a movable box or cylinder that is narrow enough, by a rim, or soft."""
+        narrow = min(self.size[:2]) <= GRASPABLE_WIDTH or self.wall > 0 or self.soft
+        return self.movable and self.shape in (BodyShape.BOX, BodyShape.CYLINDER) and narrow
 
 
 @dataclass(frozen=True, slots=True)

@@ -152,7 +152,7 @@ def grasping(
         axis=1,
     )
     points = np.tile(block.centre, (count, 1))
-    found = _oriented(
+    found = oriented(
         f"grasp {name}", points, offsets, 1, grasps, yaws, rolls, weights, frame, touches=name, opened=True
     )
     if not count or not palm:
@@ -325,7 +325,7 @@ def _level(
         side = [CLASSES.index(GraspClass.SIDE)] * count
         candidates = GraspCandidates.joined(
             [
-                _oriented(text, places, still, 0, side, list(headings), [roll] * count, list(weights), frame)
+                oriented(text, places, still, 0, side, list(headings), [roll] * count, list(weights), frame)
                 for roll in (1, -1)
             ]
         )
@@ -372,7 +372,7 @@ def _directions(grasps: list[int], yaws: list[float]) -> Array:
     return np.stack([np.cos(yaw) * np.cos(pitch), np.sin(yaw) * np.cos(pitch), -np.sin(pitch)], axis=-1).reshape(-1, 3)
 
 
-def _oriented(
+def oriented(
     text: str,
     points: Array,
     offsets: Array,
@@ -386,6 +386,7 @@ def _oriented(
     touches: str | None = None,
     opened: bool = False,
 ) -> GraspCandidates:
+    """Return candidates whose hands are turned as classes of grasps, headings and rolls (1 or -1) say."""
     kinds, heading, roll = np.array(grasps, np.intp), np.array(yaws, float), np.array(rolls, np.intp)
     rotations = np.zeros((len(kinds), 3, 3))
     for index, grasp in enumerate(CLASSES):
