@@ -13,11 +13,11 @@ import numpy as np
 
 from executive.belief.believed_bodies import Block
 from executive.locations.grasp_candidates import (
-    APPROACH,
     CLASSES,
-    LIFT,
     OBLIQUE,
     GraspCandidates,
+    directions,
+    grasp_series,
     oriented,
 )
 from executive.locations.reachability import GraspClass
@@ -25,12 +25,16 @@ from executive.robots.arms import HandFrame
 from planlang.geometry import Array
 from sim.bodies import SEGMENTS
 
+FROM_ABOVE = (GraspClass.TOP, GraspClass.TILTED)
+"""Classes of such grasps: a tilted hand reaches farther over a table."""
 LOW = 0.08
 """Height up to which things are taken like this from above [m]; higher ones are gripped in the middle."""
 FLAT = 0.04
 """Height up to which things are taken from above alone [m]: from the side the hand would be in their support."""
-CLEARANCES = (0.004, 0.012)
-"""Distances of the fingers' tips from what is below them [m]."""
+CLEARANCES = {GraspClass.TOP: (0.004, 0.012), GraspClass.TILTED: (-0.008, -0.002, 0.004)}
+"""Distances of the hand, taken for boxes, from what is below it [m]: corners of boxes stick out of tilted fingers."""
+LONG = 3.0
+"""How much longer than wide a thing is that is gripped elsewhere than in the middle, too."""
 DEEPEST = 0.025
 """Depth to which fingers go beside a rim [m]."""
 LEAST = 0.005
@@ -54,32 +58,46 @@ def grips(block: Block) -> Array:
 
 @lru_cache(maxsize=8)
 def from_above(
-    name: str, block: Block, frame: HandFrame, max_opening: float, headings: int, reach: float
+    name: str,
+    block: Block,
+    frame: HandFrame,
+    max_opening: float,
+    classes: tuple[GraspClass, ...],
+    headings: int,
+    below: tuple[float, ...],
 ) -> GraspCandidates:
     """Return candidates from above for something low: pre-grasp, grasp, lift and retreat.
 
-    ``reach``: how far the fingers' tips are below the grip point [m].
+    ``classes`` are among :data:`FROM_ABOVE`; ``below``: how far the hand is below the grip point in each [m].
     """
+    parts = [_of_class(name, block, frame, max_opening, one, headings, below[FROM_ABOVE.index(one)]) for one in classes]
+    return GraspCandidates.joined(parts)
+
+
+def _of_class(
+    name: str, block: Block, frame: HandFrame, max_opening: float, grasp: GraspClass, headings: int, below: float
+) -> GraspCandidates:
     floor = block.low + block.wall
+    natural = 0.8 if grasp is GraspClass.TOP else 0.7
     rows = []
     for x, y, yaw in _places(block, headings):
         across = block.wall or 2 * block.support(yaw + math.pi / 2)
         turn = yaw - block.yaw
         weight = 1.0 if block.round or block.wall or abs(math.sin(2 * turn)) < 1e-6 else OBLIQUE
-        for tips in _depths(block, floor) if block.soft or across <= max_opening else ():
-            rows.append((x, y, tips + reach, yaw, 0.8 * weight))
-    table = np.array(rows).reshape(-1, 5)
+        for tips in _depths(block, floor, CLEARANCES[grasp]) if block.soft or across <= max_opening else ():
+            for roll in grasp.rolls:
+                rows.append((x, y, tips + below, yaw, natural * weight, roll))
+    table = np.array(rows).reshape(-1, 6)
     count = len(table)
-    up = np.array([0.0, 0.0, 1.0])
-    series = np.array([APPROACH * up, 0.0 * up, LIFT * up, max(LIFT, APPROACH) * up])
+    kinds, rolls = [CLASSES.index(grasp)] * count, table[:, 5].astype(int).tolist()
     return oriented(
         f"grasp {name}",
         table[:, :3],
-        np.tile(series, (count, 1, 1)),
+        grasp_series(directions(kinds, table[:, 3].tolist())),
         1,
-        [CLASSES.index(GraspClass.TOP)] * count,
+        kinds,
         table[:, 3].tolist(),
-        [1] * count,
+        rolls,
         table[:, 4].tolist(),
         frame,
         touches=name,
@@ -92,7 +110,11 @@ def _places(block: Block, headings: int) -> Iterator[tuple[float, float, float]]
     if block.wall > 0:
         yield from _rim(block)
         return
-    shares = [(0.0, 0.0), (0.5, 0.0), (-0.5, 0.0), (0.0, 0.5), (0.0, -0.5)] if block.soft else [(0.0, 0.0)]
+    shares = [(0.0, 0.0)]
+    if block.soft or block.half_x > LONG * block.half_y:
+        shares += [(0.5, 0.0), (-0.5, 0.0)]
+    if block.soft or block.half_y > LONG * block.half_x:
+        shares += [(0.0, 0.5), (0.0, -0.5)]
     for x, y in block.to_map(np.array(shares) * [block.half_x, block.half_y]).tolist():
         for number in range(headings):
             yield x, y, block.yaw + number * 2 * math.pi / headings
@@ -113,10 +135,10 @@ def _rim(block: Block) -> Iterator[tuple[float, float, float]]:
             yield place[0], place[1], block.yaw + along
 
 
-def _depths(block: Block, floor: float) -> list[float]:
+def _depths(block: Block, floor: float, clearances: tuple[float, ...]) -> list[float]:
     """Return heights of the fingers' tips: over what is soft, else as deep as may be beside a wall or a thing."""
     if block.soft:
-        return [block.high + clearance for clearance in CLEARANCES]
+        return [block.high + clearance for clearance in clearances]
     deepest = block.high - DEEPEST if block.wall else block.low
-    heights = [max(floor + clearance, deepest) for clearance in CLEARANCES]
+    heights = [max(floor + clearance, deepest) for clearance in clearances]
     return [height for height in dict.fromkeys(heights) if height <= block.high - LEAST]

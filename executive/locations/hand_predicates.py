@@ -39,7 +39,7 @@ from executive.locations.grasp_candidates import (
     placing,
     retreating,
 )
-from executive.locations.grasps_from_above import from_above, grips, is_flat, is_low
+from executive.locations.grasps_from_above import FROM_ABOVE, from_above, grips, is_flat, is_low
 from executive.locations.placement import HAIR, Placement
 from executive.locations.reachability import GraspClass
 from executive.locations.rejections import Rejections
@@ -207,12 +207,12 @@ def _grasps(
     block = scene.bodies.block(reach.body)
     classes = (GraspClass(reach.grasp),) if reach.grasp is not None else CLASSES if stage else NATURAL
     headings = HEADINGS * 2**stage
-    middle = tuple(
-        grasp for grasp in classes if not is_flat(block) and (grasp is not GraspClass.TOP or not is_low(block))
-    )
+    middle = () if is_flat(block) else tuple(one for one in classes if not (is_low(block) and one in FROM_ABOVE))
     candidates = grasping(reach.body, block, arm.frame, arm.max_opening, middle, headings, arm.palm)
-    if is_low(block) and (GraspClass.TOP in classes or (is_flat(block) and reach.grasp is None)):
-        low = from_above(reach.body, block, arm.frame, arm.max_opening, headings, arm.below_tip)
+    above = FROM_ABOVE if is_flat(block) and reach.grasp is None else tuple(one for one in FROM_ABOVE if one in classes)
+    if is_low(block) and above:
+        below = tuple(-float(arm.lowest(one.rotations([0.0], [1], arm.frame), None)[0]) for one in FROM_ABOVE)
+        low = from_above(reach.body, block, arm.frame, arm.max_opening, above, headings, below)
         candidates = GraspCandidates.joined([candidates, low])
     if not len(candidates) and reach.grasp is not None and is_flat(block):
         rejections.add("too low for a grasp but from above")

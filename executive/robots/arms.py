@@ -120,11 +120,6 @@ class ArmModel:
     palm: tuple[tuple[float, ...], ...] = ()
     """Those of the pieces that are no fingers, which nothing that is grasped may touch."""
 
-    @property
-    def below_tip(self) -> float:
-        """Return how far the hand reaches beyond the tip along its approach [m]."""
-        return float((self.hand_corners @ np.asarray(self.frame.approach)).max())
-
     def lowest(self, rotations: Array, held: Held | None) -> Array:
         """Return the lowest point (m,) of hand and held object over the tip [m], for tip rotations (m, 3, 3)."""
         hand = (self.hand_corners @ rotations[:, 2, :, None])[..., 0].min(axis=1)
