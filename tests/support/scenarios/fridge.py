@@ -95,4 +95,14 @@ SCENARIOS = [
         (touching("milk1", "iai_fridge_door"),),
         seconds=20.0,
     ),
+    *(
+        Scenario(
+            f"fetch_from_cabinet with {robot}",
+            ("fetch_from_cabinet", "--robot", robot),
+            fetched("bottle1", "cabinet_door1"),
+            (touching("bottle1", "cabinet_door1"),),
+            seconds=seconds,
+        )
+        for robot, seconds in (("amigo", 8.0), ("pr2", 12.0))
+    ),
 ]
