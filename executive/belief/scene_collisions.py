@@ -79,6 +79,16 @@ class Field:
         cells += (across @ places).astype(np.int32)
         return np.take(self.factors, cells)
 
+    def has_room(self, points: Array, least: float, most: float) -> NDArray[np.bool_]:
+        """Return whether there may be room between two distances [m] from points (w, 2), (w,)."""
+        cells = np.stack(np.divmod(np.flatnonzero(self.factors), 2 * self.half + 3), axis=1) - (self.half + 1)
+        c, s = math.cos(self.yaw), math.sin(self.yaw)
+        x, y = points[:, 0] - self.x, points[:, 1] - self.y
+        local = np.stack([c * x + s * y, c * y - s * x], axis=1) / CELL
+        each, which = np.unique(local.round(6), axis=0, return_inverse=True)
+        away = np.linalg.norm(cells[None] - each[:, None], axis=2) * CELL
+        return np.asarray(((away > least - CELL) & (away < most + CELL)).any(axis=1)[which.ravel()])
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Floor:

@@ -101,6 +101,8 @@ class ReachSearch:
         self.is_taken = is_taken
         self.validator, self.scene, self.inverse = validator, validator.scene, validator.inverse
         self.wanted, self.demand, self.arms, self.budget, self.log = wanted, demand, arms, budget, log
+        self.inverted = False
+        """True once maps have given a base pose."""
 
     def places(self) -> Iterator[Solution]:
         """Yield base poses from which the first reach is possible by the maps, validated block by block."""
@@ -148,6 +150,7 @@ class ReachSearch:
         if log.explained:
             validator.name_crowding(inversion.crowded(), log)
         if len(found):
+            self.inverted = True
             some, stance = False, scene.collisions.stance_check(near)
             for solution in self._in_blocks(found, hands, middle, stance):
                 some = True
