@@ -38,7 +38,15 @@ ON_DEMAND = (
         "LoweringAnObject",
         failures=(ManipulationFailure, PerceptionFailure, LookingFailure, DesignatorFailure),
     ),
-    _on_demand("devices:Devices", "device", "TurningOnPoweredDevice", "TurningOffPoweredDevice", failures=_HAND_WORK),
+    _on_demand(
+        "devices:Devices",
+        "device",
+        "TurningOnPoweredDevice",
+        "TurningOffPoweredDevice",
+        "PreheatOven",
+        "OperateOven",
+        failures=_HAND_WORK,
+    ),
     _on_demand(
         "searching:Software",
         "software",

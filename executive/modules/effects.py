@@ -155,7 +155,8 @@ class ActionEffects:
                 things.append(name)
             else:
                 content = self._believed.matter.contents.get(name, {})
-                meant = [type for type in content if self._is_a(type, what.type) or what.iri is not None]
+                vessel = what.iri is not None or self._means(what, name)  # what is in a bowl is mixed with the rest
+                meant = [type for type in content if vessel or self._is_a(type, what.type)]
                 used += [(name, type) for type in meant if any(self._is_a(type, cls) for cls in effects.destroyed)]
         if not (things or used) and (effects.destroyed or not effects.created):
             return

@@ -32,6 +32,7 @@ from executive.runs.plan_files import (
     outputs_of,
     required,
     required_of_plan,
+    stated_waiting,
     without_module,
 )
 from executive.runs.tilts import Tilts
@@ -53,7 +54,7 @@ if TYPE_CHECKING:
     from planlang.language.replaying import Replay
 
 BUDGET = 600.0
-"""Plan time after which a run is given up [s]; the bundled recipe takes less than 60."""
+"""Plan time beside waiting after which a run is given up [s]; the bundled recipe takes less than 60."""
 
 
 class Outcome(Enum):
@@ -309,11 +310,16 @@ class Run:
 
         async def body() -> Any:
             first()
-            return await budget(partial(self.plan, **bound), seconds=BUDGET)
+            return await budget(partial(self.plan, **bound), seconds=self._allowance(bound))
 
         body.__name__ = self.plan.name
         vars(body)["iri"] = self.plan.iri
         return body
+
+    def _allowance(self, bound: Mapping[str, Bound]) -> float:
+        """Return the plan time after which the run is given up [s]: what the plan waits for is its own matter."""
+        stated = sum(value for value in bound.values() if isinstance(value, float))
+        return BUDGET + stated_waiting(self.source) + stated
 
     def _restore(self, executive: RobotExecutive, past: Past) -> None:
         """Restore world and belief; raises BadInput when the trace or the world cannot, and the user does not vouch."""
@@ -359,7 +365,7 @@ class Run:
                 seed=options.seed,
                 schedule=options.schedule,
                 trace=trace,
-                max_steps=int(2 * BUDGET * truth.rate),
+                max_steps=int(2 * self._allowance(bound) * truth.rate),
                 resumable=True,
                 resume=past,
             )
@@ -445,7 +451,8 @@ def _state_lines(truth: PyBulletWorld, bound: Mapping[str, Bound], belief: Belie
 def _things(bound: Mapping[str, Bound]) -> Iterator[Object]:
     """Yield the things that the plan's parameters are, or are about."""
     for value in bound.values():
-        yield from value.things() if isinstance(value, Location) else (value,)
+        if not isinstance(value, float):
+            yield from value.things() if isinstance(value, Location) else (value,)
 
 
 def _bodies_of(bound: Mapping[str, Bound], belief: Belief, truth: PyBulletWorld) -> Iterator[str]:
