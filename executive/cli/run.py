@@ -10,7 +10,7 @@ from typing import Any
 
 import typer
 
-from executive.belief.semantic_map import DEFAULT_ENVIRONMENT, default_environment
+from executive.belief.environments import DEFAULT_ENVIRONMENT, default_environment
 from executive.cli.arguments import RunArguments
 from executive.cli.console import Answer, ExitCode, say, show, silent
 from executive.cli.inputs import PlanFile, RecipeFile, check_files, chosen, planar, read, refuse

@@ -17,6 +17,7 @@ from executive.belief import Belief, read_map, scene_of
 from executive.robots import FindingKind, Missing, bind_robot, missing_capabilities, trusting_map
 from executive.robots.arms import with_carrying
 from executive.runs.assembly import RobotExecutive, bundled_registry, platform_of, real_scene, world_at_start
+from executive.runs.in_hands import in_hands, take
 from executive.runs.parameters import Bound, bound_parameters, plan_parameters
 from executive.runs.plan_files import (
     Requirements,
@@ -202,7 +203,9 @@ class Run:
         notes: list[Diagnostic] = []
         if options.resume is not None:
             past, notes = past_of(options.resume)
-        robot = bare if assessment.missing and not options.force else with_carrying(bare)
+        held = in_hands(bare, semantic_map, scene)
+        carried = [(one.link, one.body, one.offset) for one in held]
+        robot = bare if assessment.missing and not options.force else with_carrying(bare, carried)
         if assessment.missing and robot.camera is None and not options.trust_map:
             help = "--trust-map: things count as seen where the map has them"
             notes.append(note("X013", f"{robot.name} has no camera to look for things", help=help))
@@ -222,6 +225,7 @@ class Run:
             robot, semantic_map, truth, believed, options.seed, options.progress, trusts_map=trusts_map
         )
         executive = RobotExecutive(platform, self._modules)
+        take(platform, truth, held)
         platform.scene.collisions.prepare()
         # What a trace must have in common with another to be equal to it, beside seed and schedule.
         header: dict[str, Any] = {
