@@ -315,5 +315,6 @@ CODES: dict[str, str] = {
     "C014": "unknown graph format",
     "C015": "there is no uncertain fix with this code",
     "C016": "a fix was not applied, as it is uncertain or cannot be written into the text",
+    "C017": "a recipe was fixed before it was compiled, as --accept says",
 }
 """Code -> what it means, one line each; the README's table is made from it."""

@@ -150,6 +150,20 @@ def warm(changes: Changes, seconds: float) -> None:
             _heat(changes, name, *heat, seconds)
 
 
+def due(changes: Changes, type: str) -> float | None:
+    """Return when heat will have made something of a class of what it heats now, at the earliest [s]; None: never."""
+    found = []
+    for name in changes.bodies.bodies:
+        heat = None if name in changes.bodies.removed else changes.heated_by(name)
+        if heat is None:
+            continue
+        for one in (changes.type_of(name), *changes.matter.contents.get(name, {})):
+            result = changes.rules.result(one, changes.type_of(heat[0]))
+            if result is not None and changes.rules.is_a(result.output, type):
+                found.append(result.seconds - max(changes.matter.heated.get(name, (0.0, 0.0))))
+    return max(0.0, min(found)) if found else None
+
+
 def _heat(changes: Changes, name: str, device: str, within: bool, seconds: float) -> None:
     matter, rules = changes.matter, changes.rules
     low, high = matter.heated.get(name, (0.0, 0.0))

@@ -71,6 +71,10 @@ Modules = Annotated[
     list[Path] | None,
     typer.Option(metavar="FILE.py", help="Also use the process modules of this file, which is executed; repeatable."),
 ]
+Accept = Annotated[
+    list[str] | None,
+    typer.Option(metavar="CODE", help="Fix the recipe in memory first, with uncertain fixes of this code; repeatable."),
+]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite files that planlang did not write.")]
 
 
@@ -187,6 +191,7 @@ class RunArguments(TaskArguments, VerboseArguments):
     ] = None
     robot: Robot = None
     urdf: Urdf = None
+    accept: Accept = None
     environment: Environment = None
     start: Start = None
     trust_map: Annotated[
@@ -248,6 +253,7 @@ class ReplayArguments(TaskArguments):
         str | None,
         typer.Argument(metavar="RECIPE|PLAN", help="The recipe or plan that was run; needed unless it is bundled."),
     ] = None
+    accept: Accept = None
     modules: Modules = None
 
 

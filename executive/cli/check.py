@@ -15,12 +15,12 @@ import typer
 
 from executive.cli.arguments import CheckArguments
 from executive.cli.console import Answer, ExitCode
-from executive.cli.inputs import PlanFile, RecipeFile, read, read_recipe_file
+from executive.cli.inputs import PlanFile, RecipeFile, read, read_recipe_file, unacceptable
 from planlang.compiler import compile_recipe
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors, note, warning
 from planlang.files import SUFFIXES
 from planlang.outputs import NO_DATA_FLOW, NO_SCOPES, PlanHeader, check_outputs, header, replace
-from planlang.recipe.fixes import ACCEPTABLE, SAFE, WITHOUT, Fix
+from planlang.recipe.fixes import Fix
 from planlang.recipe.fixes.fixing import Fixed, fix_recipe
 
 
@@ -63,15 +63,9 @@ def _fixed(recipe: RecipeFile, arguments: CheckArguments) -> Answer:
 
     Without ``--output``, a file of the copy's name is never overwritten by another text.
     """
-    from planlang.recipe.fixes import ACCEPTABLE
-
     output, accepted = arguments.output, arguments.accept or ()
     target = output or fixed_path(recipe)
-    problems = [
-        error("C015", f"--accept {code}: there is no uncertain fix of {code}", help=_acceptable(code))
-        for code in accepted
-        if code not in ACCEPTABLE
-    ]
+    problems = unacceptable(accepted)
     name = "the fixed copy" if output is None else "--output"
     is_own = output is None or arguments.force
     problems += check_outputs({name: target}, {"the recipe": recipe.path}, force=is_own)
@@ -130,13 +124,6 @@ def _fix_difference(before: Path, after: Path, fixed: Fixed) -> str:
     old, new = (text.splitlines(keepends=True) for text in (fixed.before, fixed.after))
     lines = difflib.unified_diff(old, new, str(before), str(after))
     return "".join(line if line.endswith("\n") else line + "\n\\ No newline at end of file\n" for line in lines)
-
-
-def _acceptable(code: str) -> str:
-    listed = f"codes with uncertain fixes: {', '.join(ACCEPTABLE)}"
-    if code in SAFE:
-        return f"fixes of {code} are safe: --fix applies them; {listed}"
-    return f"{code} has no fix: {WITHOUT[code]}; {listed}" if code in WITHOUT else listed
 
 
 # Whether a plan is up to date

@@ -51,6 +51,33 @@ def refuse(problems: Sequence[Diagnostic]) -> None:
         raise BadInput(problems)
 
 
+def accepted(codes: Sequence[str] | None) -> tuple[str, ...]:
+    """Return the codes of ``--accept``; raises BadInput for one without an uncertain fix."""
+    refuse(unacceptable(codes or ()))
+    return tuple(codes or ())
+
+
+def unacceptable(codes: Sequence[str]) -> list[Diagnostic]:
+    """Return an error for each code without an uncertain fix."""
+    if not codes:
+        return []
+    from planlang.recipe.fixes import ACCEPTABLE  # most recipes are taken as they are
+
+    wrong = [code for code in codes if code not in ACCEPTABLE]
+    return [
+        error("C015", f"--accept {one}: there is no uncertain fix of {one}", help=_acceptable(one)) for one in wrong
+    ]
+
+
+def _acceptable(code: str) -> str:
+    from planlang.recipe.fixes import ACCEPTABLE, SAFE, WITHOUT
+
+    listed = f"codes with uncertain fixes: {', '.join(ACCEPTABLE)}"
+    if code in SAFE:
+        return f"fixes of {code} are safe: --fix applies them; {listed}"
+    return f"{code} has no fix: {WITHOUT[code]}; {listed}" if code in WITHOUT else listed
+
+
 def planar(text: str | None) -> tuple[float, float, float] | None:
     """Return the pose in "x,y,yaw"; raises a usage error."""
     if text is None:

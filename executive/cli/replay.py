@@ -7,7 +7,7 @@ from typing import Any
 
 from executive.cli.arguments import ReplayArguments
 from executive.cli.console import Answer, ExitCode
-from executive.cli.inputs import PlanFile, RecipeFile, check_files, read, refuse
+from executive.cli.inputs import PlanFile, RecipeFile, accepted, check_files, read, refuse
 from executive.runs.plan_run import Run, RunOptions
 from executive.runs.traces import read_trace
 from planlang.diagnostics import Diagnostic
@@ -28,6 +28,7 @@ def command(arguments: ReplayArguments) -> Answer:
         plan=found.path if isinstance(found, PlanFile) else None,
         recipe=found.path if isinstance(found, RecipeFile) else None,
         task=arguments.task or header.task,
+        accepted=accepted(arguments.accept),
         ontologies=arguments.folders,
         modules=tuple(arguments.modules or ()),
     )

@@ -13,7 +13,7 @@ import typer
 from executive.belief.environments import DEFAULT_ENVIRONMENT, default_environment
 from executive.cli.arguments import RunArguments
 from executive.cli.console import Answer, ExitCode, say, show, silent
-from executive.cli.inputs import PlanFile, RecipeFile, check_files, chosen, planar, read, refuse
+from executive.cli.inputs import PlanFile, RecipeFile, accepted, check_files, chosen, planar, read, refuse
 from executive.runs.plan_run import Outcome, RunOptions, RunResult, run_plan_file
 from executive.runs.traces import TraceHeader, read_trace
 from planlang.diagnostics import Diagnostic, error
@@ -69,6 +69,7 @@ def options_of(arguments: RunArguments) -> RunOptions:
         plan=found.path if isinstance(found, PlanFile) else None,
         recipe=found.path if isinstance(found, RecipeFile) else None,
         task=arguments.task or header.task,
+        accepted=accepted(arguments.accept),
         ontologies=arguments.folders,
         modules=tuple(arguments.modules or ()),
         robot=robot,

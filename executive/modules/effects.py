@@ -6,12 +6,14 @@ the simulator says ``physical = True``: then these effects are left to the simul
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 from executive.belief import MapObject
 from executive.modules.platform import Platform
+from planlang import sleep
 from planlang.designators import Action, Location, Object, local_name
 from planlang.failures import ObjectUnresolvable
 from planlang.geometry import Pose
@@ -23,7 +25,7 @@ from sim import PyBulletWorld
 from sim.changes import Changes
 from sim.facts import origins_of
 from sim.matter import PUDDLE, Portion, merged
-from sim.processes import warm
+from sim.processes import due, warm
 
 ACTED_ON = ("object_acted_on", "inputs", "inputs_destroyed")
 """Properties of an action with what it destroys, turns over or pours."""
@@ -109,6 +111,19 @@ class ActionEffects:
         ]
         return any(self._is_a(cls, what.type) for cls in created)
 
+    def due(self, action: Action) -> float | None:
+        """Return how long heat still takes to make what an action acts on [s]; None for what is there, or is not made.
+
+        So a pancake is turned when its lower side is baked, although no step of the recipe waits for that.
+        """
+        for what in (what for name in ACTED_ON for what in _objects(action, name)):
+            try:
+                self._platform.scene.bodies.bind(what)
+            except ObjectUnresolvable:
+                self._platform.sync()
+                return due(self._believed, what.type)
+        return None
+
     def apply(self, action: Action, *, physical: bool) -> None:
         """Apply the effects of an action that was performed; what it acts on and is not there is left out."""
         effects = self.of(action)
@@ -139,7 +154,7 @@ class ActionEffects:
             return
         once = tuple(dict.fromkeys(things)), tuple(dict.fromkeys(used))
         outputs = tuple(self._outputs(action, effects.created))
-        transformation = Transformation(*once, outputs, self._vessel(action, *once))
+        transformation = Transformation(*once, outputs, self._vessel(action, effects, *once))
         before = set(self._platform.scene.world.names())
         for changes in self._worlds():
             transform(changes, transformation, self._amount)
@@ -161,13 +176,22 @@ class ActionEffects:
             what = next((one for one in stated if one.type == type), None)
             yield Output(name, type, self._usual(type), what)
 
-    def _vessel(self, action: Action, things: Sequence[str], used: Sequence[tuple[str, str]]) -> str | None:
-        """Return the vessel in which something comes into being: of the action, else where the inputs are."""
+    def _vessel(
+        self, action: Action, effects: Effects, things: Sequence[str], used: Sequence[tuple[str, str]]
+    ) -> str | None:
+        """Return the vessel in which something comes into being: of the action, of its inputs, else a usual one."""
         changes = self._believed
         named = [name for _, name in self._bound(action, VESSELS)]
         below = [one for one in map(changes.under, things) if one is not None and one in changes.bodies.bodies]
-        every = (*named, *(name for name, _ in used), *below)
+        usual = [name for cls in effects.vessels for name in self._nearest(cls)]
+        every = (*named, *(name for name, _ in used), *below, *usual)
         return next((name for name in every if name not in things and changes.is_vessel(name)), None)
+
+    def _nearest(self, cls: str) -> list[str]:
+        """Return the things of a class, the nearest to the robot first."""
+        belief, (x, y, _) = self._platform.belief, self._platform.base()
+        found = belief.of_class(Object(shorten(cls)))
+        return sorted(found, key=lambda name: math.dist(belief.pose(name).position[:2], (x, y)))
 
     def _turn_over(self, action: Action, effects: Effects, *, physical: bool) -> None:
         for what, name in self._bound(action, ACTED_ON) if effects.turned else ():
@@ -189,14 +213,18 @@ class ActionEffects:
     def _pour(self, action: Action, effects: Effects, *, physical: bool) -> None:
         if effects.flow_rate is None:
             return
-        acted = [name for _, name in self._bound(action, (*ACTED_ON, "device_used", "from_location"))]
+        acted = self._bound(action, (*ACTED_ON, "device_used", "from_location"))
         goals = [name for _, name in self._bound(action, ("to_location",))]
-        source = next((name for name in acted if name in self._believed.matter.contents), None)
-        target = next((name for name in (*goals, *acted) if name != source), None)
-        if source is None or target is None:
+        what, source = next(((w, name) for w, name in acted if name in self._believed.matter.contents), (None, None))
+        target = next((name for name in (*goals, *(name for _, name in acted)) if name != source), None)
+        if what is None or source is None or target is None:
             return
         stated = action.get("amount")
-        amount = float(stated) if isinstance(stated, int | float) else effects.amount or 0.0
+        if isinstance(stated, int | float):
+            amount = float(stated)
+        else:  # "pour the mix" is all of it, "pour from the bottle" some of it
+            all_of_it = self._believed.matter.total(source)
+            amount = effects.amount or 0.0 if self._means(what, source) else all_of_it
         flowed = self._believed.pour(source, target, amount)
         for changes in self._worlds(only_believed=physical)[1:]:
             changes.pour(source, target, amount)
@@ -286,6 +314,8 @@ class ModuleWithEffects(WrappedModule):
     async def execute(self, action: Action) -> Any:
         """Perform the action, then apply its effects; raises PlanStructureError if the module has changed things."""
         self._effects.pass_time()
+        if (due := self._effects.due(action)) is not None:
+            await sleep(due)
         result = await self._module.execute(action)
         self._effects.pass_time()
         if not self._effects.untouched():

@@ -25,6 +25,34 @@ from planlang.outputs import LONGEST, header
 from planlang.recipe import Actions, RecipeSet, read_recipe
 
 
+def fixed_recipe(
+    recipe: Path,
+    stack: ExitStack,
+    found: list[Diagnostic],
+    task: str | None,
+    folders: Sequence[Path],
+    accepted: Sequence[str],
+) -> Path:
+    """Fix a recipe in a copy, which ``stack`` removes, also by guesses of accepted codes; ``found`` gets notes."""
+    from planlang.recipe.fixes.fixing import fix_recipe
+
+    fixed = fix_recipe(recipe, task=task, folders=folders, accepted=frozenset(accepted))
+    found.extend(note("C017", f"fixed {one.code} {one.message}", Span(str(recipe))) for one in fixed.done)
+    copy = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="planlang-"))) / recipe.name
+    copy.write_bytes(fixed.after.encode(fixed.encoding))
+    return copy
+
+
+def located(diagnostic: Diagnostic, copy: Path, file: Path) -> Diagnostic:
+    """Return a diagnostic about a copy of a file as one about the file; its lines are those of the copy."""
+    span = diagnostic.span
+    return (
+        diagnostic
+        if span is None or span.file != str(copy)
+        else replace(diagnostic, span=span._replace(file=str(file)))
+    )
+
+
 def compiled_plan(
     recipe: Ontology,
     stack: ExitStack,

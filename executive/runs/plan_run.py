@@ -23,8 +23,10 @@ from executive.runs.plan_files import (
     Requirements,
     assess,
     compiled_plan,
+    fixed_recipe,
     import_plan,
     line_in,
+    located,
     main_plan,
     needs_of,
     outputs_of,
@@ -69,6 +71,8 @@ class RunOptions:
     plan: Path | None = None
     recipe: Path | None = None
     task: str | None = None
+    accepted: tuple[str, ...] = ()
+    """Codes of fixes that the recipe gets before it is compiled, though they may be guesses."""
     ontologies: tuple[Path, ...] = ()
     modules: tuple[Path, ...] = ()
     """The user's files of process modules."""
@@ -132,8 +136,13 @@ class Run:
                 self.path = options.plan
             else:
                 assert options.recipe is not None
-                recipe = load(options.recipe, folders=options.ontologies)
+                file, folders = options.recipe, options.ontologies
+                if options.accepted:
+                    file = fixed_recipe(file, stack, self.found, options.task, folders, options.accepted)
+                    folders = (options.recipe.parent, *folders)
+                recipe = load(file, folders=folders)
                 self.path, recipes = compiled_plan(recipe, stack, self.found, task=options.task)
+                self.found = [located(one, file, options.recipe) for one in self.found]
                 self._requirements = required(recipe, recipes)
             self.source = import_plan(self.path)
             self.plan: Plan[Any, Any] = main_plan(self.source, options.task if options.plan is not None else None)

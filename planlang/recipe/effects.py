@@ -27,6 +27,8 @@ class Effects:
     """The states that the device is put in, the nearest first."""
     flow_rate: float | None = None
     amount: float | None = None
+    vessels: Classes = ()
+    """Classes of vessels in which that comes into being, unless the action or its inputs are in another."""
 
     def __bool__(self) -> bool:
         """Return True if the action changes anything."""
@@ -59,6 +61,7 @@ def effects_of(ontology: Ontology, action_class: str, ancestors: Iterable[str] |
         states=_each(one.states for one in found),
         flow_rate=next((one.flow_rate for one in found if one.flow_rate is not None), None),
         amount=next((one.amount for one in found if one.amount is not None), None),
+        vessels=_each(one.vessels for one in found),
     )
 
 
@@ -110,6 +113,7 @@ def _declared(ontology: Ontology) -> dict[str, list[Effects]]:
                 _iris(ontology, individual, "toState"),
                 number_of_individual(ontology, individual, "flowRate"),
                 number_of_individual(ontology, individual, "amount"),
+                _iris(ontology, individual, "deviceUsed"),
             )
             for action in _iris(ontology, individual, "byAction"):
                 table.setdefault(action, []).append(effects)

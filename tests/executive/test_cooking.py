@@ -1,4 +1,4 @@
-"""A real recipe for pancakes with a module that only takes its time: run, replayed and resumed by the command."""
+"""A real recipe for pancakes with the module of docs/cooking.md: run, replayed and resumed by the command."""
 
 from __future__ import annotations
 
@@ -10,28 +10,10 @@ import pytest
 from typer.testing import CliRunner
 
 from executive.cli.app import app
-from tests.support.kitchen import kitchen_map
 
-COOKING = """
-from planlang import sleep
-from planlang.modules import process_module
-
-
-@process_module
-class Cooking:
-    name = "cooking"
-    actions = ("Cracking", "Mixing", "FluidFlow-Translation", "FlippingAnObject")
-    failures = ()
-
-    def __init__(self, platform):
-        self.platform = platform
-
-    def resources(self, action):
-        return ()
-
-    async def execute(self, action):
-        await sleep(61.0 if "Flipping" in action.type else 1.0)
-"""
+TOP = Path(__file__).parents[2]
+MODULE = TOP / "docs" / "examples" / "cooking.py"
+KITCHEN = TOP / "ontologies" / "environments" / "warm_pancake_kitchen.omn"
 
 
 def answer(*arguments: object) -> dict[str, Any]:
@@ -43,19 +25,16 @@ def answer(*arguments: object) -> dict[str, Any]:
 
 
 @pytest.fixture
-def cook(tmp_path: Path, corpus: Path) -> tuple[Any, ...]:
+def cook(corpus: Path) -> tuple[Any, ...]:
     """The command's arguments: recipe, robot, kitchen, module."""
-    (tmp_path / "kitchen.omn").write_text(kitchen_map(on=True), encoding="utf-8")
-    (tmp_path / "cooking.py").write_text(COOKING, encoding="utf-8")
     recipe = corpus / "recipes" / "pancake-making@hydro.owl"
-    where = ("--robot", "amigo", "--environment", tmp_path / "kitchen.omn", "--modules", tmp_path / "cooking.py")
-    return (recipe, *where)
+    return (recipe, "--robot", "amigo", "--environment", KITCHEN, "--modules", MODULE)
 
 
 def test_the_recipe_runs_although_dough_and_pancake_are_not_in_the_map(cook: tuple[Any, ...], tmp_path: Path) -> None:
     trace = tmp_path / "run.jsonl"
     found = answer("run", *cook, "--trace", trace)
-    assert (found["exit_code"], found["plan_seconds"]) == (0, 65.0), found
+    assert (found["exit_code"], found["plan_seconds"]) == (0, 200.0), found
     assert answer("replay", trace, cook[0], "--modules", cook[-1])["equal"]
 
 
@@ -78,6 +57,7 @@ def test_a_run_that_was_cut_goes_on_with_what_is_changed_already(
 
 def test_a_thing_that_nothing_makes_is_missed_before_anything_moves(cook: tuple[Any, ...], tmp_path: Path) -> None:
     path = tmp_path / "kitchen.omn"
-    path.write_text(kitchen_map().replace("Types: knowrob:WheatFlour", "Types: knowrob:Cup"), encoding="utf-8")
-    found = answer("run", *cook)
+    text = KITCHEN.with_name("pancake_kitchen.omn").read_text(encoding="utf-8")
+    path.write_text(text.replace("Types: knowrob:WheatFlour", "Types: knowrob:Cup"), encoding="utf-8")
+    found = answer("run", *(path if one is KITCHEN else one for one in cook))
     assert (found["failure"], found["plan_seconds"]) == (["ObjectUnresolvable"], 0.0)

@@ -81,8 +81,9 @@ def prepare(command: str, folder: Path, corpus: Path) -> bool:
     """Put what a command reads into its folder: a trace, real OWL files; False when these are not at hand."""
     if command.startswith("replay") and not (folder / "run.jsonl").exists():
         output("run serve_a_drink --trace run.jsonl", folder)
-    if "corpus/" in command and not (folder / "corpus").exists():
-        (folder / "corpus").symlink_to(corpus)
+    for name, there in (("corpus", corpus), ("docs", CHECKOUT / "docs")):
+        if f"{name}/" in command and not (folder / name).exists():
+            (folder / name).symlink_to(there)
     for name in re.findall(r"\S+@\S+", command):
         found = next(corpus.rglob(name), None)
         if found is None:

@@ -431,7 +431,8 @@ def statements_without_use(ontology: Ontology, place: Place) -> Iterator[Diagnos
         if is_relation(property_name) or ANNOTATION_PROPERTY in ontology.values(property_name, RDF.type):
             continue
         short = local_name(property_name)
-        meant = guess(property_name, map(expand, owl_properties()), least=0.75)
+        whole = [name for name in owl_properties() if name.partition("-")[0] == short]  # inFrontOf-Generally
+        meant = guess(property_name, map(expand, whole or owl_properties()), least=0.5 if whole else 0.75)
         advice = f"did you mean {meant}?" if meant else f"relations: {', '.join(owl_properties())}"
         message = f"{short} of the place `{place.name}` is ignored: it is not a relation"
         yield warning("R038", message, span, advice, meant)

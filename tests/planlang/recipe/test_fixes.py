@@ -347,6 +347,18 @@ def test_a_name_that_is_like_two_others_is_not_guessed(folder: Path) -> None:
     assert [fix.code for fix in found.unaccepted] == ["R033", "R039", "R039"], "and the cups are not used"
 
 
+def test_a_relation_without_its_ending_is_completed_if_that_is_accepted(folder: Path) -> None:
+    text = MANCHESTER.format(items=STEPS.format(step="Take"), frames=MISSPELT.format(before="Take"))
+    text += "    , knowrob:objectActedOn value cup, knowrob:toLocation value there\n"
+    text += (
+        "Individual: cup Types: knowrob:Cup\nIndividual: there Types: knowrob:Point3D Facts: knowrob:inFrontOf cup\n"
+    )
+    assert [fix.message for fix in fixed(folder, text, name="r.omn").unaccepted] == [
+        "`inFrontOf` becomes `inFrontOf-Generally`"
+    ]
+    assert "inFrontOf-Generally cup" in fixed(folder, text, "R038", name="r.omn").after
+
+
 @pytest.mark.parametrize("doctype", ["<!DOCTYPE rdf:RDF [", "<!DOCTYPE rdf:RDF>", ""], ids=["entities", "bare", "none"])
 def test_entities_that_are_known_are_declared_and_guesses_only_if_that_is_accepted(folder: Path, doctype: str) -> None:
     text = XML.format(prefix="", items=FLAT, frames=CUP.replace("<knowrob:Cup", "<owl:Thing").replace("#Cup", "&pr2;R"))

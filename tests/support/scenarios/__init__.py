@@ -57,7 +57,8 @@ Goal = Callable[[Watched], Iterable[str]]
 
 @dataclass(frozen=True)
 class Scenario:
-    """A run and its goal. ``arguments`` are those of ``planlang run``; ``corpus/`` begins paths in the corpus."""
+    """A run and its goal. ``arguments`` are those of ``planlang run``; ``corpus/`` begins paths in the corpus,
+    ``docs/`` those of examples here."""
 
     name: str
     arguments: tuple[str, ...]
@@ -94,9 +95,7 @@ class Judged:
 
 def judged(scenario: Scenario, seed: int = 0) -> Judged:
     """Run a scenario in this process; raises BadInput as the command does."""
-    texts = [
-        str(CORPUS / one.removeprefix("corpus/")) if one.startswith("corpus/") else one for one in scenario.arguments
-    ]
+    texts = [_at_home(one) for one in scenario.arguments]
     watched = Watched()
 
     def watch(world: PyBulletWorld) -> None:
@@ -109,6 +108,12 @@ def judged(scenario: Scenario, seed: int = 0) -> Judged:
         result = run.execute()
         unmet = tuple(scenario.goal(watched)) if watched.start else ("the run did not begin",)
     return Judged(result, unmet, watched.tilts)
+
+
+def _at_home(text: str) -> str:
+    """Return an argument with the path of the corpus, or of this checkout, if it names a file there."""
+    folders = {"corpus/": CORPUS.parent, "docs/": TOP}
+    return next((str(folder / text) for start, folder in folders.items() if text.startswith(start)), text)
 
 
 def _parsed(words: Sequence[str]) -> RunArguments:

@@ -1,0 +1,96 @@
+"""Dishes that are cooked: what went into them, where they are, and how long they were over or in the heat."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+from sim.facts import amount_of, came_to_be, origins_of
+from tests.support.scenarios import Scenario, Watched
+
+PR2 = ("--robot", "pr2")
+COOK = ("--modules", "docs/examples/cooking.py")
+
+
+def watch_turns(watched: Watched) -> None:
+    """Count how often each thing that came into being has been turned over."""
+    changes = watched.world.changes
+    for name in changes.matter.origins:
+        if name not in changes.bodies.removed:
+            up = bool(changes.bodies.poses[name].rotation[2, 2] > 0)
+            before, turns = watched.notes.get(name, (up, 0))  # type: ignore[misc]
+            watched.notes[name] = (up, turns + (up != before))
+
+
+def only(watched: Watched, cls: str) -> Iterator[str]:
+    """Yield the thing of a class that came into being, if there is exactly one."""
+    found = came_to_be(watched.world.changes, cls)
+    if len(found) == 1:
+        yield found[0]
+
+
+def lies_turned_once(watched: Watched, name: str, support: str) -> Iterator[str]:
+    """Yield what is wrong with where a pancake lies, and how often it was turned."""
+    if (below := watched.world.changes.under(name)) != support:
+        yield f"{name} lies on {below}"
+    watch_turns(watched)  # the last effect comes after the last step
+    _, turns = watched.notes[name]  # type: ignore[misc]
+    if turns != 1:
+        yield f"{name} was turned {turns} times"
+
+
+def heated(watched: Watched, name: str, seconds: Iterable[float]) -> Iterator[str]:
+    """Yield which sides, the first one first, were over the heat for less than they should [s]."""
+    sides = watched.world.changes.matter.heated.get(name, (0.0, 0.0))
+    for real, wanted in zip(sides, seconds, strict=True):
+        if real < wanted - 1e-6:
+            yield f"a side of {name} was heated for {real:.0f} s"
+
+
+def pancake_in_the_pan(watched: Watched) -> Iterator[str]:
+    """In the pan, turned once, each side over heat for 180 s, and made of at least 80 % of the mix."""
+    mix = sum(portion.amount for portion in watched.world.scene.body("cup1").content)
+    pancakes = list(only(watched, "Pancake"))
+    for name in pancakes:
+        yield from lies_turned_once(watched, name, "pan1")
+        yield from heated(watched, name, (180.0, 180.0))
+        if (amount := amount_of(watched.world.changes, name, "Pancake")) < 0.8 * mix:
+            yield f"{amount:.0f} ml of {mix:.0f} were poured"
+    if not pancakes:
+        yield "there is not one pancake"
+
+
+def pancake_on_the_maker(watched: Watched) -> Iterator[str]:
+    """From egg, milk and flour, on the maker that is on, turned once when its lower side was baked."""
+    changes = watched.world.changes
+    pancakes = list(only(watched, "Dough"))
+    for name in pancakes:
+        parts = origins_of(changes, name)
+        yield from (f"{one} is not in it" for one in ("egg1", "flour1", "milk1") if one not in parts)
+        if not any(changes.bodies.bodies[one].type == "EggYolk-Food" for one in parts):
+            yield "no yolk is in it"
+        yield from lies_turned_once(watched, name, "maker1")
+        yield from heated(watched, name, (60.0, 0.0))
+    if not pancakes:
+        yield "there is not one dough"
+    if "egg1" not in changes.matter.gone:
+        yield "the egg is whole"
+    if not came_to_be(changes, "Eggshell"):
+        yield "there is no eggshell"
+    if not changes.matter.is_on("maker1"):
+        yield "the maker is off"
+
+
+SCENARIOS = [
+    Scenario(
+        "make_pancakes",
+        ("corpus/recipes/make_pancakes@hydro.owl", *PR2, "--environment", "stove_kitchen", *COOK),
+        pancake_in_the_pan,
+        (watch_turns,),
+    ),
+    Scenario(
+        "pancake-making",
+        ("corpus/recipes/pancake-making@hydro.owl", *PR2, "--environment", "warm_pancake_kitchen", *COOK),
+        pancake_on_the_maker,
+        (watch_turns,),
+    ),
+]
