@@ -301,14 +301,14 @@ def read_map(ontology: Ontology) -> SemanticMap:
     names: set[str] = set()
     objects = []
     for iri in things:
-        types = ontology.types(iri)
-        size = read_size(ontology, iri, types, found)
+        types, vessels = ontology.types(iri), _vessels(ontology, iri)
+        size = read_size(ontology, iri, (*vessels, *types), found)
         matrix = poses.of(iri)
         objects.append(
             MapObject(
                 iri,
                 _unique(local_name(iri), names),
-                types,
+                (*types, *vessels),
                 None if matrix is None else Pose.from_matrix(matrix),
                 size,
                 parts=_individuals(ontology, iri, "properPhysicalParts"),
@@ -357,8 +357,21 @@ def _things(ontology: Ontology) -> tuple[str, ...]:
     return tuple(sorted(there, key=order.__getitem__))
 
 
+def _vessels(ontology: Ontology, iri: str) -> tuple[str, ...]:
+    """Return what a thing is by its parts: a bottle if it has a cap, whatever is in it."""
+    parts = _individuals(ontology, iri, "properPhysicalParts")
+    return (expand("Bottle"),) if any(ontology.is_a(part, expand("BottleCap")) for part in parts) else ()
+
+
 def _is_feature(ontology: Ontology, iri: str) -> bool:
-    return any(local_name(cls) in FEATURES for cls in ontology.types(iri))
+    """Return whether an individual is a feature of a model: by its class, or placed in its whole and without a size."""
+    if any(local_name(cls) in FEATURES for cls in ontology.types(iri)):
+        return True
+    if any(stated(ontology, iri, name) for name in (*EXTENTS, *TRIPLES)):
+        return False
+    places = _individuals(ontology, iri, "orientation")
+    wholes = (whole for place in places for whole in _individuals(ontology, place, "relativeTo"))
+    return any(iri in _individuals(ontology, whole, "properPhysicalParts") for whole in wholes)
 
 
 def _typed(ontology: Ontology) -> tuple[str, ...]:

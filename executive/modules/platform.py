@@ -15,6 +15,7 @@ from executive.belief.scene_collisions import BasePose
 from executive.locations import HandSolution, ReachKind, Resolver
 from executive.locations.demands import asks_for
 from executive.modules.control import Control, Drive, Hands, Sensing
+from executive.modules.phases import Phases
 from executive.motion import JointSpace, MotionError, cartesian_path, keeps_line, plan_path, time_curve, time_path
 from executive.robots import CARRYING
 from executive.robots.arms import ArmModel
@@ -249,6 +250,7 @@ class Platform(Control):
     drive: Drive = field(init=False)
     arms: Arms = field(init=False)
     hands: Hands = field(init=False)
+    phases: Phases = field(init=False)
     sensing: Sensing = field(init=False)
 
     def watched(self, group: str) -> Sequence[str]:
@@ -265,4 +267,4 @@ class Platform(Control):
 
     def __post_init__(self) -> None:
         self.drive, self.hands, self.sensing = Drive(self), Hands(self), Sensing(self)
-        self.arms = Arms(self, self.resolver, self.rng)
+        self.arms, self.phases = Arms(self, self.resolver, self.rng), Phases()

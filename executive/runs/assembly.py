@@ -24,7 +24,7 @@ from executive.belief.scene_collisions import BasePose
 from executive.locations import HandSolution, Reach, ReachKind, Resolver
 from executive.locations.demands import HandTerm
 from executive.locations.grasp_candidates import HandPoses
-from executive.modules import containers, process_modules, waiting
+from executive.modules import constrained_motions, containers, process_modules, waiting
 from executive.modules.effects import ActionEffects, ModuleWithEffects
 from executive.modules.platform import ArmChoices, Platform
 from executive.robots import CARRYING, Robot
@@ -253,6 +253,7 @@ class RobotExecutive:
         state["belief"] = platform.belief.snapshot()
         state["rng"] = platform.rng.bit_generator.state
         state["arms"] = arms.choices.state()
+        state["phases"] = platform.phases.snapshot()
         state["begun"] = [
             [arm, revision, list(base), _solution_json(solution)]
             for arm, (revision, base, solution) in arms.begun.items()
@@ -277,6 +278,7 @@ class RobotExecutive:
             platform.rng.bit_generator.state = left["rng"]
             arms = {arm.name: arm for arm in platform.scene.arms.all}
             platform.arms.choices = ArmChoices.restored(left["arms"], arms)
+            platform.phases.restore(left["phases"])
             platform.arms.begun = {
                 arms[arm].name: (int(revision), _base(base), _solution(solution, arms))
                 for arm, revision, base, solution in left["begun"]
@@ -348,6 +350,6 @@ def _base(state: Any) -> BasePose:
 def bundled_registry() -> ModuleRegistry:
     """Return a registry with the process modules that come with planlang."""
     registry = ModuleRegistry()
-    for module in (process_modules, containers, waiting):
+    for module in (process_modules, containers, waiting, constrained_motions):
         registry.add(module, "planlang", Rank.BUNDLED)
     return registry

@@ -1,4 +1,4 @@
-"""What a robot holds when a run begins: a posture with room for it, and the things in its hands, really and believed."""
+"""The things in a robot's hands when a run begins: a posture with room for them; they are there really and believed."""
 
 from __future__ import annotations
 
