@@ -246,6 +246,8 @@ CODES: dict[str, str] = {
     "M016": "a door inside of its furniture is moved to a face of it",
     "M017": "the limits of a joint leave it no way to be closed and opened; those of its box are used",
     "M018": "a direction has no three numbers, or is of length zero",
+    "M019": "a link of a world in URDF has no box: its mesh is not there, and no label tells its size",
+    "M020": "a file of labels for a world in URDF is not as it should be",
     # B: binding robots
     "B001": "a robot file is not as it should be",
     "B002": "there is no robot in the file",
@@ -298,6 +300,7 @@ CODES: dict[str, str] = {
     "X025": "a trace was written with other versions of packages",
     "X026": "the last line of a trace is incomplete and ignored",
     "X027": "a resumed plan does something else than before",
+    "X028": "a parameter that is not set is the only thing of the class that its step names",
     # C: command line
     "C001": "a named file or folder does not exist or cannot be read",
     "C002": "the file is neither a recipe nor a plan",
@@ -316,5 +319,6 @@ CODES: dict[str, str] = {
     "C015": "there is no uncertain fix with this code",
     "C016": "a fix was not applied, as it is uncertain or cannot be written into the text",
     "C017": "a recipe was fixed before it was compiled, as --accept says",
+    "C018": "a line of a file of settings is not NAME=THING",
 }
 """Code -> what it means, one line each; the README's table is made from it."""

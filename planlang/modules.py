@@ -10,17 +10,20 @@ error.
 from __future__ import annotations
 
 import hashlib
+import importlib
 import importlib.util
 import sys
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import cached_property
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from types import ModuleType
 from typing import Any, TypeVar
 
+from planlang.designators import Action
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note
 from planlang.files import read_file
 from planlang.language.executive import ProcessModule
@@ -51,6 +54,43 @@ def process_module(cls: type[M]) -> type[M]:
         raise TypeError(f"failures of {cls.__name__} has to be a tuple of failure classes")
     setattr(cls, _MARK, cls)
     return cls
+
+
+@dataclass(frozen=True, slots=True)
+class OnDemand:
+    """A process module that is imported when it is first asked to do something: most runs need few of them."""
+
+    place: str
+    """Written as an entry point: ``package.module:Class``."""
+    name: str
+    actions: tuple[str, ...]
+    failures: tuple[type[Exception], ...] = ()
+
+    def __call__(self, platform: Any) -> ProcessModule:
+        """Return the module; it is imported later."""
+        return _Demanded(self, platform)
+
+
+class _Demanded:
+    def __init__(self, what: OnDemand, platform: Any) -> None:
+        self.name, self.actions, self.failures = what.name, what.actions, what.failures
+        self._place, self._platform = what.place, platform
+
+    @cached_property
+    def _module(self) -> ProcessModule:
+        module, _, name = self._place.partition(":")
+        made: ProcessModule = getattr(importlib.import_module(module), name)(self._platform)
+        return made
+
+    @property
+    def physical(self) -> bool:
+        return bool(getattr(self._module, "physical", False))
+
+    def resources(self, action: Action) -> tuple[str, ...]:
+        return self._module.resources(action)
+
+    async def execute(self, action: Action) -> Any:
+        return await self._module.execute(action)
 
 
 class Rank(IntEnum):
@@ -88,6 +128,11 @@ class ModuleRegistry:
         found = list(_marked(module))
         self._registered += [Registered(cls, tuple(cls.actions), f"{cls.__name__} of {origin}", rank) for cls in found]
         return len(found)
+
+    def add_on_demand(self, module: OnDemand, origin: str, rank: Rank) -> None:
+        """Register a class that is imported when it is needed."""
+        origin = f"{module.place.rpartition(':')[2]} of {origin}"
+        self._registered.append(Registered(module, module.actions, origin, rank))
 
     def add_file(self, path: Path) -> None:
         """Register the process modules of a user's file; raises BadInput, with the line, if it cannot be used."""

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, Protocol, runtime_checkable
 
+from planlang.designators import Action
 from planlang.geometry import Array, Pose
 
 
@@ -164,3 +165,5 @@ class Solution:
     """Revision of the belief it was computed from."""
     detail: Mapping[str, Any]
     """JSON-like: which arm, grasp, torso height; for the trace."""
+    before: tuple[Action, ...] = ()
+    """What is to be done before going there: looking at what cannot be seen from there."""

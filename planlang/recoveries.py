@@ -25,6 +25,7 @@ from planlang.failures import (
     ObjectNowhereToBeFound,
     ObjectUndeliverable,
     ObjectUnreachable,
+    ObjectUnresolvable,
     PlanFailure,
 )
 from planlang.kernel.primitives import called
@@ -140,14 +141,17 @@ def _load_installed() -> None:
 def look_from_another_place(what: Object) -> Do:
     """Go where the object should be visible from and look for it there, then run the body again.
 
-    Not finding it there either is no failure yet: the body will tell. Raises ObjectNowhereToBeFound when there is no
-    other place to look from.
+    Not finding it there either is no failure yet: the body will tell. If it is not known where it is, it is looked for
+    wherever it is likely. Raises ObjectNowhereToBeFound when there is no other place to look from.
     """
 
     Usage("look_from_another_place", {"what": "bottle"}).instance("what", what, Object, "an object")
 
     async def look(failure: PlanFailure) -> Decision:
         try:
+            if any(isinstance(link, ObjectUnresolvable) for link in failure.chain()):
+                await _look_for(what)
+                return RETRY
             with suppress(ObjectNotFound):
                 await at_location(a_location(visible_from=what), partial(_look_for, what))
         except (ObjectUnreachable, ObjectUndeliverable) as nowhere:

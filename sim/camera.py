@@ -267,6 +267,10 @@ class Rays:
         hits = self._hits(starts, ends, _NOT_ROBOT)
         return tuple(self._name(hit) for hit in hits), np.array([float(hit[3][2]) for hit in hits])
 
+    def free(self, starts: Array, ends: Array) -> NDArray[np.bool_]:
+        """Return which lines from starts (n, 3) to ends (n, 3) meet no body, the robot left out, n < 16,384."""
+        return np.array([hit[0] < 0 for hit in self._hits(starts, ends, _NOT_ROBOT)], bool)
+
     @contextlib.contextmanager
     def without(self, name: str) -> Iterator[None]:
         """Cast as if a body were not there."""

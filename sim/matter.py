@@ -14,6 +14,8 @@ MOST = 1e6
 """Greatest amount [ml] that a state is believed to have: a cubic metre."""
 ON = "DeviceStateOn"
 """The state of a device that is on."""
+OFF = "DeviceStateOff"
+"""The state of a device that is off."""
 LEAST = 1e-9
 """Less than this is nothing [ml]."""
 

@@ -6,6 +6,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import rotations
@@ -45,6 +46,8 @@ class Shape:
     """They hold no more than the links do."""
 
 
+MOST_LINES = 16_000
+"""Lines that are cast in one go: PyBullet takes no more."""
 MOST_SHAPES = 64
 """Postures of which the shape is kept."""
 _shapes: dict[object, Shape] = {}
@@ -190,6 +193,15 @@ class PlanningWorld(KinematicScene):
     def touched_since_grasp(self, name: str) -> frozenset[str]:
         """Return bodies that a held one has touched ever since it was grasped: it may go on touching them a little."""
         return frozenset(self._held[name].touched)
+
+    def clear_lines(self, starts: Array, ends: Array) -> NDArray[np.bool_]:
+        """Return which lines from starts (n, 3) to ends (n, 3) meet no body, the robot left out, (n,)."""
+        self._here()
+        parts = range(0, len(starts), MOST_LINES)
+        hits = [
+            self._rays.free(starts[first : first + MOST_LINES], ends[first : first + MOST_LINES]) for first in parts
+        ]
+        return np.concatenate(hits) if hits else np.zeros(0, bool)
 
     def sight(self, name: str, configuration: Configuration | None = None) -> tuple[float, Mapping[str, int]]:
         """Return the share (0..1) of a body that lines of sight from the camera reach, and what the lines hit first.

@@ -6,7 +6,7 @@ side up. Time goes on in steps; nothing here is random.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -150,18 +150,16 @@ def warm(changes: Changes, seconds: float) -> None:
             _heat(changes, name, *heat, seconds)
 
 
-def due(changes: Changes, type: str) -> float | None:
-    """Return when heat will have made something of a class of what it heats now, at the earliest [s]; None: never."""
-    found = []
-    for name in changes.bodies.bodies:
+def due(changes: Changes, names: Iterable[str], type: str | None = None) -> Iterator[float]:
+    """Yield when heat will have made something, of a class if that is given, of things that it heats now [s]."""
+    for name in names:
         heat = None if name in changes.bodies.removed else changes.heated_by(name)
         if heat is None:
             continue
         for one in (changes.type_of(name), *changes.matter.contents.get(name, {})):
             result = changes.rules.result(one, changes.type_of(heat[0]))
-            if result is not None and changes.rules.is_a(result.output, type):
-                found.append(result.seconds - max(changes.matter.heated.get(name, (0.0, 0.0))))
-    return max(0.0, min(found)) if found else None
+            if result is not None and (type is None or changes.rules.is_a(result.output, type)):
+                yield max(0.0, result.seconds - max(changes.matter.heated.get(name, (0.0, 0.0))))
 
 
 def _heat(changes: Changes, name: str, device: str, within: bool, seconds: float) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -410,11 +410,14 @@ class Robot:
         across = away - np.outer(away @ np.asarray(axis), axis)
         return float(np.linalg.norm(across, axis=1).max())
 
-    def hand_corners(self, link: str) -> Array:
-        """Return the corners (n, 3) [m] of boxes around the pieces of the hand at a link, in its frame, as it is."""
+    def hand_corners(self, link: str, without: Collection[str] = ()) -> Array:
+        """Return the corners (n, 3) [m] of boxes around the pieces of the hand at a link, in its frame, as it is.
+
+        ``without`` names links that are left out.
+        """
         back = self.link_pose(link).inverse()
         found = [np.zeros((0, 3))]
-        for number in sorted(self.hand_of(link)):
+        for number in sorted(one for one in self.hand_of(link) if self.solid_names[one] not in without):
             at = back @ self.link_pose(self.solid_names[number])
             for _, size, offset in self.shapes(number):
                 found.append(corners(at @ offset, size))

@@ -17,6 +17,7 @@ import numpy as np
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import rotated
 from planlang.geometry.shapes import footprint, half_extents, inside
+from sim.controls import Control
 from sim.joints import Articulation
 from sim.matter import Portion, Rules
 
@@ -79,6 +80,8 @@ class Body:
     """Length of the blade at the front end of its longest axis [m]; 0 without one."""
     centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Centre of its box in its own frame [m]: elsewhere than at 0 only for a tool, whose frame is in its blade."""
+    largest_tilt: float | None = None
+    """How far its z axis may lean from upright while it is carried [rad]; None if it may be turned as one likes."""
 
     def __post_init__(self) -> None:
         if self.shape not in tuple(BodyShape):
@@ -113,6 +116,8 @@ class Scene:
     """Base of the robot at the beginning: x, y, yaw."""
     joints: tuple[Articulation, ...] = ()
     """The leaves that turn or slide; the poses of their bodies are those when it is closed."""
+    controls: tuple[Control, ...] = ()
+    """Buttons and knobs of devices."""
     rules: Rules = field(default_factory=Rules)
     """The effects of heat and tilting on things."""
     _by_name: Mapping[str, Body] = field(init=False, repr=False, compare=False)
@@ -154,6 +159,8 @@ class CameraModel:
     """The direction of view, in the link's frame: z for an optical frame, x for a body frame."""
     up: tuple[float, float, float] = (0.0, -1.0, 0.0)
     """The upward direction of its picture, in the link's frame."""
+    recognises: tuple[str, ...] | None = None
+    """Classes of things of which there are models from the beginning; None: of all."""
 
     @property
     def half_angle(self) -> float:

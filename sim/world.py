@@ -13,6 +13,7 @@ from planlang.geometry import Array
 from planlang.protocols import Configuration, Contact, Detection, Motion, MotionState, Touch, Trajectory
 from sim.camera import save_png
 from sim.contact import Query
+from sim.controls import Controls
 from sim.kinematic import KinematicScene
 from sim.processes import Processes
 from sim.robot import BASE, Robot
@@ -179,6 +180,9 @@ class PyBulletWorld(KinematicScene):
         self.seed, self.steps = seed, 0
         self._processes = Processes(self.changes)
         self._motions: dict[str, Playback] = {}
+        self._controls = Controls(scene.controls, self._matter)
+        hands = {} if robot is None else robot.hands
+        self._hands = frozenset((*hands, *(link for fingers in hands.values() for link in fingers)))
 
     # Time and motions
 
@@ -186,15 +190,28 @@ class PyBulletWorld(KinematicScene):
         """Advance by one step: motions in the order of their groups' first start, then people, then what falls."""
         for playback in self._motions.values():
             if playback.state().state is MotionState.MOVING:
+                free = [strand for strand in playback.strands if strand.blocked_by is None]
                 self._now = advance(playback, self._find, self._contacts.felt, self._now)
+                self._push(free)
         self._here()
         if self._robot is not None:
             self._contacts.part()
             self._slip(self._robot)
         self._people.step({name: self._bodies.poses[name] for name in self._held})
         self._falling.step()
+        self._controls.turned(self._leaves.values, self._leaves.joints)
         self._processes.step(1 / self.rate)
         self.steps += 1
+
+    def _push(self, moved: Sequence[Strand]) -> None:
+        """Let hands push what stops them."""
+        for strand in moved:
+            if (
+                strand.blocked_by in self._bodies.poses
+                and strand.touch is not None
+                and strand.touch.link in self._hands
+            ):
+                self._controls.pushed(strand.blocked_by, strand.touch, self._bodies.poses[strand.blocked_by])
 
     def _slip(self, robot: Robot) -> None:
         """Let leaves stay behind from which a hand has slipped off."""
@@ -283,6 +300,7 @@ class PyBulletWorld(KinematicScene):
         super().restore_state(state)
         try:
             self._processes.restore(state)
+            self._controls.restored(self._leaves.values, self._leaves.joints)
         except (KeyError, TypeError, AttributeError) as problem:
             raise ValueError(f"the state of the world is damaged: {problem!r}") from None
         # motions that are over: groups keep their order, in which motions are played

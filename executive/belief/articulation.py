@@ -27,7 +27,9 @@ DOORS = ("Door", "DoorwayCovering", "ContainerLid")
 """Classes of leaves that turn."""
 BELOW = ("Oven", "Dishwasher")
 """Classes of furniture whose doors are hinged at the lower edge."""
-GRIPS = ("Handle", "ControlKnob")
+KNOBS = ("ControlKnob",)
+"""Classes of what turns about its own axis if the map has a joint for it."""
+GRIPS = ("Handle", *KNOBS)
 """Classes of parts by which a hand moves a leaf; the first is preferred."""
 OPENED = 1.57
 """Upper limit of a hinge of which no file says one [rad]."""
@@ -86,11 +88,14 @@ class _Reader:
                 continue
             if self.is_a(thing, DOORS):
                 joint = self._door(thing, body)
+            elif self.is_a(thing, ("Drawer",)):
+                joint = self._drawer(thing, body)
             else:
-                joint = self._drawer(thing, body) if self.is_a(thing, ("Drawer",)) else None
+                joint = self._knob(thing, body) if self.is_a(thing, KNOBS) else None
             if joint is not None:
                 joints.append(joint)
-        return list(self.bodies.values()), tuple(joints)
+        moved = {name for joint in joints for name in joint.parts}  # a knob on a door goes with the door
+        return list(self.bodies.values()), tuple(joint for joint in joints if joint.leaf not in moved)
 
     def is_a(self, thing: MapObject, classes: Iterable[str]) -> bool:
         """Return whether a thing is of one of some classes."""
@@ -103,7 +108,8 @@ class _Reader:
         if holder is None or self.is_a(self.things[holder.iri], ("Drawer",)):
             return None  # a door between rooms has no furniture, and the front of a drawer slides with it
         leaf = self._leaf(thing, body, holder)
-        leaf = self._at_face(leaf)
+        if not any(self._is_placed(iri) for iri in self._hinges(thing)):
+            leaf = self._at_face(leaf)
         stated = self._stated(leaf)
         return stated if stated is not None else self._hinged(leaf)
 
@@ -118,6 +124,12 @@ class _Reader:
         return self._stated(leaf, JointKind.PRISMATIC) or self._joint(
             leaf, JointKind.PRISMATIC, body.pose.position, outwards, 0.0, EXTENDED * 2 * leaf.half(outwards)
         )
+
+    def _knob(self, thing: MapObject, body: Body) -> Articulation | None:
+        holder = self._holder(thing)
+        leaf = None if holder is None else self._leaf(thing, body, holder)
+        joint = None if leaf is None else self._stated(leaf)
+        return None if joint is None else replace(joint, handle=body.name)
 
     def _hinged(self, leaf: _Leaf) -> Articulation:
         """Return the hinge that the box of a door, its handle and its furniture tell."""
@@ -213,6 +225,11 @@ class _Reader:
     def _limit(self, iri: str, name: str) -> float | None:
         triple = stated(self.map.ontology, iri, name)
         return None if triple is None else length(triple, self.found)
+
+    def _is_placed(self, iri: str) -> bool:
+        """Return whether a file says all about a joint: limits, axis, and a point of it."""
+        is_described = self._limit(iri, "maxJointValue") is not None and stated(self.map.ontology, iri, "direction")
+        return bool(is_described) and iri in self.things and self.things[iri].pose is not None
 
     def _hinges(self, thing: MapObject) -> list[str]:
         """Return the joints of a thing, which is a part of theirs, of which they are a part, or hinged to them."""

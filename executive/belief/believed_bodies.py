@@ -11,7 +11,7 @@ import numpy as np
 from executive.belief.belief import Belief
 from executive.belief.hollow import room_behind
 from planlang.designators import Object
-from planlang.failures import LocationUnresolvable
+from planlang.failures import LocationUnresolvable, ObjectUnresolvable
 from planlang.geometry import Array, Pose
 from planlang.ontology import expand, shorten
 from planlang.protocols import Touch
@@ -138,6 +138,19 @@ class BelievedBodies:
     def bind(self, what: Object) -> str:
         """Return the body that an object designator means; raises ObjectUnresolvable."""
         return self._belief.bind(what, self._world.configuration().base)
+
+    def known(self, what: Object) -> str | None:
+        """Return the body that an object designator means, None if it is not known where such a thing is."""
+        try:
+            return self.bind(what)
+        except ObjectUnresolvable:
+            return None
+
+    def means_unknown(self, what: Object) -> bool:
+        """Return whether a designator may mean a thing of the map of which it is not known where it is."""
+        belief = self._belief
+        things = [thing for thing in belief.map.objects if thing.name in belief.unknown]
+        return any(one.iri == what.iri or (what.iri is None and belief.is_a(one, what.type)) for one in things)
 
     def designator(self, name: str) -> Object:
         """Return the designator that means a body of the map."""

@@ -30,13 +30,15 @@ ROOM_FOR_IT = 0.05
 def hollowed(
     bodies: Sequence[Body],
     joints: Iterable[Articulation],
+    stated: Callable[[Body], Cavity | None],
     compartments: Callable[[Body], Sequence[Body]],
     report: Callable[[Body, Sequence[Body], Sequence[str]], None],
 ) -> list[Body]:
     """Return all bodies, those with movable things inside hollow where these can be reached.
 
-    ``compartments`` are parts of furniture inside of which things may lie. ``report`` is told the furniture, what lies
-    inside and the names of its openings, none if there is no way to reach into it.
+    ``stated``: the room inside a body of which the map says that it is open; it is hollow in any case, there or behind
+    its doors. ``compartments`` are parts of furniture inside of which things may lie. ``report`` is told the furniture,
+    what lies inside and the names of its openings, none if there is no way to reach into it.
     """
     by_name = {body.name: body for body in bodies}
     slides = {joint.leaf for joint in joints if joint.kind is JointKind.PRISMATIC}
@@ -45,25 +47,42 @@ def hollowed(
         if joint.kind is JointKind.HINGED and joint.holder is not None:
             doors.setdefault(joint.holder, []).append(by_name[joint.leaf])
     movable = [body for body in bodies if body.movable]
-    for body in bodies if movable else ():
-        content = [] if body.movable or body.shape is not BodyShape.BOX else _content(body, movable)
-        if not content:
+    for body in bodies:
+        if body.movable or body.shape is not BodyShape.BOX:
             continue
-        parts = [part for part in compartments(body) if part.name not in slides]
+        content, own = _content(body, movable) if movable else [], stated(body)
+        if not content and own is None:
+            continue
+        parts = [] if own else [part for part in compartments(body) if part.name not in slides]
         rooms = {door.name: room_behind(door, body) for door in doors.get(body.name, ())}
         front = _front(body, doors.get(body.name, ()))
         rooms |= {part.name: _compartment(part, body, *front) for part in parts if part.name not in doors}
-        if body.name in slides:
+        if own is not None:
+            rooms = rooms or {body.name: own}
+        elif body.name in slides:
             rooms = {body.name: _open_above(body)}
         held = [thing for thing in content if any(_is_in(room, body, thing) for room in rooms.values())]
-        report(body, content, [*rooms] if held else [])
-        if held:
+        if content:
+            report(body, content, [*rooms] if held else [])
+        if held or own is not None:
             cavities = tuple(_with_room(room, body, held) for room in rooms.values())
             by_name[body.name] = replace(body, cavities=cavities)
             for part in parts:
                 if part.name in rooms:
                     by_name[part.name] = replace(by_name[part.name], shape=BodyShape.MARKER, cavities=())
     return list(by_name.values())
+
+
+def open_at(size: Sequence[float], sides: Iterable[str], walls: float = WALL) -> Cavity | None:
+    """Return the room inside a box, along its axes, that is open at sides such as "+x"; None if nothing is open."""
+    low, high = -np.asarray(size) / 2 + walls, np.asarray(size) / 2 - walls
+    known = [(sign, axis) for side in sides for sign in "+-" for axis in "xyz" if side == sign + axis]
+    for sign, axis in known:
+        if sign == "+":
+            high["xyz".index(axis)] += walls + BEYOND
+        else:
+            low["xyz".index(axis)] -= walls + BEYOND
+    return _cavity(low, high) if known and (low < high).all() else None
 
 
 def room_behind(leaf: Body, furniture: Body) -> Cavity:

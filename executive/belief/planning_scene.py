@@ -211,7 +211,9 @@ class RobotArms:
         """Return what an arm holds."""
         for name, grip in self._belief.held.items():
             if grip.arm == arm:
-                return Held(name, grip.offset, self._world.size(name))
+                limit = self._world.scene.body(name).largest_tilt
+                upright = limit is not None and float(grip.before.rotation[2, 2]) >= math.cos(limit)
+                return Held(name, grip.offset, self._world.size(name), limit if upright else None)
         return None
 
     def is_held(self, body: str) -> bool:

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from executive.belief.articulation import articulated
 from executive.belief.contents import is_content, rules_of, with_contents
-from executive.belief.hollow import hollowed
+from executive.belief.controls import controls_of
+from executive.belief.hollow import WALL, hollowed, open_at
 from executive.belief.in_hand import STOWED, is_in_hand
 from executive.belief.object_models import Blade
 from executive.belief.semantic_map import MapObject, SemanticMap
@@ -20,7 +21,7 @@ from planlang.geometry.shapes import corners, footprint, inside
 from planlang.ontology import expand, shorten
 from sim import Body, Scene
 from sim.joints import Articulation
-from sim.scene import GRASPABLE_WIDTH, THIN, BodyShape
+from sim.scene import GRASPABLE_WIDTH, THIN, BodyShape, Cavity
 
 PENETRATION = 0.02
 """Greatest penetration of a thing into its support [m]."""
@@ -125,7 +126,9 @@ def scene_of(semantic_map: SemanticMap, found: list[Diagnostic] | None = None) -
     bodies, joints = articulated(bodies, semantic_map, found)
     bodies = _opened(bodies, joints, semantic_map, found)
     bodies = with_contents(bodies, semantic_map)
-    scene = Scene(tuple(bodies), _bounds(bodies), joints=joints, rules=rules_of(semantic_map.ontology))
+    controls = controls_of(bodies, joints, semantic_map)
+    rules = rules_of(semantic_map.ontology)
+    scene = Scene(tuple(bodies), _bounds(bodies), joints=joints, controls=controls, rules=rules)
     _check_support(scene, semantic_map, found)
     return scene
 
@@ -172,6 +175,10 @@ def _opened(
     """Return all bodies; furniture with movable things inside is hollow, if it can be, and reported."""
     by_iri = {body.iri: body for body in bodies}
 
+    def stated(body: Body) -> Cavity | None:
+        thing = semantic_map.find(body.iri)
+        return None if thing is None else open_at(body.size, thing.open_sides, thing.walls or WALL)
+
     def compartments(body: Body) -> list[Body]:
         thing = semantic_map.find(body.iri)
         parts = (semantic_map.find(iri) for iri in (() if thing is None else thing.parts))
@@ -188,7 +195,7 @@ def _opened(
             message = f"{names} inside {body.name}, which is modelled as a solid box: out of reach"
             found.append(warning("M014", message, span, f"place it on {body.name}, or leave {body.name} out"))
 
-    return hollowed(bodies, joints, compartments, report)
+    return hollowed(bodies, joints, stated, compartments, report)
 
 
 def _check_support(scene: Scene, semantic_map: SemanticMap, found: list[Diagnostic]) -> None:

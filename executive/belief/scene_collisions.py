@@ -275,7 +275,7 @@ class SceneCollisions:
         opened: bool = False,
         among: Collection[tuple[str, str]] | None = None,
     ) -> tuple[Contact, ...]:
-        """Return penetrations with an arm at ``q``, all else as it is; its hand may touch the body ``touches``.
+        """Return penetrations with an arm at ``q``, all else as it is; its fingers may touch the body ``touches``.
 
         ``opened``: with the fingers of the arm open. ``among``: the only pairs that can touch, if that is known.
         """
@@ -287,7 +287,7 @@ class SceneCollisions:
         gripper = self._robot.arm(arm.name).gripper
         joints |= gripper.opened if opened and gripper is not None else {}
         joints |= zip(arm.joints, map(float, q), strict=True)
-        ignore = [(link, touches) for link in sorted(arm.hand_links)] if touches is not None else []
+        ignore = [(link, touches) for link in sorted(self._touching(arm))] if touches is not None else []
         moving = (*arm.joints, *(gripper.opened if opened and gripper is not None else ()))
         return self._world.contacts(Configuration(base, joints), moving, ignore=ignore, among=among)
 
@@ -371,7 +371,7 @@ class SceneCollisions:
         bodies = self._bodies_of(arm, opened=False)
         base = self._world.link_pose(self._robot.base_link).matrix()
         middle = moved(base, bodies.centre)
-        return bodies.against(base, self._room().near(middle, bodies.reach), (arm.hand_links, touches))
+        return bodies.against(base, self._room().near(middle, bodies.reach), (self._touching(arm), touches))
 
     def group_check(self, group: ArmGroup, arms: Sequence[ArmModel]) -> QuickCheck:
         """Return a check, without PyBullet, of how arms may move together here; blades may go under what is thin."""
@@ -396,7 +396,7 @@ class SceneCollisions:
         self, arm: ArmModel, touches: str | None, *, opened: bool, near: tuple[Array, float] | None = None
     ) -> QuickCheck:
         """Return a check that rules out postures of an arm from any base, and poses of its hand."""
-        key, ignored = ("arm", arm.name, touches, opened), (arm.hand_links, touches)
+        key, ignored = ("arm", arm.name, touches, opened), (self._touching(arm), touches)
         return self._check(key, near, lambda: self._bodies_of(arm, opened=opened), ignored)
 
     def stance_check(self, near: tuple[Array, float] | None = None) -> QuickCheck:
@@ -438,6 +438,11 @@ class SceneCollisions:
         """Return what the bodies of arms depend on beside joints: with empty hands nothing."""
         held = tuple(self._belief.held.values())
         return (self._state(), held) if held or self._world.attached() else None
+
+    def _touching(self, arm: ArmModel) -> frozenset[str]:
+        """Return the links that may touch what an arm takes: its fingers, as its palm would push that away."""
+        gripper = self._robot.arm(arm.name).gripper
+        return frozenset(gripper.finger_links) if gripper is not None else arm.hand_links
 
     def _fingers(self, arm: ArmModel) -> Mapping[str, float]:
         """Return the joints of an arm's fingers where they are open."""

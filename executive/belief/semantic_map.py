@@ -258,6 +258,10 @@ class MapObject:
     hinged_to: tuple[str, ...] = ()
     inside: tuple[str, ...] = ()
     on: tuple[str, ...] = ()
+    open_sides: tuple[str, ...] = ()
+    """Sides of its box, such as "+x", at which it is open; if there are any, it is hollow."""
+    walls: float | None = None
+    """Thickness of its walls [m]."""
     span: Span | None = None
 
 
@@ -315,6 +319,8 @@ def read_map(ontology: Ontology) -> SemanticMap:
                 hinged_to=_individuals(ontology, iri, "hingedTo"),
                 inside=_individuals(ontology, iri, "in-ContGeneric"),
                 on=_individuals(ontology, iri, "on-Physical"),
+                open_sides=_texts(ontology, iri, "openSide"),
+                walls=_wall(ontology, iri, found),
                 span=ontology.span(iri),
             )
         )
@@ -391,6 +397,17 @@ def _perceptions(ontology: Ontology) -> Iterator[str]:
 
 def _individuals(ontology: Ontology, iri: str, prop: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys(v for v in ontology.values(iri, expand(prop)) if isinstance(v, str)))
+
+
+def _texts(ontology: Ontology, iri: str, prop: str) -> tuple[str, ...]:
+    values = ontology.values(iri, expand(prop))
+    return tuple(dict.fromkeys(value.value.strip() for value in values if isinstance(value, Literal)))
+
+
+def _wall(ontology: Ontology, iri: str, found: list[Diagnostic]) -> float | None:
+    triple = stated(ontology, iri, "wallThickness")
+    thickness = None if triple is None else length(triple, found)
+    return thickness if thickness is None or thickness > 0 else None
 
 
 def _unique(name: str, names: set[str]) -> str:

@@ -61,7 +61,11 @@ RecipeOrPlan = Annotated[
 Robot = Annotated[str | None, typer.Option(metavar="ROBOT", help="The robot: a file, or a bundled robot's name.")]
 Urdf = Annotated[Path | None, typer.Option(metavar="FILE", help="The robot's URDF, if the robot's file names none.")]
 Environment = Annotated[
-    str | None, typer.Option(metavar="MAP", help="The semantic map: a file, or a bundled environment's name.")
+    list[str] | None,
+    typer.Option(
+        metavar="MAP",
+        help="The semantic map: a file (OWL or URDF), or a bundled environment's name; further ones add things to it.",
+    ),
 ]
 Start = Annotated[
     str | None,
@@ -167,9 +171,10 @@ class MatchArguments(TaskArguments):
     urdf: Urdf = None
     modules: Modules = None
     environment: Annotated[
-        str | None,
+        list[str] | None,
         typer.Option(
-            metavar="MAP", help="A semantic map, file or bundled name, that is also searched for what is missing."
+            metavar="MAP",
+            help="A semantic map, file or bundled name, that is also searched for what is missing; repeatable.",
         ),
     ] = None
     semantics: Annotated[Reading, typer.Option(help="How requirements are read; original: as KnowRob did.")] = (
@@ -197,12 +202,21 @@ class RunArguments(TaskArguments, VerboseArguments):
     trust_map: Annotated[
         bool, typer.Option("--trust-map", help="Things count as seen where the map has them; needs no camera.")
     ] = False
+    unknown: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="THING",
+            help="The robot does not know where this thing of the map is, or things of this class; all: anything but "
+            "rooms. Repeatable.",
+        ),
+    ] = None
     set_: Annotated[
         list[str] | None,
         typer.Option(
             "--set",
-            metavar="NAME=THING",
-            help="Bind a parameter (NAME or STEP.PROPERTY) to a thing of the map, or a place to a phrase; repeatable.",
+            metavar="NAME=THING|@FILE",
+            help="Bind a parameter (NAME or STEP.PROPERTY) to a thing of the map, a place to a phrase, or all that the "
+            "lines of a file name; repeatable.",
         ),
     ] = None
     seed: Annotated[
@@ -223,6 +237,9 @@ class RunArguments(TaskArguments, VerboseArguments):
     ] = None
     record: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write a recording for rerun (needs planlang[record]).")
+    ] = None
+    upload: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write the map that the plan uploads, in Manchester syntax.")
     ] = None
     resume: Annotated[
         Path | None,

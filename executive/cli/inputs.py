@@ -32,6 +32,12 @@ def chosen(
         return None
 
 
+def environments(given: Sequence[str | None] | None, problems: list[Diagnostic]) -> tuple[Path, ...]:
+    """Return the files of the environments that the user named; appends what is wrong."""
+    found = (chosen(Bundled.ENVIRONMENT, name, None, problems) for name in given or ())
+    return tuple(path for path in found if path is not None)
+
+
 def check_files(problems: list[Diagnostic], **files: Path | Sequence[Path] | None) -> None:
     """Append an error for each named file that is not there or is no regular file."""
     for name, given in files.items():

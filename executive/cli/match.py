@@ -7,7 +7,7 @@ from pathlib import Path
 
 from executive.cli.arguments import MatchArguments
 from executive.cli.console import Answer, ExitCode
-from executive.cli.inputs import check_files, chosen, read_recipe_file, refuse
+from executive.cli.inputs import check_files, chosen, environments, read_recipe_file, refuse
 from executive.robots import Semantics, bind_robot, match, possessions_of
 from executive.robots.matching import Matcher, Possessions
 from executive.robots.robot import claims_of, parts_of, read_self_model
@@ -32,9 +32,7 @@ def command(arguments: MatchArguments) -> Answer:
     problems: list[Diagnostic] = []
     check_files(problems, urdf=arguments.urdf, modules=arguments.modules)
     robot = chosen(Bundled.ROBOT, arguments.robot, "amigo" if file.is_bundled else None, problems)
-    environment = None
-    if arguments.environment is not None:
-        environment = chosen(Bundled.ENVIRONMENT, arguments.environment, None, problems)
+    maps = environments(arguments.environment, problems)
     refuse(problems)
     assert robot is not None
     folders, semantics = arguments.folders, Semantics(arguments.semantics.value)
@@ -45,7 +43,7 @@ def command(arguments: MatchArguments) -> Answer:
     possessions = _possessions(robot, arguments.urdf, folders, found)
     matched = match(ontology, task, possessions, semantics, performed)
     if matched.feasible is not True and semantics is Semantics.CLOSURE:
-        knowledge = (ontology, *_knowledge(possessions, environment, folders))
+        knowledge = (ontology, *_knowledge(possessions, maps, folders))
         matched = with_remedies(matched, Matcher(ontology, possessions), knowledge)
     code = ExitCode.BAD_INPUT if has_errors(found) else EXIT_CODES[matched.feasible]
     return Answer(code, tuple(found), "\n".join(matched.lines()), {"task": matched.tree.text, **matched.as_json()})
@@ -76,7 +74,7 @@ def _action(actions: Actions, wanted: str, span: Span) -> str:
 
 def _performed(files: Sequence[Path], found: list[Diagnostic]) -> frozenset[str]:
     """Return the action classes that process modules perform; those of the user's files are executed."""
-    from executive.runs.assembly import bundled_registry
+    from executive.modules.bundled import bundled_registry
 
     registry = bundled_registry()
     registry.add_installed()
@@ -102,12 +100,12 @@ def _possessions(robot: Path, urdf: Path | None, folders: Sequence[Path], found:
     return possessions_of(bound)
 
 
-def _knowledge(robot: Possessions, environment: Path | None, folders: Sequence[Path]) -> Iterator[Ontology]:
+def _knowledge(robot: Possessions, maps: Sequence[Path], folders: Sequence[Path]) -> Iterator[Ontology]:
     """Yield the ontologies that are searched for missing things; those that cannot be read are left out."""
     if robot.model is not None:
         yield robot.model.ontology
-    if environment is not None:
-        yield load(environment, folders=folders)
+    if maps:
+        yield load(maps[0], folders=folders, also=maps[1:])
     files = sorted(path for folder in folders for path in folder.iterdir() if path.is_file())
     for path in files[:LARGEST_LIBRARY]:
         try:

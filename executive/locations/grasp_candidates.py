@@ -7,7 +7,7 @@ reachability maps can be inverted for many at once. The *key* pose of a series i
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import NamedTuple
@@ -20,7 +20,7 @@ from executive.locations.columns import Columns
 from executive.locations.reachability import GraspClass
 from executive.motion import QuickCheck
 from executive.robots.arms import ArmModel, HandFrame, Held
-from planlang.geometry import Array
+from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import product, rotated
 from sim import ComfortZone
 
@@ -40,6 +40,9 @@ ARM_ROOM = 0.45
 """Largest reach of a hand over the edge of a surface for a place over it [m]."""
 COMFORTABLE = 0.2
 """Distance inside a comfort zone from which a place is as good as can be (see :meth:`ComfortZone.margins`)."""
+GRIPPED = 0.01
+"""Least height of a thing above the grip point [m]."""
+UP = np.array([0.0, 0.0, 1.0])
 OBLIQUE = 0.4
 """Weight of a grasp across the edges of a box, beside one across its faces."""
 
@@ -115,9 +118,18 @@ class Hand(NamedTuple):
 
 @lru_cache(maxsize=8)  # arms of one kind have the same
 def grasping(
-    name: str, block: Block, frame: HandFrame, max_opening: float, classes: tuple[GraspClass, ...], headings: int
+    name: str,
+    block: Block,
+    frame: HandFrame,
+    max_opening: float,
+    classes: tuple[GraspClass, ...],
+    headings: int,
+    palm: tuple[tuple[float, ...], ...] = (),
 ) -> GraspCandidates:
-    """Return candidates for pre-grasp, grasp, lift and retreat; the fingers close horizontally across the body."""
+    """Return candidates for pre-grasp, grasp, lift and retreat; the fingers close horizontally across the body.
+
+    They grip the middle, or as much higher as the ``palm``, corners in the tip's frame, has to be to stay off the body.
+    """
     grasps, yaws, rolls, weights = [], [], [], []
     for grasp in classes:
         for number in range(headings):
@@ -140,9 +152,31 @@ def grasping(
         axis=1,
     )
     points = np.tile(block.centre, (count, 1))
-    return _oriented(
+    found = _oriented(
         f"grasp {name}", points, offsets, 1, grasps, yaws, rolls, weights, frame, touches=name, opened=True
     )
+    if not count or not palm:
+        return found
+    raised = _raised_over(block, found, directions, np.array(palm))
+    found = replace(found, points=found.points + raised[:, None] * np.array([0.0, 0.0, 1.0]))
+    return found.chosen(np.flatnonzero(raised <= block.high - block.centre[2] - GRIPPED))
+
+
+def _raised_over(block: Block, candidates: GraspCandidates, directions: Array, palm: Array) -> Array:
+    """Return how much higher than the middle of a block hands (n,) are for their palms (m, 3) not to touch it [m].
+
+    The palm is behind the block, above it, or beyond a plane across the approach directions (n, 3).
+    """
+    corners = palm @ candidates.rotations.transpose(0, 2, 1)
+    back = -directions * [1.0, 1.0, 0.0]
+    half, raised = (block.high - block.low) / 2, np.full(len(directions), np.inf)
+    for axes in (back / np.maximum(np.linalg.norm(back, axis=1), 1e-9)[:, None], -directions, UP + 0.0 * directions):
+        level = np.hypot(axes[:, 0], axes[:, 1])
+        sideways = [block.support(math.atan2(y, x)) for x, y, _ in axes.tolist()]
+        gap = np.einsum("nmk,nk->nm", corners, axes).min(axis=1) - level * sideways - half * axes[:, 2]
+        rise = np.where(gap >= 0.0, 0.0, -gap / np.maximum(axes[:, 2], 1e-9))
+        raised = np.minimum(raised, np.where(level + axes[:, 2] > 1e-6, rise, np.inf))
+    return raised
 
 
 def held_above(
@@ -198,26 +232,31 @@ def offering(name: str, zone: ComfortZone, frame: HandFrame, held: Held | None, 
     return found.best(1200 if fine else 64)
 
 
-def placing(name: str, centres: Array, frame: HandFrame, held: Held, *, fine: bool) -> GraspCandidates:
-    """Return candidates down onto a place for what is held: its centre comes to ``centres`` (m, 3), upright."""
-    count = HEADINGS if fine else HEADINGS // 2
-    turns: Array = np.asarray(np.arange(count) * (2 * math.pi / count), np.float64)
-    at, turn = (grid.ravel() for grid in np.meshgrid(np.arange(len(centres)), np.arange(len(turns)), indexing="ij"))
-    weights = 1.0 - 0.5 * at / max(len(centres), 1)
+def placing(
+    name: str, spots: Sequence[Pose], frame: HandFrame, held: Held, *, symmetric: bool, fine: bool
+) -> GraspCandidates:
+    """Return candidates down onto a place for what is held, and back from it: as a whole upright at one of ``spots``.
+
+    What is ``symmetric`` may be turned round by half a turn, anything else as it likes.
+    """
+    count = 2 if symmetric else HEADINGS if fine else HEADINGS // 2
+    at, turn = (grid.ravel() for grid in np.meshgrid(np.arange(len(spots)), np.arange(count), indexing="ij"))
+    yaws = np.array([spot.yaw for spot in spots])[at] + turn * (2 * math.pi / count)
     base, grasp, heading, roll = _held_upright(frame, held)
-    rotations = product(upright(turns[turn] - heading), base)
-    points = centres[at] - held.offsets(rotations)
-    offsets = np.tile(np.array([[0.0, 0.0, LOWERING], [0.0, 0.0, 0.0]]), (len(at), 1, 1))
+    rotations = product(upright(yaws), base)
+    points = np.array([spot.position for spot in spots])[at] - held.offsets(rotations)
+    back = -APPROACH * rotated(rotations, np.asarray(frame.approach))
+    still = np.zeros((len(at), 3))
     return GraspCandidates(
         f"put on {name}",
         points,
         rotations,
-        offsets,
+        np.stack([still + np.array([0.0, 0.0, LOWERING]), still, back], axis=1),
         1,
         np.full(len(at), grasp, np.intp),
-        turns[turn],
+        yaws + heading,
         np.full(len(at), roll, np.intp),
-        weights,
+        1.0 - 0.5 * at / max(len(spots), 1),
     ).best(1200 if fine else 64)
 
 

@@ -218,7 +218,8 @@ class BaseValidator:
     def to_see(self, demand: BaseDemand) -> tuple[str, ...]:
         """Return what has to be seen from the base: what is asked for, and what is going to be handled."""
         handled = [reach.body for reach in self.wanted(demand) if reach.kind in (ReachKind.GRASP, ReachKind.OFFER)]
-        return tuple(dict.fromkeys((*demand.seen, *(handled if self.scene.visibility.sighted() else ()))))
+        handled = [name for name in handled if name not in demand.remembered and self.scene.visibility.sighted()]
+        return tuple(dict.fromkeys((*demand.seen, *handled)))
 
     def answer(
         self, base: BasePose, score: float, reached: dict[Reach, HandSolution], demand: BaseDemand, log: Rejections

@@ -10,16 +10,21 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from itertools import chain, islice
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from executive.belief.scene_collisions import BasePose
+from executive.modules.motion_grounding import GroundedMotion, Grounding
 from executive.modules.phases import Phase
 from executive.modules.platform import Platform
 from executive.modules.pouring import Pouring
 from executive.modules.process_modules import Navigation
+from executive.modules.stances import stances
 from executive.motion import MotionError
+from executive.motion.constrained_ends import Ends
+from executive.motion.constrained_motion import PhaseMotion, solve_motion
+from executive.motion.constraint_functions import Bound, ConstraintFunctions
+from executive.motion.errors import ConstraintsContradict, NoConstrainedPath
 from planlang import checkpoint, perform
 from planlang.designators import Action, action
 from planlang.failures import (
@@ -28,17 +33,12 @@ from planlang.failures import (
     ManipulationFailure,
     ManipulationGoalInCollision,
     NavigationFailure,
-    ObjectLost,
     PerceptionFailure,
 )
 from planlang.geometry import Array
 from planlang.modules import process_module
 from planlang.motion_constraints import ConstraintsUnsatisfied, MotionConstraint
 from planlang.protocols import MotionState
-
-if TYPE_CHECKING:
-    from executive.modules.motion_grounding import GroundedMotion, Grounding
-    from executive.motion.constrained_motion import PhaseMotion
 
 INSIDE = 1 / 3
 """Share of the width between limits that is left out on both sides at first: a motion ends well inside if it can."""
@@ -52,14 +52,7 @@ class ConstrainedMotions:
 
     name = "constrained_motion"
     actions = ("ITaSCMotion",)
-    failures = (
-        ManipulationFailure,
-        NavigationFailure,
-        ObjectLost,
-        PerceptionFailure,
-        LookingFailure,
-        DesignatorFailure,
-    )
+    failures = (ManipulationFailure, NavigationFailure, PerceptionFailure, LookingFailure, DesignatorFailure)
 
     def __init__(self, platform: Platform) -> None:
         self.platform = platform
@@ -74,8 +67,6 @@ class ConstrainedMotions:
 
     async def execute(self, action: Action) -> tuple[str, ...]:
         """Move; return the names of constraints that heavier ones exclude. Without active ones nothing moves."""
-        from executive.modules.motion_grounding import Grounding  # most runs move without constraints
-
         asked = [one for one in constraints_of(action) if one.is_active]
         phase = self.platform.phases.current()
         if not asked:
@@ -141,8 +132,6 @@ class ConstrainedMotions:
 
     def _places(self, grounding: Grounding, asked: Sequence[MotionConstraint], phase: Phase) -> Iterator[BasePose]:
         """Yield places of the base from which constraints can hold, if nothing is in the way, near ones first."""
-        from executive.modules.stances import stances
-
         if not self._is_mobile():
             return
         motion = grounding.grounded(asked, phase)
@@ -152,8 +141,6 @@ class ConstrainedMotions:
                 yield base
 
     def _within_reach(self, grounding: Grounding, motion: GroundedMotion, base: BasePose | None) -> bool:
-        from executive.motion.constrained_ends import Ends
-
         problem = grounding.problem(motion, self.platform.base() if base is None else base)
         return Ends.of(problem, self._start(motion), [_inside(motion.constraints, ())]).within_reach(TRIES)
 
@@ -161,9 +148,6 @@ class ConstrainedMotions:
 
     def _way(self, grounding: Grounding, motion: GroundedMotion, phase: Phase) -> PhaseMotion:
         """Return the motion of the phase, well inside of its limits if there is one; raises ConstraintsUnsatisfied."""
-        from executive.motion.constrained_motion import solve_motion
-        from executive.motion.errors import ConstraintsContradict, NoConstrainedPath
-
         self.platform.sync()
         problem, start = grounding.problem(motion), self._start(motion)
         before = grounding.grounded(phase.before, phase).constraints if phase.before else ()
@@ -192,8 +176,6 @@ class ConstrainedMotions:
 
     def _check_end(self, grounding: Grounding, motion: GroundedMotion, solved: PhaseMotion) -> None:
         """Raise ConstraintsUnsatisfied for what does not hold where the arms are, but for what was given up."""
-        from executive.motion.constraint_functions import Bound, ConstraintFunctions
-
         given_up = {one.name for one in solved.given_up}
         asked = [one for one in motion.constraints if one.name not in given_up]
         problem = grounding.problem(motion, self.platform.base())

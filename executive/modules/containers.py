@@ -6,21 +6,16 @@ one place does not do is gone on with from another.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from contextlib import suppress
 from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from executive.belief.scene_collisions import BasePose
-from executive.modules.platform import Platform
-from executive.modules.process_modules import Navigation
-from executive.motion import MotionError, time_curve, time_path
-from executive.robots import CARRYING
+from executive.modules.hand_work import HandWork
+from executive.motion import time_curve, time_path
 from executive.robots.arms import ArmModel
 from planlang import checkpoint
-from planlang.designators import Action, Object, action
+from planlang.designators import Action, Object
 from planlang.failures import (
     ActionUnresolvable,
     ContainerStuck,
@@ -29,13 +24,12 @@ from planlang.failures import (
     GraspMissed,
     GraspSlipped,
     HandleNotReachable,
-    LookingGoalUnreachable,
     ManipulationFailure,
     ManipulationPoseUnreachable,
     NavigationFailure,
 )
-from planlang.geometry import Array, Pose
-from planlang.geometry.matrices import moved, rotated
+from planlang.geometry import Pose
+from planlang.geometry.matrices import moved
 from planlang.modules import process_module
 from planlang.protocols import Configuration, MotionState, Trajectory
 from sim.joints import Articulation
@@ -49,31 +43,23 @@ WAYS = 4
 """Ways that are tried when the first cannot be gone: others differ little."""
 STRAY = 0.01
 """Largest distance of the hand from the way of the handle [m]."""
-FEW = 200
-"""Branches that the search of a path of the arm grows: there are other ways to try, and places with more room."""
 SHORTER = (0, 1, 2, 4)
 """Steps at its end that are left out of a way that cannot be gone to there."""
-BACK = 0.2
-"""Least distance that the base drives back from a leaf before the arm is tucked: beside it there is little room [m]."""
 NO_FURTHER = 0.02
 """Share of its range by which a leaf has to move that is not stuck."""
 
 
 @process_module
-class Containers:
+class Containers(HandWork):
     """Opens and closes doors, drawers and lids."""
 
     name = "container"
     actions = ("OpeningAContainerArtifact", "ClosingAContainerArtifact")
     failures = (EnvironmentManipulationFailure, ManipulationFailure, NavigationFailure, DesignatorFailure)
 
-    def __init__(self, platform: Platform) -> None:
-        self.platform = platform
-
     def resources(self, action: Action) -> tuple[str, ...]:
-        """Return base, head, torso and all arms: what of them is needed is found out on the way."""
-        torso = [] if self.platform.robot.torso is None else ["torso"]
-        return ("base", "head", *torso, *(arm.name for arm in self.platform.scene.arms.all))
+        """Return the whole robot."""
+        return self.whole_robot()
 
     async def execute(self, action: Action) -> str:
         """Open or close ``object_acted_on``; return the name of the door, drawer or lid."""
@@ -84,6 +70,10 @@ class Containers:
         joint = self.platform.scene.bodies.leaf_of(what, shut=opens)
         if joint is None:
             raise ActionUnresolvable(f"{what} has no door, drawer or lid", designator=str(action))
+        return await self.moved(joint, opens)
+
+    async def moved(self, joint: Articulation, opens: bool) -> str:
+        """Open or close a leaf; return its name, or raise ContainerStuck or HandleNotReachable."""
         for _ in range(PLACES):
             if self._is_done(joint, opens):
                 return joint.leaf
@@ -103,11 +93,11 @@ class Containers:
         """Move the leaf as far as one place of the base allows; raises a failure if no way can be gone."""
         from executive.modules.leaf_paths import LeafPaths  # most runs open nothing
 
-        arms = [arm for arm in self._free_arms() if self.platform.hands.gripper(arm) is not None]
+        arms = self.free_hands()
         if joint.handle is None or not arms:
             lacks = "no hand is free" if joint.handle else f"{joint.leaf} has no handle"
             raise HandleNotReachable(f"{HandleNotReachable.text}: {lacks}", what=joint.leaf)
-        await self._tuck(self.platform.arms.untucked())
+        await self.tuck(self.platform.arms.untucked())
         problem: ManipulationFailure | NavigationFailure | None = None
         goal, wanted = (joint.upper, joint.first_open) if opens else (0.0, joint.last_shut)
         tried = 0
@@ -120,27 +110,23 @@ class Containers:
                 return
             except (ManipulationPoseUnreachable, GraspMissed, NavigationFailure) as failure:
                 problem = problem or failure
-                await self._tuck(self.platform.arms.untucked())
+                await self.tuck(self.platform.arms.untucked())
             if (tried := tried + 1) == WAYS:
                 break
         raise HandleNotReachable(what=joint.leaf) from problem
 
-    def _free_arms(self) -> Sequence[ArmModel]:
-        return self.platform.arms.free(self.platform.scene.arms.all)
-
     async def _along(self, path: LeafPath, joint: Articulation) -> None:
         """Drive there, take the handle, go with the leaf, let it go."""
         platform, arm, before = self.platform, path.arm, self._value(joint)
-        await self._drive(path.base)
-        with suppress(LookingGoalUnreachable):
-            await platform.sensing.look_at(platform.scene.bodies.block(joint.handle or joint.leaf).centre, joint.leaf)
-            platform.sensing.see()
+        await self.drive(path.base)
+        await self.look(joint.handle or joint.leaf)
         if abs(self._value(joint) - path.values[0]) > 1e-9:
             return  # it is not where it was believed to be: its way has to be looked for again
         platform.arms.choices.choose(arm.name)
         await platform.hands.move(arm, closed=False)
-        await self._follow(arm, self._planned(arm, path.before, joint), joint)
-        await self._straight(arm, path.poses[1], path.joints[0], joint)
+        await self.follow(arm, self.planned(arm, path.before, joint.handle), joint.handle)
+        motion = await self.straight(arm, path.poses[1], path.joints[0], joint.handle)
+        await self.arrived(arm, motion, joint.handle)
         problem: ManipulationFailure | ContainerStuck | None = None
         try:
             await platform.hands.move(arm, closed=True)
@@ -150,7 +136,7 @@ class Containers:
         except (ManipulationFailure, ContainerStuck) as failure:
             problem = failure
         await platform.hands.move(arm, closed=False)
-        await self._back(path, joint)
+        await self.back(arm, path.poses, joint.handle)
         if problem is not None:
             raise problem
         if abs(self._value(joint) - before) < NO_FURTHER * joint.upper:
@@ -193,49 +179,3 @@ class Containers:
         shares = np.einsum("nmk,mk->nm", tips[:, None] - starts[None], ways) / (ways**2).sum(axis=1)
         nearest = starts[None] + np.clip(shares, 0.0, 1.0)[..., None] * ways[None]
         return float(np.linalg.norm(tips[:, None] - nearest, axis=2).min(axis=1).max())
-
-    # Motions of the arm
-
-    async def _back(self, path: LeafPath, joint: Articulation) -> None:
-        """Take the hand back from the handle, then to the carrying posture, as far as there is room."""
-        platform, arm = self.platform, path.arm
-        tip = platform.scene.arms.tip(arm)
-        away = tip.copy()
-        back = rotated(path.poses[0][:3, :3].T, path.poses[0][:3, 3] - path.poses[1][:3, 3])
-        away[:3, 3] += rotated(tip[:3, :3], back)
-        with suppress(ManipulationPoseUnreachable):
-            await self._straight(arm, away, platform.arm_joints(arm), joint)
-        room = platform.drive.room_for(platform.arms.untucked(), least=BACK)
-        if room is not None:
-            with suppress(NavigationFailure):
-                await self._drive(room)
-        await self._tuck(platform.arms.untucked())
-
-    async def _drive(self, base: BasePose) -> None:
-        x, y, yaw = map(float, base)
-        await Navigation(self.platform).execute(action("Translation-LocationChange", x=x, y=y, yaw=yaw))
-
-    async def _tuck(self, untucked: Sequence[tuple[ArmModel, Array]]) -> None:
-        """Bring free arms to the carrying posture, where there is a way."""
-        for arm, posture in untucked if CARRYING in self.platform.robot.postures else ():
-            with suppress(MotionError):
-                await self.platform.follow(arm.name, self.platform.arms.path(arm, posture, iterations=FEW))
-
-    def _planned(self, arm: ArmModel, goal: Array, joint: Articulation) -> Trajectory:
-        try:
-            return self.platform.arms.path(arm, goal, joint.handle, FEW)
-        except MotionError as problem:
-            raise ManipulationPoseUnreachable(arm=arm.name, what=joint.handle) from problem
-
-    async def _straight(self, arm: ArmModel, pose: Array, q: Array, joint: Articulation) -> None:
-        try:
-            trajectory = self.platform.arms.straight_path(arm, pose, q, joint.handle)
-        except MotionError as problem:
-            raise ManipulationPoseUnreachable(arm=arm.name, what=joint.handle) from problem
-        await self._follow(arm, trajectory, joint)
-
-    async def _follow(self, arm: ArmModel, trajectory: Trajectory, joint: Articulation) -> None:
-        motion = await self.platform.follow(arm.name, trajectory)
-        if motion.state is not MotionState.DONE:
-            await self.platform.sensing.bump(motion)
-            raise ManipulationPoseUnreachable(arm=arm.name, what=joint.handle, blocked_by=motion.blocked_by)

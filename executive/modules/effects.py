@@ -1,7 +1,8 @@
 """Effects of actions: what their classes declare is applied to the true world and to the belief once a module is done.
 
 A process module cannot change what there is by itself. A module whose motions pour or turn things over by themselves in
-the simulator says ``physical = True``: then these effects are left to the simulator, and only believed.
+the simulator says ``physical = True``: then these effects are left to the simulator, and only believed. One whose hand
+pushes buttons and turns knobs says ``by_hand = True``: then the simulator switches what these belong to.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from types import MappingProxyType
 from typing import Any
 
 from executive.belief import MapObject
+from executive.belief.class_names import known
 from executive.modules.platform import Platform
 from planlang import sleep
 from planlang.designators import Action, Location, Object, local_name
@@ -98,7 +100,7 @@ class ActionEffects:
         ancestors = [expand(cls) for cls in self._platform.ancestors(action.type)]
         effects = effects_of(ontology, expand(action.type), ancestors)
         destroyed, created = (
-            tuple(expand(what.type) for what in _objects(action, name))
+            tuple(known(ontology, what.type) for what in _objects(action, name))
             for name in ("inputs_destroyed", "outputs_created")
         )
         return replace(
@@ -119,28 +121,33 @@ class ActionEffects:
     def due(self, action: Action) -> float | None:
         """Return how long heat still takes to make what an action acts on [s]; None for what is there, or is not made.
 
-        So a pancake is turned when its lower side is baked, although no step of the recipe waits for that.
+        What is turned over has to be made on the side that is heated. So a pancake is turned when its lower side is
+        baked, although no step of the recipe waits for that.
         """
+        self._platform.sync()
         for what in (what for name in ACTED_ON for what in _objects(action, name)):
             try:
-                self._platform.scene.bodies.bind(what)
+                name = self._platform.scene.bodies.bind(what)
             except ObjectUnresolvable:
-                self._platform.sync()
-                return due(self._believed, what.type)
+                return min(due(self._believed, self._believed.bodies.bodies, what.type), default=None)
+            if self.of(action).turned:
+                return min(due(self._believed, [name]), default=None)
         return None
 
-    def apply(self, action: Action, *, physical: bool) -> None:
+    def apply(self, action: Action, *, physical: bool, by_hand: bool) -> None:
         """Apply the effects of an action that was performed; what it acts on and is not there is left out."""
         effects = self.of(action)
         if not effects:
             return
         self._platform.sync()
         before = set(self._platform.scene.world.names())
-        self._transform(action, effects)
+        if effects.flow_rate is None:  # what is poured creates nothing but what lands
+            self._transform(action, effects)
         self._turn_over(action, effects, physical=physical)
-        self._switch(action, effects)
+        self._switch(action, effects, by_hand=by_hand)
         self._pour(action, effects, physical=physical)
         self._tell(before, {})
+        self._name_what_landed(action, effects, before)
         self._platform.sync()
 
     # One kind of effect after the other
@@ -153,7 +160,8 @@ class ActionEffects:
                 things.append(name)
             else:
                 content = self._believed.matter.contents.get(name, {})
-                meant = [type for type in content if self._is_a(type, what.type) or what.iri is not None]
+                vessel = what.iri is not None or self._means(what, name)  # what is in a bowl is mixed with the rest
+                meant = [type for type in content if vessel or self._is_a(type, what.type)]
                 used += [(name, type) for type in meant if any(self._is_a(type, cls) for cls in effects.destroyed)]
         if not (things or used) and (effects.destroyed or not effects.created):
             return
@@ -170,7 +178,7 @@ class ActionEffects:
 
     def _outputs(self, action: Action, created: Sequence[str]) -> Iterator[Output]:
         """Yield what comes into being, under names that nothing has in any world; the action may say what it is."""
-        stated = list(_objects(action, "outputs_created"))
+        stated, ontology = list(_objects(action, "outputs_created")), self._platform.belief.map.ontology
         others: list[str] = [name for changes in self._worlds() for name in changes.bodies.bodies]
         for cls in created:
             type, name = shorten(cls), self._believed.new_name(f"{local_name(cls)}_1", others)
@@ -178,7 +186,7 @@ class ActionEffects:
                 numbers = (f"{local_name(cls)}_{number}" for number in range(2, len(others) + 3))
                 name = next(one for one in numbers if one not in others)
             others.append(name)
-            what = next((one for one in stated if one.type == type), None)
+            what = next((one for one in stated if shorten(known(ontology, one.type)) == type), None)
             yield Output(name, type, self._usual(type), what)
 
     def _vessel(
@@ -208,10 +216,11 @@ class ActionEffects:
                     changes.turn_over(name)
                 self._platform.belief.turned_over(name, self._platform.scene.world.pose(name))
 
-    def _switch(self, action: Action, effects: Effects) -> None:
-        devices = self._bound(action, ("object_acted_on", "device_used")) if effects.states else ()
-        for _, name in list(devices)[:1]:
-            for changes in self._worlds():
+    def _switch(self, action: Action, effects: Effects, *, by_hand: bool) -> None:
+        named = self._bound(action, ("object_acted_on", "device_used")) if effects.states else ()
+        devices = {one.device for one in self._platform.scene.world.scene.controls}
+        for name in sorted((name for _, name in named), key=lambda name: name not in devices)[:1]:
+            for changes in self._worlds(only_believed=by_hand):
                 changes.switch(name, shorten(effects.states[0]))
             self._platform.belief.switched(name, shorten(effects.states[0]))
 
@@ -234,6 +243,13 @@ class ActionEffects:
         for changes in self._worlds(only_believed=physical)[1:]:
             changes.pour(source, target, amount)
         self._platform.belief.poured(source, target, flowed)
+
+    def _name_what_landed(self, action: Action, effects: Effects, before: set[str]) -> None:
+        """Let what a pouring step says that it creates mean what has come to lie where it was poured."""
+        new = [name for name in self._platform.scene.world.names() if name not in before]
+        for what in _objects(action, "outputs_created") if effects.flow_rate is not None else ():
+            for name in new[:1]:
+                self._platform.belief.bound_to(what, name)
 
     # Helpers
 
@@ -335,7 +351,8 @@ class ModuleWithEffects(WrappedModule):
                 f"process module {self.name} has changed what there is, which only declared effects do: state an "
                 "ObjectChange by the class of its actions (docs/modules.md)"
             )
-        self._effects.apply(action, physical=bool(getattr(self._module, "physical", False)))
+        physical, by_hand = (bool(getattr(self._module, name, False)) for name in ("physical", "by_hand"))
+        self._effects.apply(action, physical=physical, by_hand=by_hand)
         self._effects.restored()
         return result
 

@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from executive.belief.scene_collisions import BasePose
 from executive.locations.hand_solutions import base_matrices
@@ -181,7 +182,7 @@ class LeafPaths:
         order = np.lexsort((strain.round(6), -reached))
         return np.asarray(bases[order[reached[order] > 1]])
 
-    def _beside(self, bases: Array, values: Array) -> Array:
+    def _beside(self, bases: Array, values: Array) -> NDArray[np.bool_]:
         """Return which bases (m, 3) the leaf does not sweep over, as far as the base's round outline tells, (m,)."""
         joint, world = self._joint, self._control.scene.world
         leaf, radius = world.scene.body(joint.leaf), 0.8 * self._control.scene.base_radius

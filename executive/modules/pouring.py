@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from executive.modules.motion_grounding import GroundedMotion
 from executive.modules.platform import Platform
+from executive.motion.arm_group import ArmGroup
 from planlang.designators import Action
 from planlang.geometry import Array, Pose
 from planlang.ontology import expand
 from planlang.recipe.effects import effects_of
-
-if TYPE_CHECKING:
-    from executive.modules.motion_grounding import GroundedMotion
-    from executive.motion.arm_group import ArmGroup
 
 
 class Pouring:

@@ -8,19 +8,21 @@ holds. The head points the camera at things, perception looks for them.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from itertools import islice
 
 import numpy as np
 
+from executive.belief.recognition import VISION
 from executive.belief.scene_collisions import BasePose
 from executive.locations import HandSolution, ReachKind
 from executive.locations.demands import asks_for
-from executive.modules.platform import Platform
-from executive.motion import GoalInCollision, MotionError, StartInCollision
+from executive.modules.platform import ITERATIONS, Platform
+from executive.motion import GoalInCollision, MotionError, NoPath, StartInCollision
 from executive.robots.arms import ArmModel
-from planlang import perform
-from planlang.designators import Action, Device, Location, Object, Person, Relation, a_location, action
+from planlang import perform, using
+from planlang.designators import Action, Device, Location, Object, Person, Posture, Relation, a_location, action
 from planlang.failures import (
     ActionUnresolvable,
     CommunicationFailure,
@@ -42,9 +44,11 @@ from planlang.failures import (
     NavigationPoseUnreachable,
     ObjectLost,
     ObjectNotFound,
+    ObjectNowhereToBeFound,
     PerceptionFailure,
 )
 from planlang.geometry import Array, Pose
+from planlang.geometry.matrices import rotated
 from planlang.modules import process_module
 from planlang.protocols import MotionState, Trajectory
 from planlang.relations import Sense
@@ -59,7 +63,7 @@ class Navigation:
 
     name = "navigation"
     actions = ("Translation-LocationChange",)
-    failures = (NavigationFailure, ObjectLost, DesignatorFailure)
+    failures = (NavigationFailure, ObjectLost, DesignatorFailure, ObjectNowhereToBeFound)
 
     def __init__(self, platform: Platform) -> None:
         self.platform = platform
@@ -90,6 +94,8 @@ class Navigation:
         match action.get("x"), action.get("y"), action.get("yaw"), action.get("to_location"):
             case float(x), float(y), float(yaw), None:
                 return x, y, yaw
+            case None, None, None, Posture(name=str(name)) if search := self.platform.searches.begun.get(name):
+                return self.platform.searches.next(search).base
             case None, None, None, Location() | Object() as where:
                 location = where if isinstance(where, Location) else a_location(in_reach_of=where)
                 return next(self.platform.resolver.bases(location)).base
@@ -120,18 +126,10 @@ def _close(one: BasePose, other: BasePose) -> bool:
     return math.dist(one[:2], other[:2]) < 1e-3 and abs(turn) < 1e-3
 
 
-def _target(action: Action) -> Location | None:
-    """Return where a hand is to go; for a thing where it is grasped, for a person where they reach."""
-    match action.get("to_location"):
-        case Location() as location:
-            return location
-        case Person() as person:
-            return a_location(in_reach_of=person)
-        case Object() as what:
-            return a_location(in_center_of=what)
-    return None
-
-
+BACKING = (0.15, 0.3)
+"""Least distances by which the base backs off, one after the other, when an arm has no way [m]."""
+FEW = 300
+"""Branches of a search after which the base backs off."""
 MOST_SOLUTIONS = 6
 """Hand poses of one location for which a path is planned: further ones differ little and fail alike."""
 
@@ -155,16 +153,17 @@ class Reaching:
 
     async def execute(self, action: Action) -> None:
         """Reach; raises a failure of the classes in ``failures``."""
-        location = _target(action)
+        location = self._target(action)
         if location is None:
-            raise ActionUnresolvable("reaching needs to_location", designator=str(action))
+            raise ActionUnresolvable("it needs to_location", designator=str(action))
         arms = self._arms(action)
         if not arms:
             raise ActionUnresolvable("the robot has no arm that this may mean", designator=str(action))
         if not location.relations:
             await self._to_posture(arms[0], location.name or "")
             return
-        await self._look_first(location)
+        if not any(self.platform.arms.begun_grasp(arm, location) for arm in arms):
+            await self._look_first(location)
         problem: ManipulationFailure | LocationUnresolvable | None = None
         for arm in arms:
             try:
@@ -178,13 +177,24 @@ class Reaching:
             raise kind(arm=arms[0].name, what=str(location), blocked_by=blocking) from problem
         raise problem or ManipulationPoseUnreachable(arm=arms[0].name, what=str(location))
 
+    def _target(self, action: Action) -> Location | None:
+        """Return where a hand is to go; for a thing where it is grasped, for a person where they reach."""
+        match action.get("to_location"):
+            case Location() as location:
+                return location
+            case Person() as person:
+                return a_location(in_reach_of=person)
+            case Object() as what:
+                return a_location(in_center_of=what)
+        return None
+
     def _arms(self, action: Action) -> list[ArmModel]:
         """Return the arms to try: of the device; else one that holds something; else the one chosen before; else all.
 
         To grasp, free arms come first; to reach a person, arms that hold something.
         """
         scene, arms = self.platform.scene, self.platform.arms
-        device, location = action.get("device_used"), _target(action)
+        device, location = action.get("device_used"), self._target(action)
         named = scene.arms.of(device) if isinstance(device, Device) else scene.arms.all
         if location is not None and self.platform.resolver.is_grasp(location) and (free := arms.free(named)):
             return free
@@ -196,7 +206,7 @@ class Reaching:
 
     def _is_for_person(self, action: Action) -> bool:
         """Return whether the hand is to go to where a person reaches it."""
-        location, scene = _target(action), self.platform.scene
+        location, scene = self._target(action), self.platform.scene
         return location is not None and any(
             isinstance(relation.reference, Object) and scene.bodies.is_person(scene.bodies.bind(relation.reference))
             for relation in location.relations
@@ -213,7 +223,33 @@ class Reaching:
         belief = self.platform.belief
         lost = belief.dropped.get(arm.name)
         beside = None if lost is None or belief.seen_from_here(lost) else lost
-        await self._joint_path(arm, self.platform.arms.posture(arm, name), beside, name)
+        postures = self.platform.arms.postures(arm, name)
+        if not postures:
+            raise ManipulationPoseUnreachable("what the hand holds cannot be upright there", arm=arm.name, what=name)
+        held = self.platform.scene.arms.held(arm.name)
+        for least in BACKING if held is not None and held.largest_tilt is not None else ():
+            try:
+                await self._joint_path(arm, postures[0], beside, name, postures[1:], FEW)
+                return
+            except ManipulationPoseUnreachable as failure:
+                if not isinstance(failure.__cause__, NoPath) or not await self._back_off(arm, postures, least):
+                    raise
+        await self._joint_path(arm, postures[0], beside, name, postures[1:])
+
+    async def _back_off(self, arm: ArmModel, postures: Sequence[Array], least: float) -> bool:
+        """Drive back, at least so far [m], to where there is room for the arm; return False if there is none."""
+        approach = rotated(self.platform.scene.arms.tip(arm)[:3, :3], np.asarray(arm.frame.approach))
+        ahead = math.atan2(approach[1], approach[0])
+        rooms = (self.platform.drive.room_for([(arm, q)], least, ahead) for q in postures)
+        room = next((room for room in rooms if room is not None), None)
+        if room is None:
+            return False
+        async with using("base"):
+            with suppress(NavigationFailure):
+                x, y, yaw = map(float, room)
+                await Navigation(self.platform).execute(action("Translation-LocationChange", x=x, y=y, yaw=yaw))
+                return True
+        return False
 
     async def _reach(self, arm: ArmModel, location: Location) -> None:
         """Try hand poses that satisfy the location until one has a path."""
@@ -246,9 +282,17 @@ class Reaching:
             case _:
                 await self._joint_path(solution.arm, solution.joints[0], None, solution.plan.label)
 
-    async def _joint_path(self, arm: ArmModel, goal: Array, touches: str | None, label: str) -> None:
+    async def _joint_path(
+        self,
+        arm: ArmModel,
+        goal: Array,
+        touches: str | None,
+        label: str,
+        others: Sequence[Array] = (),
+        iterations: int = ITERATIONS,
+    ) -> None:
         try:
-            trajectory = self.platform.arms.path(arm, goal, touches)
+            trajectory = self.platform.arms.path(arm, goal, touches, iterations, others)
         except MotionError as problem:
             raise ManipulationPoseUnreachable(arm=arm.name, what=label) from problem
         await self._follow(arm, trajectory, label)
@@ -334,6 +378,7 @@ class Grasping:
         if held is None:
             return None
         await hands.settled(held.name)
+        self.platform.arms.put_down(arm, held.name)
         return held.name
 
 
@@ -422,22 +467,36 @@ class Perception:
 
     name = "perception"
     actions = ("Perceiving",)
-    failures = (PerceptionFailure, LookingFailure, DesignatorFailure)
+    failures = (PerceptionFailure, LookingFailure, DesignatorFailure, NavigationFailure, ObjectNowhereToBeFound)
 
     def __init__(self, platform: Platform) -> None:
         self.platform = platform
 
     def resources(self, action: Action) -> tuple[str, ...]:
-        """Return the head."""
-        return ("head",)
+        """Return the head, and the base if places have to be gone to."""
+        return ("head", "base") if self._goes(action) else ("head",)
+
+    def _goes(self, action: Action) -> bool:
+        """Return whether something is looked for of which it is not known where it is."""
+        what, bodies = action.get("object_acted_on"), self.platform.scene.bodies
+        seeks = "LookingForAThingOrTypeOfThing" in self.platform.ancestors(action.type)
+        return seeks and isinstance(what, Object) and bodies.known(what) is None
 
     async def execute(self, action: Action) -> Pose:
-        """Look for ``object_acted_on``; return its pose as seen, or raise ObjectNotFound."""
+        """Look for ``object_acted_on``; return its pose as seen, or raise ObjectNotFound.
+
+        Where it is not known where the thing is, it is looked for in all places where it is likely, those within
+        ``location_searched``; raises ObjectNowhereToBeFound when it is at none.
+        """
         what = action.get("object_acted_on")
         if not isinstance(what, Object):
             raise ActionUnresolvable("perceiving needs object_acted_on", designator=str(action))
         platform = self.platform
-        name = platform.scene.bodies.bind(what)
+        if not platform.belief.recognition.runs(VISION):
+            raise PerceptionFailure(f"{what} cannot be seen: what recognises things is stopped")
+        name = platform.scene.bodies.known(what)
+        if name is None:
+            return platform.belief.pose(await self._search(action, what))
         beyond: LookingGoalUnreachable | None = None
         for count, point in enumerate(self._gazes(name)):
             if count == MOST_GAZES:
@@ -451,6 +510,17 @@ class Perception:
                 return platform.belief.pose(name)
         platform.sensing.not_seen(name)
         raise ObjectNotFound(what=name) from beyond
+
+    async def _search(self, action: Action, what: Object) -> str:
+        """Look for something from here, or, if that is asked for, at one likely place after another."""
+        from executive.modules.searching import found_in_places, seen_from_here  # known things are looked at directly
+
+        if self._goes(action):
+            return await found_in_places(self.platform, action, what)
+        name = await seen_from_here(self.platform, what)
+        if name is None:
+            raise ObjectNotFound(what=str(what))
+        return name
 
     def _gazes(self, name: str) -> Iterator[Array]:
         """Yield points (3,) to look at: the believed place, then over its support, nearest to that place first."""

@@ -49,6 +49,13 @@ class Held:
     name: str
     pose: Pose
     size: tuple[float, float, float]
+    largest_tilt: float | None = None
+    """How far its z axis may lean from upright [rad]; None if it may be turned as one likes."""
+
+    @property
+    def up(self) -> Array:
+        """Return its z axis in the tip frame, (3,)."""
+        return np.asarray(self.pose.rotation[:, 2])
 
     def lowest_of(self, rotations: Array) -> Array:
         """Return height of the object's lowest point relative to the tip, for tip rotations (m, 3, 3), (m,) [m]."""
@@ -110,6 +117,8 @@ class ArmModel:
     """The torso that lifts it straight up."""
     hand_corners: Array = field(default_factory=lambda: np.zeros((1, 3)))
     """Corners of boxes around the hand's pieces in the tip frame, (n, 3)."""
+    palm: tuple[tuple[float, ...], ...] = ()
+    """Those of the pieces that are no fingers, which nothing that is grasped may touch."""
 
     def lowest(self, rotations: Array, held: Held | None) -> Array:
         """Return the lowest point (m,) of hand and held object over the tip [m], for tip rotations (m, 3, 3)."""
@@ -155,6 +164,7 @@ def _model(robot: Robot, arm: Arm, world: PlanningWorld) -> ArmModel:
     tips = chain.fk(chain.sample(np.random.default_rng(0), SAMPLES))[:, :3, 3]
     shoulders = np.repeat(((low + high) / 2)[None], SAMPLES, 0)
     shoulders[:, 2] = np.clip(tips[:, 2], low[2], high[2])
+    fingers = arm.gripper.finger_links if arm.gripper is not None else ()
     return ArmModel(
         name=arm.name,
         joints=chain.names,
@@ -167,6 +177,7 @@ def _model(robot: Robot, arm: Arm, world: PlanningWorld) -> ArmModel:
         hand_links=world.robot.hand_links(arm.tip),
         hand_radius=world.robot.hand_radius(arm.tip, arm.approach),
         hand_corners=world.robot.hand_corners(arm.tip),
+        palm=tuple(map(tuple, world.robot.hand_corners(arm.tip, fingers).round(6).tolist())),
         shoulder_low=low,
         shoulder_high=high,
         reach=1.02 * float(np.linalg.norm(tips - shoulders, axis=1).max()),

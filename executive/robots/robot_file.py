@@ -11,7 +11,8 @@ allowed_contacts = [["a", "b"]] # links that may touch
 [mount]                         # what a URDF without base stands on: size (x, y, z, or diameter and height), at [m]
 [arms.right]                    # tip, tool_offset (grip point in its frame [m]), hand, side, approach, closing
 [arms.right.gripper]            # joints opened/closed by name, max_opening [m], fingers (links)
-[camera]                        # link, fov [rad], near, far [m], width, height [pixels], forward, up, neck (joints)
+[camera]                        # link, fov [rad], near, far [m], width, height [pixels], forward, up, neck (joints),
+                                # recognises (classes; all)
 [joints.NAME]                   # speed, acceleration, jerk; [joints.default] for all others
 [postures.NAME]                 # joint = position
 ```
@@ -46,7 +47,7 @@ _KEYS: dict[str, tuple[str, ...]] = {
     "base": ("radius", "speed", "acceleration", "turn_speed", "turn_acceleration", "jerk", "fixed"),
     "arms.*": ("tip", "tool_offset", "hand", "side", "approach", "closing", "gripper"),
     "arms.*.gripper": ("opened", "closed", "fingers", "max_opening"),
-    "camera": ("link", "fov", "near", "far", "width", "height", "forward", "up", "neck"),
+    "camera": ("link", "fov", "near", "far", "width", "height", "forward", "up", "neck", "recognises"),
     "joints.*": ("speed", "acceleration", "jerk"),
 }
 """Valid keys of each table."""
@@ -372,7 +373,9 @@ def _camera(table: _Table) -> tuple[CameraModel | None, tuple[str, ...]]:
         inner.bad("far", f"must be more than near ({near} m)")
     width, height = (int(inner.number(key, size, positive=True)) for key, size in (("width", 160), ("height", 120)))
     forward, up = inner.axis("forward", (0.0, 0.0, 1.0)), inner.axis("up", (0.0, -1.0, 0.0))
-    return CameraModel(inner.text("link"), fov, near, far, width, height, forward, up), inner.texts("neck")
+    recognises = inner.texts("recognises") if "recognises" in inner.values else None
+    model = CameraModel(inner.text("link"), fov, near, far, width, height, forward, up, recognises)
+    return model, inner.texts("neck")
 
 
 def _pairs(table: _Table) -> tuple[tuple[str, str], ...]:

@@ -20,11 +20,11 @@ from executive.belief import Belief, SemanticMap, default_starts
 from executive.belief.facts import decide
 from executive.belief.obstacles import with_store
 from executive.belief.planning_scene import PlanningScene
+from executive.belief.recognition import Recognition
 from executive.belief.scene_collisions import BasePose
 from executive.locations import HandSolution, Reach, ReachKind, Resolver
 from executive.locations.demands import HandTerm
 from executive.locations.grasp_candidates import HandPoses
-from executive.modules import constrained_motions, containers, process_modules, waiting
 from executive.modules.effects import ActionEffects, ModuleWithEffects
 from executive.modules.platform import ArmChoices, Platform
 from executive.robots import CARRYING, Robot
@@ -32,9 +32,12 @@ from executive.robots.arms import ArmModel, arm_models, gaze_of
 from planlang.action_classes import ancestors_of
 from planlang.designators import Action, Condition, Device, Location, Object, a_posture, action
 from planlang.diagnostics import BadInput, Span, error
+from planlang.failures import (
+    ObjectNotFound,
+    ObjectUnresolvable,
+)
 from planlang.geometry import Array
 from planlang.language.executive import ProcessModule
-from planlang.modules import ModuleRegistry, Rank
 from planlang.ontology import Ontology, expand, shorten
 from planlang.protocols import RestorableWorld, Solution, World
 from planlang.runs.codec import dump, load
@@ -108,12 +111,14 @@ def platform_of(
     say: Callable[[str], None] = lambda line: None,
     *,
     trusts_map: bool = False,
+    unknown: Iterable[str] = (),
 ) -> Platform:
     """Return a robot in a true and a believed world; ``say`` is told of reachability maps that have to be built.
 
-    With ``trusts_map`` the poses of the map count as seen.
+    With ``trusts_map`` the poses of the map count as seen; of things that are ``unknown`` they are not known.
     """
-    belief = Belief(semantic_map, believed, trusts_map=trusts_map)
+    belief = Belief(semantic_map, believed, trusts_map=trusts_map, unknown=unknown)
+    belief.recognition = Recognition(semantic_map.ontology, robot.camera.recognises if robot.camera else None)
     belief.sync(believed, truth.configuration())
     planning_scene = PlanningScene(believed, robot, belief, arm_models(robot, believed), gaze_of(robot))
     ontology = semantic_map.ontology
@@ -129,14 +134,14 @@ def platform_of(
         planning_scene,
         Resolver(planning_scene, say),
         lambda cls: ancestors_of(cls, vocabulary),
-        releasing(ontology),
+        performed_with(ontology, "releases"),
         np.random.default_rng(seed),
     )
 
 
-def releasing(ontology: Ontology) -> frozenset[str]:
-    """Return the action classes whose primitive says that it releases something."""
-    primitives = [iri for iri in ontology.individuals(expand("Primitive")) if ontology.values(iri, expand("releases"))]
+def performed_with(ontology: Ontology, word: str) -> frozenset[str]:
+    """Return the action classes whose primitive says something by a property, such as that it releases a filler."""
+    primitives = [iri for iri in ontology.individuals(expand("Primitive")) if ontology.values(iri, expand(word))]
     performed = (cls for iri in primitives for cls in ontology.values(iri, expand("performsAction")))
     return frozenset(shorten(cls) for cls in performed if isinstance(cls, str))
 
@@ -158,6 +163,14 @@ class RobotExecutive:
         """Return whether what a designator means may come into being by actions of some classes, or by heat."""
         return self._effects.may_create(what, actions)
 
+    def may_find(self, what: Object, actions: Iterable[str]) -> bool:
+        """Return whether a thing is known, or it may be found: by some classes of actions, or as the map has it."""
+        bodies = self.platform.scene.bodies
+        if bodies.known(what) is not None or bodies.means_unknown(what):
+            return True
+        finding = performed_with(self.platform.belief.map.ontology, "finds")
+        return any(cls in finding for action in actions for cls in self.ancestors(action))
+
     def ancestors(self, action_type: str) -> Sequence[str]:
         """Return the class itself and its superclasses, nearest first; local names."""
         return self.platform.ancestors(action_type)
@@ -167,14 +180,23 @@ class RobotExecutive:
         return self.platform.belief.revision
 
     def solutions(self, location: Location) -> Iterator[Solution]:
-        """Yield base poses, best first; the search starts again when the belief has changed in between."""
-        while True:
-            self.platform.sync()
-            revision = self.revision()
-            for solution in self.platform.resolver.bases(location):
-                yield solution
-                if self.revision() != revision:
-                    break
+        """Yield base poses, best first; the search starts again when the belief has changed in between.
+
+        Raises ObjectNotFound for a thing of which it is not known where it is.
+        """
+        try:
+            while True:
+                self.platform.sync()
+                revision = self.revision()
+                for solution in self.platform.resolver.bases(location):
+                    yield solution
+                    if self.revision() != revision:
+                        break
+        except ObjectUnresolvable as problem:
+            missing = next(filter(self.platform.scene.bodies.means_unknown, location.things()), None)
+            if missing is None:
+                raise
+            raise ObjectNotFound(f"it is not known where {missing} is", what=str(missing)) from problem
 
     def move_to(self, solution: Solution) -> Action:
         """Return the base motion to a solution; the arm with which it was found is the plan's choice from now on."""
@@ -263,6 +285,7 @@ class RobotExecutive:
             [arm, list(base), [_solution_json(solution) for solution in solutions.values()]]
             for (arm, base), solutions in platform.resolver.reached_from(platform.base()).items()
         ]
+        state["searches"] = platform.searches.snapshot() if platform.searches_begun else []
         state["viewers"] = [[dump(location), list(place)] for location, place in platform.resolver.viewers()]
         return state
 
@@ -289,6 +312,8 @@ class RobotExecutive:
                     for arm, base, solutions in left["reached"]
                 }
             )
+            if left["searches"]:
+                platform.searches.restore(left["searches"])
             platform.resolver.remember_viewers([_viewer(*viewer) for viewer in left["viewers"]])
         except (KeyError, TypeError, AttributeError) as problem:
             raise ValueError(f"the state of the robot is damaged: {problem!r}") from None
@@ -345,11 +370,3 @@ def _array(state: Any, shape: tuple[int, ...]) -> Array:
 def _base(state: Any) -> BasePose:
     x, y, yaw = state
     return float(x), float(y), float(yaw)
-
-
-def bundled_registry() -> ModuleRegistry:
-    """Return a registry with the process modules that come with planlang."""
-    registry = ModuleRegistry()
-    for module in (process_modules, containers, waiting, constrained_motions):
-        registry.add(module, "planlang", Rank.BUNDLED)
-    return registry

@@ -6,7 +6,7 @@ import inspect
 import traceback
 from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
@@ -14,11 +14,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from executive.belief import Belief, read_map, scene_of
+from executive.modules.bundled import bundled_registry
 from executive.robots import FindingKind, Missing, bind_robot, missing_capabilities, trusting_map
 from executive.robots.arms import with_carrying
-from executive.runs.assembly import RobotExecutive, bundled_registry, platform_of, real_scene, world_at_start
+from executive.runs.assembly import RobotExecutive, platform_of, real_scene, world_at_start
 from executive.runs.in_hands import in_hands, take
-from executive.runs.parameters import Bound, bound_parameters, plan_parameters
+from executive.runs.parameters import Bound, bound_parameters, plan_parameters, unknown_things
 from executive.runs.plan_files import (
     Requirements,
     assess,
@@ -32,8 +33,10 @@ from executive.runs.plan_files import (
     outputs_of,
     required,
     required_of_plan,
+    stated_waiting,
     without_module,
 )
+from executive.runs.tilts import Tilts
 from executive.runs.traces import ListenedTrace, check_same_run, lines_of, past_of, recorded_parameters, sha256
 from planlang import PlanFailure, RunError, SimulationHost, budget, explain, run
 from planlang.designators import Location, Object
@@ -52,7 +55,7 @@ if TYPE_CHECKING:
     from planlang.language.replaying import Replay
 
 BUDGET = 600.0
-"""Plan time after which a run is given up [s]; the bundled recipe takes less than 60."""
+"""Plan time beside waiting after which a run is given up [s]; the bundled recipe takes less than 60."""
 
 
 class Outcome(Enum):
@@ -79,9 +82,13 @@ class RunOptions:
     robot: Path | None = None
     urdf: Path | None = None
     environment: Path | None = None
+    additions: tuple[Path, ...] = ()
+    """Maps of further things in the environment."""
     start: tuple[float, float, float] | None = None
     trust_map: bool = False
     """The poses of the map count as seen: a robot without camera works from them."""
+    unknown: tuple[str, ...] = ()
+    """Things and classes of things of which the robot does not know where they are."""
     bindings: Mapping[str, str] | None = None
     seed: int = 0
     schedule: int | None = None
@@ -89,6 +96,8 @@ class RunOptions:
     trace: Path | None = None
     picture: Path | None = None
     record: Path | None = None
+    upload: Path | None = None
+    """The file for maps that the plan uploads."""
     force: bool = False
     """Run although the robot lacks a capability, or the program a process module."""
     resume: RecordedRun | None = None
@@ -116,6 +125,8 @@ class RunResult:
     """Plan time [s]."""
     failure: tuple[str, ...] = ()
     """Classes of the failure that ended the plan and of its causes, the failure itself first."""
+    tilts: Tilts = field(default_factory=Tilts)
+    """How far what was carried leaned from upright, in the simulator's truth."""
 
 
 class Run:
@@ -187,7 +198,7 @@ class Run:
         if options.plan is not None:
             self._requirements = required_of_plan(self.path, self.plan, found, folders=options.ontologies)
         # Cheap questions first: a misspelt parameter is reported before the robot is bound, which can take a minute.
-        ontology = load(options.environment, folders=options.ontologies)
+        ontology = load(options.environment, folders=options.ontologies, also=options.additions)
         semantic_map = read_map(ontology)
         found += (*ontology.diagnostics, *semantic_map.diagnostics)
         scene = scene_of(semantic_map, found)
@@ -200,6 +211,8 @@ class Run:
         performed = self.registry.actions if options.resume is None else None
         unperformed = partial(without_module, semantic_map.ontology, performed)
         assessment = assess(needs, lambda actions: (), unperformed)
+        if not assessment.missing:  # the program's process modules perform what the vocabulary has nothing for
+            found[:] = [one for one in found if one.code != "R021"]
         if assessment.missing and not options.force:
             options.announce(found)
             return self._refused(assessment.missing)
@@ -229,10 +242,18 @@ class Run:
         real = replace(real, start=scene.start) if robot.base.fixed else real
         truth = PyBulletWorld(real, robot.body(), gui=options.gui, seed=options.seed)
         self._stack.callback(truth.close)
-        trusts_map = options.trust_map
+        trusts_map, unknown = options.trust_map, unknown_things(semantic_map, options.unknown)
         platform = platform_of(
-            robot, semantic_map, truth, believed, options.seed, options.progress, trusts_map=trusts_map
+            robot,
+            semantic_map,
+            truth,
+            believed,
+            options.seed,
+            options.progress,
+            trusts_map=trusts_map,
+            unknown=unknown,
         )
+        platform.upload = options.upload
         executive = RobotExecutive(platform, self._modules)
         take(platform, truth, held)
         platform.scene.collisions.prepare()
@@ -250,6 +271,8 @@ class Run:
         }
         if options.trust_map:
             header["trusts_map"] = True
+        if options.unknown:
+            header["unknown"] = list(options.unknown)
         if self.registry.identity:
             header["modules"] = self.registry.identity
         if assessment.infeasible:
@@ -266,7 +289,8 @@ class Run:
                     try:
                         platform.scene.bodies.bind(what)
                     except ObjectUnresolvable:
-                        if past is None and name not in made and not executive.may_create(what, needs.actions):
+                        appears = executive.may_create(what, needs.actions) or executive.may_find(what, needs.actions)
+                        if past is None and name not in made and not appears:
                             raise
 
         body = self._body(bound, bind_all)
@@ -290,11 +314,16 @@ class Run:
 
         async def body() -> Any:
             first()
-            return await budget(partial(self.plan, **bound), seconds=BUDGET)
+            return await budget(partial(self.plan, **bound), seconds=self._allowance(bound))
 
         body.__name__ = self.plan.name
         vars(body)["iri"] = self.plan.iri
         return body
+
+    def _allowance(self, bound: Mapping[str, Bound]) -> float:
+        """Return the plan time after which the run is given up [s]: what the plan waits for is its own matter."""
+        stated = sum(value for value in bound.values() if isinstance(value, float))
+        return BUDGET + stated_waiting(self.source) + stated
 
     def _restore(self, executive: RobotExecutive, past: Past) -> None:
         """Restore world and belief; raises BadInput when the trace or the world cannot, and the user does not vouch."""
@@ -319,7 +348,8 @@ class Run:
     ) -> RunResult:
         options = self.options
         listeners = [lines_of(lambda step, line: options.progress(f"{step / truth.rate:7.2f} s  {line}"))]
-        recording, watchers = None, [*options.watchers]
+        recording, tilts = None, Tilts()
+        watchers: list[Callable[[PyBulletWorld], None]] = [tilts, *options.watchers]
         if options.record is not None:
             from executive.pictures.recording import Recording, drawn_in
 
@@ -328,7 +358,7 @@ class Run:
             listeners.append(lines_of(recording.event))
             watchers.append(lambda world: film.frame(world.steps))
         trace = ListenedTrace.to(options.trace, header, tuple(listeners), past)
-        world = _WatchedWorld(truth, watchers) if watchers else truth
+        world = _WatchedWorld(truth, watchers)
         outcome, message = Outcome.DONE, "done"
         failures: tuple[str, ...] = ()
         try:
@@ -339,7 +369,7 @@ class Run:
                 seed=options.seed,
                 schedule=options.schedule,
                 trace=trace,
-                max_steps=int(2 * BUDGET * truth.rate),
+                max_steps=int(2 * self._allowance(bound) * truth.rate),
                 resumable=True,
                 resume=past,
             )
@@ -368,7 +398,7 @@ class Run:
             if recording is not None and options.record is not None:
                 write_complete(options.record, recording.save)
         state = tuple(_state_lines(truth, bound, executive.platform.belief))
-        return RunResult(outcome, message, state, tuple(self.found), truth.steps / truth.rate, failures)
+        return RunResult(outcome, message, state, tuple(self.found), truth.steps / truth.rate, failures, tilts)
 
     def _users_line(self, problem: Exception) -> str | None:
         """Return the line of the plan, or of a user's process module, that raised; None if planlang did, below it."""
@@ -425,7 +455,8 @@ def _state_lines(truth: PyBulletWorld, bound: Mapping[str, Bound], belief: Belie
 def _things(bound: Mapping[str, Bound]) -> Iterator[Object]:
     """Yield the things that the plan's parameters are, or are about."""
     for value in bound.values():
-        yield from value.things() if isinstance(value, Location) else (value,)
+        if not isinstance(value, float):
+            yield from value.things() if isinstance(value, Location) else (value,)
 
 
 def _bodies_of(bound: Mapping[str, Bound], belief: Belief, truth: PyBulletWorld) -> Iterator[str]:

@@ -85,7 +85,7 @@ def line_of(record: Record) -> str | None:
 
 AGREE = (
     "plan", "iri", "plan_sha256", "parameters", "seed", "schedule", "rate", "start", "robot", "robot_sha256",
-    "urdf_sha256", "map", "map_sha256", "modules", "trusts_map",
+    "urdf_sha256", "map", "map_sha256", "modules", "trusts_map", "unknown",
 )  # fmt: skip
 """Keys of the header that a trace and the run that resumes it must have in common."""
 CALLED = {
@@ -97,6 +97,7 @@ CALLED = {
     "start": "the robot's start",
     "modules": "the list of --modules files",
     "trusts_map": "--trust-map",
+    "unknown": "--unknown",
 }
 
 
@@ -115,6 +116,7 @@ class TraceHeader:
     modules: tuple[str, ...] = ()
     """Names of the files that were given by ``--modules``."""
     trusts_map: bool = False
+    unknown: tuple[str, ...] = ()
 
     @staticmethod
     def of(recorded: RecordedRun) -> TraceHeader:
@@ -129,7 +131,7 @@ class TraceHeader:
             raise BadInput([error("X020", "the header is damaged: plan, seed or start", Span(recorded.name))])
         iri, robot, environment = (_text(header.get(key)) for key in ("iri", "robot", "map"))
         stem = local_name(environment or "").partition(".")[0]
-        modules = header.get("modules")
+        modules, unknown = header.get("modules"), header.get("unknown")
         return TraceHeader(
             plan if plan in Bundled.RECIPE.names() else None,
             plan,
@@ -141,6 +143,7 @@ class TraceHeader:
             schedule,
             tuple(map(str, modules)) if isinstance(modules, Mapping) else (),
             header.get("trusts_map") is True,
+            tuple(map(str, unknown)) if isinstance(unknown, list) else (),
         )
 
     def plan(self, trace: str) -> str:
@@ -174,7 +177,9 @@ def recorded_parameters(recorded: RecordedRun, names: Collection[str]) -> dict[s
     """Return the parameters that the plan was run with; raises BadInput when they are not this plan's."""
     try:
         found = load(recorded.header["parameters"])
-        if found.keys() != set(names) or not all(isinstance(what, (Object, Location)) for what in found.values()):
+        if found.keys() != set(names) or not all(
+            isinstance(what, (Object, Location, float)) for what in found.values()
+        ):
             raise ValueError(f"the plan has the parameters {', '.join(names) or 'none'}")
         return dict(found)
     except (KeyError, ValueError, TypeError, AttributeError, RecursionError) as problem:
@@ -204,7 +209,7 @@ def past_of(recorded: RecordedRun) -> tuple[Past, list[Diagnostic]]:
 def check_same_run(recorded: RecordedRun, header: Mapping[str, Any]) -> list[Diagnostic]:
     """Raise BadInput, listing the differences, when a trace is of another run; return warnings about versions."""
     now = {key: header[key] for key in AGREE if key in header}
-    now |= {key: header.get(key) for key in ("modules", "trusts_map")}
+    now |= {key: header.get(key) for key in ("modules", "trusts_map", "unknown")}
     span, problems = Span(recorded.name), []
     for key, (before, after) in differences(recorded.header, now).items():
         called = CALLED.get(key, f"the {key}")

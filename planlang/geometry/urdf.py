@@ -334,15 +334,16 @@ class _Checker:
             message = f"the robot falls into {len(roots)} pieces, which begin at {', '.join(roots[:_SHOWN])}"
             self._bad(message, links[roots[1]])
             return
-        hanging = set(roots)
-        waiting = [name for name in links if name not in hanging]
-        while waiting:
-            further = [name for name in waiting if above[name] not in hanging]
-            if len(further) == len(waiting):
-                self._bad(f"links hang from each other in a circle: {', '.join(further[:_SHOWN])}", links[further[0]])
-                return
-            hanging.update(set(waiting) - set(further))
-            waiting = further
+        below: dict[str, list[str]] = {}
+        for child, parent in above.items():
+            below.setdefault(parent, []).append(child)
+        hanging = list(roots)
+        for name in hanging:
+            hanging += below.get(name, ())
+        held = set(hanging)
+        circling = [name for name in links if name not in held]
+        if circling:
+            self._bad(f"links hang from each other in a circle: {', '.join(circling[:_SHOWN])}", links[circling[0]])
 
     def _named(self, tag: str) -> dict[str, Element]:
         named: dict[str, Element] = {}

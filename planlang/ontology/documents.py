@@ -30,6 +30,8 @@ class Syntax(Enum):
     RDFXML = "RDF/XML"
     MANCHESTER = "Manchester syntax"
     TURTLE = "Turtle"
+    URDF = "URDF"
+    """A world: read as the statements of a map."""
 
 
 _MANCHESTER = re.compile(
@@ -37,6 +39,7 @@ _MANCHESTER = re.compile(
     r"|Individual|EquivalentClasses|DisjointClasses|EquivalentProperties|DisjointProperties|SameIndividual"
     r"|DifferentIndividuals):(?=\s|$|<)"
 )
+_URDF = re.compile(r"(?:\s|<\?[^>]*\?>|<!--.*?-->|<!DOCTYPE[^>\[]*(?:\[[^\]]*\]\s*)?>)*+<robot\b", re.DOTALL)
 _NOTHING_SAID = re.compile(r"(?:[^\S\r\n]*(?:#[^\r\n]*)?(?:\r\n?|\n))*(?:[^\S\r\n]*#[^\r\n]*\Z)?")
 _TURTLE = re.compile(
     r"""@prefix\b|@base\b|(?i:prefix|base)\s
@@ -57,6 +60,8 @@ def syntax_of(text: str, file: str) -> Syntax:
         return Syntax.MANCHESTER
     if _TURTLE.match(start):
         return Syntax.TURTLE
+    if _URDF.match(text, position):
+        return Syntax.URDF
     if start.startswith("<"):
         return Syntax.RDFXML
     if not start:
@@ -76,13 +81,19 @@ def read_syntax(content: bytes, file: str, *, base: str, label: str) -> Parsed:
             from planlang.ontology.manchester import read_manchester as read
         case Syntax.TURTLE:
             from planlang.ontology.turtle import read_turtle as read
+        case Syntax.URDF:
+            from planlang.ontology.urdf_world import read_world
+
+            return read_world(Path(file))
     return read(text, file, base=base, label=label)
 
 
 MOST_DOCUMENTS = 200
 """Files that one ontology may be made of."""
 
-VOCABULARY = ("knowrob", "srdl", "roboearth", "dul", "motion_constraints", "object_change", "primitives", "recovery")
+VOCABULARY = (
+    "knowrob", "srdl", "roboearth", "dul", "motion_constraints", "object_change", "primitives", "recovery", "searching",
+)  # fmt: skip
 """Bundled files that every ontology has, then objects/, and the library of recipes."""
 
 
@@ -127,6 +138,8 @@ def _read(path: Path, content: bytes) -> Reading:
     diagnostics = (*parsed.diagnostics, *use_canonical_names(triples), *repair(triples), *malformed(triples))
     if key is not None and not diagnostics:
         _CACHE.keep(key, triples.packed())
+    for other in parsed.others:
+        digest = hashlib.sha256(digest.encode() + other).hexdigest()
     return Reading(Document(path, _own_iri(triples), digest), triples, diagnostics)
 
 
@@ -152,20 +165,20 @@ def _own_iri(triples: Triples) -> str | None:
     return next((name for name in names if name is not None), None)
 
 
-def read_all(path: Path, folders: Sequence[Path], *, builtin: bool) -> list[Reading]:
-    """Return the file, its imports depth first, then the bundled vocabulary.
+def read_all(path: Path, folders: Sequence[Path], *, builtin: bool, also: Sequence[Path] = ()) -> list[Reading]:
+    """Return the file, those that are named beside it, the imports of all depth first, then the bundled vocabulary.
 
-    Raises BadInput if the file itself cannot be used; an import that cannot be is a warning of the main document.
+    Raises BadInput if a named file cannot be used; an import that cannot be is a warning of the main document.
     """
-    main = _read(path, read_bytes(path))
-    readings = [main]
-    loaded = {path.resolve()}
-    digests = {main.document.sha256}
+    readings = [_read(named, read_bytes(named)) for named in (path, *also)]
+    main = readings[0]
+    loaded = {named.resolve() for named in (path, *also)}
+    digests = {reading.document.sha256 for reading in readings}
     imports = ImportMap(path, folders)
     problems: list[Diagnostic] = []
     vocabulary = _vocabulary_paths() if builtin else ()
     satisfied = {file.resolve() for file in vocabulary}
-    pending: list[tuple[Path, Iterator[Triple]]] = [(path, _imports(main))]
+    pending: list[tuple[Path, Iterator[Triple]]] = [(one.document.path, _imports(one)) for one in readings[::-1]]
     while pending:
         importing, remaining = pending[-1]
         triple = next(remaining, None)
@@ -242,6 +255,7 @@ VOCABULARY_FILES: dict[str, str | None] = {
     "object-change": "object_change.omn",
     "primitives": "primitives.omn",
     "recovery": "recovery.omn",
+    "searching": "searching.omn",
     "computable": None,
     "comp_spatial": None,
     "comp_temporal": None,

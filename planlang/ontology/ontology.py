@@ -30,13 +30,14 @@ _CLASS_KINDS = frozenset((OWL.Class, RDFS.Class))
 _LANGUAGE = (OWL, RDF, RDFS)
 
 
-def load(path: Path, *, folders: Sequence[Path] = (), builtin: bool = True) -> Ontology:
+def load(path: Path, *, folders: Sequence[Path] = (), builtin: bool = True, also: Sequence[Path] = ()) -> Ontology:
     """Read a file in RDF/XML, Turtle or Manchester syntax with its imports and, unless told otherwise, our vocabulary.
 
     Imports are looked for beside the file, in ``folders``, then among the bundled ontologies; never in the network.
-    Raises BadInput with all errors found if the file cannot be used.
+    ``also``: files that are read as if the first one imported them. Raises BadInput with all errors found if one of the
+    files cannot be used.
     """
-    return Ontology(read_all(Path(path), tuple(map(Path, folders)), builtin=builtin))
+    return Ontology(read_all(Path(path), tuple(map(Path, folders)), builtin=builtin, also=also))
 
 
 class Ontology:

@@ -31,6 +31,8 @@ class Parsed:
     triples: Triples
     diagnostics: list[Diagnostic] = field(default_factory=list)
     prefixes: dict[str, str] = field(default_factory=dict)
+    others: tuple[bytes, ...] = ()
+    """Contents of further files on which the triples depend."""
 
 
 def check_room(triples: Triples, line: int, column: int) -> None:

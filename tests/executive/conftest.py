@@ -13,11 +13,12 @@ from executive.belief import Belief, MapObject, SemanticMap
 from executive.belief.obstacles import with_store
 from executive.belief.planning_scene import PlanningScene
 from executive.locations import Resolver
+from executive.modules.bundled import bundled_registry
 from executive.modules.platform import Platform
 from executive.motion import Gaze
 from executive.robots import Robot, bind_robot
 from executive.robots.arms import ArmModel, arm_models, gaze_of
-from executive.runs.assembly import RobotExecutive, bundled_registry
+from executive.runs.assembly import RobotExecutive
 from planlang import SimulationHost, Trace, run
 from planlang.designators import an_object
 from planlang.files import bundled

@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from executive.cli.app import app
-from executive.runs.assembly import bundled_registry
+from executive.modules.bundled import bundled_registry
 from planlang.diagnostics import BadInput, Diagnostic
 from planlang.modules import process_module
 

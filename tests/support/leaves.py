@@ -9,10 +9,11 @@ from functools import cache
 import numpy as np
 
 from executive.belief import MapObject, SemanticMap, scene_of
+from executive.modules.bundled import bundled_registry
 from executive.modules.platform import Platform
 from executive.robots import Robot, bind_robot
 from executive.robots.arms import with_carrying
-from executive.runs.assembly import RobotExecutive, bundled_registry, platform_of, world_at_start
+from executive.runs.assembly import RobotExecutive, platform_of, world_at_start
 from planlang import SimulationHost, perform, run
 from planlang.designators import Object, action
 from planlang.files import bundled

@@ -144,8 +144,8 @@ def _editable(state: _State) -> Editable:
             return XmlText(state.text, state.file)
         case Syntax.MANCHESTER:
             return ManchesterText(state.text, state.file)
-        case Syntax.TURTLE:
-            raise CannotEdit("Turtle is not edited; planlang convert writes it in another syntax")
+        case Syntax.TURTLE | Syntax.URDF as syntax:
+            raise CannotEdit(f"{syntax.value} is not edited; planlang convert writes it in another syntax")
 
 
 def _applied(text: str, edits: Iterable[Edit]) -> str:

@@ -156,12 +156,17 @@ def test_every_primitive_names_a_class_a_module_and_a_resource(vocabulary: Ontol
         "Reaching",
         "OpeningAGripper",
         "ClosingAGripper",
+        "LoweringAnObject",
         "LookingForSomething",
         "Perceiving",
         "HandingOverAnObject",
         "OpeningAContainerArtifact",
         "ClosingAContainerArtifact",
         "Waiting",
+        "TurningOnPoweredDevice",
+        "TurningOffPoweredDevice",
+        "PreheatOven",
+        "OperateOven",
     }
     for primitive in found:
         assert isinstance(vocabulary.value(primitive, "processModule"), Literal)

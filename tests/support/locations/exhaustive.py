@@ -72,7 +72,7 @@ def search(oracle: Oracle, chains: Chains, target: str) -> Verdict:
     pressed: tuple[str, str] | None = None
     for arm in oracle.robot.arms:
         chain, solver = chains.chains[arm.name], chains.solvers[arm.name]
-        hand = oracle.hand_links(arm.name)
+        hand = oracle.fingers(arm.name)
         opened = dict(arm.gripper.opened) if arm.gripper is not None else {}
         postures = np.concatenate([((chain.lower + chain.upper) / 2)[None], chain.sample(rng, POSTURES - 1)])
         inverses = np.array([_inverse(base) for base in bases]).reshape(-1, 4, 4)

@@ -203,6 +203,11 @@ class Oracle:
         root = self.links[self.robot.arm(arm).hand_link]
         return frozenset(link for link in self.links.values() if root in self.upwards(link))
 
+    def fingers(self, arm: str) -> frozenset[int]:
+        """Links that may touch what the hand takes: its fingers, or all of a hand without these."""
+        gripper = self.robot.arm(arm).gripper
+        return self.hand_links(arm) if gripper is None else frozenset(self.links[one] for one in gripper.finger_links)
+
     def touched(
         self, hand: Iterable[int] = (), target: str | None = None, *, itself: bool = True, depth: float = TOUCHING
     ) -> tuple[str, str] | None:
@@ -231,10 +236,12 @@ class Oracle:
         """Whether a hand touches nothing but its target while the robot hangs in the air at a pose (4, 4)."""
         pose = Pose.from_matrix(base)
         self._put((pose.position, pose.orientation), joints)
+        fingers = self.fingers(arm)
         for link in sorted(self.hand_links(arm)):
             low, high = pybullet.getAABB(self.uid, link, physicsClientId=self.client)
             for uid, _ in pybullet.getOverlappingObjects(low, high, physicsClientId=self.client) or ():
-                if self.pieces.get(uid, target) == target:
+                body = self.pieces.get(uid)
+                if body is None or (body == target and link in fingers):
                     continue
                 points = pybullet.getClosestPoints(self.uid, uid, WITHIN, link, physicsClientId=self.client)
                 if any(point[8] < -TOUCHING for point in points):
@@ -298,7 +305,7 @@ class Oracle:
     def objection(self, claim: Claim) -> str | None:
         """What is wrong with a claim; None if all of it is true."""
         arm = self.robot.arm(claim.arm)
-        hand = self.hand_links(claim.arm) if claim.target is not None else frozenset()
+        hand = self.fingers(claim.arm) if claim.target is not None else frozenset()
         fingers = arm.gripper.opened if claim.opened and arm.gripper is not None else {}
         x_min, y_min, x_max, y_max = (-3.0, -2.5, 3.0, 2.5)
         if not (x_min < claim.base[0] < x_max and y_min < claim.base[1] < y_max):
@@ -366,8 +373,9 @@ class Oracle:
         before, grasp, lift = claim.poses[:3]
         approach = grasp[:3, :3] @ np.array(arm.approach)
         closing = grasp[:3, :3] @ np.array(arm.closing)
-        if np.linalg.norm(grasp[:3, 3] - centre) > 0.011:
-            return "the grip point is more than 1 cm from the middle of what is grasped"
+        off = grasp[:3, 3] - centre
+        if np.hypot(*off[:2]) > 0.011 or not -0.011 < off[2] < body.size[2] / 2:
+            return "the grip point is neither within 1 cm of the middle of what is grasped nor above that"
         if np.abs(before[:3, 3] + 0.08 * approach - grasp[:3, 3]).max() > 2e-3:
             return "the pre-grasp is not 8 cm back along the approach"
         rise = lift[:3, 3] - grasp[:3, 3]

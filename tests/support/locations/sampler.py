@@ -135,7 +135,7 @@ def sample(oracle: Oracle, chains: Chains, ik: Ik, target: str, *, samples: int,
     if weight.sum() == 0:
         return Sampled(None, 0, time.process_time() - began)
     picks = rng.choice(weight.size, samples, p=weight / weight.sum())
-    hands = {arm.name: oracle.hand_links(arm.name) for arm in robot.arms}
+    hands = {arm.name: oracle.fingers(arm.name) for arm in robot.arms}
     for number, pick in enumerate(picks, 1):
         bx, by = float(x[pick]), float(y[pick])
         facing = math.atan2(centre[1] - by, centre[0] - bx)

@@ -1,0 +1,55 @@
+"""Writing what is believed as a semantic map in Manchester syntax, which ``--environment`` reads again."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from executive.belief.belief import Belief
+from executive.belief.semantic_map import EXTENTS, MapObject
+from planlang.geometry import Pose
+from planlang.ontology import expand
+from planlang.outputs import MARK
+
+DIGITS = 9
+"""Decimal places of lengths [m] and of the entries of rotations."""
+MAP = "http://planlang.org/kb/uploaded_map.owl"
+
+
+def map_text(belief: Belief) -> str:
+    """Return the things that are believed to be somewhere, with classes, sizes, poses and parts, rooms included."""
+    placed = set(belief.names())
+    things = [thing for thing in belief.things if thing.name in placed]
+    namespace = expand("")
+    lines = [f"# A semantic map, {MARK}.", "", f"Prefix: : <{MAP}#>", f"Prefix: knowrob: <{namespace}>", ""]
+    lines += [f"Ontology: <{MAP}>", f"    Import: <{namespace.rstrip('#')}>"]
+    lines += ["", "Individual: map", "    Types: knowrob:SemanticEnvironmentMap"]
+    written = {thing.iri for thing in things}
+    for number, thing in enumerate(things, 1):
+        lines += ["", *_thing(thing, number, written), "", *_pose(number, belief.pose(thing.name))]
+    return "\n".join(lines) + "\n"
+
+
+def _thing(thing: MapObject, number: int, written: set[str]) -> Iterator[str]:
+    yield f"Individual: <{thing.iri or f'{MAP}#{thing.name}'}>"
+    classes = [cls for cls in thing.types if not cls.endswith("#NamedIndividual")]
+    if classes:
+        yield f"    Types: {', '.join(f'<{cls}>' for cls in classes)}"
+    facts = ["knowrob:describedInMap map", f"knowrob:orientation pose_{number}"]
+    facts += [f"knowrob:{name} {_number(value)}" for name, value in zip(EXTENTS, thing.size or (), strict=False)]
+    facts += [f"knowrob:properPhysicalParts <{part}>" for part in thing.parts if part in written]
+    yield "    Facts:"
+    yield from (f"        {fact}{',' if fact is not facts[-1] else ''}" for fact in facts)
+
+
+def _pose(number: int, pose: Pose) -> Iterator[str]:
+    yield f"Individual: pose_{number}"
+    yield "    Types: knowrob:RotationMatrix3D"
+    yield "    Facts:"
+    for row, entries in enumerate(pose.matrix().tolist()):
+        facts = ", ".join(f"knowrob:m{row}{column} {_number(one)}" for column, one in enumerate(entries))
+        yield f"        {facts}{',' if row < 3 else ''}"
+
+
+def _number(value: float) -> str:
+    text = f"{value + 0.0:.{DIGITS}f}".rstrip("0")
+    return f"{text}0" if text.endswith(".") else text

@@ -1,0 +1,52 @@
+"""What the robot's software is believed to do: which parts run, and of which classes things are recognised."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from executive.belief.semantic_map import MapObject
+from planlang.ontology import Ontology, expand
+
+VISION, EXPLORATION = "vision", "exploration"
+
+
+class Recognition:
+    """The state of the software parts; a part that was never started or stopped runs."""
+
+    def __init__(self, ontology: Ontology, classes: Iterable[str] | None = None) -> None:
+        """``classes``: those that there are models of at the beginning; None: of all."""
+        self._ontology = ontology
+        self._stopped: dict[str, None] = {}
+        self.classes: tuple[str, ...] | None = None if classes is None else tuple(map(expand, classes))
+        """IRIs."""
+
+    def set_running(self, part: str, *, running: bool) -> None:
+        """Record that a part runs from now on, or does not."""
+        self._stopped.pop(part, None)
+        if not running:
+            self._stopped[part] = None
+
+    def runs(self, part: str) -> bool:
+        """Return whether a part runs."""
+        return part not in self._stopped
+
+    def load(self, classes: Iterable[str]) -> None:
+        """Record that things of further classes (IRIs) are recognised."""
+        if self.classes is not None:
+            self.classes = tuple(dict.fromkeys((*self.classes, *classes)))
+
+    def recognises(self, thing: MapObject) -> bool:
+        """Return whether a thing would be recognised in a picture."""
+        if not self.runs(VISION):
+            return False
+        return self.classes is None or any(self._ontology.is_a(one, cls) for one in thing.types for cls in self.classes)
+
+    def snapshot(self) -> dict[str, Any]:
+        """Return the state as JSON."""
+        return {"stopped": list(self._stopped), "classes": None if self.classes is None else list(self.classes)}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Restore :meth:`snapshot`; raises KeyError or TypeError for what is none."""
+        self._stopped = dict.fromkeys(map(str, state["stopped"]))
+        self.classes = None if state["classes"] is None else tuple(map(str, state["classes"]))

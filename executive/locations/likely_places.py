@@ -1,0 +1,266 @@
+"""Where something is likely to be, and in which order the places are looked at: by likelihood over travel time.
+
+Likelihoods are those of UsualPlace individuals (``ontologies/searching.omn``, or of the map); where the robot believes
+that such a thing is, it is likeliest. Each place comes with the base pose from where most of it is seen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from executive.belief.believed_bodies import Block
+from executive.belief.planning_scene import PlanningScene
+from executive.belief.scene_collisions import BasePose
+from executive.locations.views import Views
+from planlang.designators import Object
+from planlang.failures import ObjectNowhereToBeFound
+from planlang.geometry import Array
+from planlang.ontology import Literal, Ontology, expand
+from planlang.runs.codec import dump, load
+
+BELIEVED = 1.0
+"""Likelihood of the place where such a thing is believed to be: what is usual is less likely."""
+LOOKING = 1.0
+"""Time for which the robot looks at a place, whatever the way to it takes [s]."""
+AROUND = 2.5
+"""Distance from a place up to which base poses are compared [m]: small things are seen from there."""
+MOST = 60
+"""Base poses that are compared for one place, the nearest to the robot."""
+ENOUGH = 0.9
+"""Share of the best view that is good enough: of such base poses the nearest to the robot is taken."""
+ABOVE = 0.06
+"""Height over a top at which things stand there are looked for [m]."""
+TOO_HIGH = 1.9
+"""Height of a top above which nothing is looked for [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class LikelyPlace:
+    """A place to look at: a body, how likely the thing is there, from where to look, and at what."""
+
+    name: str
+    likelihood: float
+    base: BasePose
+    points: Array
+    """Points (n, 3) of the map that are seen from there."""
+    seconds: float
+    """Travel time [s]."""
+
+    @property
+    def worth(self) -> float:
+        """Likelihood per second."""
+        return self.likelihood / (self.seconds + LOOKING)
+
+
+@dataclass(slots=True)
+class Search:
+    """What is looked for, within which place, and the places that were gone to, the last of them last."""
+
+    what: Object
+    within: Object | None = None
+    visited: dict[str, BasePose] = field(default_factory=dict)
+
+
+class UsualPlaces:
+    """What ontologies say about where things usually are."""
+
+    def __init__(self, ontology: Ontology) -> None:
+        self._ontology = ontology
+
+    @cached_property
+    def _table(self) -> Mapping[tuple[str, str], float]:
+        """(thing, place), classes or individuals -> likelihood."""
+        found: dict[tuple[str, str], float] = {}
+        for one in self._ontology.individuals(expand("UsualPlace")):
+            things, places, values = (
+                self._ontology.values(one, expand(name)) for name in ("ofThing", "usuallyAt", "likelihood")
+            )
+            numbers = [_number(value) for value in values]
+            for thing in things:
+                for place in places:
+                    if isinstance(thing, str) and isinstance(place, str) and numbers:
+                        found[thing, place] = numbers[0]
+        return found
+
+    def likelihood(self, thing: Sequence[str], place: Sequence[str]) -> float:
+        """Return how likely a thing is at a place; each is an IRI, if it is an individual, and its classes."""
+        things, places = self._levels(thing), self._levels(place)
+        return next((self._table[one, at] for one in things for at in places if (one, at) in self._table), 0.0)
+
+    def things_at(self, place: str) -> tuple[str, ...]:
+        """Return the classes (IRIs) of things that are usual at places of a class (an IRI)."""
+        levels = self._levels((place,))
+        return tuple(dict.fromkeys(thing for thing, at in self._table if at in levels))
+
+    def _levels(self, iris: Sequence[str]) -> Sequence[str]:
+        return tuple(dict.fromkeys(above for iri in iris for above in (iri, *self._ontology.ancestors(iri))))
+
+
+def _number(value: object) -> float:
+    try:
+        return max(0.0, float(value.value)) if isinstance(value, Literal) else 0.0
+    except ValueError:
+        return 0.0
+
+
+class Searches:
+    """The searches of a run, by the name that the plan gives to the next place, or by what is looked for."""
+
+    def __init__(self, scene: PlanningScene, seconds: Callable[[BasePose], float | None]) -> None:
+        """``seconds`` gives the time to drive to a base pose, None if there is no way."""
+        self.scene, self._seconds = scene, seconds
+        self.views = Views(scene)
+        self._usual = UsualPlaces(scene.belief.map.ontology)
+        self.begun: dict[str, Search] = {}
+
+    def begin(self, name: str, what: Object, within: Object | None = None) -> Search:
+        """Begin a search: ``name`` means its next place from now on, at each use another one."""
+        self.begun[name] = Search(what, within)
+        return self.begun[name]
+
+    def of(self, what: Object) -> Search | None:
+        """Return the last search for something, None if there is none."""
+        return next((one for one in reversed(self.begun.values()) if one.what == what), None)
+
+    def next(self, search: Search) -> LikelyPlace:
+        """Return the place with the highest likelihood over travel time that was not gone to; it counts as gone to.
+
+        Raises ObjectNowhereToBeFound when there is none.
+        """
+        place = self._best(search)
+        if place is None:
+            visited = ", ".join(search.visited) or "none"
+            message = f"{search.what} is at none of the places where it is likely; looked at: {visited}"
+            raise ObjectNowhereToBeFound(message, what=str(search.what))
+        search.visited[place.name] = place.base
+        return place
+
+    def has_places(self, what: Object) -> bool:
+        """Return whether there are places where something is likely to be."""
+        return bool(self._candidates(Search(what)))
+
+    def typical_things(self, place: str | None) -> tuple[str, ...]:
+        """Return the classes (IRIs) of things that are usual in a place of a class; in any room without one."""
+        return self._usual.things_at(expand(place or "RoomInAConstruction"))
+
+    # Which place
+
+    def _best(self, search: Search) -> LikelyPlace | None:
+        """Return the best place; travel takes at least as long as the straight way, so that few are worked out."""
+        base, limits = self.scene.base(), self.scene.robot.base
+        bounds = []
+        for name, likelihood in self._candidates(search).items():
+            away = self.scene.bodies.block(name).distance(np.array([base[:2]]))[0]
+            least = max(0.0, float(away) - AROUND) / limits.speed
+            bounds.append((likelihood / (least + LOOKING), name, likelihood))
+        best: LikelyPlace | None = None
+        floor = self.views.places() if bounds else np.zeros((0, 2))
+        for bound, name, likelihood in sorted(bounds, key=lambda one: -one[0]):
+            if best is not None and bound <= best.worth:
+                break
+            place = self._place(name, likelihood, floor)
+            if place is not None and (best is None or place.worth > best.worth):
+                best = place
+        return best
+
+    def _candidates(self, search: Search) -> dict[str, float]:
+        """Return the places that were not gone to, with their likelihoods."""
+        scene, belief = self.scene, self.scene.belief
+        types = [expand(search.what.type)]
+        things = [one for one in belief.things if search.what.iri is not None and one.iri == search.what.iri]
+        thing = [*(iri for one in things for iri in (one.iri, *one.types)), *types]
+        found: dict[str, float] = {}
+        for place in belief.map.objects:
+            if place.name not in scene.world.names() or place.size is None or place.name in search.visited:
+                continue
+            if scene.bodies.is_room(place.name) or scene.bodies.is_graspable(place.name):
+                continue
+            likelihood = self._usual.likelihood(thing, (place.iri, *place.types))
+            if likelihood > 0 and self._is_within(place.name, search.within):
+                found[place.name] = likelihood
+        for name in [one for one in belief.of_class(search.what) if one not in belief.held]:
+            support = scene.world.support(name)
+            if support in found and not belief.looked_in_vain(name):
+                found[support] = BELIEVED
+        return found
+
+    def _is_within(self, name: str, place: Object | None) -> bool:
+        """Return whether a body is a place, a part of it, or stands on or in it."""
+        if place is None:
+            return True
+        wanted = self.scene.bodies.bind(place)
+        if self.scene.bodies.is_room(wanted):
+            block = self.scene.bodies.block(name)
+            return bool(self.scene.bodies.block(wanted).distance(np.array([[block.x, block.y]]))[0] <= 0)
+        seen: dict[str, None] = {}
+        at: str = name
+        while at in self.scene.world.names() and at not in seen:
+            if at == wanted:
+                return True
+            seen[at] = None
+            thing = self.scene.belief.map.find(at)
+            holder = None if thing is None else self.scene.belief.map.holder(thing)
+            at = (holder.name if holder is not None else self.scene.world.support(at)) or ""
+        return False
+
+    # From where
+
+    def _place(self, name: str, likelihood: float, floor: Array) -> LikelyPlace | None:
+        """Return a place with the base pose to look at it from; None if it is not seen or no way leads there."""
+        block, here = self.scene.bodies.block(name), self.scene.base()
+        points = _points(block)
+        spots = floor[block.distance(floor) <= AROUND]
+        spots = spots[np.argsort(np.hypot(*(spots - here[:2]).T).round(6), kind="stable")][:MOST]
+        headings = np.arctan2(block.y - spots[:, 1], block.x - spots[:, 0])
+        bases = np.vstack([[here], np.column_stack([spots, headings])])
+        shown = self.views.seen(bases, points)
+        counts = shown.sum(axis=1)
+        good = np.flatnonzero((counts > 0) & (counts >= ENOUGH * counts.max(initial=0)))
+        for row in good.tolist():
+            x, y, yaw = bases[row].tolist()
+            if row and self.scene.collisions.contacts((x, y, yaw)):
+                continue
+            seconds = self._seconds((x, y, yaw)) if row else 0.0
+            if seconds is not None:
+                return LikelyPlace(name, likelihood, (x, y, yaw), points[shown[row]], seconds)
+        return None
+
+    def points(self, name: str, base: BasePose) -> Array:
+        """Return the points (n, 3) of a place that are seen from a base pose."""
+        points = _points(self.scene.bodies.block(name))
+        return np.asarray(points[self.views.seen(np.array([base]), points)[0]])
+
+    # Remembering
+
+    def snapshot(self) -> list[Any]:
+        """Return the searches as JSON."""
+        return [
+            [name, dump(one.what), None if one.within is None else dump(one.within), _visits(one)]
+            for name, one in self.begun.items()
+        ]
+
+    def restore(self, state: Sequence[Any]) -> None:
+        """Restore :meth:`snapshot`; raises TypeError or ValueError for what is none."""
+        self.begun = {}
+        for name, what, within, visited in state:
+            found = [load(one) for one in (what, within) if one is not None]
+            if not all(isinstance(one, Object) for one in found):
+                raise TypeError(f"{found!r} are no objects")
+            places = {str(place): (float(x), float(y), float(yaw)) for place, (x, y, yaw) in visited}
+            self.begun[str(name)] = Search(found[0], found[1] if within is not None else None, places)
+
+
+def _visits(search: Search) -> list[Any]:
+    return [[place, list(base)] for place, base in search.visited.items()]
+
+
+def _points(block: Block) -> Array:
+    """Return points (n, 3) where small things at a place may be: over its top, and inside if it is hollow."""
+    across = block.grid(0.15, 0.06)
+    heights = [block.low + ABOVE, block.high + ABOVE] if block.high < TOO_HIGH else [block.low + ABOVE]
+    return np.vstack([np.column_stack([across, np.full(len(across), height)]) for height in heights])

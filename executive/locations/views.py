@@ -1,0 +1,73 @@
+"""Where the robot could stand to look at points of the map, and which of them it would see from there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from executive.belief.planning_scene import PlanningScene
+from executive.belief.scene_collisions import BasePose
+from planlang.geometry import Array, Pose, matrices
+
+SPACING = 0.25
+"""Distance of places of the base that are compared [m]."""
+NEARLY = 0.02
+"""Lines of sight end this far before a point, which may lie on a surface [m]."""
+FRAME = 0.5
+"""Share of the camera's half angle in which points count as shown: a thing about them is to be in the picture whole."""
+
+
+class Views:
+    """What the camera would show in the believed world; nothing of the true one is asked."""
+
+    def __init__(self, scene: PlanningScene) -> None:
+        self.scene = scene
+
+    def places(self, spacing: float = SPACING) -> Array:
+        """Return places (n, 2) [m] on the floor where the base has room to turn and to which it can drive."""
+        floor = self.scene.collisions.floor()
+        x_min, y_min, x_max, y_max = floor.bounds
+        xs, ys = (np.arange(low + spacing / 2, high, spacing) for low, high in ((x_min, x_max), (y_min, y_max)))
+        points = np.stack(np.meshgrid(xs, ys), axis=-1).reshape(-1, 2)
+        points = points[floor.at(points) > 0.0]
+        return points[self.scene.collisions.drivable()(np.column_stack([points, np.zeros(len(points))]))]
+
+    def seen(self, bases: Array, points: Array) -> NDArray[np.bool_]:
+        """Return which points (m, 3) the neck can turn the camera to from bases (n, 3) with nothing between, (n, m)."""
+        camera, gaze = self.scene.robot.camera, self.scene.visibility.gaze
+        shown = np.zeros((len(bases), len(points)), bool)
+        if camera is None or gaze is None or not shown.size:
+            return shown
+        for row, base in enumerate(bases.tolist()):
+            frame = Pose.planar(*base).matrix()
+            local = matrices.moved(matrices.inverse(frame), points)
+            away = np.hypot(local[:, 0], local[:, 1])
+            near = np.flatnonzero(away <= camera.far)
+            if not len(near):
+                continue
+            beyond, eyes = gaze.at_all(local[near])
+            away = np.linalg.norm(local[near] - eyes, axis=1)
+            fits = (beyond <= FRAME * camera.half_angle) & (away >= camera.near) & (away <= camera.far)
+            near, eyes = near[fits], matrices.moved(frame, eyes[fits])
+            lines = points[near] - eyes
+            ends = points[near] - lines * (NEARLY / np.maximum(np.linalg.norm(lines, axis=1), NEARLY))[:, None]
+            shown[row, near] = self.scene.world.clear_lines(eyes, ends)
+        return shown
+
+    def gazes(self, base: BasePose, points: Array) -> Iterator[Array]:
+        """Yield some of the points (m, 3) to turn the camera to, so that all of them get into a picture from a base."""
+        camera, gaze = self.scene.robot.camera, self.scene.visibility.gaze
+        if camera is None or gaze is None:
+            return
+        local = matrices.moved(matrices.inverse(Pose.planar(*base).matrix()), points)
+        eye = gaze.at_all(local.mean(axis=0)[None])[1][0] if len(local) else np.zeros(3)
+        arrows = local - eye
+        arrows /= np.maximum(np.linalg.norm(arrows, axis=1), 1e-9)[:, None]
+        together = arrows @ arrows.T >= np.cos(FRAME * camera.half_angle)
+        left = np.ones(len(points), bool)
+        while left.any():
+            best = int(np.argmax((together & left).sum(axis=1) * left))
+            left &= ~together[best]
+            yield points[best]

@@ -1,0 +1,81 @@
+"""The process modules that come with planlang. Those that few plans need are imported when one needs them.
+
+For these it is stated here what their class says: name, action classes, failures.
+"""
+
+from __future__ import annotations
+
+from executive.modules import process_modules
+from planlang.failures import (
+    DesignatorFailure,
+    EnvironmentManipulationFailure,
+    LookingFailure,
+    ManipulationFailure,
+    NavigationFailure,
+    PerceptionFailure,
+)
+from planlang.modules import ModuleRegistry, OnDemand, Rank
+
+_HAND_WORK = (EnvironmentManipulationFailure, ManipulationFailure, NavigationFailure, DesignatorFailure)
+
+
+def _on_demand(place: str, name: str, *actions: str, failures: tuple[type[Exception], ...] = ()) -> OnDemand:
+    return OnDemand(f"executive.modules.{place}", name, actions, failures)
+
+
+ON_DEMAND = (
+    _on_demand("waiting:Waiting", "waiting", "Waiting", failures=(DesignatorFailure,)),
+    _on_demand(
+        "containers:Containers",
+        "container",
+        "OpeningAContainerArtifact",
+        "ClosingAContainerArtifact",
+        failures=_HAND_WORK,
+    ),
+    _on_demand(
+        "placing:Lowering",
+        "lowering",
+        "LoweringAnObject",
+        failures=(ManipulationFailure, PerceptionFailure, LookingFailure, DesignatorFailure),
+    ),
+    _on_demand(
+        "devices:Devices",
+        "device",
+        "TurningOnPoweredDevice",
+        "TurningOffPoweredDevice",
+        "PreheatOven",
+        "OperateOven",
+        failures=_HAND_WORK,
+    ),
+    _on_demand(
+        "searching:Software",
+        "software",
+        "StartSoftwareModules",
+        "StopSoftwareModules",
+        "LoadTypicalObjectModels",
+        failures=(DesignatorFailure,),
+    ),
+    _on_demand("searching:Inference", "inference", "InferLikelyObjectLocations", failures=(DesignatorFailure,)),
+    _on_demand(
+        "searching:Checking",
+        "checking",
+        "CheckingWhetherConditionObtains",
+        failures=(PerceptionFailure, LookingFailure, DesignatorFailure),
+    ),
+    _on_demand(
+        "constrained_motions:ConstrainedMotions",
+        "constrained_motion",
+        "ITaSCMotion",
+        failures=(ManipulationFailure, NavigationFailure, PerceptionFailure, LookingFailure, DesignatorFailure),
+    ),
+    _on_demand("mapping:Mapping", "mapping", "UploadMapToRoboEarth"),
+)
+
+
+def bundled_registry() -> ModuleRegistry:
+    """Return a registry with the process modules that come with planlang."""
+    registry = ModuleRegistry()
+    registry.add(process_modules, "planlang", Rank.BUNDLED)
+    for module in ON_DEMAND:
+        registry.add_on_demand(module, "planlang", Rank.BUNDLED)
+    return registry

@@ -1,0 +1,144 @@
+"""The process module that turns devices on and off: it pushes their button, or turns their knob.
+
+Which of the two a device has, and where, is in ``executive/belief/controls.py``. A device that is believed to be in the
+wanted state is left alone: a push on its button would change that.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from executive.modules.containers import WAYS, Containers
+from executive.modules.hand_work import HandWork
+from executive.robots.arms import ArmModel
+from planlang import checkpoint
+from planlang.designators import Action, Object
+from planlang.failures import (
+    ActionUnresolvable,
+    DesignatorFailure,
+    EnvironmentManipulationFailure,
+    HandleNotReachable,
+    ManipulationFailure,
+    ManipulationPoseUnreachable,
+    NavigationFailure,
+    ObjectUnresolvable,
+)
+from planlang.geometry import Pose
+from planlang.modules import process_module
+from planlang.protocols import Touch
+from sim.controls import AT_BUTTON, Control
+
+if TYPE_CHECKING:
+    from executive.modules.leaf_paths import LeafPath
+
+ABOUT = ("object_acted_on", "device_used")
+"""Properties of an action with the device that it is about, the first of them that is one."""
+THIN = 0.005
+"""Distance from the surface of a button within which a touch is one of the button, along its normal [m]."""
+
+
+@process_module
+class Devices(HandWork):
+    """Turns devices on and off."""
+
+    name = "device"
+    actions = ("TurningOnPoweredDevice", "TurningOffPoweredDevice", "PreheatOven", "OperateOven")
+    failures = (EnvironmentManipulationFailure, ManipulationFailure, NavigationFailure, DesignatorFailure)
+    by_hand = True
+    """The simulator switches what the hand has really moved."""
+
+    def resources(self, action: Action) -> tuple[str, ...]:
+        """Return the whole robot."""
+        return self.whole_robot()
+
+    async def execute(self, action: Action) -> str:
+        """Turn the device on or off; return its name, or raise a failure of the classes in ``failures``."""
+        control, world = self._control(action), self.platform.scene.world
+        turns_on = "TurningOffPoweredDevice" not in self.platform.ancestors(action.type)
+        self.platform.sync()
+        if world.changes.matter.is_on(control.device) == turns_on:
+            return control.device
+        if control.turns:
+            joint = self.platform.belief.joints[control.body]
+            was_on = world.scene.body(control.device).is_on
+            await Containers(self.platform).moved(joint, opens=turns_on != was_on)
+        else:
+            await self._push(control)
+        return control.device
+
+    def _control(self, action: Action) -> Control:
+        """Return the control of the device that an action is about."""
+        controls = self.platform.scene.world.scene.controls
+        for value in map(action.get, ABOUT):
+            for what in value if isinstance(value, tuple) else (value,):
+                try:
+                    name = self.platform.scene.bodies.bind(what) if isinstance(what, Object) else None
+                except ObjectUnresolvable:
+                    continue
+                found = next((one for one in controls if name in (one.device, one.body)), None)
+                if found is not None:
+                    return found
+        raise ActionUnresolvable("no device is named that has a button or a knob", designator=str(action))
+
+    async def _push(self, button: Control) -> None:
+        """Push a button from one place after another, until the hand has met it."""
+        await self.tuck(self.platform.arms.untucked())
+        problem: ManipulationFailure | NavigationFailure | None = None
+        for arm in self.free_hands():
+            await self.platform.hands.move(arm, closed=True)
+            tried = 0
+            for path in self._ways(arm, button):
+                if path is None:
+                    await checkpoint()
+                    continue
+                try:
+                    await self._along(path, button)
+                    return
+                except (ManipulationPoseUnreachable, NavigationFailure) as failure:
+                    problem = problem or failure
+                    await self.tuck(self.platform.arms.untucked())
+                if (tried := tried + 1) == WAYS:
+                    break
+        raise HandleNotReachable(f"the button of {button.device} is out of reach", what=button.body) from problem
+
+    def _ways(self, arm: ArmModel, button: Control) -> Iterator[LeafPath | None]:
+        """Yield ways to push a button, None between them; the search begins again when it is seen elsewhere."""
+        from executive.modules.push_paths import PushPaths  # most runs push nothing
+
+        belief, there = self.platform.belief, None
+        while there != belief.pose(button.body):
+            there = belief.pose(button.body)
+            for path in PushPaths(self.platform, button).with_arm(arm):
+                yield path
+                if belief.pose(button.body) != there:
+                    break
+
+    async def _along(self, path: LeafPath, button: Control) -> None:
+        """Drive there, push, take the hand back; raises ManipulationPoseUnreachable if the button was not met."""
+        platform, arm = self.platform, path.arm
+        await self.drive(path.base)
+        there = platform.belief.pose(button.body)
+        await self.look(button.body)
+        if platform.belief.pose(button.body) != there:
+            raise ManipulationPoseUnreachable(f"{button.body} is not where it was believed to be", what=button.body)
+        platform.arms.choices.choose(arm.name)
+        await self.follow(arm, self.planned(arm, path.before, button.body), button.body)
+        motion = await self.straight(arm, path.poses[1], path.joints[0], button.body)
+        is_met = motion.touch is not None and self._is_at(button, motion.touch)
+        await self.back(arm, path.poses, button.body)
+        if not is_met:
+            await platform.sensing.bump(motion)
+            raise ManipulationPoseUnreachable(arm=arm.name, what=button.body, blocked_by=motion.blocked_by)
+
+    def _is_at(self, button: Control, touch: Touch) -> bool:
+        """Return whether what a finger felt is the button: what is behind it, or before it, feels alike."""
+        x, y, z = (self.platform.belief.pose(button.body) @ Pose(button.point)).inverse().matrix()[:3] @ (
+            *touch.point,
+            1.0,
+        )
+        depth = float(np.dot((x, y, z), button.normal))
+        return abs(depth) <= THIN and math.hypot(x, y, z) <= AT_BUTTON

@@ -1,0 +1,97 @@
+"""Motions of a hand at things that stay where they are: handles, buttons and knobs, and away from them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+
+from executive.belief.scene_collisions import BasePose
+from executive.modules.platform import Platform
+from executive.modules.process_modules import Navigation
+from executive.motion import MotionError
+from executive.robots import CARRYING
+from executive.robots.arms import ArmModel
+from planlang.designators import action
+from planlang.failures import LookingGoalUnreachable, ManipulationPoseUnreachable, NavigationFailure
+from planlang.geometry import Array
+from planlang.geometry.matrices import rotated
+from planlang.protocols import Motion, MotionState, Trajectory
+
+FEW = 200
+"""Branches that the search of a path of the arm grows: there are other ways to try, and places with more room."""
+BACK = 0.2
+"""Least distance that the base drives back from a leaf before the arm is tucked: beside it there is little room [m]."""
+
+
+class HandWork:
+    """Motions that process modules for handles and controls have in common; hands may touch the body ``what``."""
+
+    def __init__(self, platform: Platform) -> None:
+        self.platform = platform
+
+    def whole_robot(self) -> tuple[str, ...]:
+        """Return base, head, torso and all arms: what of them is needed is found out on the way."""
+        torso = [] if self.platform.robot.torso is None else ["torso"]
+        return ("base", "head", *torso, *(arm.name for arm in self.platform.scene.arms.all))
+
+    def free_hands(self) -> list[ArmModel]:
+        """Return the arms that hold nothing and have a gripper."""
+        arms = self.platform.arms.free(self.platform.scene.arms.all)
+        return [arm for arm in arms if self.platform.hands.gripper(arm) is not None]
+
+    async def drive(self, base: BasePose) -> None:
+        """Drive to a base pose; raises a NavigationFailure."""
+        x, y, yaw = map(float, base)
+        await Navigation(self.platform).execute(action("Translation-LocationChange", x=x, y=y, yaw=yaw))
+
+    async def look(self, what: str) -> None:
+        """Look at a thing, if the neck can; what is seen is where it is."""
+        with suppress(LookingGoalUnreachable):
+            await self.platform.sensing.look_at(self.platform.scene.bodies.block(what).centre, what)
+            self.platform.sensing.see()
+
+    async def tuck(self, untucked: Sequence[tuple[ArmModel, Array]]) -> None:
+        """Bring free arms to the carrying posture, where there is a way."""
+        for arm, posture in untucked if CARRYING in self.platform.robot.postures else ():
+            with suppress(MotionError):
+                await self.platform.follow(arm.name, self.platform.arms.path(arm, posture, iterations=FEW))
+
+    def planned(self, arm: ArmModel, goal: Array, what: str | None) -> Trajectory:
+        """Return a path of an arm to joint values (d,); raises ManipulationPoseUnreachable."""
+        try:
+            return self.platform.arms.path(arm, goal, what, FEW)
+        except MotionError as problem:
+            raise ManipulationPoseUnreachable(arm=arm.name, what=what) from problem
+
+    async def straight(self, arm: ArmModel, pose: Array, q: Array, what: str | None) -> Motion:
+        """Move the tip along a line to a map pose (4, 4) at joint values (d,), until something stops it."""
+        try:
+            trajectory = self.platform.arms.straight_path(arm, pose, q, what)
+        except MotionError as problem:
+            raise ManipulationPoseUnreachable(arm=arm.name, what=what) from problem
+        return await self.platform.follow(arm.name, trajectory)
+
+    async def follow(self, arm: ArmModel, trajectory: Trajectory, what: str | None) -> None:
+        """Follow a path to its end; raises ManipulationPoseUnreachable if something stops it."""
+        await self.arrived(arm, await self.platform.follow(arm.name, trajectory), what)
+
+    async def arrived(self, arm: ArmModel, motion: Motion, what: str | None) -> None:
+        """Raise ManipulationPoseUnreachable if a motion was stopped."""
+        if motion.state is not MotionState.DONE:
+            await self.platform.sensing.bump(motion)
+            raise ManipulationPoseUnreachable(arm=arm.name, what=what, blocked_by=motion.blocked_by)
+
+    async def back(self, arm: ArmModel, poses: Array, what: str | None) -> None:
+        """Take the hand back as it came by ``poses`` (2, 4, 4), then to the carrying posture, where there is room."""
+        platform = self.platform
+        tip = platform.scene.arms.tip(arm)
+        away = tip.copy()
+        back = rotated(poses[0][:3, :3].T, poses[0][:3, 3] - poses[1][:3, 3])
+        away[:3, 3] += rotated(tip[:3, :3], back)
+        with suppress(ManipulationPoseUnreachable):
+            await self.arrived(arm, await self.straight(arm, away, platform.arm_joints(arm), what), what)
+        room = platform.drive.room_for(platform.arms.untucked(), least=BACK)
+        if room is not None:
+            with suppress(NavigationFailure):
+                await self.drive(room)
+        await self.tuck(platform.arms.untucked())

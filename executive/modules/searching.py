@@ -1,0 +1,185 @@
+"""Process modules that look for something in several places, check conditions, and start and stop software."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import suppress
+
+import numpy as np
+
+from executive.belief.recognition import EXPLORATION, VISION
+from executive.modules.platform import Platform
+from planlang import checkpoint, perform
+from planlang.designators import Action, Location, Object, Situation, action, local_name
+from planlang.failures import (
+    ActionUnresolvable,
+    DesignatorFailure,
+    LookingFailure,
+    LookingGoalUnreachable,
+    PerceptionFailure,
+)
+from planlang.geometry import Array
+from planlang.modules import process_module
+
+ABOUT = 2.0
+"""Distance from the robot of the points that it looks at where it does not know what there is [m]."""
+AROUND = 7
+"""Headings in which it looks then: with 50 degrees in a picture they overlap."""
+HEIGHTS = (1.0, 0.3)
+"""Heights of these points [m]."""
+
+
+@process_module
+class Software:
+    """Starts and stops software parts, and loads models of what is to be recognised."""
+
+    name = "software"
+    actions = ("StartSoftwareModules", "StopSoftwareModules", "LoadTypicalObjectModels")
+    failures = (DesignatorFailure,)
+
+    def __init__(self, platform: Platform) -> None:
+        self.platform = platform
+
+    def resources(self, action: Action) -> tuple[str, ...]:
+        """Return nothing: no part of the body moves."""
+        return ()
+
+    async def execute(self, action: Action) -> None:
+        """Believe that the part that the class names runs, or not; or that things typical of a place are recognised."""
+        await checkpoint()
+        ancestors, recognition = self.platform.ancestors(action.type), self.platform.belief.recognition
+        if "LoadTypicalObjectModels" in ancestors:
+            recognition.load(self.platform.searches.typical_things(_place(action)))
+            return
+        running = "StartSoftwareModules" in ancestors
+        parts = {"VisionModules": VISION, "ExplorationModules": EXPLORATION}
+        named = next((part for words, part in parts.items() for one in ancestors if one.endswith(words)), None)
+        recognition.set_running(named or local_name(action.type), running=running)
+
+
+def _place(action: Action) -> str | None:
+    """Return the class of the place that models are wanted for."""
+    place = action.get("models_for_place")
+    return place.type if isinstance(place, Object) else place if isinstance(place, str) else None
+
+
+@process_module
+class Inference:
+    """Works out where something is likely to be."""
+
+    name = "inference"
+    actions = ("InferLikelyObjectLocations",)
+    failures = (DesignatorFailure,)
+
+    def __init__(self, platform: Platform) -> None:
+        self.platform = platform
+
+    def resources(self, action: Action) -> tuple[str, ...]:
+        """Return nothing: no part of the body moves."""
+        return ()
+
+    async def execute(self, action: Action) -> Location | None:
+        """Begin a search for ``object_acted_on``; what ``outputs_created`` names is its next place at each use."""
+        await checkpoint()
+        what, made = action.get("object_acted_on"), action.get("outputs_created")
+        if not isinstance(what, Object):
+            raise ActionUnresolvable("inferring where something is needs object_acted_on", designator=str(action))
+        name = made.name if isinstance(made, Location | Object) else None
+        self.platform.searches.begin(name or str(what), what, _searched(action))
+        return made if isinstance(made, Location) else None
+
+
+def _searched(action: Action) -> Object | None:
+    """Return the place within which is to be searched."""
+    where = action.get("location_searched") or action.get("search_space")
+    if isinstance(where, Location):
+        return next(where.things(), None)
+    return where if isinstance(where, Object) else None
+
+
+@process_module
+class Checking:
+    """Finds out whether a condition holds."""
+
+    name = "checking"
+    actions = ("CheckingWhetherConditionObtains",)
+    failures = (PerceptionFailure, LookingFailure, DesignatorFailure)
+
+    def __init__(self, platform: Platform) -> None:
+        self.platform = platform
+
+    def resources(self, action: Action) -> tuple[str, ...]:
+        """Return the head."""
+        return ("head",)
+
+    async def execute(self, action: Action) -> bool:
+        """Return whether ``object_acted_on``, or what the condition is about, is seen from here."""
+        await checkpoint()
+        what = self._sought(action)
+        if what is None:
+            raise ActionUnresolvable("nothing here decides this condition", designator=str(action))
+        return await seen_from_here(self.platform, what) is not None
+
+    def _sought(self, action: Action) -> Object | None:
+        """Return what is to be seen."""
+        condition = action.get("condition_evaluated")
+        if isinstance(condition, Situation) and "VisualPerception" in self.platform.ancestors(condition.type):
+            seen = condition.get("detected_object")
+            if isinstance(seen, Object):
+                return seen
+        what = action.get("object_acted_on")
+        return what if isinstance(what, Object) else None
+
+
+async def found_in_places(platform: Platform, wanted: Action, what: Object) -> str:
+    """Go from place to place where something is likely until it is seen; return its name."""
+    searches = platform.searches
+    if not searches.has_places(what) and (name := await seen_from_here(platform, what)) is not None:
+        return name
+    search = searches.begin(str(what), what, _searched(wanted))
+    while True:
+        place = searches.next(search)
+        x, y, yaw = place.base
+        if place.seconds:
+            await perform(action("Translation-LocationChange", x=x, y=y, yaw=yaw))
+        if (name := await seen_from_here(platform, what)) is not None:
+            return name
+
+
+async def seen_from_here(platform: Platform, what: Object) -> str | None:
+    """Look where something is likely, from here; return its name, None if it is not seen."""
+    before = _seen(platform, what)
+    if before is not None:
+        return before
+    for point in _gazes(platform, what):
+        with suppress(LookingGoalUnreachable):
+            await platform.sensing.look_at(point, str(what))
+            platform.sensing.see()
+        if (name := _seen(platform, what)) is not None:
+            return name
+    known = platform.scene.bodies.known(what)
+    if known is not None:
+        platform.sensing.not_seen(known)
+    return None
+
+
+def _seen(platform: Platform, what: Object) -> str | None:
+    name = platform.scene.bodies.known(what)
+    return name if name is not None and platform.belief.seen_from_here(name) else None
+
+
+def _gazes(platform: Platform, what: Object) -> Iterator[Array]:
+    """Yield points (3,) to look at: where it is believed to be, at the place that was gone to last, or all around."""
+    searches, base = platform.searches, platform.base()
+    known = platform.scene.bodies.known(what)
+    if known is not None:
+        yield platform.scene.bodies.block(known).centre
+    search = searches.of(what)
+    last = None if search is None else next(reversed(search.visited), None)
+    if last is not None:
+        yield from searches.views.gazes(base, searches.points(last, base))
+        return
+    for height in HEIGHTS:
+        for turn in sorted(np.linspace(-np.pi, np.pi, AROUND, endpoint=False).tolist(), key=abs):
+            x, y, yaw = base
+            yield np.array([x + ABOUT * np.cos(yaw + turn), y + ABOUT * np.sin(yaw + turn), height])

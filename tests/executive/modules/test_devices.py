@@ -1,0 +1,88 @@
+"""Turning devices on and off: a hand on their button or knob, and what stays off without one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack
+
+import pytest
+
+from executive.belief import MapObject, SemanticMap, scene_of
+from planlang.designators import Condition
+from planlang.failures import ActionUnresolvable, HandleNotReachable
+from planlang.geometry import Pose
+from tests.support.leaves import room, thing, vocabulary
+
+ON, OFF = "TurningOnPoweredDevice", "TurningOffPoweredDevice"
+BACK = Pose((0.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0))
+"""The x axis of furniture points to its front, which faces the robot."""
+TABLE = thing("table", "KitchenTable", Pose((0.7, 0.0, 0.375)), (0.6, 1.6, 0.75))
+MAKER = thing("maker", "PancakeMaker", Pose((0.6, 0.0, 0.8)) @ BACK, (0.3, 0.3, 0.1), "button")
+
+
+def button(y: float = 0.0) -> MapObject:
+    """A button at the front of the maker."""
+    return thing("button", "PushButton", Pose((0.445, y, 0.81)) @ BACK, (0.01, 0.03, 0.03))
+
+
+@pytest.fixture
+def stack() -> Iterator[ExitStack]:
+    """What ends the worlds of a test."""
+    with ExitStack() as stack:
+        yield stack
+
+
+@pytest.mark.parametrize("robot", ["amigo", "panda"])
+def test_a_device_is_turned_on_and_off_by_its_button(stack: ExitStack, robot: str) -> None:
+    stage = room(stack, (TABLE, MAKER, button()), robot)
+    device = stage.designator("maker")
+    stage.do(ON, "maker")
+    assert stage.truth.changes.matter.is_on("maker")
+    assert stage.executive.holds(Condition("switched_on", (device,)))
+    before = stage.truth.steps
+    stage.do(ON, "maker")
+    assert stage.truth.steps <= before + 1, "what is on is left alone"
+    stage.do(OFF, "maker")
+    assert not stage.truth.changes.matter.is_on("maker")
+    assert not stage.executive.holds(Condition("switched_on", (device,)))
+
+
+def test_a_device_without_control_has_a_button_on_top_if_it_is_low_else_at_its_front() -> None:
+    oven = thing("oven", "Oven", Pose((1.5, 0.0, 0.4)), (0.6, 0.6, 0.8))
+    scene = scene_of(SemanticMap(None, vocabulary(), (TABLE, thing("maker", "PancakeMaker", *_at()), oven), ()))
+    low, high = scene.controls
+    assert (low.device, low.body, low.normal) == ("maker", "maker", (0.0, 0.0, 1.0))
+    assert (high.device, high.normal, high.point) == ("oven", (1.0, 0.0, 0.0), pytest.approx((0.3, 0.0, 0.37)))
+
+
+def test_a_button_that_no_map_has_is_pushed_where_the_device_would_have_it(stack: ExitStack) -> None:
+    stage = room(stack, (TABLE, thing("maker", "PancakeMaker", *_at())))
+    stage.do(ON, "maker")
+    assert stage.truth.changes.matter.is_on("maker")
+
+
+def test_a_device_stays_off_whose_button_the_hand_did_not_meet(stack: ExitStack) -> None:
+    bare = thing("maker", "PancakeMaker", *_at())
+    stage = room(stack, (TABLE, MAKER, button()), truth=(TABLE, bare))
+    with pytest.raises(HandleNotReachable):
+        stage.do(ON, "maker")
+    assert not stage.truth.changes.matter.is_on("maker")
+    assert not stage.executive.holds(Condition("switched_on", (stage.designator("maker"),)))
+
+
+def test_a_button_that_is_seen_elsewhere_is_pushed_there(stack: ExitStack) -> None:
+    stage = room(stack, (TABLE, MAKER, button()), truth=(TABLE, MAKER, button(0.12)))
+    stage.do(ON, "maker")
+    assert stage.truth.changes.matter.is_on("maker")
+
+
+def test_what_is_no_device_cannot_be_turned_on(stack: ExitStack) -> None:
+    stage = room(stack, (TABLE, MAKER, button()))
+    with pytest.raises(ActionUnresolvable, match="no device is named"):
+        stage.do(ON, "table")
+
+
+def _at() -> tuple[Pose, tuple[float, float, float]]:
+    pose = MAKER.pose
+    assert pose is not None
+    return pose, (0.3, 0.3, 0.1)
