@@ -42,6 +42,8 @@ SLACK = 0.03
 """Room that may be missing in the grid, whose cells are 5 cm wide: places are validated exactly later [m]."""
 DOUBTFUL = 0.15
 """Factor of a place with doubtful room: only at the border of its cell, or with some headings."""
+NEAR_ITS_END = 0.4
+"""Distance from the end of a straight way up to which a base has less than a cell of room to turn [m]."""
 MOST_FLOOR = 10_000.0
 """Area of a map of which it is worked out where the base can get to [m^2]."""
 ROOMY = 0.3
@@ -79,6 +81,16 @@ class Field:
         cells *= 2 * self.half + 3
         cells += (across @ places).astype(np.int32)
         return np.take(self.factors, cells)
+
+    def has_room(self, points: Array, least: float, most: float) -> NDArray[np.bool_]:
+        """Return whether there may be room between two distances [m] from points (w, 2), (w,)."""
+        cells = np.stack(np.divmod(np.flatnonzero(self.factors), 2 * self.half + 3), axis=1) - (self.half + 1)
+        c, s = math.cos(self.yaw), math.sin(self.yaw)
+        x, y = points[:, 0] - self.x, points[:, 1] - self.y
+        local = np.stack([c * x + s * y, c * y - s * x], axis=1) / CELL
+        each, which = np.unique(local.round(6), axis=0, return_inverse=True)
+        away = np.linalg.norm(cells[None] - each[:, None], axis=2) * CELL
+        return np.asarray(((away > least - CELL) & (away < most + CELL)).any(axis=1)[which.ravel()])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -207,6 +219,19 @@ class SceneCollisions:
             return Floor(self.obstacles(), self._world.silhouette(arms), shapes, self._world.scene.bounds)
 
         return self._floor.of((self._state(), self._posture()), work_out)
+
+    def has_way(self, base: BasePose) -> bool:
+        """Return whether the base can get to a pose: it can go straight there, or else as :meth:`drivable` says."""
+        return self._goes_straight(base) or bool(self.drivable()(np.array([base]))[0])
+
+    def _goes_straight(self, base: BasePose) -> bool:
+        """Return whether there is room to turn on the straight line to a pose, and more than that before its end."""
+        floor, start = self.floor(), self._world.configuration().base
+        away = math.dist(start[:2], base[:2])
+        line = np.linspace(start[:2], base[:2], max(2, math.ceil(2 * away / CELL)))
+        room = clearance_at(line, floor.boxes, floor.silhouette)
+        before = np.linspace(0.0, away, len(line)) < away - NEAR_ITS_END
+        return bool((room >= np.where(before, CELL, 0.0)).all())
 
     def drivable(self) -> Drivable:
         """Return where the base can get to from where it is, arms left out.
