@@ -26,8 +26,9 @@ from executive.motion.constrained_motion import PhaseMotion, solve_motion
 from executive.motion.constraint_functions import Bound, ConstraintFunctions
 from executive.motion.errors import ConstraintsContradict, NoConstrainedPath
 from planlang import checkpoint, perform
-from planlang.designators import Action, action
+from planlang.designators import Action, Location, Object, action
 from planlang.failures import (
+    ActionUnresolvable,
     DesignatorFailure,
     LookingFailure,
     ManipulationFailure,
@@ -37,7 +38,7 @@ from planlang.failures import (
 )
 from planlang.geometry import Array
 from planlang.modules import process_module
-from planlang.motion_constraints import ConstraintsUnsatisfied, MotionConstraint
+from planlang.motion_constraints import ConstraintsUnsatisfied, Feature, MotionConstraint
 from planlang.protocols import MotionState
 
 INSIDE = 1 / 3
@@ -191,10 +192,31 @@ TRIES = 3
 
 
 def constraints_of(action: Action) -> tuple[MotionConstraint, ...]:
-    """Return the constraints of an action."""
+    """Return the constraints of an action, about what it acts on; raises ActionUnresolvable if it does not say what."""
     stated = action.get("constrained_by")
     every = stated if isinstance(stated, tuple) else (stated,)
-    return tuple(one for one in every if isinstance(one, MotionConstraint))
+    return tuple(
+        replace(one, tool=_about(one.tool, action), world=_about(one.world, action))
+        for one in every
+        if isinstance(one, MotionConstraint)
+    )
+
+
+ROLES = {"ObjectActedOn": "object_acted_on", "TargetOfMotion": "to_location"}
+"""Class that stands for what a motion is about -> the property of the action that says what that is."""
+
+
+def _about(feature: Feature, action: Action) -> Feature:
+    """Return a feature of the thing that the action names, if the feature's thing stands for that."""
+    role = ROLES.get(feature.of.type)
+    if role is None:
+        return feature
+    filler = action.get(role)
+    parts = (one.reference for one in filler.relations) if isinstance(filler, Location) else (filler,)
+    what = next((one for one in parts if isinstance(one, Object)), None)
+    if what is None:
+        raise ActionUnresolvable(f"a motion about {feature} needs {role}", designator=str(action))
+    return replace(feature, of=what)
 
 
 def _inside(

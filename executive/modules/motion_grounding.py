@@ -53,7 +53,7 @@ class Grounding:
         things: dict[Object, Array] = {}
         found = []
         for one in constraints:
-            tool, arm, offset = self._tool(one.tool)
+            tool, arm, offset = self._tool(one.tool, phase)
             world, pose = self._world(one.world, phase)
             tools[tool.of], things[world.of] = (arm, offset), pose.matrix()
             found.append(replace(one, tool=tool, world=world))
@@ -63,16 +63,16 @@ class Grounding:
         held = {what: (number[arm], offset.matrix()) for what, (arm, offset) in tools.items()}
         return GroundedMotion(tuple(found), arms, held, things)
 
-    def _tool(self, feature: Feature) -> tuple[Feature, str, Pose]:
+    def _tool(self, feature: Feature, phase: Phase) -> tuple[Feature, str, Pose]:
         """Return the feature of a tool, the arm that holds it, and its pose in the frame of the arm's tip."""
-        scene, of = self._platform.scene, feature.of
+        scene, of, held_by = self._platform.scene, feature.of, feature.held_by
         if isinstance(of, Device):
             return self._hand(feature, of)
-        held_by = feature.held_by
+        known = phase.tools.get(f"{of.iri or of.type} {held_by}")
         arms = {arm.name for arm in (scene.arms.all if held_by is None else scene.arms.of(held_by))}
-        holding = [(name, grip) for name, grip in self._platform.belief.held.items() if grip.arm in arms]
-        for name, grip in holding:
-            if self._fits(name, of):
+        for name, grip in self._platform.belief.held.items():
+            if grip.arm in arms and (name == known if known is not None else self._fits(name, of)):
+                phase.tools[f"{of.iri or of.type} {held_by}"] = name
                 return self._feature(feature, name), grip.arm, grip.offset
         by = "no hand" if held_by is None else f"no hand of {held_by}"
         raise ObjectUnresolvable(f"{by} holds {of}", designator=str(of))
@@ -81,8 +81,10 @@ class Grounding:
         """Return whether a thing is what a designator means, or contains that."""
         belief = self._platform.belief
         thing = next((one for one in belief.things if one.name == name), None)
-        if thing is None or of.iri is not None:
-            return thing is not None and thing.iri == of.iri
+        if thing is None:
+            return False
+        if of.iri is not None and any(one.iri == of.iri and one.name in belief.names() for one in belief.things):
+            return thing.iri == of.iri
         content = self._platform.scene.world.changes.matter.contents.get(name, {})
         is_a = self._platform.scene.world.changes.rules.is_a
         return belief.is_a(thing, of.type) or any(is_a(one, of.type) for one in content)

@@ -24,6 +24,8 @@ class Phase:
 
     things: dict[str, Pose] = field(default_factory=dict)
     """Thing -> its believed pose in the map when a motion was first about it."""
+    tools: dict[str, str] = field(default_factory=dict)
+    """Description of a tool -> the thing that it meant first: a cup that is empty still is the cup."""
     before: tuple[MotionConstraint, ...] = ()
     """The active constraints of the phase before, as the recipe states them."""
 
@@ -46,13 +48,21 @@ class Phases:
     def snapshot(self) -> dict[str, Any]:
         """Return all states as JSON."""
         return {
-            path: [{name: dump(pose) for name, pose in one.things.items()}, [dump(each) for each in one.before]]
+            path: [
+                {name: dump(pose) for name, pose in one.things.items()},
+                dict(one.tools),
+                [dump(each) for each in one.before],
+            ]
             for path, one in self._known.items()
         }
 
     def restore(self, state: Mapping[str, Sequence[Any]]) -> None:
         """Go on from a :meth:`snapshot`."""
         self._known = {
-            str(path): Phase({str(name): load(pose) for name, pose in things.items()}, tuple(map(load, before)))
-            for path, (things, before) in state.items()
+            str(path): Phase(
+                {str(name): load(pose) for name, pose in things.items()},
+                {str(what): str(name) for what, name in tools.items()},
+                tuple(map(load, before)),
+            )
+            for path, (things, tools, before) in state.items()
         }

@@ -11,6 +11,7 @@ from executive.modules.platform import Platform
 from executive.motion.arm_group import ArmGroup
 from planlang.designators import Action
 from planlang.geometry import Array, Pose
+from planlang.language.performing import actions_around
 from planlang.ontology import expand
 from planlang.recipe.effects import effects_of
 
@@ -24,7 +25,7 @@ class Pouring:
     async def pour(self, action: Action, motion: GroundedMotion, group: ArmGroup, rows: Array) -> None:
         """Hold vessels that a motion (m, n) has turned over until an amount has flowed, and believe that it has.
 
-        The amount is the action's, else that of its class, else what is usual [ml].
+        The amount is that of the action or of one around it, else that of its class, else what is usual [ml].
         """
         platform = self._platform
         for name, arm, offset in self._vessels(motion):
@@ -53,9 +54,11 @@ class Pouring:
         return np.asarray(axes < 0)
 
     def _amount(self, action: Action) -> float:
-        stated, platform = action.get("amount"), self._platform
-        if isinstance(stated, int | float):
-            return float(stated)
+        platform = self._platform
+        stated = (one.get("amount") for one in (action, *actions_around()))
+        for amount in stated:
+            if isinstance(amount, int | float):
+                return float(amount)
         ontology = platform.belief.map.ontology
         ancestors = [expand(cls) for cls in platform.ancestors(action.type)]
         for cls, above in ((action.type, ancestors), (POURING, None)):
