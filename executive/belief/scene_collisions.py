@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from operator import itemgetter
-from typing import Generic, TypeVar
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,9 @@ from planlang.protocols import Configuration, Contact, Touch
 from sim import PlanningWorld
 from sim.bodies import FLOOR
 from sim.scene import BodyShape
+
+if TYPE_CHECKING:  # a plain run moves one arm at a time
+    from executive.motion.arm_group import ArmGroup
 
 BasePose = tuple[float, float, float]
 """Pose of the base in the map (x [m], y [m], yaw [rad])."""
@@ -202,6 +205,7 @@ class SceneCollisions:
         """The last, as several checks ask for the same."""
         self._touched: Latest[tuple[Contact, ...]] = Latest()
         self._lifts: Latest[dict[tuple[str, float], list[tuple[str, str]]]] = Latest()
+        self._groups: dict[tuple[str, ...], ArmShapes] = {}
         self._arm_bodies: dict[tuple[str, bool], Latest[ArmBodies]] = {}
 
     # Room
@@ -393,6 +397,25 @@ class SceneCollisions:
         base = self._world.link_pose(self._robot.base_link).matrix()
         middle = moved(base, bodies.centre)
         return bodies.against(base, self._room().near(middle, bodies.reach), (self._touching(arm), touches))
+
+    def group_check(self, group: ArmGroup, arms: Sequence[ArmModel]) -> QuickCheck:
+        """Return a check, without PyBullet, of how arms may move together here; blades may go under what is thin."""
+        world, base_link = self._world, self._robot.base_link
+        names = tuple(arm.name for arm in arms)
+        if names not in self._groups:
+            tip = self._robot.arm(names[0]).tip
+            self._groups[names] = ArmShapes(world, links_of(world), group, base_link, tip)
+        bodies, base = self._groups[names].now(world), world.link_pose(base_link).matrix()
+        room = self._room().near(moved(base, bodies.centre), bodies.reach)
+        if any(world.scene.body(name).blade for name in world.attached()):
+            room = room.without([body.name for body in world.scene.bodies if body.thin])
+        return bodies.against(base, room, (frozenset(), None))
+
+    def touching(self, joints: Mapping[str, float]) -> list[tuple[str, str]]:
+        """Return which two bodies penetrate each other, wrongly, with some joints elsewhere."""
+        now = self._world.configuration()
+        there = Configuration(now.base, {**now.joints, **joints})
+        return [(contact.part, contact.body) for contact in self._world.contacts(there, tuple(joints))]
 
     def arm_check(
         self, arm: ArmModel, touches: str | None, *, opened: bool, near: tuple[Array, float] | None = None

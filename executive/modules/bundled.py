@@ -62,6 +62,12 @@ ON_DEMAND = (
         "CheckingWhetherConditionObtains",
         failures=(PerceptionFailure, LookingFailure, DesignatorFailure),
     ),
+    _on_demand(
+        "constrained_motions:ConstrainedMotions",
+        "constrained_motion",
+        "ITaSCMotion",
+        failures=(ManipulationFailure, NavigationFailure, PerceptionFailure, LookingFailure, DesignatorFailure),
+    ),
     _on_demand("mapping:Mapping", "mapping", "UploadMapToRoboEarth"),
 )
 
