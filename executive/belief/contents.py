@@ -91,5 +91,8 @@ def _with_content(
     states = [shorten(one) for one in ontology.values(body.iri, expand("stateOfObject")) if isinstance(one, str)]
     if not (capacity or blade or states or portions):
         return body
+    if capacity and not portions and any(ontology.is_a(cls, expand("FoodOrDrinkOrIngredient")) for cls in types):
+        amount = number_of_individual(ontology, body.iri, "amount")
+        portions = (Portion(body.type, capacity if amount is None else amount, (body.name,)),)
     room = max(capacity or 0.0, sum(portion.amount for portion in portions))
     return replace(body, content=tuple(portions), capacity=room, is_on=ON in states, blade=min(blade, max(body.size)))

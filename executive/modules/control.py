@@ -154,8 +154,10 @@ ROOMY = 0.01
 """A pose with this much room around the robot's outline, taken for round, touches nothing and is not checked [m]."""
 BACK_OFF = (0.1, 0.2, 0.3, 0.45, 0.6)
 """Distances at which room for the carrying posture is looked for [m]; the base is to stay near its work."""
-BACKWARDS = (math.pi, 0.75 * math.pi, -0.75 * math.pi, 0.5 * math.pi, -0.5 * math.pi)
-"""Directions in which the base backs off, relative to its heading [rad]: straight back first, never ahead."""
+AWAY = tuple(share * math.pi for share in (1.0, 0.75, -0.75, 0.5, -0.5, 0.25, -0.25, 0.0))
+"""Directions in which the base backs off, relative to its heading [rad]: straight back first; arms work at any side."""
+STRIDE, HAIR = 0.05, 1e-6
+"""Steps in which a straight way of the base is looked at, and what rounding takes from them [m]."""
 
 
 class Drive:
@@ -202,22 +204,34 @@ class Drive:
     def room_for(
         self, postures: Sequence[tuple[ArmModel, Array]], least: float = 0.0, ahead: float | None = None
     ) -> BasePose | None:
-        """Return the nearest base pose, here or behind, where arms can go to postures (d,); None if there is none.
+        """Return the nearest base pose, here or around, where arms can go to postures (d,); None if there is none.
 
         It is at least so far from here [m]. ``ahead``: the heading of the work [rad]; that of the base, unless given.
+        Poses to which the robot can go straight, as its arms are now, come first.
         """
         x, y, yaw = self._control.base()
-        scene, work = self._control.scene, yaw if ahead is None else ahead
-        back = [] if self._control.robot.base.fixed else product(BACK_OFF, BACKWARDS)
-        for step, turn in [(0.0, 0.0), *back]:
-            if step < least:
+        contacts, work = self._control.scene.collisions.contacts, yaw if ahead is None else ahead
+        around = [] if self._control.robot.base.fixed else product(BACK_OFF, AWAY)
+        bent, free = None, dict.fromkeys(AWAY, 0.0)
+
+        def at(step: float, turn: float) -> BasePose:
+            return (x + step * math.cos(work + turn), y + step * math.sin(work + turn), yaw)
+
+        def is_straight(step: float, turn: float) -> bool:
+            while free[turn] < step and not contacts(at(free[turn] + STRIDE, turn)):
+                free[turn] += STRIDE
+            return free[turn] >= step
+
+        for step, turn in [(0.0, math.pi), *around]:
+            pose = at(step, turn)
+            if step < least or (step and contacts(pose)):
                 continue
-            pose = (x + step * math.cos(work + turn), y + step * math.sin(work + turn), yaw)
-            if step and scene.collisions.contacts(pose):
+            if any(contacts(pose, arm, posture) for arm, posture in postures):
                 continue
-            if not any(scene.collisions.contacts(pose, arm, posture) for arm, posture in postures):
+            if is_straight(step - HAIR, turn):
                 return pose
-        return None
+            bent = bent or pose
+        return bent
 
     def moved(self) -> None:
         """Record that the base has moved: things have to be looked at again before they are handled."""

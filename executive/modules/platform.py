@@ -19,6 +19,7 @@ from executive.locations.demands import asks_for
 from executive.locations.grasp_candidates import HandPoses
 from executive.modules.carrying import is_near, upright_postures
 from executive.modules.control import Control, Drive, Hands, Sensing
+from executive.modules.phases import Phases
 from executive.motion import JointSpace, MotionError, cartesian_path, keeps_line, plan_path, time_curve, time_path
 from executive.motion.upright import Upright
 from executive.robots import CARRYING
@@ -344,6 +345,7 @@ class Platform(Control):
     drive: Drive = field(init=False)
     arms: Arms = field(init=False)
     hands: Hands = field(init=False)
+    phases: Phases = field(init=False)
     sensing: Sensing = field(init=False)
     upload: Path | None = field(init=False, default=None)
     """The file that uploaded maps are written to."""
@@ -377,4 +379,4 @@ class Platform(Control):
 
     def __post_init__(self) -> None:
         self.drive, self.hands, self.sensing = Drive(self), Hands(self), Sensing(self)
-        self.arms = Arms(self, self.resolver, self.rng)
+        self.arms, self.phases = Arms(self, self.resolver, self.rng), Phases()
