@@ -48,6 +48,12 @@ ON_DEMAND = (
         "CheckingWhetherConditionObtains",
         failures=(PerceptionFailure, LookingFailure, DesignatorFailure),
     ),
+    _on_demand(
+        "exploring:Exploring",
+        "exploration",
+        "EnvironmentExploration",
+        failures=(PerceptionFailure, LookingFailure, DesignatorFailure),
+    ),
     _on_demand("mapping:Mapping", "mapping", "UploadMapToRoboEarth"),
 )
 
