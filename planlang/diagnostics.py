@@ -300,6 +300,7 @@ CODES: dict[str, str] = {
     "X025": "a trace was written with other versions of packages",
     "X026": "the last line of a trace is incomplete and ignored",
     "X027": "a resumed plan does something else than before",
+    "X028": "a parameter that is not set is the only thing of the class that its step names",
     # C: command line
     "C001": "a named file or folder does not exist or cannot be read",
     "C002": "the file is neither a recipe nor a plan",
@@ -318,5 +319,6 @@ CODES: dict[str, str] = {
     "C015": "there is no uncertain fix with this code",
     "C016": "a fix was not applied, as it is uncertain or cannot be written into the text",
     "C017": "a recipe was fixed before it was compiled, as --accept says",
+    "C018": "a line of a file of settings is not NAME=THING",
 }
 """Code -> what it means, one line each; the README's table is made from it."""

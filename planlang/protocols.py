@@ -14,6 +14,7 @@ from typing import Any, Protocol, runtime_checkable
 
 from numpy.typing import NDArray
 
+from planlang.designators import Action
 from planlang.geometry import Array, Pose
 
 
@@ -169,3 +170,5 @@ class Solution:
     """Revision of the belief it was computed from."""
     detail: Mapping[str, Any]
     """JSON-like: which arm, grasp, torso height; for the trace."""
+    before: tuple[Action, ...] = ()
+    """What is to be done before going there: looking at what cannot be seen from there."""

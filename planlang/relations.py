@@ -41,6 +41,8 @@ class Sense(Enum):
     GRASP_POINT = "grasp point"
     PRE_GRASP = "pre-grasp"
     """Pose in which the hand begins to grasp X; an area if X cannot be grasped."""
+    VIEWPOINT = "viewpoint"
+    """Whoever is at X has the left and right, before and behind, of the other conjuncts; it asks nothing by itself."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,6 +118,8 @@ def _side(name: str, owl: str, forms: tuple[str, ...], *directions: float) -> Re
 
 
 _BEFORE = _side("in_front_of", "inFrontOf-Generally", ("in front of", "before"), 0.0)
+
+_VIEW = Meaning(Sense.VIEWPOINT, "the viewer of the other relations is at X")
 
 _TABLE = (
     RelationType(
@@ -229,6 +233,15 @@ _TABLE = (
         base=Meaning(Sense.CLEARANCE, "neither touches X nor stands in the sweep of X's doors"),
         of_solids=True,
         from_outside=True,
+    ),
+    RelationType(
+        "seen_from",
+        "seenFrom",
+        ("seen from", "as seen from"),
+        base=_VIEW,
+        hand=_VIEW,
+        thing=_VIEW,
+        of_rooms=False,
     ),
 )
 

@@ -245,8 +245,34 @@ def plain(body: Body) -> tuple[Part, ...]:
             return _room(body)
         case BodyShape.BOX if body.cavities:
             return tuple(_around(body.size, body.cavities))
+        case BodyShape.BOX if 0 < body.blade < max(body.size):
+            return _blade_and_handle(body)
         case shape:
             return (Part(SolidKind(shape), body.size, _HERE),)
+
+
+BLADE, HANDLE = 0.002, 0.02
+"""Thickness of the blade of a tool, and of the handle behind it [m]."""
+
+
+def axes_of(size: tuple[float, float, float]) -> tuple[int, int, int]:
+    """Return the axes of a tool's box: the longest, the one between, the shortest."""
+    short, middle, long = sorted(range(3), key=lambda k: size[k])
+    return long, middle, short
+
+
+def _blade_and_handle(body: Body) -> tuple[Part, Part]:
+    """Return a thin blade at the front end of a tool's longest axis, and the handle behind it."""
+    along, across, normal = axes_of(body.size)
+    length, width = body.size[along], body.size[across]
+
+    def part(extent: float, wide: float, thick: float, end: int) -> Part:
+        size, place = [0.0, 0.0, 0.0], list(body.centre)
+        size[along], size[across], size[normal] = extent, min(wide, width), min(thick, body.size[normal])
+        place[along] += end * (length - extent) / 2
+        return Part(SolidKind.BOX, (size[0], size[1], size[2]), Pose((place[0], place[1], place[2])))
+
+    return part(body.blade, width, BLADE, 1), part(length - body.blade, HANDLE, HANDLE, -1)
 
 
 def _around(size: tuple[float, float, float], cavities: Sequence[Cavity]) -> Iterator[Part]:

@@ -30,6 +30,8 @@ LEAST_PIXELS = 4
 
 _CLIP = 0.02
 """Distance below which bodies, such as the camera's own housing, are not seen [m]."""
+_AHEAD = 1e-4
+"""Distance of the picture's eye ahead of the camera [m]: a face in its very plane keeps PyBullet busy for ever."""
 _FAR = 60.0
 """Far end of pictures [m]: as wide as the ground of a scene without a room."""
 _SIDES = 12
@@ -91,6 +93,7 @@ class Camera:
     def _segments(self, model: CameraModel, pose: Pose) -> dict[str, int]:
         """Body -> number of its pixels."""
         eye, forward, up = _axes(model, pose)
+        eye = eye + _AHEAD * forward
         view = bullet.computeViewMatrix(eye.tolist(), (eye + forward).tolist(), up.tolist())
         vertical = 2 * math.atan(math.tan(model.fov / 2) * model.height / model.width)
         mask = raster(self.client, model.width, model.height, view, vertical)[4]

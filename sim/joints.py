@@ -14,7 +14,7 @@ import numpy as np
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import cross_matrix, product, rotated
 
-SHUT = 0.05
+SHUT = 0.03
 """Share of its range up to which a joint counts as closed."""
 WIDE = 0.7
 """Share of its range from which on it counts as open: 63 of 90 degrees."""

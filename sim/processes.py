@@ -6,13 +6,14 @@ side up. Time goes on in steps; nothing here is random.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from planlang.geometry import Pose
+from sim.bodies import axes_of
 from sim.changes import Changes
 from sim.matter import Portion
 from sim.scene import Body
@@ -52,12 +53,14 @@ class Processes:
 
     def flow(self, seconds: float) -> None:
         """Let vessels in hands run dry whose axis points down."""
+        changed = self._matter.count
         for name in self._changes.held:
             pose = self._bodies.poses[name]
             if name in self._matter.contents and self._changes.is_vessel(name) and pose.rotation[2, 2] < 0:
                 portions = self._matter.take(name, self._changes.rules.flow_rate * seconds)
                 mouth = pose @ Pose((0.0, 0.0, self._bodies.bodies[name].size[2] / 2))
                 self._changes.drop(portions, mouth.position, name)
+        self._matter.count = changed  # what flows by itself, nobody has changed
 
     def carry(self) -> None:
         """Let thin things go with the blades under them; things on blades that turn over slide off."""
@@ -97,7 +100,7 @@ class Processes:
             if not other.thin or other.blade or thing in self.riding or thing in held or thing in self._bodies.removed:
                 continue
             place = self._bodies.poses[thing]
-            if self.heights[tool] > place.position[2]:
+            if self.heights[tool] > place.position[2] + other.size[2] / 2:
                 continue
             local = np.array((blade.inverse() @ place).position)
             if np.linalg.norm(local - np.clip(local, -half, half)) <= NEAR_BLADE:
@@ -108,9 +111,9 @@ class Processes:
     def _blade(self, tool: str) -> Pose:
         """Return the pose of a blade's centre: x along the tool's longest axis, z the normal."""
         body = self._bodies.bodies[tool]
-        along, _, normal = _axes(body)
-        centre, columns = np.zeros(3), np.zeros((3, 3))
-        centre[along] = (body.size[along] - body.blade) / 2
+        along, _, normal = axes_of(body.size)
+        centre, columns = np.array(body.centre), np.zeros((3, 3))
+        centre[along] += (body.size[along] - body.blade) / 2
         columns[along, 0], columns[normal, 2] = 1.0, 1.0
         columns[:, 1] = np.cross(columns[:, 2], columns[:, 0])
         matrix = np.eye(4)
@@ -147,18 +150,16 @@ def warm(changes: Changes, seconds: float) -> None:
             _heat(changes, name, *heat, seconds)
 
 
-def due(changes: Changes, type: str) -> float | None:
-    """Return when heat will have made something of a class of what it heats now, at the earliest [s]; None: never."""
-    found = []
-    for name in changes.bodies.bodies:
+def due(changes: Changes, names: Iterable[str], type: str | None = None) -> Iterator[float]:
+    """Yield when heat will have made something, of a class if that is given, of things that it heats now [s]."""
+    for name in names:
         heat = None if name in changes.bodies.removed else changes.heated_by(name)
         if heat is None:
             continue
         for one in (changes.type_of(name), *changes.matter.contents.get(name, {})):
             result = changes.rules.result(one, changes.type_of(heat[0]))
-            if result is not None and changes.rules.is_a(result.output, type):
-                found.append(result.seconds - max(changes.matter.heated.get(name, (0.0, 0.0))))
-    return max(0.0, min(found)) if found else None
+            if result is not None and (type is None or changes.rules.is_a(result.output, type)):
+                yield max(0.0, result.seconds - max(changes.matter.heated.get(name, (0.0, 0.0))))
 
 
 def _heat(changes: Changes, name: str, device: str, within: bool, seconds: float) -> None:
@@ -179,12 +180,6 @@ def _heat(changes: Changes, name: str, device: str, within: bool, seconds: float
             matter.put(name, Portion(result.output, portion.amount, portion.origins))
 
 
-def _axes(body: Body) -> tuple[int, int, int]:
-    """Return the axes of a tool's box: the longest, the one between, the shortest."""
-    short, middle, long = sorted(range(3), key=lambda k: body.size[k])
-    return long, middle, short
-
-
 def _blade_size(body: Body) -> tuple[float, float, float]:
     """Return the extents of a blade along its own axes [m]; it is as thin as nothing."""
-    return body.blade, body.size[_axes(body)[1]], 0.0
+    return body.blade, body.size[axes_of(body.size)[1]], 0.0

@@ -78,6 +78,10 @@ class Body:
     """True for a device that is on at the beginning."""
     blade: float = 0.0
     """Length of the blade at the front end of its longest axis [m]; 0 without one."""
+    centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Centre of its box in its own frame [m]: elsewhere than at 0 only for a tool, whose frame is in its blade."""
+    largest_tilt: float | None = None
+    """How far its z axis may lean from upright while it is carried [rad]; None if it may be turned as one likes."""
 
     def __post_init__(self) -> None:
         if self.shape not in tuple(BodyShape):
@@ -208,10 +212,10 @@ def perturb(scene: Scene, seed: int, *, radius: float = 0.45, height: float = 1.
         return scene
     room = _Room(scene, np.random.default_rng(seed))
     for body in scene.bodies:
-        if body.movable and not body.graspable and body.shape in (BodyShape.BOX, BodyShape.CYLINDER):
+        if body.movable and not (body.graspable or body.thin) and body.shape in (BodyShape.BOX, BodyShape.CYLINDER):
             room.move_furniture(body)
     for body in scene.bodies:
-        if body.graspable and body.name not in room.supports.values():
+        if (body.graspable or body.thin) and body.name not in room.supports.values():
             room.move_object(body)
     start = room.moved_start(radius, height)
     return replace(scene.with_poses(room.poses), start=start)

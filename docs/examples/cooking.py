@@ -7,7 +7,13 @@ ontologies/object_change.omn, and applied by planlang when the module is done.
 from planlang import sleep
 from planlang.modules import process_module
 
-SECONDS = {"Cracking": 5.0, "Mixing": 60.0, "FluidFlow-Translation": 10.0, "FlippingAnObject": 5.0}
+SECONDS = {
+    "Cracking": 5.0,
+    "CrackingAnEgg": 5.0,
+    "Mixing": 60.0,
+    "FluidFlow-Translation": 10.0,
+    "FlippingAnObject": 5.0,
+}
 """Class of actions -> how long they take."""
 
 

@@ -10,14 +10,15 @@ from typing import Any
 
 import numpy as np
 
+from executive.belief.class_names import is_kind
 from executive.belief.contents import is_content
+from executive.belief.knowledge import Knowledge, Source
 from executive.belief.obstacles import NAMES
 from executive.belief.recognition import Recognition
 from executive.belief.semantic_map import MapObject, SemanticMap
-from planlang.designators import Object, local_name
+from planlang.designators import Object
 from planlang.failures import AmbiguousPerception, ObjectUnresolvable
 from planlang.geometry import Pose
-from planlang.ontology import expand
 from planlang.protocols import Configuration, Detection
 from planlang.runs.codec import dump, load
 from sim import PlanningWorld
@@ -78,7 +79,7 @@ class Belief:
         """Name of the obstacle that was felt last, None while there is none."""
         self._taken: set[str] = set()
         """Things that a person has taken."""
-        self._seen: dict[str, int] = {}
+        self._known: dict[str, Knowledge] = {}
         self._moves = 0
         self._bound: dict[Object, str] = {}
         self._in_vain: dict[str, list[tuple[float, float, float]]] = {}
@@ -126,11 +127,24 @@ class Belief:
 
     def seen(self, name: str) -> bool:
         """Return True if the camera has shown a thing since the base last moved."""
-        return self._seen.get(name) == self._moves
+        known = self.knowledge(name)
+        return known.source is Source.SEEN and known.moves == self._moves
+
+    def knowledge(self, name: str) -> Knowledge:
+        """Return how it is known where a thing is."""
+        return self._known.get(name, Knowledge(Source.TOLD if self.trusts_map else Source.MAP))
+
+    def remembers(self, name: str) -> bool:
+        """Return True if a thing has been seen, from wherever, and nothing has been sensed or done since to move it."""
+        return self.knowledge(name).source in (Source.SEEN, Source.TOLD) and name not in self._in_vain
+
+    def remembered(self) -> frozenset[str]:
+        """Return the things that it :meth:`remembers` seeing."""
+        return frozenset(name for name in self._known if self.remembers(name))
 
     def by_map_alone(self, name: str) -> bool:
         """Return True if a thing is believed to be where the map has it, and was never seen."""
-        return self._poses[name] == self._first[name] and name not in self._seen
+        return self._poses[name] == self._first[name] and self.knowledge(name).source is not Source.SEEN
 
     def looked_in_vain(self, name: str) -> tuple[tuple[float, float, float], ...]:
         """Places of the base from where a thing was looked for without being seen."""
@@ -201,11 +215,8 @@ class Belief:
         return any(self._is_kind(one, cls) for one in (*thing.types, *self._matter.types.get(thing.name, ())))
 
     def _is_kind(self, one: str, cls: str) -> bool:
-        """Return whether a class is below one; one that the map's vocabulary lacks is recognised by its local name."""
-        ontology = self.map.ontology
-        if ontology.defined(expand(cls)):
-            return ontology.is_a(expand(one), expand(cls))
-        return any(local_name(above) == local_name(cls) for above in ontology.ancestors(expand(one)))
+        """Return whether a class is below one; one that the map's vocabulary lacks is recognised by its name."""
+        return is_kind(self.map.ontology, one, cls)
 
     def recognises(self, name: str) -> bool:
         """Return whether a thing would be recognised in a picture."""
@@ -220,7 +231,7 @@ class Belief:
             if detection.name in self.unknown:
                 self._find_out(detection.name)
             if detection.name in self._poses and detection.name not in self.held:
-                self._seen[detection.name] = self._moves
+                self._know(detection.name, Source.SEEN)
                 self._in_vain.pop(detection.name, None)
                 self._put(detection.name, detection.pose, "seen")
 
@@ -240,7 +251,7 @@ class Belief:
 
     def bump(self, name: str, pose: Pose) -> None:
         """Record that the robot ran into a thing, which is rather at a pose; it has to be looked at again."""
-        self._seen.pop(name, None)
+        self._know(name, Source.FELT)
         self._put(name, pose, "felt")
 
     def obstacle(self, pose: Pose, called: str | None = None) -> None:
@@ -307,6 +318,7 @@ class Belief:
         """Record that a thing was let go: to a person, or it came down at ``pose``."""
         self.held.pop(name, None)
         self._poses[name] = pose
+        self._know(name, Source.DONE)
         if to is not None:
             self._taken.add(name)
         self._changed("released", name=name, pose=pose, to=to)
@@ -315,7 +327,7 @@ class Belief:
         """Record that a thing has left the hand by itself and came down, as far as is known, at ``pose``."""
         self.dropped[self.held.pop(name).arm] = name
         self._poses[name] = pose
-        self._seen.pop(name, None)
+        self._know(name, Source.DONE)
         self._changed("lost", name=name, pose=pose)
 
     def came_to_be(self, thing: MapObject, pose: Pose) -> None:
@@ -335,7 +347,7 @@ class Belief:
 
     def _lose(self, name: str) -> None:
         self._gone[name] = None
-        for table in (self.held, self._poses, self._seen):
+        for table in (self.held, self._poses, self._known):
             table.pop(name, None)
         self._bound = {what: meant for what, meant in self._bound.items() if meant != name}
 
@@ -351,6 +363,9 @@ class Belief:
     def poured(self, source: str, target: str, amount: float) -> None:
         """Record that an amount [ml] of what was in a thing is in or on another one."""
         self._changed("poured", name=source, into=target, amount=amount)
+
+    def _know(self, name: str, source: Source) -> None:
+        self._known[name] = Knowledge(source, self.time, self._moves)
 
     def _put(self, name: str, pose: Pose, how: str) -> None:
         before = self._poses[name]
@@ -394,7 +409,7 @@ class Belief:
             "felt": [name for name in self._poses if name in NAMES and name not in self._absent],
             "leaves": {leaf: value for leaf, value in self._values.items() if value},
             "led": dict(self.led),
-            "seen": dict(self._seen),
+            "known": {name: [one.source.value, one.time, one.moves] for name, one in self._known.items()},
             "moves": self._moves,
             "bound": [[dump(what), name] for what, name in self._bound.items()],
             "in_vain": {name: [list(base) for base in bases] for name, bases in self._in_vain.items()},
@@ -434,7 +449,10 @@ class Belief:
             }
             self.dropped = dropped
             self._taken, self._moves = set(state["taken"]), int(state["moves"])
-            self._seen = {name: int(moves) for name, moves in state["seen"].items()}
+            self._known = {
+                name: Knowledge(Source(source), float(time), int(moves))
+                for name, (source, time, moves) in state["known"].items()
+            }
             self._bound = {load(what): name for what, name in state["bound"]}
             self._in_vain = {
                 name: [(float(x), float(y), float(yaw)) for x, y, yaw in bases]

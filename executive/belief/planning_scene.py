@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from executive.belief.belief import Belief
 from executive.belief.believed_bodies import BelievedBodies, Block
-from executive.belief.scene_collisions import BasePose, SceneCollisions
+from executive.belief.scene_collisions import BasePose, Latest, SceneCollisions
 from executive.motion import Gaze
 from executive.motion.bodies import Solids
 from executive.robots import Robot
@@ -149,6 +149,7 @@ class Visibility:
         self, world: PlanningWorld, robot: Robot, belief: Belief, bodies: BelievedBodies, gaze: Gaze | None
     ) -> None:
         self._world, self._robot, self._belief, self._bodies, self.gaze = world, robot, belief, bodies, gaze
+        self._hidden: Latest[dict[tuple[BasePose, str], str | None]] = Latest()
 
     def sighted(self) -> bool:
         """Return whether the robot has a camera."""
@@ -175,6 +176,13 @@ class Visibility:
 
         Else what hides most of it, "" if it is beyond the limits of neck or camera.
         """
+        state = self._belief.revision, tuple(self._world.configuration().joints.items())
+        known = self._hidden.of(state, dict)
+        if (base, name) not in known:
+            known[base, name] = self._hides(base, name)
+        return known[base, name]
+
+    def _hides(self, base: BasePose, name: str) -> str | None:
         if self.gaze is None or self._robot.camera is None:
             return ""
         x, y, yaw = base
@@ -215,7 +223,9 @@ class RobotArms:
         """Return what an arm holds."""
         for name, grip in self._belief.held.items():
             if grip.arm == arm:
-                return Held(name, grip.offset, self._world.size(name))
+                limit = self._world.scene.body(name).largest_tilt
+                upright = limit is not None and float(grip.before.rotation[2, 2]) >= math.cos(limit)
+                return Held(name, grip.offset, self._world.size(name), limit if upright else None)
         return None
 
     def is_held(self, body: str) -> bool:

@@ -14,7 +14,8 @@ from executive.cli.arguments import LocateArguments
 from executive.cli.console import Answer, ExitCode, say, silent
 from executive.cli.inputs import check_files, chosen, environments, planar, refuse
 from executive.locations import Rejections
-from executive.locations.demands import LocationMeaningless, base_demand, sides, thing_demand, without_unused
+from executive.locations.consistency import LocationMeaningless
+from executive.locations.demands import base_demand, sides, thing_demand, viewpoint, without_unused
 from executive.modules.platform import Platform
 from executive.robots import bind_robot
 from executive.robots.arms import with_carrying
@@ -165,11 +166,13 @@ def _bases(location: Location, platform: Platform, count: int, log: Rejections) 
         detail = solution.detail
         arm = detail.get("arm", "")
         how = f"{arm if arm.endswith('arm') else f'{arm} arm'}: {', '.join(detail['reaches'])}" if arm else ""
+        how += "".join(f", after a look from {_listed(x=a, y=b, yaw=c)}" for a, b, c in detail.get("looks", ()))
         line = f"{number}  {_listed(x=x, y=y, yaw=yaw)}  {how}".rstrip()
         score = next((place.score for place in reversed(log.places) if place.base == solution.base), None)
+        hands = list(_hands(solution.base, platform))
         yield (
             line,
-            {"x": x, "y": y, "yaw": yaw, "score": score, **detail, "hands": list(_hands(solution.base, platform))},
+            {"x": x, "y": y, "yaw": yaw, "score": score, **detail, "hands": hands},
         )
 
 
@@ -215,11 +218,12 @@ def _frame(location: Location, what: str | None, platform: Platform) -> dict[str
     return sides(thing_demand(location, what, scene, (x, y)), scene)
 
 
-def _frame_lines(frame: Mapping[str, str], platform: Platform) -> Iterator[str]:
+def _frame_lines(frame: Mapping[str, str], location: Location, platform: Platform) -> Iterator[str]:
     """Yield a line for each side."""
-    x, y, _ = platform.base()
+    there = viewpoint(location, platform.scene)
+    x, y = there or platform.base()[:2]
     for words, whose in frame.items():
-        seen = f"as seen from the robot at {_listed(x=x, y=y)}"
+        seen = f"as seen from {'the robot at ' if there is None else ''}{_listed(x=x, y=y)}"
         yield f"  {words}: {'in its own frame' if whose == 'its own' else seen}"
 
 
@@ -262,7 +266,7 @@ def _resolved(
         "counts": counts,
         "blocking": blocking,
     }
-    lines = [phrase, *_frame_lines(frame, platform), *(f"  {line}" for line, _ in places)]
+    lines = [phrase, *_frame_lines(frame, location, platform), *(f"  {line}" for line, _ in places)]
     if not places:
         message = str(failure).replace(f": {location}", "", 1)  # the phrase is printed above
         data |= {"failure": [type(failure).__name__], "message": message}

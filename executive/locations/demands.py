@@ -6,107 +6,16 @@ Relations without a meaning, and conjunctions that contradict themselves, are re
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from enum import Enum
-from itertools import permutations
-from typing import Any, ClassVar, NamedTuple
+from typing import NamedTuple
 
 from executive.belief.believed_bodies import BelievedBodies
 from executive.belief.planning_scene import PlanningScene, RobotArms
 from executive.locations.areas import Area, Clear, Facing, area_of
+from executive.locations.consistency import LocationMeaningless, bounds, check_consistent, contradictory, meaningless
 from planlang.designators import Location, Object, Relation
-from planlang.failures import LocationUnresolvable
 from planlang.relations import HEIGHTS, RELATIONS, Bounds, Sense, Subject, meaningful
-
-
-@dataclass(eq=False, repr=False)
-class LocationMeaningless(LocationUnresolvable):
-    """The description is of no place at all: it means nothing for what is looked for, or contradicts itself.
-
-    ``parts`` of the message are texts, relations and locations, and tuples with names of relations.
-    """
-
-    parts: tuple[object, ...] = field(default=(), kw_only=True)
-
-    text: ClassVar[str] = "no place is described"
-
-    def describe(self) -> str:
-        """Return the parts, relations and locations as Python has them."""
-        return self.worded(str) if self.parts else super().describe()
-
-    def details(self) -> dict[str, Any]:
-        """Return the typed fields but for the parts, which the message has."""
-        return {name: value for name, value in super().details().items() if name != "parts"}
-
-    def worded(self, words: Callable[[object], str]) -> str:
-        """Return the message; ``words`` writes a relation, a location or the name of a relation."""
-        return "".join(
-            part if isinstance(part, str) else ", ".join(map(words, part)) if isinstance(part, tuple) else words(part)
-            for part in self.parts
-        )
-
-
-def meaningless(about: Relation | Location, *parts: object) -> LocationMeaningless:
-    """Return the failure of a relation or a location that means nothing, with its message in parts."""
-    return LocationMeaningless(designator=str(about), parts=parts)
-
-
-def contradictory(location: Location, *why: object) -> LocationMeaningless:
-    """Return the failure of a conjunction that nothing can satisfy, ``why`` in parts."""
-    return meaningless(location, location, " contradicts itself: ", *why)
-
-
-def bounds(within: float | None, beyond: float | None, default: Bounds) -> Bounds:
-    """Return least and greatest distance [m]; a bound that is stated alone moves the other default out of its way."""
-    least = default[0] if beyond is None else beyond
-    most = default[1] if within is None else within
-    if beyond is None and least > most:
-        least = 0.0
-    if within is None and most < least:
-        most = math.inf
-    return least, most
-
-
-def check_consistent(location: Location, subject: Subject) -> None:
-    """Raise LocationMeaningless if a relation is asked for and excluded, or if nothing is at all the distances."""
-    stated = set(location.relations)
-    for relation in location.relations:
-        if ~relation in stated:
-            asked = ~relation if relation.negated else relation
-            raise contradictory(location, "it asks for ", asked, " and excludes it")
-    distances = {relation: found for relation in location.relations if (found := _distances(relation, subject))}
-    for first, second in permutations(distances, 2):
-        if first.reference != second.reference or first.negated:
-            continue
-        (least, most), (other_least, other_most) = distances[first], distances[second]
-        if second.negated:
-            # an area around X that is excluded as a whole
-            inside = other_least <= least and most <= other_most
-            if _is_round_about(first, subject) and _is_round_about(second, subject) and inside:
-                raise contradictory(location, ~second, " holds wherever ", first, " does")
-            continue
-        # distances on a side are measured square to it, those round about to the nearest point: never less
-        if least > other_most and (_is_round_about(second, subject) or second.name == first.name):
-            raise contradictory(location, first, " and ", second, " leave no distance")
-        if RELATIONS[first.name].is_opposite(RELATIONS[second.name]):
-            raise contradictory(location, first, " and ", second, " are opposite sides")
-
-
-def _distances(relation: Relation, subject: Subject) -> Bounds | None:
-    """Return the bounds of a relation as they are stated or usual, None for one without."""
-    meaning = RELATIONS[relation.name].meaning(subject)
-    if meaning is None or meaning.bounds is None:
-        return None
-    return bounds(relation.within, relation.beyond, meaning.bounds)
-
-
-def _is_round_about(relation: Relation, subject: Subject) -> bool:
-    """Return whether the distance is all that a relation says."""
-    meant = RELATIONS[relation.name]
-    return meant.sense(subject) is Sense.AREA and not meant.directions
-
 
 Viewer = tuple[float, float]
 """The position of a viewer in the map [m]."""
@@ -171,6 +80,8 @@ class BaseDemand:
     unreached: tuple[Reach, ...] = ()
     """The reaches that must not be possible."""
     unseen: tuple[str, ...] = ()
+    remembered: tuple[str, ...] = ()
+    """Things to be handled that need not be seen from there: they are looked at before."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,6 +103,7 @@ def base_demand(location: Location, scene: PlanningScene, viewer: Viewer) -> Bas
     ``viewer``: whose left and right is meant where a thing has no front.
     """
     check_consistent(location, "base")
+    viewer = viewpoint(location, scene) or viewer
     reaches: dict[Reach, None] = {}
     unreached: dict[Reach, None] = {}
     seen: dict[str, None] = {}
@@ -217,8 +129,12 @@ def base_demand(location: Location, scene: PlanningScene, viewer: Viewer) -> Bas
             case Sense.AREA, Object() as what:
                 body = _body(relation, what, scene.bodies)
                 areas[_area(relation, "base", body, viewer, scene.base_radius, scene.bodies)] = None
+            case Sense.VIEWPOINT, _:
+                pass
             case _:
                 raise _without_meaning(relation, "base")
+    if not (reaches or unreached or seen or unseen or areas):
+        raise meaningless(location, location, " says from where something is seen, but not what")
     return BaseDemand(tuple(reaches), tuple(seen), tuple(areas), tuple(unreached), tuple(unseen))
 
 
@@ -228,18 +144,20 @@ def hand_demand(location: Location, scene: PlanningScene, viewer: Viewer) -> Rea
         raise meaningless(location, location, " is no place of a hand")
     check_consistent(location, "hand")
     made: dict[HandTerm, Reach] = {}
-    terms = hand_terms(location, scene.bodies, viewer)
-    for relation, term in zip(location.relations, terms, strict=True):
+    terms = hand_terms(location, scene, viewer)
+    relations = [relation for relation in location.relations if not _is_viewpoint(relation)]
+    for relation, term in zip(relations, terms, strict=True):
         if not relation.negated and (reach := _made(relation, term.body, location, scene)) is not None:
             made[term] = reach
     if not made:
-        for relation, term in zip(location.relations, terms, strict=True):
+        for relation, term in zip(relations, terms, strict=True):
             if RELATIONS[relation.name].sense("hand") is Sense.PRE_GRASP and not relation.negated:
                 said = f" is where a hand waits to take {term.body}, which "
                 raise meaningless(relation, relation, f"{said}{scene.bodies.ungraspable(term.body)}")
         needed = tuple(name for name in meaningful("hand") if RELATIONS[name].sense("hand") is not Sense.AREA)
         raise meaningless(location, location, " does not say what the hand is at: it needs one of ", needed)
-    first = min(made.values(), key=lambda reach: ORDER.index(reach.kind))
+    # what is put on one thing may be before another one, or in reach of a person
+    first = min(made.values(), key=lambda reach: (reach.kind is not ReachKind.PLACE, ORDER.index(reach.kind)))
     also = tuple(dict.fromkeys(term for term in terms if made.get(term) != first))
     senses = {RELATIONS[term.name].sense("hand") for term, reach in made.items() if reach == first}
     before = bool(also) and Sense.PRE_GRASP in senses and Sense.GRASP_POINT not in senses
@@ -249,10 +167,27 @@ def hand_demand(location: Location, scene: PlanningScene, viewer: Viewer) -> Rea
     return replace(first, grasp=location.grasp, arms=arms, also=also, before=before)
 
 
-def hand_terms(location: Location, bodies: BelievedBodies, viewer: Viewer) -> tuple[HandTerm, ...]:
+def viewpoint(location: Location, scene: PlanningScene) -> Viewer | None:
+    """Return from where a location says that its left and right are seen; None if it does not say."""
+    for relation in filter(_is_viewpoint, location.relations):
+        if relation.negated or not isinstance(relation.reference, Object):
+            raise meaningless(relation, relation, " is no place from which something is seen")
+        block = scene.bodies.block(_body(relation, relation.reference, scene.bodies))
+        return block.x, block.y
+    return None
+
+
+def _is_viewpoint(relation: Relation) -> bool:
+    return RELATIONS[relation.name].sense("thing") is Sense.VIEWPOINT
+
+
+def hand_terms(location: Location, scene: PlanningScene, viewer: Viewer) -> tuple[HandTerm, ...]:
     """Return what each conjunct of a location says of a hand; raises LocationMeaningless for what means nothing."""
     terms = []
+    bodies, viewer = scene.bodies, viewpoint(location, scene) or viewer
     for relation in location.relations:
+        if _is_viewpoint(relation):
+            continue
         if not isinstance(relation.reference, Object) or RELATIONS[relation.name].hand is None:
             raise _without_meaning(relation, "hand")
         body = _body(relation, relation.reference, bodies)
@@ -267,7 +202,7 @@ def thing_demand(location: Location, thing: str, scene: PlanningScene, viewer: V
     Nothing is in a relation to itself; only what is in a hand can be near to, or far from, where it was taken.
     """
     check_consistent(location, "thing")
-    bodies = scene.bodies
+    bodies, viewer = scene.bodies, viewpoint(location, scene) or viewer
     radius, taken = max(bodies.size(thing)[:2]) / 2, scene.arms.is_held(thing)
     on: list[str] = []
     inside: list[str] = []
@@ -276,6 +211,8 @@ def thing_demand(location: Location, thing: str, scene: PlanningScene, viewer: V
     neither: list[tuple[str, bool]] = []
     near: list[str] = []
     for relation in location.relations:
+        if _is_viewpoint(relation):
+            continue
         meaning = RELATIONS[relation.name].thing
         if not isinstance(relation.reference, Object) or meaning is None:
             raise _without_meaning(relation, "thing")
@@ -304,6 +241,40 @@ def thing_demand(location: Location, thing: str, scene: PlanningScene, viewer: V
         on.extend(support for body in near if (support := bodies.support(body)) is not None)
     where = on[0] if on else None, inside[0] if inside else None
     return ThingDemand(*where, tuple(areas), tuple(people), tuple(neither))
+
+
+def put_demand(reach: Reach, thing: str, scene: PlanningScene) -> ThingDemand:
+    """Return what PLACE asks of the object that the hand holds, given by its name."""
+    radius = max(scene.bodies.size(thing)[:2]) / 2
+    areas: list[Area] = []
+    people: list[tuple[str, bool]] = []
+    neither: list[tuple[str, bool]] = []
+    for term in reach.also:
+        meaning = RELATIONS[term.name].thing
+        match None if meaning is None else meaning.sense:
+            case Sense.REACH:
+                people.append((term.body, not term.negated))
+            case Sense.SUPPORT | Sense.CONTAINMENT as sense:
+                neither.append((term.body, sense is Sense.CONTAINMENT))
+            case Sense.AREA if meaning is not None and meaning.bounds is not None:
+                areas.append(area_of_term(term, meaning.bounds, scene, radius))
+    on, inside = (None, reach.body) if reach.inside else (reach.body, None)
+    return ThingDemand(on, inside, tuple(areas), tuple(people), tuple(neither))
+
+
+def area_of_term(term: HandTerm, usual: Bounds, scene: PlanningScene, radius: float = 0.0) -> Area:
+    """Return the area that a conjunct means for an outline of a radius [m]; ``usual`` bounds hold if it has none."""
+    return area_of(
+        in_words(term.name, term.body, negated=term.negated),
+        term.body,
+        scene.bodies.block(term.body),
+        RELATIONS[term.name].directions,
+        front=scene.bodies.front(term.body),
+        viewer=term.viewer or scene.base()[:2],
+        radius=radius,
+        bounds=bounds(term.within, term.beyond, usual),
+        negated=term.negated,
+    )
 
 
 def sides(demand: BaseDemand | ThingDemand, scene: PlanningScene) -> dict[str, str]:

@@ -7,7 +7,7 @@ reachability maps can be inverted for many at once. The *key* pose of a series i
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import NamedTuple
@@ -20,7 +20,7 @@ from executive.locations.columns import Columns
 from executive.locations.reachability import GraspClass
 from executive.motion import QuickCheck
 from executive.robots.arms import ArmModel, HandFrame, Held
-from planlang.geometry import Array
+from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import product, rotated
 from sim import ComfortZone
 
@@ -232,26 +232,31 @@ def offering(name: str, zone: ComfortZone, frame: HandFrame, held: Held | None, 
     return found.best(1200 if fine else 64)
 
 
-def placing(name: str, centres: Array, frame: HandFrame, held: Held, *, fine: bool) -> GraspCandidates:
-    """Return candidates down onto a place for what is held: its centre comes to ``centres`` (m, 3), upright."""
-    count = HEADINGS if fine else HEADINGS // 2
-    turns: Array = np.asarray(np.arange(count) * (2 * math.pi / count), np.float64)
-    at, turn = (grid.ravel() for grid in np.meshgrid(np.arange(len(centres)), np.arange(len(turns)), indexing="ij"))
-    weights = 1.0 - 0.5 * at / max(len(centres), 1)
+def placing(
+    name: str, spots: Sequence[Pose], frame: HandFrame, held: Held, *, symmetric: bool, fine: bool
+) -> GraspCandidates:
+    """Return candidates down onto a place for what is held, and back from it: as a whole upright at one of ``spots``.
+
+    What is ``symmetric`` may be turned round by half a turn, anything else as it likes.
+    """
+    count = 2 if symmetric else HEADINGS if fine else HEADINGS // 2
+    at, turn = (grid.ravel() for grid in np.meshgrid(np.arange(len(spots)), np.arange(count), indexing="ij"))
+    yaws = np.array([spot.yaw for spot in spots])[at] + turn * (2 * math.pi / count)
     base, grasp, heading, roll = _held_upright(frame, held)
-    rotations = product(upright(turns[turn] - heading), base)
-    points = centres[at] - held.offsets(rotations)
-    offsets = np.tile(np.array([[0.0, 0.0, LOWERING], [0.0, 0.0, 0.0]]), (len(at), 1, 1))
+    rotations = product(upright(yaws), base)
+    points = np.array([spot.position for spot in spots])[at] - held.offsets(rotations)
+    back = -APPROACH * rotated(rotations, np.asarray(frame.approach))
+    still = np.zeros((len(at), 3))
     return GraspCandidates(
         f"put on {name}",
         points,
         rotations,
-        offsets,
+        np.stack([still + np.array([0.0, 0.0, LOWERING]), still, back], axis=1),
         1,
         np.full(len(at), grasp, np.intp),
-        turns[turn],
+        yaws + heading,
         np.full(len(at), roll, np.intp),
-        weights,
+        1.0 - 0.5 * at / max(len(spots), 1),
     ).best(1200 if fine else 64)
 
 

@@ -8,7 +8,7 @@ choice of hand poses leads to nothing, more and more of them are looked at (``BU
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain, count
 from typing import Generic, TypeVar
@@ -16,23 +16,24 @@ from typing import Generic, TypeVar
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
 from executive.locations.base_candidates import InverseMaps
+from executive.locations.consistency import meaningless
 from executive.locations.demands import (
     BaseDemand,
     Reach,
     ReachKind,
     base_demand,
     hand_demand,
-    meaningless,
     thing_demand,
 )
 from executive.locations.floor_search import FloorSearch
-from executive.locations.hand_predicates import Placement, Stage, candidates_of, hand_holds
+from executive.locations.hand_predicates import Stage, candidates_of, hand_holds
 from executive.locations.hand_solutions import HandSolution, from_base
-from executive.locations.rejections import COLLISION, Rejections
+from executive.locations.placement import Placement
+from executive.locations.rejections import COLLISION, NOT_VISIBLE, Rejections
 from executive.locations.search import BUDGETS, ReachSearch
 from executive.locations.validation import BaseValidator
 from executive.robots.arms import ArmModel
-from planlang.designators import Device, Location, Object
+from planlang.designators import Action, Device, Location, Object, action
 from planlang.failures import DesignatorFailure, MissingCapability, PlanFailure
 from planlang.geometry import Array, Pose
 from planlang.protocols import Solution
@@ -72,8 +73,10 @@ class Resolver:
 
     def satisfies(self, location: Location, base: BasePose) -> Solution | None:
         """Return the solution at one given base, or None."""
-        demand = base_demand(location, self.scene, self._viewer(location))
-        return self._validator.at(base, 1.0, demand, self._validator.arms(demand), Rejections())
+        demand, validator = base_demand(location, self.scene, self._viewer(location)), self._validator
+        handled = (name for name in validator.to_see(demand) if name not in demand.seen)
+        known = tuple(name for name in handled if self.scene.belief.remembers(name))
+        return validator.at(base, 1.0, replace(demand, remembered=known), validator.arms(demand), Rejections())
 
     def _bases(self, location: Location, log: Rejections) -> Iterator[Solution]:
         """Demand, then the present base pose, then one search after another with a larger budget."""
@@ -83,8 +86,44 @@ class Resolver:
         self._check_parts(location, demand)
         for reach in wanted:
             validator.check_hands(reach, location)
-        arms = validator.arms(demand)
         found: list[BasePose] = []
+        yield from self._searched(demand, wanted, log, found)
+        if not found and log.counts[NOT_VISIBLE]:
+            yield from self._after_a_look(demand, wanted, log, found)
+        raise log.failure(location, after=len(found))
+
+    def _after_a_look(
+        self, demand: BaseDemand, wanted: Sequence[Reach], log: Rejections, found: list[BasePose]
+    ) -> Iterator[Solution]:
+        """Yield base poses from which what is handled is not seen, with a look at it, from elsewhere, before."""
+        validator, scene = self._validator, self.scene
+        handled = tuple(name for name in validator.to_see(demand) if name not in demand.seen)
+        views: list[list[float]] = []
+        looks: list[Action] = []
+        for name in handled:
+            if scene.belief.remembers(name):
+                continue
+            view = next(iter(FloorSearch(validator, BaseDemand(seen=(name,)), Rejections()).places()), None)
+            if view is None:
+                return
+            x, y, yaw = view.base
+            views.append([x, y, yaw])
+            looks.append(action("Translation-LocationChange", x=x, y=y, yaw=yaw))
+            looks.append(action("LookingForSomething", object_acted_on=scene.bodies.designator(name)))
+        if handled:
+            blind = replace(demand, remembered=handled)
+            # the same candidates were looked at already: they are not counted again
+            uncounted = Rejections(log.explained, places=log.places, scored=log.scored, refused=log.refused)
+            for solution in self._searched(blind, wanted, uncounted, found):
+                seen = {"looks": views} if views else {}
+                yield replace(solution, before=tuple(looks), detail={**solution.detail, **seen})
+
+    def _searched(
+        self, demand: BaseDemand, wanted: Sequence[Reach], log: Rejections, found: list[BasePose]
+    ) -> Iterator[Solution]:
+        """Yield base poses, each farther than :data:`APART` from those that were ``found``, and add them to these."""
+        scene, validator = self.scene, self._validator
+        arms = validator.arms(demand)
 
         def is_taken(base: BasePose) -> bool:
             """Return True if a base pose near that one was found."""
@@ -99,21 +138,24 @@ class Resolver:
             if not wanted:
                 yield FloorSearch(validator, demand, log).places()
                 return
-            before, again = log.copy(), False
+            before, again, nothing = log.copy(), False, None
             for budget in BUDGETS:
+                if nothing == (budget.stage, budget.least, budget.rows):
+                    continue  # the same base poses, of which more would be kept
                 if not log.counts[COLLISION]:  # nothing that a few degrees would help with
                     budget = replace(budget, stage=min(budget.stage, Stage.ALL))
                 log.begin_again(before)
-                yield ReachSearch(validator, wanted, demand, arms, budget, log, is_taken if again else None).places()
+                search = ReachSearch(validator, wanted, demand, arms, budget, log, is_taken if again else None)
+                yield search.places()
                 if log.hopeless:
                     return
+                nothing = None if search.inverted else (budget.stage, budget.least, budget.rows)
                 again = bool(found)  # what was found is found again: it need not be validated once more
 
         for solution in chain.from_iterable(searches()):
             if not is_taken(solution.base):
                 found.append(solution.base)
                 yield solution
-        raise log.failure(location, after=len(found))
 
     def _check_parts(self, location: Location, demand: BaseDemand) -> None:
         """Raise MissingCapability if the robot has no part that could do what is asked, wherever it stands."""
@@ -204,7 +246,7 @@ class Resolver:
         """Return whether the base, the hand of a device, or an object is at a location, validated as candidates are."""
         scene = self.scene
         if what is None:
-            state = (scene.revision(), scene.posture(), self._viewer(location))
+            state = (scene.revision(), scene.posture(), self._viewer(location), scene.belief.remembered())
             if self._here.get(location, (None, False))[0] != state:
                 while len(self._here) >= MOST_VIEWERS:
                     del self._here[next(iter(self._here))]

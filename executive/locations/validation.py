@@ -159,7 +159,8 @@ class BaseValidator:
         """
         # the arm first, where it takes hold: it is what most often meets something
         trial = Trial(solution, base, self.scene, check)
-        body = trial.touched(np.roll(solution.joints, -1, axis=0))
+        # few postures: a quick check of them would take longer than looking
+        body = Trial(solution, base, self.scene).touched(np.roll(solution.joints, -1, axis=0))
         reason = None if body is None else Reason(COLLISION, body)
         if reason is None:
             if not self.stands(base, score, demand, log) or not self.sees(base, score, demand, log, occlusion):
@@ -218,13 +219,14 @@ class BaseValidator:
     def to_see(self, demand: BaseDemand) -> tuple[str, ...]:
         """Return what has to be seen from the base: what is asked for, and what is going to be handled."""
         handled = [reach.body for reach in self.wanted(demand) if reach.kind in (ReachKind.GRASP, ReachKind.OFFER)]
-        return tuple(dict.fromkeys((*demand.seen, *(handled if self.scene.visibility.sighted() else ()))))
+        handled = [name for name in handled if name not in demand.remembered and self.scene.visibility.sighted()]
+        return tuple(dict.fromkeys((*demand.seen, *handled)))
 
     def answer(
         self, base: BasePose, score: float, reached: dict[Reach, HandSolution], demand: BaseDemand, log: Rejections
     ) -> Solution | None:
         """Return a base pose that all else accepts, unless something is in reach that must not be."""
-        if not self.scene.collisions.drivable()(np.array([base]))[0]:
+        if not self.scene.collisions.has_way(base):
             log.walled = True
             _reject(log, base, score, NO_WAY)
             return None

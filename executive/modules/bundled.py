@@ -32,7 +32,21 @@ ON_DEMAND = (
         "ClosingAContainerArtifact",
         failures=_HAND_WORK,
     ),
-    _on_demand("devices:Devices", "device", "TurningOnPoweredDevice", "TurningOffPoweredDevice", failures=_HAND_WORK),
+    _on_demand(
+        "placing:Lowering",
+        "lowering",
+        "LoweringAnObject",
+        failures=(ManipulationFailure, PerceptionFailure, LookingFailure, DesignatorFailure),
+    ),
+    _on_demand(
+        "devices:Devices",
+        "device",
+        "TurningOnPoweredDevice",
+        "TurningOffPoweredDevice",
+        "PreheatOven",
+        "OperateOven",
+        failures=_HAND_WORK,
+    ),
     _on_demand(
         "searching:Software",
         "software",
@@ -53,6 +67,12 @@ ON_DEMAND = (
         "exploration",
         "EnvironmentExploration",
         failures=(PerceptionFailure, LookingFailure, DesignatorFailure),
+    ),
+    _on_demand(
+        "constrained_motions:ConstrainedMotions",
+        "constrained_motion",
+        "ITaSCMotion",
+        failures=(ManipulationFailure, NavigationFailure, PerceptionFailure, LookingFailure, DesignatorFailure),
     ),
     _on_demand("mapping:Mapping", "mapping", "UploadMapToRoboEarth"),
 )

@@ -8,11 +8,13 @@ pushes buttons and turns knobs says ``by_hand = True``: then the simulator switc
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Any
 
 from executive.belief import MapObject
+from executive.belief.class_names import known
 from executive.modules.platform import Platform
 from planlang import sleep
 from planlang.designators import Action, Location, Object, local_name
@@ -64,6 +66,10 @@ class ActionEffects:
         self.applied = 0 if self._true is None else self._true.matter.count
         """Number of changes of the true world, as far as is known here."""
 
+    def there(self) -> frozenset[str]:
+        """Return the names of the things of the believed world."""
+        return frozenset(self._platform.scene.world.names())
+
     def untouched(self) -> bool:
         """Return whether nobody else has changed what there is."""
         return self._true is None or self._true.matter.count == self.applied
@@ -94,7 +100,7 @@ class ActionEffects:
         ancestors = [expand(cls) for cls in self._platform.ancestors(action.type)]
         effects = effects_of(ontology, expand(action.type), ancestors)
         destroyed, created = (
-            tuple(expand(what.type) for what in _objects(action, name))
+            tuple(known(ontology, what.type) for what in _objects(action, name))
             for name in ("inputs_destroyed", "outputs_created")
         )
         return replace(
@@ -115,14 +121,17 @@ class ActionEffects:
     def due(self, action: Action) -> float | None:
         """Return how long heat still takes to make what an action acts on [s]; None for what is there, or is not made.
 
-        So a pancake is turned when its lower side is baked, although no step of the recipe waits for that.
+        What is turned over has to be made on the side that is heated. So a pancake is turned when its lower side is
+        baked, although no step of the recipe waits for that.
         """
+        self._platform.sync()
         for what in (what for name in ACTED_ON for what in _objects(action, name)):
             try:
-                self._platform.scene.bodies.bind(what)
+                name = self._platform.scene.bodies.bind(what)
             except ObjectUnresolvable:
-                self._platform.sync()
-                return due(self._believed, what.type)
+                return min(due(self._believed, self._believed.bodies.bodies, what.type), default=None)
+            if self.of(action).turned:
+                return min(due(self._believed, [name]), default=None)
         return None
 
     def apply(self, action: Action, *, physical: bool, by_hand: bool) -> None:
@@ -132,11 +141,13 @@ class ActionEffects:
             return
         self._platform.sync()
         before = set(self._platform.scene.world.names())
-        self._transform(action, effects)
+        if effects.flow_rate is None:  # what is poured creates nothing but what lands
+            self._transform(action, effects)
         self._turn_over(action, effects, physical=physical)
         self._switch(action, effects, by_hand=by_hand)
         self._pour(action, effects, physical=physical)
         self._tell(before, {})
+        self._name_what_landed(action, effects, before)
         self._platform.sync()
 
     # One kind of effect after the other
@@ -149,7 +160,8 @@ class ActionEffects:
                 things.append(name)
             else:
                 content = self._believed.matter.contents.get(name, {})
-                meant = [type for type in content if self._is_a(type, what.type) or what.iri is not None]
+                vessel = what.iri is not None or self._means(what, name)  # what is in a bowl is mixed with the rest
+                meant = [type for type in content if vessel or self._is_a(type, what.type)]
                 used += [(name, type) for type in meant if any(self._is_a(type, cls) for cls in effects.destroyed)]
         if not (things or used) and (effects.destroyed or not effects.created):
             return
@@ -166,7 +178,7 @@ class ActionEffects:
 
     def _outputs(self, action: Action, created: Sequence[str]) -> Iterator[Output]:
         """Yield what comes into being, under names that nothing has in any world; the action may say what it is."""
-        stated = list(_objects(action, "outputs_created"))
+        stated, ontology = list(_objects(action, "outputs_created")), self._platform.belief.map.ontology
         others: list[str] = [name for changes in self._worlds() for name in changes.bodies.bodies]
         for cls in created:
             type, name = shorten(cls), self._believed.new_name(f"{local_name(cls)}_1", others)
@@ -174,7 +186,7 @@ class ActionEffects:
                 numbers = (f"{local_name(cls)}_{number}" for number in range(2, len(others) + 3))
                 name = next(one for one in numbers if one not in others)
             others.append(name)
-            what = next((one for one in stated if one.type == type), None)
+            what = next((one for one in stated if shorten(known(ontology, one.type)) == type), None)
             yield Output(name, type, self._usual(type), what)
 
     def _vessel(
@@ -232,6 +244,13 @@ class ActionEffects:
             changes.pour(source, target, amount)
         self._platform.belief.poured(source, target, flowed)
 
+    def _name_what_landed(self, action: Action, effects: Effects, before: set[str]) -> None:
+        """Let what a pouring step says that it creates mean what has come to lie where it was poured."""
+        new = [name for name in self._platform.scene.world.names() if name not in before]
+        for what in _objects(action, "outputs_created") if effects.flow_rate is not None else ():
+            for name in new[:1]:
+                self._platform.belief.bound_to(what, name)
+
     # Helpers
 
     def _worlds(self, *, only_believed: bool = False) -> list[Changes]:
@@ -245,7 +264,12 @@ class ActionEffects:
         for name in sorted(before - set(after)):
             if name in belief.names():
                 belief.destroyed(name)
-        for name in (name for name in after if name not in before and name not in belief.made):
+        self.learn(before, outputs)
+
+    def learn(self, before: Collection[str], outputs: Mapping[str, Output] = MappingProxyType({})) -> None:
+        """Tell the belief which things of the believed world came into being."""
+        world, belief = self._platform.scene.world, self._platform.belief
+        for name in (name for name in world.names() if name not in before and name not in belief.names()):
             body, output = world.scene.body(name), outputs.get(name)
             iri = output.what.iri if output is not None and output.what is not None else None
             thing = MapObject(iri or "", name, (expand(body.type),), None, body.size)
@@ -318,7 +342,9 @@ class ModuleWithEffects(WrappedModule):
         self._effects.pass_time()
         if (due := self._effects.due(action)) is not None:
             await sleep(due)
+        before = self._effects.there()
         result = await self._module.execute(action)
+        self._effects.learn(before)
         self._effects.pass_time()
         if not self._effects.untouched():
             raise PlanStructureError(

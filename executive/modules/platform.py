@@ -7,17 +7,21 @@ made once in each strand of the run, and kept there.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from executive.belief.scene_collisions import BasePose
-from executive.locations import HandSolution, ReachKind, Resolver
+from executive.locations import HandSolution, Reach, ReachKind, Resolver
 from executive.locations.demands import asks_for
+from executive.locations.grasp_candidates import HandPoses
+from executive.modules.carrying import is_near, upright_postures
 from executive.modules.control import Control, Drive, Hands, Sensing
+from executive.modules.phases import Phases
 from executive.motion import JointSpace, MotionError, cartesian_path, keeps_line, plan_path, time_curve, time_path
+from executive.motion.upright import Upright
 from executive.robots import CARRYING
 from executive.robots.arms import ArmModel
 from planlang.designators import FixedPose, Location, Object
@@ -36,6 +40,12 @@ ALONE = ""
 """The branch where no plan is running."""
 ITERATIONS = 1000
 """Branches that the search of a path grows before it gives up."""
+SHARE = 0.8
+"""Share of the largest tilt of what is held to which paths keep, as they are checked at some places only."""
+HAIR = 1e-6
+"""More than rounding [rad]."""
+AT_PLACE = 0.01
+"""Difference of the tip's pose from that at which it puts something down, up to which it retreats from there [m, 1]."""
 MOST = 256
 """Choices that are remembered; branches that have ended are forgotten first."""
 
@@ -118,7 +128,7 @@ class Arms:
         self.choices = ArmChoices()
         """Arms that were chosen where the plan left the choice."""
         self.begun: dict[str, tuple[int, BasePose, HandSolution]] = {}
-        """Arm -> belief revision, base pose and the grasp whose pre-grasp it has taken."""
+        """Arm -> belief revision, base pose and the solution that it is in the middle of."""
 
     # Which arm
 
@@ -139,21 +149,38 @@ class Arms:
         return [arm for arm in self.in_order(arms) if self._control.scene.arms.held(arm.name) is None]
 
     def use(self, arm: ArmModel, solution: HandSolution) -> None:
-        """Remember which arm was chosen, and the grasp that it has begun."""
+        """Remember which arm was chosen, and the grasp that it has begun, or how it puts something down."""
         self.choices.choose(arm.name)
-        if solution.reach.kind is ReachKind.GRASP:
+        if solution.reach.kind in (ReachKind.GRASP, ReachKind.PLACE):
             self.begun[arm.name] = (self._control.belief.revision, self._control.base(), solution)
 
     def begun_grasp(self, arm: ArmModel, location: Location) -> HandSolution | None:
-        """Return the grasp whose pre-grasp the arm has taken, if the location asks for it and nothing has changed."""
-        if arm.name not in self.begun or not asks_for(location, "hand", Sense.GRASP_POINT):
+        """Return what the arm goes on with, if the location asks for it and nothing has changed.
+
+        After the pre-grasp that is the grasp, after something was put down the retreat from it.
+        """
+        if arm.name not in self.begun:
             return None
         revision, base, solution = self.begun[arm.name]
+        goes_on = Sense.PRE_GRASP if solution.reach.kind is ReachKind.RETREAT else Sense.GRASP_POINT
+        if not asks_for(location, "hand", goes_on):
+            return None
         meant = [
             self._control.scene.bodies.bind(r.reference) for r in location.relations if isinstance(r.reference, Object)
         ]
         current = revision == self._control.belief.revision and base == self._control.base()
         return solution if current and solution.reach.body in meant else None
+
+    def put_down(self, arm: ArmModel, what: str) -> None:
+        """Begin to retreat from what the arm has just put down."""
+        _, base, solution = self.begun.get(arm.name, (0, (0.0, 0.0, 0.0), None))
+        if solution is None or solution.reach.kind is not ReachKind.PLACE:
+            return
+        if np.abs(self._control.scene.arms.tip(arm) - solution.plan.poses[1]).max() > AT_PLACE:
+            return
+        plan = HandPoses(f"retreat from {what}", solution.plan.poses[2:], what, opened=True)
+        retreat = HandSolution(Reach(ReachKind.RETREAT, what), arm, plan, solution.joints[2:])
+        self.begun[arm.name] = (self._control.belief.revision, base, retreat)
 
     # Where it is
 
@@ -176,17 +203,51 @@ class Arms:
         now = zip(arm.joints, self._control.arm_joints(arm), strict=True)
         return np.array([known[meant].get(joint, value) for joint, value in now])
 
+    def postures(self, arm: ArmModel, name: str) -> list[Array]:
+        """Return joint positions (d,) for a named posture, the best first: such that what is held stays upright.
+
+        Raises ActionUnresolvable as :meth:`posture` does; none are left if nothing near it keeps upright what is held.
+        """
+        named, held = self.posture(arm, name), self._control.scene.arms.held(arm.name)
+        if held is None or held.largest_tilt is None:
+            return [named]
+        self._control.sync()
+        return upright_postures(self._control, arm, held, named)
+
     def untucked(self) -> list[tuple[ArmModel, Array]]:
-        """Return the arms that are not in the carrying posture, each with its joint positions there (d,)."""
-        postures = [(arm, self.posture(arm, CARRYING)) for arm in self._control.scene.arms.all]
-        return [(arm, posture) for arm, posture in postures if not self.is_at(arm, posture)]
+        """Return the arms that are not in the carrying posture, each with its joint positions there (d,).
+
+        The height of a torso that arms share does not count: what one of them holds may need another.
+        """
+        arms = [arm for arm in self._control.scene.arms.all if not self._is_tucked(arm)]
+        postures = [(arm, self.postures(arm, CARRYING)) for arm in arms]
+        return [(arm, qs[0]) for arm, qs in postures if qs]
+
+    def _is_tucked(self, arm: ArmModel) -> bool:
+        q, named, held = (
+            self._control.arm_joints(arm),
+            self.posture(arm, CARRYING),
+            self._control.scene.arms.held(arm.name),
+        )
+        if held is not None and held.largest_tilt is not None:
+            return is_near(arm, held, named, q)
+        away = np.abs(q - named)
+        return bool((away if arm.lift is None else np.delete(away, arm.lift.column)).max() <= 1e-3)
 
     # Where it can go
 
-    def path(self, arm: ArmModel, goal: Array, touches: str | None = None, iterations: int = ITERATIONS) -> Trajectory:
-        """Return a timed path to joint positions (d,) through the planning scene; raises a MotionError.
+    def path(
+        self,
+        arm: ArmModel,
+        goal: Array,
+        touches: str | None = None,
+        iterations: int = ITERATIONS,
+        others: Sequence[Array] = (),
+    ) -> Trajectory:
+        """Return a timed path to joint positions (d,), or to ``others``, through the planning scene.
 
-        The hand may touch the body ``touches``. With few ``iterations`` it gives up early.
+        Raises a MotionError. The hand may touch the body ``touches``. With few ``iterations`` it gives up early. What
+        is held stays upright if it has to.
         """
         control = self._control
         control.sync()
@@ -204,8 +265,38 @@ class Arms:
             """Return where the arm is checked exactly: at each world step, and at the resolution of checks."""
             return np.concatenate([space.points(path), control.timed(arm.joints, path).positions[1:]])
 
-        found = plan_path(start, goal, space, quick, touching, self._rng, moments=moments, iterations=iterations)
+        upright = self.upright(arm, goal)
+        found = plan_path(
+            start,
+            goal,
+            space,
+            quick,
+            touching,
+            self._rng,
+            moments=moments,
+            others=others,
+            constraint=upright,
+            iterations=iterations,
+        )
+        if upright is not None and len(found) > 2:  # a curve does not stop at each of many waypoints
+            curve = control.timed(arm.joints, found, time_curve)
+            rows = curve.positions[1:]
+            doubtful = rows[~quick.sure(rows)]
+            if chain.within(rows, 1e-6).all() and upright.holds(rows).all() and not any(map(touching, doubtful)):
+                return curve
         return control.timed(arm.joints, found)
+
+    def upright(self, arm: ArmModel, goal: Array) -> Upright | None:
+        """Return how upright an arm keeps what it holds on its way to joint positions (d,); None if it need not.
+
+        Where it leans more at the start, as after pouring, or is to at the goal, it may on the way.
+        """
+        held = self._control.scene.arms.held(arm.name)
+        if held is None or held.largest_tilt is None:
+            return None
+        usual = Upright(arm.solver.chain, held.up, SHARE * held.largest_tilt)
+        ends = usual.tilts(np.stack([self._control.arm_joints(arm), goal]))
+        return replace(usual, limit=max(usual.limit, float(ends.max()) + HAIR))
 
     def straight_path(self, arm: ArmModel, pose: Array, q: Array, touches: str | None) -> Trajectory:
         """Return a timed straight line of the tip to a map pose (4, 4) at joint positions q (d,).
@@ -255,6 +346,7 @@ class Platform(Control):
     drive: Drive = field(init=False)
     arms: Arms = field(init=False)
     hands: Hands = field(init=False)
+    phases: Phases = field(init=False)
     sensing: Sensing = field(init=False)
     upload: Path | None = field(init=False, default=None)
     """The file that uploaded maps are written to."""
@@ -322,4 +414,4 @@ class Platform(Control):
 
     def __post_init__(self) -> None:
         self.drive, self.hands, self.sensing = Drive(self), Hands(self), Sensing(self)
-        self.arms = Arms(self, self.resolver, self.rng)
+        self.arms, self.phases = Arms(self, self.resolver, self.rng), Phases()

@@ -8,7 +8,8 @@ holds. The head points the camera at things, perception looks for them.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from itertools import islice
 
 import numpy as np
@@ -17,10 +18,10 @@ from executive.belief.recognition import VISION
 from executive.belief.scene_collisions import BasePose
 from executive.locations import HandSolution, ReachKind
 from executive.locations.demands import asks_for
-from executive.modules.platform import Platform
-from executive.motion import GoalInCollision, MotionError, StartInCollision
+from executive.modules.platform import ITERATIONS, Platform
+from executive.motion import GoalInCollision, MotionError, NoPath, StartInCollision
 from executive.robots.arms import ArmModel
-from planlang import perform
+from planlang import perform, using
 from planlang.designators import (
     Action,
     Device,
@@ -58,6 +59,7 @@ from planlang.failures import (
     PerceptionFailure,
 )
 from planlang.geometry import Array, Pose
+from planlang.geometry.matrices import rotated
 from planlang.modules import process_module
 from planlang.protocols import MotionState, Trajectory
 from planlang.relations import Sense
@@ -137,18 +139,10 @@ def _close(one: BasePose, other: BasePose) -> bool:
     return math.dist(one[:2], other[:2]) < 1e-3 and abs(turn) < 1e-3
 
 
-def _target(action: Action) -> Location | None:
-    """Return where a hand is to go; for a thing where it is grasped, for a person where they reach."""
-    match action.get("to_location"):
-        case Location() as location:
-            return location
-        case Person() as person:
-            return a_location(in_reach_of=person)
-        case Object() as what:
-            return a_location(in_center_of=what)
-    return None
-
-
+BACKING = (0.15, 0.3)
+"""Least distances by which the base backs off, one after the other, when an arm has no way [m]."""
+FEW = 300
+"""Branches of a search after which the base backs off."""
 MOST_SOLUTIONS = 6
 """Hand poses of one location for which a path is planned: further ones differ little and fail alike."""
 
@@ -172,16 +166,17 @@ class Reaching:
 
     async def execute(self, action: Action) -> None:
         """Reach; raises a failure of the classes in ``failures``."""
-        location = _target(action)
+        location = self._target(action)
         if location is None:
-            raise ActionUnresolvable("reaching needs to_location", designator=str(action))
+            raise ActionUnresolvable("it needs to_location", designator=str(action))
         arms = self._arms(action)
         if not arms:
             raise ActionUnresolvable("the robot has no arm that this may mean", designator=str(action))
         if not location.relations:
             await self._to_posture(arms[0], location.name or "")
             return
-        await self._look_first(location)
+        if not any(self.platform.arms.begun_grasp(arm, location) for arm in arms):
+            await self._look_first(location)
         problem: ManipulationFailure | LocationUnresolvable | None = None
         for arm in arms:
             try:
@@ -195,13 +190,24 @@ class Reaching:
             raise kind(arm=arms[0].name, what=str(location), blocked_by=blocking) from problem
         raise problem or ManipulationPoseUnreachable(arm=arms[0].name, what=str(location))
 
+    def _target(self, action: Action) -> Location | None:
+        """Return where a hand is to go; for a thing where it is grasped, for a person where they reach."""
+        match action.get("to_location"):
+            case Location() as location:
+                return location
+            case Person() as person:
+                return a_location(in_reach_of=person)
+            case Object() as what:
+                return a_location(in_center_of=what)
+        return None
+
     def _arms(self, action: Action) -> list[ArmModel]:
         """Return the arms to try: of the device; else one that holds something; else the one chosen before; else all.
 
         To grasp, free arms come first; to reach a person, arms that hold something.
         """
         scene, arms = self.platform.scene, self.platform.arms
-        device, location = action.get("device_used"), _target(action)
+        device, location = action.get("device_used"), self._target(action)
         named = scene.arms.of(device) if isinstance(device, Device) else scene.arms.all
         if location is not None and self.platform.resolver.is_grasp(location) and (free := arms.free(named)):
             return free
@@ -213,7 +219,7 @@ class Reaching:
 
     def _is_for_person(self, action: Action) -> bool:
         """Return whether the hand is to go to where a person reaches it."""
-        location, scene = _target(action), self.platform.scene
+        location, scene = self._target(action), self.platform.scene
         return location is not None and any(
             isinstance(relation.reference, Object) and scene.bodies.is_person(scene.bodies.bind(relation.reference))
             for relation in location.relations
@@ -230,7 +236,33 @@ class Reaching:
         belief = self.platform.belief
         lost = belief.dropped.get(arm.name)
         beside = None if lost is None or belief.seen_from_here(lost) else lost
-        await self._joint_path(arm, self.platform.arms.posture(arm, name), beside, name)
+        postures = self.platform.arms.postures(arm, name)
+        if not postures:
+            raise ManipulationPoseUnreachable("what the hand holds cannot be upright there", arm=arm.name, what=name)
+        held = self.platform.scene.arms.held(arm.name)
+        for least in BACKING if held is not None and held.largest_tilt is not None else ():
+            try:
+                await self._joint_path(arm, postures[0], beside, name, postures[1:], FEW)
+                return
+            except ManipulationPoseUnreachable as failure:
+                if not isinstance(failure.__cause__, NoPath) or not await self._back_off(arm, postures, least):
+                    raise
+        await self._joint_path(arm, postures[0], beside, name, postures[1:])
+
+    async def _back_off(self, arm: ArmModel, postures: Sequence[Array], least: float) -> bool:
+        """Drive back, at least so far [m], to where there is room for the arm; return False if there is none."""
+        approach = rotated(self.platform.scene.arms.tip(arm)[:3, :3], np.asarray(arm.frame.approach))
+        ahead = math.atan2(approach[1], approach[0])
+        rooms = (self.platform.drive.room_for([(arm, q)], least, ahead) for q in postures)
+        room = next((room for room in rooms if room is not None), None)
+        if room is None:
+            return False
+        async with using("base"):
+            with suppress(NavigationFailure):
+                x, y, yaw = map(float, room)
+                await Navigation(self.platform).execute(action("Translation-LocationChange", x=x, y=y, yaw=yaw))
+                return True
+        return False
 
     async def _reach(self, arm: ArmModel, location: Location) -> None:
         """Try hand poses that satisfy the location until one has a path."""
@@ -263,9 +295,17 @@ class Reaching:
             case _:
                 await self._joint_path(solution.arm, solution.joints[0], None, solution.plan.label)
 
-    async def _joint_path(self, arm: ArmModel, goal: Array, touches: str | None, label: str) -> None:
+    async def _joint_path(
+        self,
+        arm: ArmModel,
+        goal: Array,
+        touches: str | None,
+        label: str,
+        others: Sequence[Array] = (),
+        iterations: int = ITERATIONS,
+    ) -> None:
         try:
-            trajectory = self.platform.arms.path(arm, goal, touches)
+            trajectory = self.platform.arms.path(arm, goal, touches, iterations, others)
         except MotionError as problem:
             raise ManipulationPoseUnreachable(arm=arm.name, what=label) from problem
         await self._follow(arm, trajectory, label)
@@ -351,6 +391,7 @@ class Grasping:
         if held is None:
             return None
         await hands.settled(held.name)
+        self.platform.arms.put_down(arm, held.name)
         return held.name
 
 

@@ -278,6 +278,7 @@ class RobotExecutive:
         state["belief"] = platform.belief.snapshot()
         state["rng"] = platform.rng.bit_generator.state
         state["arms"] = arms.choices.state()
+        state["phases"] = platform.phases.snapshot()
         state["begun"] = [
             [arm, revision, list(base), _solution_json(solution)]
             for arm, (revision, base, solution) in arms.begun.items()
@@ -304,6 +305,7 @@ class RobotExecutive:
             platform.rng.bit_generator.state = left["rng"]
             arms = {arm.name: arm for arm in platform.scene.arms.all}
             platform.arms.choices = ArmChoices.restored(left["arms"], arms)
+            platform.phases.restore(left["phases"])
             platform.arms.begun = {
                 arms[arm].name: (int(revision), _base(base), _solution(solution, arms))
                 for arm, revision, base, solution in left["begun"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
@@ -10,16 +11,16 @@ from typing import Any, get_args, get_type_hints
 
 from executive.belief import MapObject, SemanticMap
 from executive.belief.contents import is_content
-from executive.belief.semantic_map import environments_with
+from executive.belief.environments import environments_with
 from planlang.designators import Location, Object, Person, local_name
-from planlang.diagnostics import BadInput, Diagnostic, error, warning
+from planlang.diagnostics import BadInput, Diagnostic, error, note, warning
 from planlang.language.plans import Plan
 from planlang.ontology import expand, shorten
 
 MOST_NAMES = 20
 """Things of a map that one message lists."""
 
-Bound = Object | Location
+Bound = Object | Location | float
 """A value that a parameter may be bound to."""
 
 
@@ -82,7 +83,8 @@ def bound_parameters(
     A thing has to be of the class of the default. Where the recipe names an individual, a thing of a class beside that
     of the individual, below the same one, will do, too, with a warning among ``found``. A location may be told by a
     phrase as well. Raises BadInput, telling what would be valid, for a parameter or a thing that does not exist or does
-    not fit, and for a parameter without default that is not bound.
+    not fit, and for a parameter without default that is not bound; what OpeningARefrigerator acts on is the only
+    refrigerator of the map.
     """
     parameters = plan_parameters(plan)
     bound: dict[str, Bound] = {name: one.default for name, one in parameters.items() if one.default is not None}
@@ -93,6 +95,11 @@ def bound_parameters(
             bound[name] = _bound(parameters[name], text, semantic_map, found)
         except BadInput as problem:
             problems += problem.diagnostics
+    for name in (name for name in parameters if name not in bound and name not in wanted):
+        if (thing := _named_by_step(parameters[name], semantic_map)) is not None:
+            bound[name] = _bound(parameters[name], thing.iri, semantic_map, found)
+            message = f"{parameters[name].setting} is {thing.name}, the only one of the class that the step names"
+            found.append(note("X028", message, help=f"--set {parameters[name].setting}=X names another thing"))
     missing = [one for name, one in parameters.items() if name not in bound and name not in wanted]
     problems += [_missing(one, semantic_map) for one in missing]
     if problems:
@@ -115,9 +122,27 @@ def _named(
         problems.append(error("X004", f"the plan has no parameter {wanted!r}", help=f"{guess}its parameters: {known}"))
 
 
+def _named_by_step(parameter: PlanParameter, semantic_map: SemanticMap) -> MapObject | None:
+    """Return the only thing of the map of a class with whose name the name of a parameter's step ends."""
+    step = parameter.setting.split(".")[-2:][0]
+    ontology = semantic_map.ontology
+    fitting = [
+        thing
+        for thing in semantic_map.objects
+        if thing.pose is not None
+        and parameter.fits(semantic_map, thing)
+        and any(
+            step.endswith(local_name(cls).partition("-")[0]) for own in thing.types for cls in ontology.ancestors(own)
+        )
+    ]
+    return fitting[0] if len(fitting) == 1 else None
+
+
 def _missing(parameter: PlanParameter, semantic_map: SemanticMap) -> Diagnostic:
     """Return an error for a parameter that has to be set."""
     message = f"the plan does not run without --set {parameter.setting}=X"
+    if float in parameter.types:
+        return error("X014", message, help=f"a number, such as --set {parameter.setting}=30; times are in seconds")
     if not {Object, Person, Location}.intersection(parameter.types):
         return error("X014", f"{message}, which takes no thing of the map", help="give it a default in the plan")
     advice = _fitting(parameter, semantic_map)
@@ -128,6 +153,8 @@ def _missing(parameter: PlanParameter, semantic_map: SemanticMap) -> Diagnostic:
 
 def _bound(parameter: PlanParameter, text: str, semantic_map: SemanticMap, found: list[Diagnostic]) -> Bound:
     """Return the thing or location that a parameter is set to; raises BadInput."""
+    if float in parameter.types:
+        return _number(parameter, text)
     thing, default = semantic_map.find(text), parameter.default
     if thing is None or (thing.pose is None and not is_content(thing)):
         if parameter.takes_places and thing is None and " " in text.strip():
@@ -169,6 +196,17 @@ def unknown_things(semantic_map: SemanticMap, words: Sequence[str]) -> tuple[str
             raise BadInput([error("X005", f"{word!r} is not in the map", help=f"--unknown may be all, or {known}")])
         found.update(dict.fromkeys(meant))
     return tuple(found)
+
+
+def _number(parameter: PlanParameter, text: str) -> float:
+    """Return the number that a parameter is set to; raises BadInput."""
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not (math.isfinite(number) and number >= 0):
+        raise BadInput([error("X006", f"{text!r} is no number from 0 on, as {parameter.setting} must be")])
+    return number
 
 
 def _wanted(parameter: PlanParameter) -> str:

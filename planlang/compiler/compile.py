@@ -156,7 +156,7 @@ def _parameter(symbols: Symbols, thing: Thing) -> str:
 
 def _type(symbols: Symbols, thing: Thing) -> str:
     kinds = (thing.kind,) if thing.slot is None else thing.slot.kinds
-    return " | ".join(symbols.use(TYPES[kind]) for kind in kinds)
+    return " | ".join(symbols.use(TYPES[kind]) if kind in TYPES else "float" for kind in kinds)
 
 
 def _docstring(paragraphs: list[str], *, depth: int) -> list[str]:

@@ -160,7 +160,7 @@ class _Visit:
                 if last is not None:
                     for action in self.executive.before_retry():
                         await perform(action)
-                solution = self._next()
+                solution = await self._prepared()
             except (LocationUnresolvable, MissingCapability) as exhausted:
                 record("no more poses", attempt=attempt, failure=exhausted)
                 exhausted.__cause__ = last
@@ -184,6 +184,16 @@ class _Visit:
                     await take_attempt("at_location")
         assert last is not None  # there is at least one attempt
         raise self._escalated(last) from last
+
+    async def _prepared(self) -> Solution:
+        """Return the next base pose, after a look at what cannot be seen from it; that may lead to another one."""
+        while True:
+            solution = self._next()
+            for action in solution.before:
+                self.moved = True
+                await perform(action)
+            if not solution.before or self.executive.revision() == self._revision:
+                return solution
 
     def _next(self) -> Solution:
         """Return the next base pose that has not failed; the search starts anew when the belief has changed."""

@@ -9,7 +9,7 @@ from difflib import get_close_matches
 
 from planlang.designators import GRASPS, Device, Object, Person, local_name
 from planlang.ontology import Ontology, shorten
-from planlang.relations import RELATIONS
+from planlang.relations import RELATIONS, Sense
 
 GRASP_FORMS: dict[str, tuple[str, ...]] = {
     "side": ("from the side", "with a side grasp"),
@@ -154,6 +154,11 @@ def opposites() -> dict[str, str]:
         for form in relation.forms
         if form.startswith("not ")
     }
+
+
+def viewpoints() -> tuple[str, ...]:
+    """Return what says from where something is seen, which also stands behind another relation without "and"."""
+    return tuple(form for form, name in forms().items() if RELATIONS[name].sense("thing") is Sense.VIEWPOINT)
 
 
 def pattern(forms: tuple[str, ...]) -> str:

@@ -26,6 +26,7 @@ from planlang.phrases.lexicon import (
     opposites,
     pattern,
     plain,
+    viewpoints,
 )
 from planlang.relations import RELATIONS, measured
 
@@ -81,6 +82,7 @@ def _parser(said: tuple[str, ...], opposite: tuple[str, ...]) -> Lark:
         "OPPOSITE": opposite,
         "LIMIT": tuple(LIMITS),
         "GRASP": tuple(form for some in GRASP_FORMS.values() for form in some),
+        "VIEW": viewpoints(),
     }
     for name, words in tables.items():
         grammar += f"\n{name}.5: /(?:{pattern(words)})\\b/i"
@@ -116,6 +118,11 @@ class _Reader:
                     if grasp not in (None, one):
                         self.wrong("P005", f"one location names two grasps: {grasp} and {one}", manner)
                     grasp = one
+                elif manner.data == "view":
+                    viewer = self.thing(_trees(manner)[-1], manner, named=len(manner.children) == 2)
+                    if viewer is not None:
+                        view = Relation(forms()[plain(str(manner.children[0]))], viewer)
+                        relations[view] = None
                 else:
                     other = self.device(manner)
                     if device is not None and other not in (None, device):
@@ -251,6 +258,7 @@ SPOKEN: Mapping[str, str] = {
     "OF": "'of'",
     "FROM": "'from'",
     "TO": "'to'",
+    "VIEW": "'seen from'",
     "CALLED": "'called'",
     "EXACT": "a name in <...>",
     "RPAR": "')'",

@@ -84,6 +84,8 @@ class Kind(Enum):
     DEVICE = "device"
     PLACE = "place"
     """Of parameters of a plan only: a place, or a thing that stands for one."""
+    NUMBER = "number"
+    """Of slots only: a number, such as a duration."""
 
 
 class Absence(Enum):
@@ -102,6 +104,8 @@ class Slot:
     property: str
     kinds: tuple[Kind, ...]
     absence: Absence
+    is_shared: bool = False
+    """True if a step without a filler has all that the step around it has."""
 
 
 @dataclass(frozen=True, slots=True)

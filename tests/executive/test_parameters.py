@@ -12,7 +12,7 @@ from executive.runs.plan_files import import_plan, main_plan
 from executive.runs.plan_run import Outcome, Run, RunOptions, run_plan_file
 from executive.runs.traces import read_trace
 from planlang.designators import Location
-from planlang.diagnostics import BadInput
+from planlang.diagnostics import BadInput, Diagnostic
 from planlang.files import bundled
 from planlang.language.plans import Plan
 from planlang.ontology import load
@@ -144,6 +144,30 @@ def test_all_that_is_not_set_is_told_with_what_of_the_map_fits(put: Plan[..., ob
         ("X014", "the plan does not run without --set Tell.recipient=X", "Tell.recipient may be patient1"),
         ("X014", "the plan does not run without --set thing=X", f"thing may be {PLACED}"),
     ]
+
+
+NAMED = """
+from typing import Annotated
+from planlang import Object, plan
+
+@plan("http://example.org/kitchen.owl#Open")
+async def open_it(*, what: Annotated[Object, "{step}.objectActedOn"]) -> None: ...
+"""
+
+
+@pytest.mark.parametrize(("step", "thing"), [("MovingABed", "bed1"), ("OpeningACabinet", None), ("Opening", None)])
+def test_a_step_that_names_a_class_acts_on_the_only_thing_of_it(
+    tmp_path: Path, room: SemanticMap, step: str, thing: str | None
+) -> None:
+    (tmp_path / "open.py").write_text(NAMED.format(step=step), encoding="utf-8")
+    found: list[Diagnostic] = []
+    opening = main_plan(import_plan(tmp_path / "open.py"), None)
+    if thing is None:  # there are two cabinets
+        with pytest.raises(BadInput, match="X014"):
+            bound_parameters(opening, {}, room, found)
+    else:
+        assert str(bound_parameters(opening, {}, room, found)["what"]) == thing
+        assert [one.code for one in found] == ["X028"]
 
 
 def test_a_parameter_that_no_thing_can_fill_needs_a_default(tmp_path: Path, room: SemanticMap) -> None:

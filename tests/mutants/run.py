@@ -52,7 +52,7 @@ FIRST = {  # these before them, where one of these files is broken
     "kernel/schedule.py": "tests/planlang/kernel/test_schedule.py",
     "kernel/signals.py": "tests/planlang/kernel/test_fluents.py",
     "kernel/fluent.py": "tests/planlang/kernel/test_fluents.py",
-    "kernel/runner.py": "tests/planlang/kernel/test_bad_plans.py",
+    "kernel/runner.py": f"tests/planlang/kernel/test_bad_plans.py {LANGUAGE}/test_failures.py",
     "runs/trace.py": "tests/planlang/runs/test_trace.py",
     "kernel/cancel.py": "tests/planlang/kernel/test_cancel.py",
     "runs/journal.py": f"{LANGUAGE}/test_resumption.py {LANGUAGE}/test_resumed_state.py",

@@ -56,6 +56,7 @@ ROLES: dict[str, str] = {
     "Origin": "fromLocation",
     "Source": "fromLocation",
     "CreatedObject": "outputsCreated",
+    "DestroyedObject": "inputsDestroyed",
     "Product": "outputsCreated",
     "Recipient": "recipient",
     "Beneficiary": "recipient",

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from executive.belief import Belief, SemanticMap, scene_of
+from executive.belief.knowledge import Source
 from executive.belief.obstacles import MOST, NAMES, with_store
 from executive.robots import Robot, bind_robot
 from planlang.designators import an_object
@@ -201,3 +202,18 @@ def test_obstacles_that_were_felt_are_things_without_a_name_in_the_map(semantic_
     belief.sync(world, world.configuration())
     assert not set(world.names()) & set(NAMES)
     world.close()
+
+
+def test_source_and_time_of_a_pose_are_known(belief: Belief) -> None:
+    assert belief.knowledge("bottle1").source is Source.MAP
+    belief.time = 3.0
+    belief.see([Detection("bottle1", belief.pose("bottle1"), 1.0)])
+    assert belief.knowledge("bottle1") == (Source.SEEN, 3.0, 0)
+    belief.base_moved()
+    assert belief.remembers("bottle1")
+    belief.bump("bottle1", belief.pose("bottle1"))
+    assert belief.knowledge("bottle1").source is Source.FELT
+    assert not belief.remembers("bottle1")
+    belief.see([Detection("bottle1", belief.pose("bottle1"), 1.0)])
+    belief.not_seen("bottle1", HERE)
+    assert not belief.remembers("bottle1"), "it was looked for in vain since"

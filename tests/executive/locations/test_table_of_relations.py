@@ -25,7 +25,7 @@ from planlang.failures import LocationUnresolvable
 from planlang.geometry import Array, Pose
 from planlang.phrases.lexicon import GRASP_FORMS
 from planlang.protocols import Configuration
-from planlang.relations import RELATIONS
+from planlang.relations import RELATIONS, Sense
 from sim import Body
 from tests.executive.conftest import (
     BED,
@@ -103,12 +103,34 @@ BASES: dict[str, Location] = {
 
 
 def test_every_cell_of_the_table_is_tried_here() -> None:
+    tried = {name: one for name, one in RELATIONS.items() if one.sense("base") is not Sense.VIEWPOINT}
     cells = (
-        {name for name, meaning in RELATIONS.items() if meaning.base},
-        {name for name, meaning in RELATIONS.items() if meaning.hand},
+        {name for name, meaning in tried.items() if meaning.base},
+        {name for name, meaning in tried.items() if meaning.hand},
     )
     assert cells == (BASES.keys(), HANDS.keys())
-    assert THINGS.keys() == {name for name, meaning in RELATIONS.items() if meaning.thing}
+    assert THINGS.keys() == {name for name, meaning in tried.items() if meaning.thing}
+
+
+@pytest.mark.parametrize("base", [(0.0, -0.4, 0.0), (0.3, 0.8, 2.0)])
+def test_left_is_that_of_whoever_is_said_to_look_wherever_the_robot_stands(
+    room: Stage, base: tuple[float, float, float]
+) -> None:
+    stand(room, base)
+    for viewer, body in ((THE_BED, BED), (THE_TABLE, TABLE_TOP)):
+        location = a_location(on=THE_CABINET, left_of=THE_BOTTLE, seen_from=viewer)
+        poses = first(room.resolver.things(location, THE_CUP), 3)
+        assert poses
+        there = np.array(BOTTLE.pose.position[:2]) - np.array(body.pose.position[:2])
+        for pose in poses:
+            aside = np.array(pose.position[:2]) - np.array(BOTTLE.pose.position[:2])
+            assert there[0] * aside[1] - there[1] * aside[0] > 0, "the cross product points up on the left"
+
+
+def test_nothing_is_at_where_something_is_seen_from(room: Stage) -> None:
+    for location in (a_location(seen_from=THE_BED), a_location(near=THE_BED, not_=a_location(seen_from=THE_TABLE))):
+        with pytest.raises(LocationUnresolvable, match="seen"):
+            next(room.resolver.bases(location))
 
 
 def base_keeps(relation: Relation, base: tuple[float, float, float], viewer: tuple[float, float]) -> bool:

@@ -70,4 +70,5 @@ def test_steps_that_are_performed_by_the_library_need_no_order_among_base_motion
 @pytest.mark.parametrize("file", sorted((bundled("recipes") / "library").glob("*.omn")), ids=lambda file: file.stem)
 def test_every_recipe_of_the_library_compiles_by_itself(file: Path) -> None:
     if "subAction" in file.read_text(encoding="utf-8"):
-        assert compile_recipe(file).diagnostics == ()
+        found = {one.code for one in compile_recipe(file).diagnostics}
+        assert found <= {"R062"}, "what is wanted, and where, is for whoever performs it to say"

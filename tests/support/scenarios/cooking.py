@@ -88,6 +88,12 @@ SCENARIOS = [
         (watch_turns,),
     ),
     Scenario(
+        "pancake@kinetic",
+        ("corpus/recipes/pancake@kinetic.owl", *PR2, "--environment", "pancake_kitchen", *COOK),
+        pancake_on_the_maker,
+        (watch_turns,),
+    ),
+    Scenario(
         "pancake-making",
         ("corpus/recipes/pancake-making@hydro.owl", *PR2, "--environment", "warm_pancake_kitchen", *COOK),
         pancake_on_the_maker,

@@ -1,0 +1,234 @@
+"""Poses of things at locations: on and in other things and before people, upright, with free room around.
+
+A round thing may be turned as it likes; any other one stands along the edges of what it is on.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from executive.belief.believed_bodies import Block
+from executive.belief.planning_scene import PlanningScene
+from executive.locations.areas import Area
+from executive.locations.demands import ThingDemand
+from executive.locations.rejections import Rejections
+from executive.motion import clearance_at
+from planlang.geometry import Array, Pose
+
+SPACING = 0.04
+"""Distance of neighbouring places on a surface [m]."""
+FINE_SPACING = 0.02
+"""The same where relations to other things leave only a part of the surface [m]."""
+MOST_PLACES = 4000
+"""Places on one surface: on a large one they are farther apart."""
+FREE = 0.005
+"""Distance that an object keeps from others [m]."""
+RESTING = 0.02
+"""Largest distance of an object's lowest point from the surface that it rests on [m]."""
+ABOVE_SURFACE = 0.002
+"""Height above the surface at which an object is put [m]."""
+FLAT = 0.001
+"""Height above the surface up to which something may lie under an object [m]: no more than rounding."""
+EDGE = 0.03
+"""Distance from the edge of a surface from which a place is as good as can be [m]."""
+HAIR = 1e-6
+"""Length that rounding may add [m]."""
+TRAVEL = 4.0
+"""Distance of the base over which a place loses most of its worth [m]."""
+ROOMY = 0.1
+"""More room around an object than this is not better [m]."""
+MOST_CELLS = 12
+"""Circles in a row that cover the outline of a long object."""
+
+
+@dataclass(frozen=True, slots=True)
+class Placement:
+    """An object, and where a location asks it to be."""
+
+    name: str
+    demand: ThingDemand
+    scene: PlanningScene
+
+    def poses(self, log: Rejections) -> Iterator[Pose]:
+        """Yield poses of the object's box centre, upright, best first; reasons of others are counted."""
+        found = [self._free(upright, log) for upright in self._turned()]
+        centres = np.concatenate([places for places, _ in found])
+        score = np.concatenate([scores for _, scores in found])
+        yaws = np.concatenate(
+            [np.full(len(places), upright.yaw) for upright, (places, _) in zip(self._turned(), found, strict=True)]
+        )
+        for index in np.argsort(-score.round(9), kind="stable"):
+            x, y, z = centres[index].tolist()
+            yield Pose.planar(x, y, float(yaws[index]), z)
+
+    def _free(self, upright: Block, log: Rejections) -> tuple[Array, Array]:
+        """Return places (m, 3) for the object's centre, turned as ``upright``, a prism at the origin, and scores."""
+        demand, bodies = self.demand, self.scene.bodies
+        centres = self._centres(upright)
+        if not len(centres):
+            log.add("too small for the object")
+        areas = _areas(demand, upright)
+        for area in areas:
+            wanted = area.score(centres[:, :2]) > 0
+            log.refuse(f"not {area.words}".replace("not not ", ""), centres[~wanted])
+            centres = centres[wanted]
+        for person, inside in demand.people:
+            zone = bodies.zone(person)
+            keep = np.array([zone.contains(centre) == inside for centre in centres], bool)
+            log.refuse(f"{'not ' if inside else ''}in reach of {person}", centres[~keep])
+            centres = centres[keep]
+        for body, inside in demand.neither:
+            there = self._rests(upright, centres, body, inside=inside)
+            log.refuse(f"{'in' if inside else 'on'} {body}", centres[there])
+            centres = centres[~there]
+        if not len(centres):
+            return centres, np.zeros(0)
+        room = self._room(upright, centres)
+        crowded = room < FREE
+        log.refuse("no room for the object", centres[crowded])
+        for body in self._crowding(centres[crowded]):
+            log.blocking[body] += 1
+        score = np.clip(room, 0.0, ROOMY) / ROOMY
+        if where := demand.on or demand.inside:  # rather not at the very edge
+            spare = -_overhang(upright, centres[:, :2], bodies.block(where))
+            score = score * (0.3 + 0.7 * np.clip(spare, 0.0, EDGE) / EDGE)
+        for area in areas:
+            score = score * area.score(centres[:, :2])
+        x, y, _ = self.scene.base()
+        score = score * np.exp(-np.hypot(centres[:, 0] - x, centres[:, 1] - y) / TRAVEL)
+        log.scored.append((centres[~crowded], score[~crowded]))
+        return centres[~crowded], score[~crowded]
+
+    def holds(self, pose: Pose) -> bool:
+        """Return whether the object, at a pose, is where it is asked to be."""
+        demand, block = self.demand, self._block(pose)
+        resting = [
+            (demand.on, False, True),
+            (demand.inside, True, True),
+            *((*other, False) for other in demand.neither),
+        ]
+        for body, inside, wanted in resting:
+            if body is not None and self._rests(block, block.centre[None], body, inside=inside)[0] != wanted:
+                return False
+        if not all(area.holds(pose.position[:2]) for area in _areas(demand, block)):
+            return False
+        centre, bodies = np.array(pose.position), self.scene.bodies
+        return all(bodies.zone(person).contains(centre) == inside for person, inside in demand.people)
+
+    @property
+    def _size(self) -> tuple[float, float, float]:
+        return self.scene.bodies.size(self.name)
+
+    def _block(self, pose: Pose) -> Block:
+        return Block.of(pose, self._size, cylinder=self.scene.bodies.is_round(self.name))
+
+    def _turned(self) -> tuple[Block, ...]:
+        """Return the object at the origin, in each of the headings that it may have."""
+        where = self.demand.on or self.demand.inside
+        yaw = 0.0 if where is None else self.scene.bodies.block(where).yaw
+        one = self._block(Pose.planar(0.0, 0.0, yaw))
+        alike = one.round or where is None or abs(one.half_x - one.half_y) < HAIR
+        return (one,) if alike else (one, self._block(Pose.planar(0.0, 0.0, yaw + math.pi / 2)))
+
+    def _rests(self, block: Block, centres: Array, body: str, *, inside: bool) -> NDArray[np.bool_]:
+        """Return whether a block, centred at places (m, 3), rests on a body, or is ``inside`` it, as a whole (m,)."""
+        outer, top = self.scene.bodies.block(body), self.scene.bodies.rests_at(body)
+        half = (block.high - block.low) / 2
+        low, high = centres[:, 2] - half, centres[:, 2] + half
+        if inside:
+            level = (low >= outer.low - RESTING) & (high <= outer.high + RESTING)
+        else:
+            level = np.zeros(len(centres), bool) if top is None else np.abs(low - top) <= RESTING
+        if not level.any():
+            return level
+        return np.asarray(level & (_overhang(block, centres[:, :2], outer) <= HAIR))
+
+    def _centres(self, upright: Block) -> Array:
+        """Return places (m, 3) for the object's centre."""
+        demand, bodies = self.demand, self.scene.bodies
+        where, height = demand.on or demand.inside, upright.high - upright.low
+        if where is None:
+            zones = [bodies.zone(person).points() for person, inside in demand.people if inside]
+            return np.concatenate([np.zeros((0, 3)), *zones])
+        block = bodies.block(where)
+        floor = bodies.rests_at(where) if demand.on is not None else block.low
+        half_x = block.half_x - upright.support(block.yaw)
+        half_y = block.half_y - upright.support(block.yaw + math.pi / 2)
+        too_high = demand.inside is not None and height > block.high - block.low
+        if floor is None or half_x < -HAIR or half_y < -HAIR or too_high:
+            return np.zeros((0, 3))
+        half_x, half_y = max(half_x, 0.0), max(half_y, 0.0)
+        spacing = max(FINE_SPACING if demand.areas else SPACING, 2 * math.sqrt(half_x * half_y / MOST_PLACES))
+        axes = [np.linspace(-half, half, 2 * math.ceil(half / spacing) + 1) for half in (half_x, half_y)]
+        places = block.to_map(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2))
+        if block.round:
+            places = places[_overhang(upright, places, block) <= HAIR]
+        return np.column_stack([places, np.full(len(places), floor + ABOVE_SURFACE + height / 2)])
+
+    def _room(self, upright: Block, centres: Array) -> Array:
+        """Return free distance (m,) around the object at places (m, 3), to all but what it is on."""
+        boxes, _ = self.scene.collisions.boxes_but((self.name, self.demand.on or ""))
+        offsets, radius = _covering(upright)
+        room = np.full(len(centres), np.inf)
+        for z in np.unique(centres[:, 2]):
+            level = centres[:, 2] == z
+            band = self._band(float(z), radius)
+            spots = (centres[level, None, :2] + offsets).reshape(-1, 2)
+            room[level] = clearance_at(spots, boxes, (band,)).reshape(-1, len(offsets)).min(axis=1)
+        return room
+
+    def _crowding(self, centres: Array) -> list[str]:
+        """Return the bodies that take the room at some of the places."""
+        boxes, bodies = self.scene.collisions.boxes_but((self.name, self.demand.on or ""))
+        found: dict[str, None] = {}
+        for x, y, z in centres[:: max(1, len(centres) // 16)]:
+            band = self._band(float(z), max(self._size[:2]) / 2)
+            for index, body in enumerate(bodies):
+                if body not in found and clearance_at([(x, y)], boxes.only(index), (band,))[0] < FREE:
+                    found[body] = None
+        return list(found)
+
+    def _band(self, z: float, radius: float) -> tuple[float, float, float]:
+        """Return the room that the object takes with its centre at a height, from just over what it is on."""
+        half = self._size[2] / 2
+        return z - half - ABOVE_SURFACE + FLAT, z + half, radius
+
+
+def _areas(demand: ThingDemand, block: Block) -> tuple[Area, ...]:
+    """Return the areas for an object turned as a block: on a side of X only its extent towards X counts."""
+    return tuple(
+        replace(area, radius=block.support(area.directions[0])) if area.directions else area for area in demand.areas
+    )
+
+
+def _covering(block: Block) -> tuple[Array, float]:
+    """Return centres (n, 2), relative to the middle of a block, and the radius of circles that cover its outline."""
+    if block.round:
+        return np.zeros((1, 2)), max(block.half_x, block.half_y)
+    wide, long = sorted((block.half_x, block.half_y))
+    count = min(math.ceil(long / max(wide, 1e-3) - HAIR), MOST_CELLS)
+    along = (np.arange(count) + 0.5) * (2 * long / count) - long
+    across = np.zeros(count)
+    local = np.column_stack([along, across] if block.half_x >= block.half_y else [across, along])
+    return block.to_map(local) - [block.x, block.y], math.hypot(wide, long / count)
+
+
+def _overhang(block: Block, points: Array, outer: Block) -> Array:
+    """Return how far a block's footprint, its middle at points (m, 2), is at most beyond another's outline (m,) [m]."""
+    if block.round:
+        edge, radius = np.zeros((1, 2)), max(block.half_x, block.half_y)
+    else:
+        signs = np.array([[a, b] for a in (-1, 1) for b in (-1, 1)])
+        edge = block.to_map(signs * [block.half_x, block.half_y]) - [block.x, block.y]
+        radius = 0.0
+    spots = (points[:, None] + edge).reshape(-1, 2)
+    if outer.round:
+        beyond = np.hypot(spots[:, 0] - outer.x, spots[:, 1] - outer.y) - max(outer.half_x, outer.half_y)
+    else:
+        beyond = (np.abs(outer.to_local(spots)) - [outer.half_x, outer.half_y]).max(axis=1)
+    return np.asarray(beyond.reshape(len(points), -1).max(axis=1) + radius)

@@ -1,0 +1,107 @@
+"""Putting down: what a hand holds is lowered onto a place found by relations, let go, and left standing."""
+
+from __future__ import annotations
+
+import math
+from itertools import islice
+
+import numpy as np
+import pytest
+
+from planlang import perform
+from planlang.designators import Location, a_location, a_posture, action, an_object
+from planlang.failures import ActionUnresolvable, ManipulationFailure
+from planlang.geometry import Pose
+from sim import Body
+from sim.world import at_rest_on
+from tests.executive.conftest import (
+    BED,
+    BOTTLE,
+    CABINET,
+    PLACE,
+    THE_BOTTLE,
+    MakeStage,
+    Stage,
+    hold_bottle,
+    stand,
+)
+
+MAT = Body("mat", Pose((2.0, 0.0, 0.782)), (0.3, 0.4, 0.004), type="TableCloth", movable=True)
+TABLE = Body("table", Pose((2.0, 0.0, 0.39)), (0.6, 1.2, 0.78), type="Table-PieceOfFurniture")
+FORK = Body("fork", Pose((1.0, 2.0, 0.01)), (0.2, 0.02, 0.02), type="Fork-SilverwarePiece", movable=True)
+CUP = Body("cup", Pose((2.0, -0.45, 0.84)), (0.08, 0.08, 0.12), "cylinder", type="Cup", movable=True)
+THE_TABLE, THE_MAT = an_object(TABLE.type, PLACE + "table"), an_object(MAT.type, PLACE + "mat")
+THE_CUP, THE_FORK = an_object(CUP.type, PLACE + "cup"), an_object(FORK.type, PLACE + "fork")
+THE_CABINET = an_object(CABINET.type, PLACE + "cabinet")
+
+
+def put_down(stage: Stage, where: Location) -> None:
+    """Lower the bottle from a base pose where that is possible, let it go and come back."""
+    stand(stage, next(stage.resolver.bases(a_location(in_reach_of=where))).base)
+
+    async def plan() -> None:
+        await perform(action("LoweringAnObject", object_acted_on=THE_BOTTLE, to_location=where))
+        await perform(action("OpeningAGripper", object_acted_on=THE_BOTTLE))
+        await perform(action("Reaching", to_location=a_location(in_front_of=THE_BOTTLE)))
+        await perform(action("Reaching", to_location=a_posture("carrying")))
+
+    stage.run(plan)
+
+
+@pytest.mark.parametrize("side", ["left_of", "right_of"])
+def test_the_bottle_stands_where_the_relations_want_it_and_touches_nothing(make_stage: MakeStage, side: str) -> None:
+    stage = make_stage(BED, BOTTLE, CABINET, TABLE, CUP, MAT)
+    hold_bottle(stage)
+    where = a_location(on=THE_TABLE) & a_location(**{side: THE_CUP}, within=0.15) & a_location(seen_from=THE_CABINET)
+    put_down(stage, where)
+    assert at_rest_on(stage.truth, "bottle") == "table"
+    assert stage.resolver.holds(where, THE_BOTTLE)
+    assert stage.truth.contacts() == ()
+    assert stage.truth.pose("bottle").matrix()[2, 2] > 0.999
+    assert stage.truth.pose("cup").distance(CUP.pose) < 1e-6
+    assert stage.planning.pose("bottle").distance(stage.truth.pose("bottle")) < 0.005
+
+
+def test_a_thing_is_put_on_a_mat_that_lies_on_the_table(make_stage: MakeStage) -> None:
+    stage = make_stage(BED, BOTTLE, CABINET, TABLE, CUP, MAT)
+    hold_bottle(stage)
+    put_down(stage, a_location(on=THE_MAT))
+    assert at_rest_on(stage.truth, "bottle") == "mat"
+
+
+def test_what_stands_on_the_table_does_not_stand_on_the_mat_as_well(make_stage: MakeStage) -> None:
+    stage = make_stage(BED, BOTTLE, CABINET, TABLE, CUP, MAT)
+    for pose in islice(stage.resolver.things(a_location(on=THE_TABLE, near=THE_MAT), THE_CUP), 50):
+        x, y, _ = pose.position
+        assert math.hypot(max(abs(x - 2.0) - 0.15, 0.0), max(abs(y) - 0.2, 0.0)) >= 0.04
+
+
+def test_a_fork_is_turned_so_that_it_fits_beside_the_mat(make_stage: MakeStage) -> None:
+    wide = Body("mat", Pose((2.0, 0.0, 0.782)), (0.6, 1.0, 0.004), type="TableCloth", movable=True)
+    stage = make_stage(BED, BOTTLE, CABINET, TABLE, wide, FORK)
+    where = a_location(on=THE_TABLE, left_of=THE_MAT, seen_from=THE_CABINET)
+    pose = next(stage.resolver.things(where, THE_FORK))
+    assert np.isclose(abs(math.cos(pose.yaw)), 1.0), "10 cm are left, and it is 20 cm long"
+    assert stage.resolver.holds(where, THE_FORK) is False, "it still lies elsewhere"
+
+
+def test_an_empty_hand_puts_nothing_down(make_stage: MakeStage) -> None:
+    stage = make_stage(BED, BOTTLE, CABINET, TABLE)
+
+    async def plan() -> None:
+        await perform(action("LoweringAnObject", object_acted_on=THE_BOTTLE, to_location=THE_TABLE))
+
+    with pytest.raises(ActionUnresolvable, match="no bottle in a hand"):
+        stage.run(plan)
+
+
+def test_a_place_out_of_reach_is_a_failure_of_manipulation(make_stage: MakeStage) -> None:
+    stage = make_stage(BED, BOTTLE, CABINET, TABLE)
+    hold_bottle(stage)
+    stand(stage, (0.0, 0.0, 0.0))
+
+    async def plan() -> None:
+        await perform(action("LoweringAnObject", object_acted_on=THE_BOTTLE, to_location=THE_TABLE))
+
+    with pytest.raises(ManipulationFailure):
+        stage.run(plan)
