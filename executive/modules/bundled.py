@@ -63,6 +63,12 @@ ON_DEMAND = (
         failures=(PerceptionFailure, LookingFailure, DesignatorFailure),
     ),
     _on_demand(
+        "exploring:Exploring",
+        "exploration",
+        "EnvironmentExploration",
+        failures=(PerceptionFailure, LookingFailure, DesignatorFailure),
+    ),
+    _on_demand(
         "constrained_motions:ConstrainedMotions",
         "constrained_motion",
         "ITaSCMotion",

@@ -22,7 +22,18 @@ from executive.modules.platform import ITERATIONS, Platform
 from executive.motion import GoalInCollision, MotionError, NoPath, StartInCollision
 from executive.robots.arms import ArmModel
 from planlang import perform, using
-from planlang.designators import Action, Device, Location, Object, Person, Posture, Relation, a_location, action
+from planlang.designators import (
+    Action,
+    Device,
+    FixedPose,
+    Location,
+    Object,
+    Person,
+    Posture,
+    Relation,
+    a_location,
+    action,
+)
 from planlang.failures import (
     ActionUnresolvable,
     CommunicationFailure,
@@ -94,8 +105,10 @@ class Navigation:
         match action.get("x"), action.get("y"), action.get("yaw"), action.get("to_location"):
             case float(x), float(y), float(yaw), None:
                 return x, y, yaw
-            case None, None, None, Posture(name=str(name)) if search := self.platform.searches.begun.get(name):
-                return self.platform.searches.next(search).base
+            case None, None, None, FixedPose() as pose:
+                return self.platform.base_at(pose)
+            case None, None, None, Posture(name=str(name)) | str(name) if goal := self.platform.made_goal(name):
+                return goal
             case None, None, None, Location() | Object() as where:
                 location = where if isinstance(where, Location) else a_location(in_reach_of=where)
                 return next(self.platform.resolver.bases(location)).base
