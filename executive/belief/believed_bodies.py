@@ -237,6 +237,10 @@ class BelievedBodies:
         x, y, z = (self.pose(name).position + by).tolist()
         return Pose((x, y, z), self.pose(name).orientation)
 
+    def mass(self, name: str) -> float:
+        """Return how heavy a body is, with what it contains [kg]; 0 if that is not known."""
+        return self._world.scene.body(name).mass
+
     def is_movable(self, name: str) -> bool:
         """Return whether the body may stand elsewhere than in the map."""
         return self._world.scene.body(name).movable
