@@ -11,7 +11,7 @@ from typing import Any
 
 import typer
 
-from executive.belief.semantic_map import DEFAULT_ENVIRONMENT, default_environment
+from executive.belief.environments import DEFAULT_ENVIRONMENT, default_environment
 from executive.cli.arguments import RunArguments
 from executive.cli.console import Answer, ExitCode, say, show, silent
 from executive.cli.inputs import PlanFile, RecipeFile, accepted, check_files, chosen, environments, planar, read, refuse

@@ -175,6 +175,9 @@ class Drive:
         grid = Grid.over((x_min, y_min), (x_max, y_max))
         obstacles, silhouette = scene.collisions.obstacles(), scene.collisions.silhouette()
         room = clearance_field(grid, obstacles, silhouette)
+        if control.scene.space is not None:  # what nobody has seen may be full
+            height, radius = max(high for _, high, _ in silhouette), limits.radius
+            room = np.where(control.scene.space.room(grid, height, radius), room, np.minimum(room, -radius))
 
         def touching(x: float, y: float, yaw: float) -> list[tuple[str, str]]:
             return [(contact.part, contact.body) for contact in scene.collisions.contacts((x, y, yaw))]
@@ -351,6 +354,13 @@ class Sensing:
         self._control.sync()
         self._explain()
         return tuple(detection.name for detection in detections)
+
+    def scan(self) -> None:
+        """Take a picture of depths: the belief learns which space is free."""
+        control, camera, space = self._control, self._control.robot.camera, self._control.scene.space
+        if camera is not None and space is not None:
+            eye = np.array(control.world.link_pose(camera.link).position)
+            space.integrate(eye, *control.world.scan(camera.link))
 
     async def _look_over(self, point: Array) -> None:
         """Look at what was touched at a map point (3,), or, where the neck cannot bend that far, as low as it can."""

@@ -19,11 +19,12 @@ from executive.locations.demands import asks_for
 from executive.locations.grasp_candidates import HandPoses
 from executive.modules.carrying import is_near, upright_postures
 from executive.modules.control import Control, Drive, Hands, Sensing
+from executive.modules.phases import Phases
 from executive.motion import JointSpace, MotionError, cartesian_path, keeps_line, plan_path, time_curve, time_path
 from executive.motion.upright import Upright
 from executive.robots import CARRYING
 from executive.robots.arms import ArmModel
-from planlang.designators import Location, Object
+from planlang.designators import FixedPose, Location, Object
 from planlang.failures import ActionUnresolvable
 from planlang.geometry import Array, Pose, matrices
 from planlang.kernel import Task
@@ -33,6 +34,7 @@ from planlang.relations import Sense
 
 if TYPE_CHECKING:
     from executive.locations.likely_places import Searches
+    from executive.locations.next_view import Exploration
 
 ALONE = ""
 """The branch where no plan is running."""
@@ -344,9 +346,11 @@ class Platform(Control):
     drive: Drive = field(init=False)
     arms: Arms = field(init=False)
     hands: Hands = field(init=False)
+    phases: Phases = field(init=False)
     sensing: Sensing = field(init=False)
     upload: Path | None = field(init=False, default=None)
     """The file that uploaded maps are written to."""
+    _exploration: Exploration | None = field(init=False, default=None)
     _searches: Searches | None = field(init=False, default=None)
 
     @property
@@ -357,6 +361,39 @@ class Platform(Control):
         if self._searches is None:
             self._searches = Searches(self.scene, self.drive.seconds)
         return self._searches
+
+    @property
+    def exploration(self) -> Exploration:
+        """The exploration of this run; begun where the base is when it is first asked for."""
+        from executive.locations.next_view import Exploration
+
+        if self._exploration is None:
+            self._exploration = Exploration(self.scene)
+        return self._exploration
+
+    @property
+    def exploring(self) -> Exploration | None:
+        """The exploration, None if none was begun."""
+        return self._exploration
+
+    def base_at(self, pose: FixedPose) -> BasePose:
+        """Return where the base goes for a pose in the map; one off the map counts from where exploring began."""
+        x_min, y_min, x_max, y_max = self.scene.world.scene.bounds
+        if self._exploration is None or (x_min < pose.x < x_max and y_min < pose.y < y_max):
+            return pose.x, pose.y, pose.yaw
+        x, y, yaw = self._exploration.origin
+        there = Pose.planar(x, y, yaw) @ Pose.planar(pose.x, pose.y, pose.yaw)
+        return there.position[0], there.position[1], there.yaw
+
+    def made_goal(self, name: str) -> BasePose | None:
+        """Return where the base goes by a name that a step made, at each use the next place; None for other names.
+
+        Raises ObjectNowhereToBeFound when a search has no more places.
+        """
+        if self._exploration is not None and name in self._exploration.names:
+            return self._exploration.goal
+        search = None if self._searches is None else self._searches.begun.get(name)
+        return None if search is None else self.searches.next(search).base
 
     @property
     def searches_begun(self) -> bool:
@@ -377,4 +414,4 @@ class Platform(Control):
 
     def __post_init__(self) -> None:
         self.drive, self.hands, self.sensing = Drive(self), Hands(self), Sensing(self)
-        self.arms = Arms(self, self.resolver, self.rng)
+        self.arms, self.phases = Arms(self, self.resolver, self.rng), Phases()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -15,7 +16,7 @@ from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import product
 from planlang.geometry.urdf import Joint, displacement, joints_between, read_urdf
 from planlang.protocols import Configuration
-from sim import PlanningWorld, Scene
+from sim import Body, PlanningWorld, Scene
 
 SAMPLES = 400
 """Random configurations from which the length of an arm is measured; 2 % are added for those that were not drawn."""
@@ -115,6 +116,8 @@ class ArmModel:
     """Postures to start inverse kinematics from, (s, d)."""
     lift: Lift | None = None
     """The torso that lifts it straight up."""
+    payload: float = math.inf
+    """Largest mass that the hand carries [kg]."""
     hand_corners: Array = field(default_factory=lambda: np.zeros((1, 3)))
     """Corners of boxes around the hand's pieces in the tip frame, (n, 3)."""
     palm: tuple[tuple[float, ...], ...] = ()
@@ -173,6 +176,7 @@ def _model(robot: Robot, arm: Arm, world: PlanningWorld) -> ArmModel:
         solver=InverseKinematics(chain),
         resolution=np.where(chain.prismatic, SLIDE_STEP, TURN_STEP),
         frame=HandFrame(arm.approach, arm.closing),
+        payload=arm.payload,
         max_opening=arm.gripper.max_opening if arm.gripper is not None else 0.0,
         hand_links=world.robot.hand_links(arm.tip),
         hand_radius=world.robot.hand_radius(arm.tip, arm.approach),
@@ -247,12 +251,21 @@ TORSO = 0.3
 HERE = (0.0, 0.0, 0.0)
 
 
-def with_carrying(robot: Robot) -> Robot:
-    """Return the robot with a carrying posture: without contact, hands level, as narrow as possible."""
-    if CARRYING in robot.postures or not robot.arms:
+def with_carrying(robot: Robot, held: Sequence[tuple[str, Body, Pose]] = ()) -> Robot:
+    """Return the robot with a carrying posture: without contact, hands level, as narrow as possible.
+
+    ``held`` are the things that it holds: the link, the body, and its pose in the frame of the link. The posture that
+    the robot has is left to it if these touch nothing there.
+    """
+    if (CARRYING in robot.postures and not held) or not robot.arms:
         return robot
-    world = PlanningWorld(Scene(()), robot.body())
+    world = PlanningWorld(Scene(tuple(body for _, body, _ in held)), robot.body())
     try:
+        for link, body, offset in held:
+            world.set_pose(body.name, world.link_pose(link) @ offset)
+            world.attach(link, body.name)
+        if CARRYING in robot.postures and not world.self_contacts():
+            return robot
         joints: dict[str, float] = {}
         if robot.torso is not None:
             low, high = world.robot.limits[robot.torso]

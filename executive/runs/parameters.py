@@ -11,7 +11,7 @@ from typing import Any, get_args, get_type_hints
 
 from executive.belief import MapObject, SemanticMap
 from executive.belief.contents import is_content
-from executive.belief.semantic_map import environments_with
+from executive.belief.environments import environments_with
 from planlang.designators import Location, Object, Person, local_name
 from planlang.diagnostics import BadInput, Diagnostic, error, note, warning
 from planlang.language.plans import Plan

@@ -18,6 +18,7 @@ from executive.modules.bundled import bundled_registry
 from executive.robots import FindingKind, Missing, bind_robot, missing_capabilities, trusting_map
 from executive.robots.arms import with_carrying
 from executive.runs.assembly import RobotExecutive, platform_of, real_scene, world_at_start
+from executive.runs.in_hands import in_hands, take
 from executive.runs.parameters import Bound, bound_parameters, plan_parameters, unknown_things
 from executive.runs.plan_files import (
     Requirements,
@@ -224,7 +225,9 @@ class Run:
         notes: list[Diagnostic] = []
         if options.resume is not None:
             past, notes = past_of(options.resume)
-        robot = bare if assessment.missing and not options.force else with_carrying(bare)
+        held = in_hands(bare, semantic_map, scene)
+        carried = [(one.link, one.body, one.offset) for one in held]
+        robot = bare if assessment.missing and not options.force else with_carrying(bare, carried)
         if assessment.missing and robot.camera is None and not options.trust_map:
             help = "--trust-map: things count as seen where the map has them"
             notes.append(note("X013", f"{robot.name} has no camera to look for things", help=help))
@@ -252,6 +255,7 @@ class Run:
         )
         platform.upload = options.upload
         executive = RobotExecutive(platform, self._modules)
+        take(platform, truth, held)
         platform.scene.collisions.prepare()
         # What a trace must have in common with another to be equal to it, beside seed and schedule.
         header: dict[str, Any] = {

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from planlang.diagnostics import Diagnostic, error
 from planlang.ontology import Literal, Ontology, Triple, expand
 from planlang.recipe.fillers import is_of_unknown_kind
-from planlang.recipe.model import Absence, Filler, Kind, Name, Parameter, Place, Recipe, Slot, Step, Thing
+from planlang.recipe.model import Absence, Filler, Kind, Name, Parameter, Part, Place, Recipe, Slot, Step, Thing
 
 
 def parameter_for(slot: Slot, owner: str) -> Thing:
@@ -33,6 +33,8 @@ def takes(ontology: Ontology, slot: Slot, filler: Filler) -> bool:
         case Thing():
             is_anything = filler.slot is not None or is_of_unknown_kind(ontology, filler.stated)
             return is_anything or filler.kind in slot.kinds
+        case Part():
+            return Kind.OBJECT in slot.kinds or filler.of.kind in slot.kinds
         case Place():
             return Kind.PLACE in slot.kinds
         case Name():
