@@ -169,6 +169,14 @@ class Exploration:
         self.goal = self._next() or self._next_to_a_place()
         self.finished = self.goal is None
 
+    def missed(self) -> None:
+        """Choose another view than the last one, to which the robot could not drive."""
+        if self.goal is not None:
+            eye, points = np.array([[*self.goal[:2], self.eye[2]]]), self.space.frontier(TRIES)
+            for _ in range(TRIES):
+                self.space.give_up(points[self._seen(eye, None, points)[0]])
+        self.plan()
+
     def _next_to_a_place(self) -> BasePose | None:
         """Return from where most of a place where things usually are is seen from near; None if all were looked at.
 
