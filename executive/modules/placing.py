@@ -11,6 +11,9 @@ from planlang.designators import Action, Location, Object, a_location
 from planlang.failures import ActionUnresolvable, LookingFailure, PerceptionFailure
 from planlang.modules import process_module
 
+FEW = 100
+"""Branches that the search of a path over a place grows: there are other hand poses to try, and other base poses."""
+
 
 @process_module
 class Lowering(Reaching):
@@ -42,5 +45,5 @@ class Lowering(Reaching):
 
     async def _go(self, solution: HandSolution, location: Location) -> None:
         """Go above the place, then straight down."""
-        await self._joint_path(solution.arm, solution.joints[0], None, solution.plan.label)
+        await self._joint_path(solution.arm, solution.joints[0], None, solution.plan.label, iterations=FEW)
         await self._straight(solution, solution.joints[1:2])

@@ -17,7 +17,7 @@ from executive.belief.recognition import VISION
 from executive.belief.scene_collisions import BasePose
 from executive.locations import HandSolution, ReachKind
 from executive.locations.demands import asks_for
-from executive.modules.platform import Platform
+from executive.modules.platform import ITERATIONS, Platform
 from executive.motion import GoalInCollision, MotionError, StartInCollision
 from executive.robots.arms import ArmModel
 from planlang import perform
@@ -127,6 +127,9 @@ def _close(one: BasePose, other: BasePose) -> bool:
 MOST_SOLUTIONS = 6
 """Hand poses of one location for which a path is planned: further ones differ little and fail alike."""
 
+PERSISTENT = 4 * ITERATIONS
+"""Branches that the search of a path to a posture grows: there is no other one to go to instead."""
+
 
 @process_module
 class Reaching:
@@ -217,7 +220,7 @@ class Reaching:
         belief = self.platform.belief
         lost = belief.dropped.get(arm.name)
         beside = None if lost is None or belief.seen_from_here(lost) else lost
-        await self._joint_path(arm, self.platform.arms.posture(arm, name), beside, name)
+        await self._joint_path(arm, self.platform.arms.posture(arm, name), beside, name, iterations=PERSISTENT)
 
     async def _reach(self, arm: ArmModel, location: Location) -> None:
         """Try hand poses that satisfy the location until one has a path."""
@@ -250,9 +253,11 @@ class Reaching:
             case _:
                 await self._joint_path(solution.arm, solution.joints[0], None, solution.plan.label)
 
-    async def _joint_path(self, arm: ArmModel, goal: Array, touches: str | None, label: str) -> None:
+    async def _joint_path(
+        self, arm: ArmModel, goal: Array, touches: str | None, label: str, iterations: int = ITERATIONS
+    ) -> None:
         try:
-            trajectory = self.platform.arms.path(arm, goal, touches)
+            trajectory = self.platform.arms.path(arm, goal, touches, iterations)
         except MotionError as problem:
             raise ManipulationPoseUnreachable(arm=arm.name, what=label) from problem
         await self._follow(arm, trajectory, label)
