@@ -319,5 +319,6 @@ CODES: dict[str, str] = {
     "C015": "there is no uncertain fix with this code",
     "C016": "a fix was not applied, as it is uncertain or cannot be written into the text",
     "C017": "a recipe was fixed before it was compiled, as --accept says",
+    "C018": "a line of a file of settings is not NAME=THING",
 }
 """Code -> what it means, one line each; the README's table is made from it."""

@@ -15,9 +15,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from inspect import signature
-from typing import TypeVar
+from typing import ClassVar, TypeVar
 
 from planlang.designators import Device, Filler, Object, local_name
+from planlang.failures import ManipulationFailure
 from planlang.misuse import Usage, WrongType, WrongValue, amount, is_iterable
 
 Vector = tuple[float, float, float]
@@ -211,6 +212,15 @@ class Feature(Filler):
 
     def __repr__(self) -> str:
         return _call(a_feature, self, () if self.kind is None else (self.kind.name,))
+
+
+@dataclass(eq=False, repr=False)
+class ConstraintsUnsatisfied(ManipulationFailure):
+    """Constraints of a motion cannot hold, or did not hold when it ended; ``constraints`` are these, by name."""
+
+    constraints: tuple[str, ...] = field(default=(), kw_only=True)
+
+    text: ClassVar[str] = "constraints of the motion do not hold"
 
 
 LEAST_LENGTH = 1e-6

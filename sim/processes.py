@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from planlang.geometry import Pose
+from sim.bodies import axes_of
 from sim.changes import Changes
 from sim.matter import Portion
 from sim.scene import Body
@@ -52,12 +53,14 @@ class Processes:
 
     def flow(self, seconds: float) -> None:
         """Let vessels in hands run dry whose axis points down."""
+        changed = self._matter.count
         for name in self._changes.held:
             pose = self._bodies.poses[name]
             if name in self._matter.contents and self._changes.is_vessel(name) and pose.rotation[2, 2] < 0:
                 portions = self._matter.take(name, self._changes.rules.flow_rate * seconds)
                 mouth = pose @ Pose((0.0, 0.0, self._bodies.bodies[name].size[2] / 2))
                 self._changes.drop(portions, mouth.position, name)
+        self._matter.count = changed  # what flows by itself, nobody has changed
 
     def carry(self) -> None:
         """Let thin things go with the blades under them; things on blades that turn over slide off."""
@@ -97,7 +100,7 @@ class Processes:
             if not other.thin or other.blade or thing in self.riding or thing in held or thing in self._bodies.removed:
                 continue
             place = self._bodies.poses[thing]
-            if self.heights[tool] > place.position[2]:
+            if self.heights[tool] > place.position[2] + other.size[2] / 2:
                 continue
             local = np.array((blade.inverse() @ place).position)
             if np.linalg.norm(local - np.clip(local, -half, half)) <= NEAR_BLADE:
@@ -108,9 +111,9 @@ class Processes:
     def _blade(self, tool: str) -> Pose:
         """Return the pose of a blade's centre: x along the tool's longest axis, z the normal."""
         body = self._bodies.bodies[tool]
-        along, _, normal = _axes(body)
-        centre, columns = np.zeros(3), np.zeros((3, 3))
-        centre[along] = (body.size[along] - body.blade) / 2
+        along, _, normal = axes_of(body.size)
+        centre, columns = np.array(body.centre), np.zeros((3, 3))
+        centre[along] += (body.size[along] - body.blade) / 2
         columns[along, 0], columns[normal, 2] = 1.0, 1.0
         columns[:, 1] = np.cross(columns[:, 2], columns[:, 0])
         matrix = np.eye(4)
@@ -177,12 +180,6 @@ def _heat(changes: Changes, name: str, device: str, within: bool, seconds: float
             matter.put(name, Portion(result.output, portion.amount, portion.origins))
 
 
-def _axes(body: Body) -> tuple[int, int, int]:
-    """Return the axes of a tool's box: the longest, the one between, the shortest."""
-    short, middle, long = sorted(range(3), key=lambda k: body.size[k])
-    return long, middle, short
-
-
 def _blade_size(body: Body) -> tuple[float, float, float]:
     """Return the extents of a blade along its own axes [m]; it is as thin as nothing."""
-    return body.blade, body.size[_axes(body)[1]], 0.0
+    return body.blade, body.size[axes_of(body.size)[1]], 0.0

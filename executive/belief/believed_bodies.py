@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -44,6 +44,10 @@ class Block:
     high: float
     round: bool = False
     """True for a cylinder about the vertical, as wide from everywhere."""
+    wall: float = 0.0
+    """Thickness of its walls, if it is hollow and open above [m]; 0 if it is solid."""
+    soft: bool = False
+    """True if it makes a fold between fingers that close on it from above."""
 
     @staticmethod
     def of(pose: Pose, size: tuple[float, float, float], *, cylinder: bool = False) -> Block:
@@ -177,7 +181,9 @@ class BelievedBodies:
         if abs(math.hypot(*pose.orientation) - 1) > 1e-3:
             problem = f"the orientation of {name} is not a rotation: {pose.orientation} is not of length 1"
             raise LocationUnresolvable(problem, designator=name)
-        return Block.of(pose, size, cylinder=self.is_round(name))
+        body, found = self._world.scene.body(name), Block.of(pose, size, cylinder=self.is_round(name))
+        stands = float(pose.rotation[2, 2]) >= math.cos(LEANING)
+        return replace(found, wall=body.wall, soft=body.soft) if stands and (body.wall or body.soft) else found
 
     def is_person(self, name: str) -> bool:
         """Return whether the body is a person."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import cache
@@ -85,8 +86,13 @@ def _with_content(
     if capacity is None:
         capacity = number(types, "capacity")
     blade = number(types, "bladeLength") or 0.0
+    if body.movable and (tilt := number(types, "largestTilt")) is not None:
+        body = replace(body, largest_tilt=math.radians(tilt))
     states = [shorten(one) for one in ontology.values(body.iri, expand("stateOfObject")) if isinstance(one, str)]
     if not (capacity or blade or states or portions):
         return body
+    if capacity and not portions and any(ontology.is_a(cls, expand("FoodOrDrinkOrIngredient")) for cls in types):
+        amount = number_of_individual(ontology, body.iri, "amount")
+        portions = (Portion(body.type, capacity if amount is None else amount, (body.name,)),)
     room = max(capacity or 0.0, sum(portion.amount for portion in portions))
     return replace(body, content=tuple(portions), capacity=room, is_on=ON in states, blade=min(blade, max(body.size)))

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from executive.belief.belief import Belief
 from executive.belief.believed_bodies import BelievedBodies, Block
-from executive.belief.scene_collisions import BasePose, SceneCollisions
+from executive.belief.scene_collisions import BasePose, Latest, SceneCollisions
 from executive.motion import Gaze
 from executive.motion.bodies import Solids
 from executive.robots import Robot
@@ -22,6 +23,9 @@ from planlang.geometry.matrices import rotated
 from planlang.geometry.shapes import SolidKind
 from planlang.protocols import Configuration
 from sim import PlanningWorld
+
+if TYPE_CHECKING:
+    from executive.belief.explored_space import ExploredSpace
 
 SEEN_SHARE = 0.3
 """Share of an object that must be visible for a base pose to count as one from where it is seen."""
@@ -145,6 +149,7 @@ class Visibility:
         self, world: PlanningWorld, robot: Robot, belief: Belief, bodies: BelievedBodies, gaze: Gaze | None
     ) -> None:
         self._world, self._robot, self._belief, self._bodies, self.gaze = world, robot, belief, bodies, gaze
+        self._hidden: Latest[dict[tuple[BasePose, str], str | None]] = Latest()
 
     def sighted(self) -> bool:
         """Return whether the robot has a camera."""
@@ -171,6 +176,13 @@ class Visibility:
 
         Else what hides most of it, "" if it is beyond the limits of neck or camera.
         """
+        state = self._belief.revision, tuple(self._world.configuration().joints.items())
+        known = self._hidden.of(state, dict)
+        if (base, name) not in known:
+            known[base, name] = self._hides(base, name)
+        return known[base, name]
+
+    def _hides(self, base: BasePose, name: str) -> str | None:
         if self.gaze is None or self._robot.camera is None:
             return ""
         x, y, yaw = base
@@ -211,7 +223,9 @@ class RobotArms:
         """Return what an arm holds."""
         for name, grip in self._belief.held.items():
             if grip.arm == arm:
-                return Held(name, grip.offset, self._world.size(name))
+                limit = self._world.scene.body(name).largest_tilt
+                upright = limit is not None and float(grip.before.rotation[2, 2]) >= math.cos(limit)
+                return Held(name, grip.offset, self._world.size(name), limit if upright else None)
         return None
 
     def is_held(self, body: str) -> bool:
@@ -233,6 +247,8 @@ class PlanningScene:
         self, world: PlanningWorld, robot: Robot, belief: Belief, arms: Sequence[ArmModel], gaze: Gaze | None
     ) -> None:
         self.world, self.robot, self.belief = world, robot, belief
+        self.space: ExploredSpace | None = None
+        """What was seen of the room, once it is explored."""
         self.bodies = BelievedBodies(world, belief)
         self.arms = RobotArms(world, robot, belief, arms)
         self.collisions = SceneCollisions(world, robot, belief, arms)

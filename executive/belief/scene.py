@@ -11,15 +11,18 @@ from executive.belief.articulation import articulated
 from executive.belief.contents import is_content, rules_of, with_contents
 from executive.belief.controls import controls_of
 from executive.belief.hollow import WALL, hollowed, open_at
+from executive.belief.in_hand import STOWED, is_in_hand
+from executive.belief.object_models import Blade
 from executive.belief.semantic_map import MapObject, SemanticMap
 from planlang.diagnostics import Diagnostic, note, warning
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import rotated
 from planlang.geometry.shapes import corners, footprint, inside
 from planlang.ontology import expand, shorten
+from planlang.recipe.effects import number_of_class
 from sim import Body, Scene
 from sim.joints import Articulation
-from sim.scene import GRASPABLE_WIDTH, BodyShape, Cavity
+from sim.scene import GRASPABLE_WIDTH, THIN, BodyShape, Cavity
 
 PENETRATION = 0.02
 """Greatest penetration of a thing into its support [m]."""
@@ -74,8 +77,21 @@ def support_of(scene: Scene, name: str, poses: Mapping[str, Pose] | None = None)
     return Standing(scene, poses).support(name)
 
 
-ROUND = ("DrinkingVessel", "Bottle", "Vase", "Can", "Jar-Container", "DrinkingCan", "CookingVessel")
+ROUND = (
+    "DrinkingVessel",
+    "Bottle",
+    "Vase",
+    "Can",
+    "Jar-Container",
+    "DrinkingCan",
+    "CookingVessel",
+    "EatingVessel",
+    "Bowl-Generic",
+)
 """Classes of things that are cylinders about their z axis."""
+
+SOFT = ("TableCovering", "Napkin", "PaperTowel")
+"""Classes of things that fingers pinch from above: they make a fold."""
 
 LIGHT_FURNITURE = ("Table-PieceOfFurniture", "Chair-PieceOfFurniture", "SideTable", "Stool")
 """Classes of furniture that people push around."""
@@ -115,7 +131,9 @@ def scene_of(semantic_map: SemanticMap, found: list[Diagnostic] | None = None) -
     found = [] if found is None else found
     bodies = []
     for thing in semantic_map.objects:
-        if thing.pose is not None:
+        if is_in_hand(thing, semantic_map) and thing.size is not None:
+            bodies.append(_body(thing, STOWED, semantic_map))
+        elif thing.pose is not None:
             bodies.append(_body(thing, thing.pose, semantic_map))
         elif thing.size is not None and not is_content(thing):
             found.append(note("M012", f"{thing.name} has a size but no place: not in the world", thing.span))
@@ -132,9 +150,15 @@ def scene_of(semantic_map: SemanticMap, found: list[Diagnostic] | None = None) -
 def _body(thing: MapObject, pose: Pose, semantic_map: SemanticMap) -> Body:
     shape = _shape(thing, semantic_map)
     cls = next((cls for cls in thing.types if not cls.endswith("#NamedIndividual")), "")
-    movable = shape in (BodyShape.BOX, BodyShape.CYLINDER) and _movable(thing, semantic_map)
-    size = thing.size or (0.0, 0.0, 0.0)
-    return Body(thing.name, pose, size, shape, thing.iri, shorten(cls), movable)
+    size, soft = thing.size or (0.0, 0.0, 0.0), _is_a(thing, semantic_map, SOFT)
+    wall = number_of_class(semantic_map.ontology, thing.types, "wallThickness") or 0.0
+    wall = wall if 4 * wall < min(size[:2]) and 2 * wall < size[2] else 0.0
+    handled = shape in (BodyShape.BOX, BodyShape.CYLINDER)
+    movable = handled and _movable(thing, semantic_map, wide=soft or wall > 0)
+    blade = Blade.of(semantic_map.ontology, thing.iri) if thing.parts else None
+    size, centre = (size, (0.0, 0.0, 0.0)) if blade is None else blade.box(size)
+    wall *= movable
+    return Body(thing.name, pose, size, shape, thing.iri, shorten(cls), movable, centre=centre, wall=wall, soft=soft)
 
 
 def _is_a(thing: MapObject, semantic_map: SemanticMap, classes: Iterable[str]) -> bool:
@@ -153,14 +177,16 @@ def _shape(thing: MapObject, semantic_map: SemanticMap) -> BodyShape:
     return BodyShape.BOX
 
 
-def _movable(thing: MapObject, semantic_map: SemanticMap) -> bool:
+def _movable(thing: MapObject, semantic_map: SemanticMap, *, wide: bool) -> bool:
+    """Return whether a thing is moved by people; ``wide``: it can be taken though it is."""
     if thing.size is None or thing.hinged_to or semantic_map.holder(thing):
         return False
     if _is_a(thing, semantic_map, LIGHT_FURNITURE):
         return True
     if _is_a(thing, semantic_map, FIXED):
         return False
-    return min(thing.size[:2]) <= GRASPABLE_WIDTH and max(thing.size) <= LONGEST
+    narrow = min(thing.size[:2]) <= GRASPABLE_WIDTH or thing.size[2] <= THIN
+    return (wide or narrow) and max(thing.size) <= LONGEST
 
 
 def _opened(
@@ -200,7 +226,7 @@ def _check_support(scene: Scene, semantic_map: SemanticMap, found: list[Diagnost
     half, standing = np.array([body.size for body in boxes]).reshape(-1, 3) / 2, Standing(scene)
     for body in scene.bodies:
         thing = semantic_map.find(body.iri)
-        if not body.movable or thing is None:
+        if not body.movable or thing is None or body.pose == STOWED:
             continue
         held = (np.abs(rotated(turns, body.pose.position - centres)) < half).all(axis=1)
         if not held.any() and standing.support(body.name) is None:  # a box is in itself: it may be in the air
@@ -217,6 +243,7 @@ def _bounds(bodies: Iterable[Body]) -> tuple[float, float, float, float]:
     points = [
         footprint(body.pose, body.size)
         for body in (rooms or [b for b in bodies if b.shape is not BodyShape.MARKER] or bodies)
+        if body.pose != STOWED
     ]
     if not points:
         return (-5.0, -5.0, 5.0, 5.0)
@@ -251,7 +278,9 @@ def default_starts(scene: Scene, radius: float) -> Iterator[tuple[float, float, 
     outer = [
         footprint(body.pose, body.size)
         for body in scene.bodies
-        if body.shape not in (BodyShape.MARKER, BodyShape.ROOM) and corners(body.pose, body.size)[:, 2].min() < HEADROOM
+        if body.shape not in (BodyShape.MARKER, BodyShape.ROOM)
+        and body.pose != STOWED
+        and corners(body.pose, body.size)[:, 2].min() < HEADROOM
     ]
     found = False
     for reach, spacing in GRIDS:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from operator import itemgetter
-from typing import Generic, TypeVar
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,9 @@ from sim import PlanningWorld
 from sim.bodies import FLOOR
 from sim.scene import BodyShape
 
+if TYPE_CHECKING:  # a plain run moves one arm at a time
+    from executive.motion.arm_group import ArmGroup
+
 BasePose = tuple[float, float, float]
 """Pose of the base in the map (x [m], y [m], yaw [rad])."""
 
@@ -39,6 +42,8 @@ SLACK = 0.03
 """Room that may be missing in the grid, whose cells are 5 cm wide: places are validated exactly later [m]."""
 DOUBTFUL = 0.15
 """Factor of a place with doubtful room: only at the border of its cell, or with some headings."""
+NEAR_ITS_END = 0.4
+"""Distance from the end of a straight way up to which a base has less than a cell of room to turn [m]."""
 MOST_FLOOR = 10_000.0
 """Area of a map of which it is worked out where the base can get to [m^2]."""
 ROOMY = 0.3
@@ -76,6 +81,16 @@ class Field:
         cells *= 2 * self.half + 3
         cells += (across @ places).astype(np.int32)
         return np.take(self.factors, cells)
+
+    def has_room(self, points: Array, least: float, most: float) -> NDArray[np.bool_]:
+        """Return whether there may be room between two distances [m] from points (w, 2), (w,)."""
+        cells = np.stack(np.divmod(np.flatnonzero(self.factors), 2 * self.half + 3), axis=1) - (self.half + 1)
+        c, s = math.cos(self.yaw), math.sin(self.yaw)
+        x, y = points[:, 0] - self.x, points[:, 1] - self.y
+        local = np.stack([c * x + s * y, c * y - s * x], axis=1) / CELL
+        each, which = np.unique(local.round(6), axis=0, return_inverse=True)
+        away = np.linalg.norm(cells[None] - each[:, None], axis=2) * CELL
+        return np.asarray(((away > least - CELL) & (away < most + CELL)).any(axis=1)[which.ravel()])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -190,6 +205,7 @@ class SceneCollisions:
         """The last, as several checks ask for the same."""
         self._touched: Latest[tuple[Contact, ...]] = Latest()
         self._lifts: Latest[dict[tuple[str, float], list[tuple[str, str]]]] = Latest()
+        self._groups: dict[tuple[str, ...], ArmShapes] = {}
         self._arm_bodies: dict[tuple[str, bool], Latest[ArmBodies]] = {}
 
     # Room
@@ -203,6 +219,19 @@ class SceneCollisions:
             return Floor(self.obstacles(), self._world.silhouette(arms), shapes, self._world.scene.bounds)
 
         return self._floor.of((self._state(), self._posture()), work_out)
+
+    def has_way(self, base: BasePose) -> bool:
+        """Return whether the base can get to a pose: it can go straight there, or else as :meth:`drivable` says."""
+        return self._goes_straight(base) or bool(self.drivable()(np.array([base]))[0])
+
+    def _goes_straight(self, base: BasePose) -> bool:
+        """Return whether there is room to turn on the straight line to a pose, and more than that before its end."""
+        floor, start = self.floor(), self._world.configuration().base
+        away = math.dist(start[:2], base[:2])
+        line = np.linspace(start[:2], base[:2], max(2, math.ceil(2 * away / CELL)))
+        room = clearance_at(line, floor.boxes, floor.silhouette)
+        before = np.linspace(0.0, away, len(line)) < away - NEAR_ITS_END
+        return bool((room >= np.where(before, CELL, 0.0)).all())
 
     def drivable(self) -> Drivable:
         """Return where the base can get to from where it is, arms left out.
@@ -368,6 +397,25 @@ class SceneCollisions:
         base = self._world.link_pose(self._robot.base_link).matrix()
         middle = moved(base, bodies.centre)
         return bodies.against(base, self._room().near(middle, bodies.reach), (self._touching(arm), touches))
+
+    def group_check(self, group: ArmGroup, arms: Sequence[ArmModel]) -> QuickCheck:
+        """Return a check, without PyBullet, of how arms may move together here; blades may go under what is thin."""
+        world, base_link = self._world, self._robot.base_link
+        names = tuple(arm.name for arm in arms)
+        if names not in self._groups:
+            tip = self._robot.arm(names[0]).tip
+            self._groups[names] = ArmShapes(world, links_of(world), group, base_link, tip)
+        bodies, base = self._groups[names].now(world), world.link_pose(base_link).matrix()
+        room = self._room().near(moved(base, bodies.centre), bodies.reach)
+        if any(world.scene.body(name).blade for name in world.attached()):
+            room = room.without([body.name for body in world.scene.bodies if body.thin])
+        return bodies.against(base, room, (frozenset(), None))
+
+    def touching(self, joints: Mapping[str, float]) -> list[tuple[str, str]]:
+        """Return which two bodies penetrate each other, wrongly, with some joints elsewhere."""
+        now = self._world.configuration()
+        there = Configuration(now.base, {**now.joints, **joints})
+        return [(contact.part, contact.body) for contact in self._world.contacts(there, tuple(joints))]
 
     def arm_check(
         self, arm: ArmModel, touches: str | None, *, opened: bool, near: tuple[Array, float] | None = None

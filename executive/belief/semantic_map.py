@@ -9,17 +9,14 @@ import math
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import cache
-from pathlib import Path
 
 import numpy as np
 
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors, note, warning
-from planlang.files import Bundled
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import orthonormal, product
-from planlang.ontology import Literal, Ontology, Triple, expand, load
+from planlang.ontology import Literal, Ontology, Triple, expand
 
 METRES: dict[str, float] = {
     "Meter": 1.0,
@@ -304,18 +301,18 @@ def read_map(ontology: Ontology) -> SemanticMap:
     """
     found: list[Diagnostic] = []
     things = _things(ontology)
-    poses = _Poses(ontology, found)
+    poses = PosesOfThings(ontology, found)
     names: set[str] = set()
     objects = []
     for iri in things:
-        types = ontology.types(iri)
-        size = read_size(ontology, iri, types, found)
+        types, vessels = ontology.types(iri), _vessels(ontology, iri)
+        size = read_size(ontology, iri, (*vessels, *types), found)
         matrix = poses.of(iri)
         objects.append(
             MapObject(
                 iri,
                 _unique(local_name(iri), names),
-                types,
+                (*types, *vessels),
                 None if matrix is None else Pose.from_matrix(matrix),
                 size,
                 parts=_individuals(ontology, iri, "properPhysicalParts"),
@@ -337,7 +334,14 @@ def read_map(ontology: Ontology) -> SemanticMap:
     return SemanticMap(ontology.iri, ontology, tuple(objects), tuple(found))
 
 
-_MARKS = ("describedInMap", "hingedTo", "properPhysicalParts", "roomNumber", "in-ContGeneric", *EXTENTS, *TRIPLES)
+IN_HAND = "srdl2-comp:predecessorInKinematicChain"
+"""The property of a thing that hangs from a link of a robot: the robot holds it when a run begins."""
+FEATURES = frozenset({"Cone", "FlatPhysicalSurface", "Sphere"})
+"""Classes of parts that are features of a thing's model, not things of their own."""
+_MARKS = (
+    *("describedInMap", "hingedTo", "properPhysicalParts", "roomNumber", "in-ContGeneric", IN_HAND),
+    *(*EXTENTS, *TRIPLES),
+)
 
 
 def _things(ontology: Ontology) -> tuple[str, ...]:
@@ -355,7 +359,25 @@ def _things(ontology: Ontology) -> tuple[str, ...]:
             if isinstance(triple.subject, str) and isinstance(triple.object, str):
                 things[triple.subject] = None
     order = {iri: rank for rank, iri in enumerate(_typed(ontology))}
-    return tuple(sorted((iri for iri in things if iri in order and iri not in links), key=order.__getitem__))
+    there = (iri for iri in things if iri in order and iri not in links and not _is_feature(ontology, iri))
+    return tuple(sorted(there, key=order.__getitem__))
+
+
+def _vessels(ontology: Ontology, iri: str) -> tuple[str, ...]:
+    """Return what a thing is by its parts: a bottle if it has a cap, whatever is in it."""
+    parts = _individuals(ontology, iri, "properPhysicalParts")
+    return (expand("Bottle"),) if any(ontology.is_a(part, expand("BottleCap")) for part in parts) else ()
+
+
+def _is_feature(ontology: Ontology, iri: str) -> bool:
+    """Return whether an individual is a feature of a model: by its class, or placed in its whole and without a size."""
+    if any(local_name(cls) in FEATURES for cls in ontology.types(iri)):
+        return True
+    if any(stated(ontology, iri, name) for name in (*EXTENTS, *TRIPLES)):
+        return False
+    places = _individuals(ontology, iri, "orientation")
+    wholes = (whole for place in places for whole in _individuals(ontology, place, "relativeTo"))
+    return any(iri in _individuals(ontology, whole, "properPhysicalParts") for whole in wholes)
 
 
 def _typed(ontology: Ontology) -> tuple[str, ...]:
@@ -396,7 +418,7 @@ def _unique(name: str, names: set[str]) -> str:
     return candidate
 
 
-class _Poses:
+class PosesOfThings:
     """Poses of things as matrices, each read once, relative ones composed."""
 
     def __init__(self, ontology: Ontology, found: list[Diagnostic]) -> None:
@@ -413,10 +435,11 @@ class _Poses:
 
     def of(self, thing: str) -> Array | None:
         """Return where a thing is, (4, 4) in the map; None if it is nowhere stated."""
-        place = self._place(thing)
+        place = self.place_of(thing)
         return None if place is None else self._resolve(place)
 
-    def _place(self, thing: str) -> str | None:
+    def place_of(self, thing: str) -> str | None:
+        """Return the pose of a thing: that of its latest perception, else the one that it states itself."""
         if thing in self.places:
             return max(self.places[thing])[2]
         own = [*_individuals(self.ontology, thing, "orientation"), *_individuals(self.ontology, thing, "pose")]
@@ -443,7 +466,7 @@ class _Poses:
         """Return the frame that a pose is relative to: another pose, a thing's pose, or the map itself."""
         if self.ontology.is_a(parent, expand("SemanticEnvironmentMap")) or parent == expand("MapFrame"):
             return np.eye(4)
-        nested = self._place(parent)
+        nested = self.place_of(parent)
         if nested is None and stated(self.ontology, parent, "m03"):
             nested = parent
         if nested is None:
@@ -468,41 +491,3 @@ class _Poses:
             self.found.append(note("M011", message, triple.span))
             return float("-inf")
         return float(number.group(1))
-
-
-DEFAULT_ENVIRONMENT = "hospital_room"
-"""The environment in which bundled recipes are run without ``--environment`` if they name things of no other one."""
-
-
-def environments_with(things: Iterable[str]) -> tuple[str, ...]:
-    """Return the bundled environments in which all these things (local names or IRIs) have a pose, sorted."""
-    wanted = tuple(things)
-    return tuple(name for name in Bundled.ENVIRONMENT.names() if all(_has(_map(name), thing) for thing in wanted))
-
-
-def default_environment(recipe: Path, things: Iterable[str], notes: list[Diagnostic]) -> str:
-    """Return the bundled environment for a run of a bundled recipe with these things.
-
-    That whose namespace the recipe's prefixes name is replaced, with a note, if only one other contains the things.
-    """
-    text = recipe.read_text(encoding="utf-8")
-    named = (name for name in Bundled.ENVIRONMENT.names() if f"/{name}.owl#>" in text)
-    usual = next(named, DEFAULT_ENVIRONMENT)
-    wanted = tuple(things)
-    fitting = environments_with(wanted) if wanted else ()
-    if len(fitting) != 1 or fitting[0] == usual:
-        return usual
-    lacking = ", ".join(thing for thing in wanted if not _has(_map(usual), thing))
-    message = f"the environment {fitting[0]} is chosen, as {usual} has no {lacking}"
-    notes.append(note("X010", message, help="--environment names one"))
-    return fitting[0]
-
-
-@cache
-def _map(name: str) -> SemanticMap:
-    return read_map(load(Bundled.ENVIRONMENT.find(name)))
-
-
-def _has(semantic_map: SemanticMap, name: str) -> bool:
-    thing = semantic_map.find(name)
-    return thing is not None and thing.pose is not None

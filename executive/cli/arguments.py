@@ -214,8 +214,9 @@ class RunArguments(TaskArguments, VerboseArguments):
         list[str] | None,
         typer.Option(
             "--set",
-            metavar="NAME=THING",
-            help="Bind a parameter (NAME or STEP.PROPERTY) to a thing of the map, or a place to a phrase; repeatable.",
+            metavar="NAME=THING|@FILE",
+            help="Bind a parameter (NAME or STEP.PROPERTY) to a thing of the map, a place to a phrase, or all that the "
+            "lines of a file name; repeatable.",
         ),
     ] = None
     seed: Annotated[

@@ -5,19 +5,20 @@ from __future__ import annotations
 import ctypes
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import Any
 
 import typer
 
-from executive.belief.semantic_map import DEFAULT_ENVIRONMENT, default_environment
+from executive.belief.environments import DEFAULT_ENVIRONMENT, default_environment
 from executive.cli.arguments import RunArguments
 from executive.cli.console import Answer, ExitCode, say, show, silent
 from executive.cli.inputs import PlanFile, RecipeFile, accepted, check_files, chosen, environments, planar, read, refuse
 from executive.runs.plan_run import Outcome, RunOptions, RunResult, run_plan_file
 from executive.runs.traces import TraceHeader, read_trace
-from planlang.diagnostics import Diagnostic, error
-from planlang.files import Bundled
+from planlang.diagnostics import BadInput, Diagnostic, Span, error
+from planlang.files import Bundled, decode, read_file
 from planlang.outputs import check_outputs
 
 
@@ -98,6 +99,8 @@ def options_of(arguments: RunArguments) -> RunOptions:
     )
 
 
+MOST_SETTINGS = 1_000_000
+"""Greatest size of a file of settings [bytes]."""
 _NEEDS = "only bundled recipes have a default: this plan"
 
 
@@ -112,22 +115,39 @@ def _answer(result: RunResult, *, is_announced: bool) -> Answer:
         "outcome": result.message,
         "failure": list(result.failure),
         "final_state": list(result.final_state),
+        "largest_tilts": result.tilts.degrees(),
         "plan_seconds": result.seconds,
     }
-    text = "\n".join(line for line in (result.message, *result.final_state) if line)
+    text = "\n".join(line for line in (result.message, *result.final_state, *result.tilts.lines()) if line)
     return Answer(code, () if is_announced else result.diagnostics, text, data)
 
 
 def _bindings(texts: Sequence[str]) -> dict[str, str]:
+    """Return what parameters are set to; ``@FILE`` stands for the lines of a file. Raises a usage error or BadInput."""
     bindings: dict[str, str] = {}
-    for text in texts:
-        name, equals, value = text.partition("=")
+    for text, span in _settings(texts):
+        name, equals, value = (part.strip() for part in text.partition("="))
+        problem = f"{name!r} is set twice" if name in bindings else None
         if not (name and equals and value):
-            raise typer.BadParameter(f"{text!r} is not NAME=THING; write for example --set bottle=bottle2")
-        if name in bindings:
-            raise typer.BadParameter(f"{name!r} is set twice")
+            problem = f"{text!r} is not NAME=THING; write for example --set bottle=bottle2"
+        if problem is not None and span is None:
+            raise typer.BadParameter(problem)
+        if problem is not None:
+            raise BadInput([error("C018", problem, span, "each line is NAME=THING, or begins with #")])
         bindings[name] = value
     return bindings
+
+
+def _settings(texts: Sequence[str]) -> Iterator[tuple[str, Span | None]]:
+    """Yield settings one by one, those of files with their place."""
+    for text in texts:
+        if not text.startswith("@"):
+            yield text, None
+            continue
+        lines = decode(read_file(Path(text[1:]), largest=MOST_SETTINGS), text[1:]).splitlines()
+        for number, line in enumerate(lines, 1):
+            if line.strip() and not line.lstrip().startswith("#"):
+                yield line, Span(text[1:], number)
 
 
 def no_display() -> list[Diagnostic]:

@@ -251,7 +251,12 @@ class Inversion:
 
     def _inverted(self, number: int, candidates: GraspCandidates, index: Indices, chosen: Rows) -> BaseCandidates:
         """Return the best base poses of all rows (n) for all candidates (w), looked up in the field at once."""
-        factors = self.room.looked_up(candidates.points[index, :2], candidates.headings[index], chosen.v)
+        away = np.hypot(chosen.v[:, 0], chosen.v[:, 1])
+        factors = np.zeros((len(index), len(away)))
+        some = self.room.has_room(candidates.points[index, :2], float(away.min()), float(away.max()))
+        factors[some] = self.room.looked_up(
+            candidates.points[index[some], :2], candidates.headings[index[some]], chosen.v
+        )
         free = np.count_nonzero(factors, axis=1)
         self.refused[NO_ROOM] += int(np.minimum(factors.shape[1] - free, COUNTED).sum())
         for candidate in index[free == 0].tolist():

@@ -163,14 +163,18 @@ class Resolver:
             if not wanted:
                 yield FloorSearch(validator, demand, log).places()
                 return
-            before, again = log.copy(), False
+            before, again, nothing = log.copy(), False, None
             for budget in BUDGETS:
+                if nothing == (budget.stage, budget.least, budget.rows):
+                    continue  # the same base poses, of which more would be kept
                 if not log.counts[COLLISION]:  # nothing that a few degrees would help with
                     budget = replace(budget, stage=min(budget.stage, Stage.ALL))
                 log.begin_again(before)
-                yield ReachSearch(validator, wanted, demand, arms, budget, log, is_taken if again else None).places()
+                search = ReachSearch(validator, wanted, demand, arms, budget, log, is_taken if again else None)
+                yield search.places()
                 if log.hopeless:
                     return
+                nothing = None if search.inverted else (budget.stage, budget.least, budget.rows)
                 again = bool(found)  # what was found is found again: it need not be validated once more
 
         for solution in chain.from_iterable(searches()):

@@ -101,6 +101,8 @@ class ReachSearch:
         self.is_taken = is_taken
         self.validator, self.scene, self.inverse = validator, validator.scene, validator.inverse
         self.wanted, self.demand, self.arms, self.budget, self.log = wanted, demand, arms, budget, log
+        self.inverted = False
+        """True once maps have given a base pose."""
 
     def places(self) -> Iterator[Solution]:
         """Yield base poses from which the first reach is possible by the maps, validated block by block."""
@@ -148,6 +150,7 @@ class ReachSearch:
         if log.explained:
             validator.name_crowding(inversion.crowded(), log)
         if len(found):
+            self.inverted = True
             some, stance = False, scene.collisions.stance_check(near)
             for solution in self._in_blocks(found, hands, middle, stance):
                 some = True
@@ -199,6 +202,7 @@ class ReachSearch:
         stopped: dict[tuple[int, int], bool] = {}
         bodies_around = frozenset(scene.bodies.names())
         postponed: list[tuple[int, HandSolution]] = []
+        clumsy: set[tuple[float, ...]] = set()
 
         def is_stopped(number: int, candidate: int) -> bool:
             """Return whether the hand itself is in something: then no base pose of a candidate that failed will do."""
@@ -206,6 +210,19 @@ class ReachSearch:
             if key in failures and key not in stopped:
                 stopped[key] = Trial(*failures[key], scene, hands[number].check).hand_is_stopped()
             return stopped.get(key, False)
+
+        def posture(row: int) -> tuple[float, ...]:
+            """Return what an arm's posture depends on: with the same, a robot that touches itself does so anywhere."""
+            number, candidate = int(found.arms[row]), int(found.candidates[row])
+            mine = hands[number].candidates
+            of_hand = int(mine.grasps[candidate]), int(mine.rolls[candidate]), float(mine.points[candidate, 2])
+            return number, *of_hand, int(found.rows[row]), float(found.torsos[row])
+
+        def is_hopeless(row: int) -> bool:
+            """Return whether no base pose will do for a candidate, or none for a posture."""
+            if clumsy and posture(row) in clumsy:
+                return True
+            return is_stopped(int(found.arms[row]), int(found.candidates[row]))
 
         def standing() -> Iterator[NDArray[np.intp]]:
             """Yield candidates with room for base and arms, block by block; looked at in ever larger parts."""
@@ -228,7 +245,7 @@ class ReachSearch:
         def looked_at() -> Iterator[tuple[int, HandSolution, bool]]:
             """Yield candidates that spheres and inverse kinematics leave; at last those like others that failed."""
             for rows in standing():
-                undecided[rows] = [not is_stopped(int(found.arms[row]), int(found.candidates[row])) for row in rows]
+                undecided[rows] = [not is_hopeless(row) for row in rows.tolist()]
                 rows = rows[undecided[rows]]
                 undecided[rows], joints = self._solved(found, rows, bases, hands)
                 rows = rows[undecided[rows]]
@@ -248,7 +265,7 @@ class ReachSearch:
             base = bases[row]
             place = (float(base[0]), float(base[1]), float(base[2]))
             heading = float(hands[number].candidates.headings[candidate])
-            if (self.is_taken is not None and self.is_taken(place)) or is_stopped(number, candidate):
+            if (self.is_taken is not None and self.is_taken(place)) or is_hopeless(row):
                 undecided[row] = False
                 continue
             if first and (failed.near(number, base, heading) or occlusion.covers(base)):
@@ -269,6 +286,8 @@ class ReachSearch:
             failed.add(number, base, heading)
             if answer in bodies_around:
                 failures.setdefault((number, candidate), (solution, place))
+            elif isinstance(answer, str) and budget is not BETWEEN:  # where postures are those of the maps
+                clumsy.add(posture(row))
 
     def _solved(
         self, found: BaseCandidates, rows: NDArray[np.intp], bases: Array, hands: Sequence[Hand]

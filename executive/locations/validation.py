@@ -159,7 +159,8 @@ class BaseValidator:
         """
         # the arm first, where it takes hold: it is what most often meets something
         trial = Trial(solution, base, self.scene, check)
-        body = trial.touched(np.roll(solution.joints, -1, axis=0))
+        # few postures: a quick check of them would take longer than looking
+        body = Trial(solution, base, self.scene).touched(np.roll(solution.joints, -1, axis=0))
         reason = None if body is None else Reason(COLLISION, body)
         if reason is None:
             if not self.stands(base, score, demand, log) or not self.sees(base, score, demand, log, occlusion):
@@ -225,7 +226,7 @@ class BaseValidator:
         self, base: BasePose, score: float, reached: dict[Reach, HandSolution], demand: BaseDemand, log: Rejections
     ) -> Solution | None:
         """Return a base pose that all else accepts, unless something is in reach that must not be."""
-        if not self.scene.collisions.drivable()(np.array([base]))[0]:
+        if not self.scene.collisions.has_way(base):
             log.walled = True
             _reject(log, base, score, NO_WAY)
             return None

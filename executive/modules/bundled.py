@@ -38,7 +38,15 @@ ON_DEMAND = (
         "LoweringAnObject",
         failures=(ManipulationFailure, PerceptionFailure, LookingFailure, DesignatorFailure),
     ),
-    _on_demand("devices:Devices", "device", "TurningOnPoweredDevice", "TurningOffPoweredDevice", failures=_HAND_WORK),
+    _on_demand(
+        "devices:Devices",
+        "device",
+        "TurningOnPoweredDevice",
+        "TurningOffPoweredDevice",
+        "PreheatOven",
+        "OperateOven",
+        failures=_HAND_WORK,
+    ),
     _on_demand(
         "searching:Software",
         "software",
@@ -53,6 +61,18 @@ ON_DEMAND = (
         "checking",
         "CheckingWhetherConditionObtains",
         failures=(PerceptionFailure, LookingFailure, DesignatorFailure),
+    ),
+    _on_demand(
+        "exploring:Exploring",
+        "exploration",
+        "EnvironmentExploration",
+        failures=(PerceptionFailure, LookingFailure, DesignatorFailure),
+    ),
+    _on_demand(
+        "constrained_motions:ConstrainedMotions",
+        "constrained_motion",
+        "ITaSCMotion",
+        failures=(ManipulationFailure, NavigationFailure, PerceptionFailure, LookingFailure, DesignatorFailure),
     ),
     _on_demand("mapping:Mapping", "mapping", "UploadMapToRoboEarth"),
 )

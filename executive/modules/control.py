@@ -154,8 +154,10 @@ ROOMY = 0.01
 """A pose with this much room around the robot's outline, taken for round, touches nothing and is not checked [m]."""
 BACK_OFF = (0.1, 0.2, 0.3, 0.45, 0.6)
 """Distances at which room for the carrying posture is looked for [m]; the base is to stay near its work."""
-BACKWARDS = (math.pi, 0.75 * math.pi, -0.75 * math.pi, 0.5 * math.pi, -0.5 * math.pi)
-"""Directions in which the base backs off, relative to its heading [rad]: straight back first, never ahead."""
+AWAY = tuple(share * math.pi for share in (1.0, 0.75, -0.75, 0.5, -0.5, 0.25, -0.25, 0.0))
+"""Directions in which the base backs off, relative to its heading [rad]: straight back first; arms work at any side."""
+STRIDE, HAIR = 0.05, 1e-6
+"""Steps in which a straight way of the base is looked at, and what rounding takes from them [m]."""
 
 
 class Drive:
@@ -173,6 +175,9 @@ class Drive:
         grid = Grid.over((x_min, y_min), (x_max, y_max))
         obstacles, silhouette = scene.collisions.obstacles(), scene.collisions.silhouette()
         room = clearance_field(grid, obstacles, silhouette)
+        if control.scene.space is not None:  # what nobody has seen may be full
+            height, radius = max(high for _, high, _ in silhouette), limits.radius
+            room = np.where(control.scene.space.room(grid, height, radius), room, np.minimum(room, -radius))
 
         def touching(x: float, y: float, yaw: float) -> list[tuple[str, str]]:
             return [(contact.part, contact.body) for contact in scene.collisions.contacts((x, y, yaw))]
@@ -199,23 +204,37 @@ class Drive:
         except MotionError:
             return None
 
-    def room_for(self, postures: Sequence[tuple[ArmModel, Array]], least: float = 0.0) -> BasePose | None:
-        """Return the nearest base pose, here or behind, where arms can go to postures (d,); None if there is none.
+    def room_for(
+        self, postures: Sequence[tuple[ArmModel, Array]], least: float = 0.0, ahead: float | None = None
+    ) -> BasePose | None:
+        """Return the nearest base pose, here or around, where arms can go to postures (d,); None if there is none.
 
-        It is at least so far from here [m].
+        It is at least so far from here [m]. ``ahead``: the heading of the work [rad]; that of the base, unless given.
+        Poses to which the robot can go straight, as its arms are now, come first.
         """
         x, y, yaw = self._control.base()
-        scene = self._control.scene
-        back = [] if self._control.robot.base.fixed else product(BACK_OFF, BACKWARDS)
-        for step, turn in [(0.0, 0.0), *back]:
-            if step < least:
+        contacts, work = self._control.scene.collisions.contacts, yaw if ahead is None else ahead
+        around = [] if self._control.robot.base.fixed else product(BACK_OFF, AWAY)
+        bent, free = None, dict.fromkeys(AWAY, 0.0)
+
+        def at(step: float, turn: float) -> BasePose:
+            return (x + step * math.cos(work + turn), y + step * math.sin(work + turn), yaw)
+
+        def is_straight(step: float, turn: float) -> bool:
+            while free[turn] < step and not contacts(at(free[turn] + STRIDE, turn)):
+                free[turn] += STRIDE
+            return free[turn] >= step
+
+        for step, turn in [(0.0, math.pi), *around]:
+            pose = at(step, turn)
+            if step < least or (step and contacts(pose)):
                 continue
-            pose = (x + step * math.cos(yaw + turn), y + step * math.sin(yaw + turn), yaw)
-            if step and scene.collisions.contacts(pose):
+            if any(contacts(pose, arm, posture) for arm, posture in postures):
                 continue
-            if not any(scene.collisions.contacts(pose, arm, posture) for arm, posture in postures):
+            if is_straight(step - HAIR, turn):
                 return pose
-        return None
+            bent = bent or pose
+        return bent
 
     def moved(self) -> None:
         """Record that the base has moved: things have to be looked at again before they are handled."""
@@ -335,6 +354,13 @@ class Sensing:
         self._control.sync()
         self._explain()
         return tuple(detection.name for detection in detections)
+
+    def scan(self) -> None:
+        """Take a picture of depths: the belief learns which space is free."""
+        control, camera, space = self._control, self._control.robot.camera, self._control.scene.space
+        if camera is not None and space is not None:
+            eye = np.array(control.world.link_pose(camera.link).position)
+            space.integrate(eye, *control.world.scan(camera.link))
 
     async def _look_over(self, point: Array) -> None:
         """Look at what was touched at a map point (3,), or, where the neck cannot bend that far, as low as it can."""

@@ -46,7 +46,7 @@ class Devices(HandWork):
     """Turns devices on and off."""
 
     name = "device"
-    actions = ("TurningOnPoweredDevice", "TurningOffPoweredDevice")
+    actions = ("TurningOnPoweredDevice", "TurningOffPoweredDevice", "PreheatOven", "OperateOven")
     failures = (EnvironmentManipulationFailure, ManipulationFailure, NavigationFailure, DesignatorFailure)
     by_hand = True
     """The simulator switches what the hand has really moved."""

@@ -8,8 +8,9 @@ pushes buttons and turns knobs says ``by_hand = True``: then the simulator switc
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Any
 
 from executive.belief import MapObject
@@ -64,6 +65,10 @@ class ActionEffects:
         self._true = world.changes if isinstance(world, PyBulletWorld) else None
         self.applied = 0 if self._true is None else self._true.matter.count
         """Number of changes of the true world, as far as is known here."""
+
+    def there(self) -> frozenset[str]:
+        """Return the names of the things of the believed world."""
+        return frozenset(self._platform.scene.world.names())
 
     def untouched(self) -> bool:
         """Return whether nobody else has changed what there is."""
@@ -155,7 +160,8 @@ class ActionEffects:
                 things.append(name)
             else:
                 content = self._believed.matter.contents.get(name, {})
-                meant = [type for type in content if self._is_a(type, what.type) or what.iri is not None]
+                vessel = what.iri is not None or self._means(what, name)  # what is in a bowl is mixed with the rest
+                meant = [type for type in content if vessel or self._is_a(type, what.type)]
                 used += [(name, type) for type in meant if any(self._is_a(type, cls) for cls in effects.destroyed)]
         if not (things or used) and (effects.destroyed or not effects.created):
             return
@@ -258,7 +264,12 @@ class ActionEffects:
         for name in sorted(before - set(after)):
             if name in belief.names():
                 belief.destroyed(name)
-        for name in (name for name in after if name not in before and name not in belief.made):
+        self.learn(before, outputs)
+
+    def learn(self, before: Collection[str], outputs: Mapping[str, Output] = MappingProxyType({})) -> None:
+        """Tell the belief which things of the believed world came into being."""
+        world, belief = self._platform.scene.world, self._platform.belief
+        for name in (name for name in world.names() if name not in before and name not in belief.names()):
             body, output = world.scene.body(name), outputs.get(name)
             iri = output.what.iri if output is not None and output.what is not None else None
             thing = MapObject(iri or "", name, (expand(body.type),), None, body.size)
@@ -331,7 +342,9 @@ class ModuleWithEffects(WrappedModule):
         self._effects.pass_time()
         if (due := self._effects.due(action)) is not None:
             await sleep(due)
+        before = self._effects.there()
         result = await self._module.execute(action)
+        self._effects.learn(before)
         self._effects.pass_time()
         if not self._effects.untouched():
             raise PlanStructureError(

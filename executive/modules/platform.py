@@ -7,7 +7,7 @@ made once in each strand of the run, and kept there.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,11 +17,14 @@ from executive.belief.scene_collisions import BasePose
 from executive.locations import HandSolution, Reach, ReachKind, Resolver
 from executive.locations.demands import asks_for
 from executive.locations.grasp_candidates import HandPoses
+from executive.modules.carrying import is_near, upright_postures
 from executive.modules.control import Control, Drive, Hands, Sensing
+from executive.modules.phases import Phases
 from executive.motion import JointSpace, MotionError, cartesian_path, keeps_line, plan_path, time_curve, time_path
+from executive.motion.upright import Upright
 from executive.robots import CARRYING
 from executive.robots.arms import ArmModel
-from planlang.designators import Location, Object
+from planlang.designators import FixedPose, Location, Object
 from planlang.failures import ActionUnresolvable
 from planlang.geometry import Array, Pose, matrices
 from planlang.kernel import Task
@@ -31,11 +34,16 @@ from planlang.relations import Sense
 
 if TYPE_CHECKING:
     from executive.locations.likely_places import Searches
+    from executive.locations.next_view import Exploration
 
 ALONE = ""
 """The branch where no plan is running."""
 ITERATIONS = 1000
 """Branches that the search of a path grows before it gives up."""
+SHARE = 0.8
+"""Share of the largest tilt of what is held to which paths keep, as they are checked at some places only."""
+HAIR = 1e-6
+"""More than rounding [rad]."""
 AT_PLACE = 0.01
 """Difference of the tip's pose from that at which it puts something down, up to which it retreats from there [m, 1]."""
 CLOSE = 0.25
@@ -206,17 +214,51 @@ class Arms:
         now = zip(arm.joints, self._control.arm_joints(arm), strict=True)
         return np.array([known[meant].get(joint, value) for joint, value in now])
 
+    def postures(self, arm: ArmModel, name: str) -> list[Array]:
+        """Return joint positions (d,) for a named posture, the best first: such that what is held stays upright.
+
+        Raises ActionUnresolvable as :meth:`posture` does; none are left if nothing near it keeps upright what is held.
+        """
+        named, held = self.posture(arm, name), self._control.scene.arms.held(arm.name)
+        if held is None or held.largest_tilt is None:
+            return [named]
+        self._control.sync()
+        return upright_postures(self._control, arm, held, named)
+
     def untucked(self) -> list[tuple[ArmModel, Array]]:
-        """Return the arms that are not in the carrying posture, each with its joint positions there (d,)."""
-        postures = [(arm, self.posture(arm, CARRYING)) for arm in self._control.scene.arms.all]
-        return [(arm, posture) for arm, posture in postures if not self.is_at(arm, posture)]
+        """Return the arms that are not in the carrying posture, each with its joint positions there (d,).
+
+        The height of a torso that arms share does not count: what one of them holds may need another.
+        """
+        arms = [arm for arm in self._control.scene.arms.all if not self._is_tucked(arm)]
+        postures = [(arm, self.postures(arm, CARRYING)) for arm in arms]
+        return [(arm, qs[0]) for arm, qs in postures if qs]
+
+    def _is_tucked(self, arm: ArmModel) -> bool:
+        q, named, held = (
+            self._control.arm_joints(arm),
+            self.posture(arm, CARRYING),
+            self._control.scene.arms.held(arm.name),
+        )
+        if held is not None and held.largest_tilt is not None:
+            return is_near(arm, held, named, q)
+        away = np.abs(q - named)
+        return bool((away if arm.lift is None else np.delete(away, arm.lift.column)).max() <= 1e-3)
 
     # Where it can go
 
-    def path(self, arm: ArmModel, goal: Array, touches: str | None = None, iterations: int = ITERATIONS) -> Trajectory:
-        """Return a timed path to joint positions (d,) through the planning scene; raises a MotionError.
+    def path(
+        self,
+        arm: ArmModel,
+        goal: Array,
+        touches: str | None = None,
+        iterations: int = ITERATIONS,
+        others: Sequence[Array] = (),
+    ) -> Trajectory:
+        """Return a timed path to joint positions (d,), or to ``others``, through the planning scene.
 
-        The hand may touch the body ``touches``. With few ``iterations`` it gives up early.
+        Raises a MotionError. The hand may touch the body ``touches``. With few ``iterations`` it gives up early. What
+        is held stays upright if it has to.
         """
         control = self._control
         control.sync()
@@ -235,8 +277,38 @@ class Arms:
             rows = control.timed(arm.joints, path).positions[1:]
             return np.concatenate([space.points(path), rows[_apart(rows, CLOSE * arm.resolution)]])
 
-        found = plan_path(start, goal, space, quick, touching, self._rng, moments=moments, iterations=iterations)
+        upright = self.upright(arm, goal)
+        found = plan_path(
+            start,
+            goal,
+            space,
+            quick,
+            touching,
+            self._rng,
+            moments=moments,
+            others=others,
+            constraint=upright,
+            iterations=iterations,
+        )
+        if upright is not None and len(found) > 2:  # a curve does not stop at each of many waypoints
+            curve = control.timed(arm.joints, found, time_curve)
+            rows = curve.positions[1:]
+            doubtful = rows[~quick.sure(rows)]
+            if chain.within(rows, 1e-6).all() and upright.holds(rows).all() and not any(map(touching, doubtful)):
+                return curve
         return control.timed(arm.joints, found)
+
+    def upright(self, arm: ArmModel, goal: Array) -> Upright | None:
+        """Return how upright an arm keeps what it holds on its way to joint positions (d,); None if it need not.
+
+        Where it leans more at the start, as after pouring, or is to at the goal, it may on the way.
+        """
+        held = self._control.scene.arms.held(arm.name)
+        if held is None or held.largest_tilt is None:
+            return None
+        usual = Upright(arm.solver.chain, held.up, SHARE * held.largest_tilt)
+        ends = usual.tilts(np.stack([self._control.arm_joints(arm), goal]))
+        return replace(usual, limit=max(usual.limit, float(ends.max()) + HAIR))
 
     def straight_path(self, arm: ArmModel, pose: Array, q: Array, touches: str | None) -> Trajectory:
         """Return a timed straight line of the tip to a map pose (4, 4) at joint positions q (d,).
@@ -286,9 +358,11 @@ class Platform(Control):
     drive: Drive = field(init=False)
     arms: Arms = field(init=False)
     hands: Hands = field(init=False)
+    phases: Phases = field(init=False)
     sensing: Sensing = field(init=False)
     upload: Path | None = field(init=False, default=None)
     """The file that uploaded maps are written to."""
+    _exploration: Exploration | None = field(init=False, default=None)
     _searches: Searches | None = field(init=False, default=None)
 
     @property
@@ -299,6 +373,39 @@ class Platform(Control):
         if self._searches is None:
             self._searches = Searches(self.scene, self.drive.seconds)
         return self._searches
+
+    @property
+    def exploration(self) -> Exploration:
+        """The exploration of this run; begun where the base is when it is first asked for."""
+        from executive.locations.next_view import Exploration
+
+        if self._exploration is None:
+            self._exploration = Exploration(self.scene)
+        return self._exploration
+
+    @property
+    def exploring(self) -> Exploration | None:
+        """The exploration, None if none was begun."""
+        return self._exploration
+
+    def base_at(self, pose: FixedPose) -> BasePose:
+        """Return where the base goes for a pose in the map; one off the map counts from where exploring began."""
+        x_min, y_min, x_max, y_max = self.scene.world.scene.bounds
+        if self._exploration is None or (x_min < pose.x < x_max and y_min < pose.y < y_max):
+            return pose.x, pose.y, pose.yaw
+        x, y, yaw = self._exploration.origin
+        there = Pose.planar(x, y, yaw) @ Pose.planar(pose.x, pose.y, pose.yaw)
+        return there.position[0], there.position[1], there.yaw
+
+    def made_goal(self, name: str) -> BasePose | None:
+        """Return where the base goes by a name that a step made, at each use the next place; None for other names.
+
+        Raises ObjectNowhereToBeFound when a search has no more places.
+        """
+        if self._exploration is not None and name in self._exploration.names:
+            return self._exploration.goal
+        search = None if self._searches is None else self._searches.begun.get(name)
+        return None if search is None else self.searches.next(search).base
 
     @property
     def searches_begun(self) -> bool:
@@ -319,4 +426,4 @@ class Platform(Control):
 
     def __post_init__(self) -> None:
         self.drive, self.hands, self.sensing = Drive(self), Hands(self), Sensing(self)
-        self.arms = Arms(self, self.resolver, self.rng)
+        self.arms, self.phases = Arms(self, self.resolver, self.rng), Phases()

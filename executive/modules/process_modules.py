@@ -8,7 +8,8 @@ holds. The head points the camera at things, perception looks for them.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from itertools import islice
 
 import numpy as np
@@ -18,10 +19,21 @@ from executive.belief.scene_collisions import BasePose
 from executive.locations import HandSolution, ReachKind
 from executive.locations.demands import asks_for
 from executive.modules.platform import ITERATIONS, Platform
-from executive.motion import GoalInCollision, MotionError, StartInCollision
+from executive.motion import GoalInCollision, MotionError, NoPath, StartInCollision
 from executive.robots.arms import ArmModel
-from planlang import perform
-from planlang.designators import Action, Device, Location, Object, Person, Posture, Relation, a_location, action
+from planlang import perform, using
+from planlang.designators import (
+    Action,
+    Device,
+    FixedPose,
+    Location,
+    Object,
+    Person,
+    Posture,
+    Relation,
+    a_location,
+    action,
+)
 from planlang.failures import (
     ActionUnresolvable,
     CommunicationFailure,
@@ -47,6 +59,7 @@ from planlang.failures import (
     PerceptionFailure,
 )
 from planlang.geometry import Array, Pose
+from planlang.geometry.matrices import rotated
 from planlang.modules import process_module
 from planlang.protocols import MotionState, Trajectory
 from planlang.relations import Sense
@@ -92,8 +105,10 @@ class Navigation:
         match action.get("x"), action.get("y"), action.get("yaw"), action.get("to_location"):
             case float(x), float(y), float(yaw), None:
                 return x, y, yaw
-            case None, None, None, Posture(name=str(name)) if search := self.platform.searches.begun.get(name):
-                return self.platform.searches.next(search).base
+            case None, None, None, FixedPose() as pose:
+                return self.platform.base_at(pose)
+            case None, None, None, Posture(name=str(name)) | str(name) if goal := self.platform.made_goal(name):
+                return goal
             case None, None, None, Location() | Object() as where:
                 location = where if isinstance(where, Location) else a_location(in_reach_of=where)
                 return next(self.platform.resolver.bases(location)).base
@@ -124,6 +139,10 @@ def _close(one: BasePose, other: BasePose) -> bool:
     return math.dist(one[:2], other[:2]) < 1e-3 and abs(turn) < 1e-3
 
 
+BACKING = (0.15, 0.3)
+"""Least distances by which the base backs off, one after the other, when an arm has no way [m]."""
+FEW = 300
+"""Branches of a search after which the base backs off."""
 MOST_SOLUTIONS = 6
 """Hand poses of one location for which a path is planned: further ones differ little and fail alike."""
 
@@ -220,7 +239,33 @@ class Reaching:
         belief = self.platform.belief
         lost = belief.dropped.get(arm.name)
         beside = None if lost is None or belief.seen_from_here(lost) else lost
-        await self._joint_path(arm, self.platform.arms.posture(arm, name), beside, name, iterations=PERSISTENT)
+        postures = self.platform.arms.postures(arm, name)
+        if not postures:
+            raise ManipulationPoseUnreachable("what the hand holds cannot be upright there", arm=arm.name, what=name)
+        held = self.platform.scene.arms.held(arm.name)
+        for least in BACKING if held is not None and held.largest_tilt is not None else ():
+            try:
+                await self._joint_path(arm, postures[0], beside, name, postures[1:], FEW)
+                return
+            except ManipulationPoseUnreachable as failure:
+                if not isinstance(failure.__cause__, NoPath) or not await self._back_off(arm, postures, least):
+                    raise
+        await self._joint_path(arm, postures[0], beside, name, postures[1:], PERSISTENT)
+
+    async def _back_off(self, arm: ArmModel, postures: Sequence[Array], least: float) -> bool:
+        """Drive back, at least so far [m], to where there is room for the arm; return False if there is none."""
+        approach = rotated(self.platform.scene.arms.tip(arm)[:3, :3], np.asarray(arm.frame.approach))
+        ahead = math.atan2(approach[1], approach[0])
+        rooms = (self.platform.drive.room_for([(arm, q)], least, ahead) for q in postures)
+        room = next((room for room in rooms if room is not None), None)
+        if room is None:
+            return False
+        async with using("base"):
+            with suppress(NavigationFailure):
+                x, y, yaw = map(float, room)
+                await Navigation(self.platform).execute(action("Translation-LocationChange", x=x, y=y, yaw=yaw))
+                return True
+        return False
 
     async def _reach(self, arm: ArmModel, location: Location) -> None:
         """Try hand poses that satisfy the location until one has a path."""
@@ -254,10 +299,16 @@ class Reaching:
                 await self._joint_path(solution.arm, solution.joints[0], None, solution.plan.label)
 
     async def _joint_path(
-        self, arm: ArmModel, goal: Array, touches: str | None, label: str, iterations: int = ITERATIONS
+        self,
+        arm: ArmModel,
+        goal: Array,
+        touches: str | None,
+        label: str,
+        others: Sequence[Array] = (),
+        iterations: int = ITERATIONS,
     ) -> None:
         try:
-            trajectory = self.platform.arms.path(arm, goal, touches, iterations)
+            trajectory = self.platform.arms.path(arm, goal, touches, iterations, others)
         except MotionError as problem:
             raise ManipulationPoseUnreachable(arm=arm.name, what=label) from problem
         await self._follow(arm, trajectory, label)

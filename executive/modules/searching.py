@@ -113,8 +113,15 @@ class Checking:
         return ("head",)
 
     async def execute(self, action: Action) -> bool:
-        """Return whether ``object_acted_on``, or what the condition is about, is seen from here."""
+        """Return whether ``object_acted_on``, or what the condition is about, is seen from here.
+
+        Of what an exploration has made: whether it is finished.
+        """
         await checkpoint()
+        made, exploring = action.get("object_acted_on"), self.platform.exploring
+        name = made.name if isinstance(made, Location | Object) else made
+        if exploring is not None and name in exploring.names:
+            return exploring.finished
         what = self._sought(action)
         if what is None:
             raise ActionUnresolvable("nothing here decides this condition", designator=str(action))

@@ -174,6 +174,11 @@ class Room:
         )
         return Room(bodies, np.array([*(limb for _, limb in keys), False], bool))
 
+    def without(self, names: Sequence[str]) -> Room:
+        """Return all but some bodies."""
+        kept = np.array([name not in names for name in self.bodies.names], bool)
+        return Room(self.bodies.only(kept), self.limbs[kept])
+
     def near(self, centre: Array, radius: float) -> Room:
         """Return the bodies of which a piece meets a sphere, and the floor."""
         solids, first = self.bodies.solids, self.bodies.first

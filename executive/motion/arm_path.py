@@ -5,6 +5,9 @@ Where the exact check finds a hit on a path, its place is forbidden, the quick c
 stay farther apart, the trees lose the edges that are affected, and the search goes on. After :data:`HITS` of them the
 trees are given up and everything is checked exactly at once: then the path is as good as that of a plain search.
 Joints that turn without end go the shorter way around, in the trees too; a path may end whole turns from the goal.
+
+A path that has to keep to a constraint, such as what is held being upright, grows by shorter branches, whose ends are
+projected onto it (Berenson et al., ICRA 2009), and a straight way that strays from it is replaced by its projection.
 """
 
 from __future__ import annotations
@@ -31,6 +34,12 @@ KEPT_APART = (0.015, 0.0)
 """Distance by which everything is kept apart where the ends allow it [m]; less when no path is found like that."""
 EXACT_CHECKS = 3.0
 """Exact checks, per iteration, that a search may ask for in all, once spheres are not asked any more."""
+CONSTRAINED = 0.3
+"""Length of a branch that keeps to a constraint, as a share of the usual one."""
+LEAST_PROGRESS = 0.2
+"""Share of its length by which such a branch has to come nearer to where it is to go."""
+LARGEST_JUMP = 3.0
+"""How far, in units of how far apart they were, neighbouring points of a straight way may be after projection."""
 FORBIDDEN = 0.5
 """Largest distance that paths have to keep from an exact hit, in units of the edge resolution."""
 
@@ -104,6 +113,16 @@ class Quick(Protocol):
         """Learn from the exact check which pairs touch at a configuration (d,)."""
 
 
+class Constraint(Protocol):
+    """A constraint that a whole path has to keep to: :class:`executive.motion.upright.Upright`."""
+
+    def holds(self, q: Array) -> NDArray[np.bool_]:
+        """Return at which configurations (n, d) it holds."""
+
+    def projected(self, q: Array) -> Array:
+        """Return configurations (n, d) near others where it holds, if there are any; where it holds they stay."""
+
+
 @cache
 def bisection(pieces: int) -> NDArray[np.int32]:
     """Return the inner points 1 .. pieces - 1 of a way in so many pieces, middle first, then the rest's middles."""
@@ -138,13 +157,14 @@ class _Rows:
 
 
 class _Tree:
-    """Configurations that hang from a root by free edges; parents come before their children."""
+    """Configurations that hang from roots by free edges; parents come before their children."""
 
-    def __init__(self, root: Array) -> None:
+    def __init__(self, *roots: Array) -> None:
         self.nodes: list[Array] = []
         self.parents: list[int] = []
-        self._rows = _Rows(len(root))
-        self.add(root, -1)
+        self._rows = _Rows(len(roots[0]))
+        for root in roots:
+            self.add(root, -1)
 
     def add(self, q: Array, parent: int) -> None:
         self.nodes.append(q)
@@ -155,7 +175,7 @@ class _Tree:
         return int(np.argmin(((space.move(self._rows.filled, q) / space.resolution) ** 2).sum(axis=1)))
 
     def way(self, node: int) -> list[Array]:
-        """Return the way from a node to the root."""
+        """Return the way from a node to its root."""
         nodes = [self.nodes[node]]
         while (node := self.parents[node]) >= 0:
             nodes.append(self.nodes[node])
@@ -163,8 +183,9 @@ class _Tree:
 
     def pruned(self, free: Callable[[Array, Array], bool]) -> _Tree:
         """Without the edges that are not free any more, and what hangs from them."""
-        kept, left = {0: 0}, _Tree(self.nodes[0])
-        for number in range(1, len(self.nodes)):
+        roots = self.parents.count(-1)
+        kept, left = dict(zip(range(roots), range(roots), strict=True)), _Tree(*self.nodes[:roots])
+        for number in range(roots, len(self.nodes)):
             above = kept.get(self.parents[number])
             if above is not None and free(left.nodes[above], self.nodes[number]):
                 kept[number] = len(left.nodes)
@@ -182,6 +203,7 @@ class _Search:
     moments: Callable[[Array], Array]
     rng: np.random.Generator
     shortcuts: int
+    constraint: Constraint | None = None
     exactly: bool = False
     """True if edges are checked exactly at once."""
     known: dict[bytes, Sequence[tuple[str, str]]] = field(default_factory=dict)
@@ -208,9 +230,25 @@ class _Search:
             return False
         pieces = self.space.pieces(a, b)
         rows = np.vstack([*ends, a + (b - a) * (bisection(pieces) / pieces)[:, None]])
+        if self.constraint is not None and not self.constraint.holds(rows).all():
+            return False
         if self.exactly:
             return not any(self.pairs(q) for q in rows[~self.quick.sure(rows)])
         return bool(self.quick.free(rows).all())
+
+    def way(self, a: Array, b: Array, *ends: Array) -> list[Array] | None:
+        """Return a way from a to b that is free as far as is known: straight, else its projection; None if not."""
+        if self.edge_free(a, b, *ends):
+            return [a, b]
+        if self.constraint is None:
+            return None
+        pieces = self.space.pieces(a, b)
+        rows = self.constraint.projected(a + (b - a) * (np.arange(pieces + 1) / pieces)[:, None])
+        rows[0], rows[-1] = a, b
+        if any(self.space.pieces(*pair) > LARGEST_JUMP for pair in pairwise(rows)):
+            return None
+        found = list(rows)
+        return found if all(self.edge_free(*pair, pair[1]) for pair in pairwise(found)) else None
 
     def _allowed(self, a: Array, b: Array) -> bool:
         """Return True if a way passes no place where the exact check has found a hit."""
@@ -250,13 +288,18 @@ def plan_path(
     rng: np.random.Generator,
     *,
     moments: Callable[[Array], Array] | None = None,
+    others: Sequence[Array] = (),
+    constraint: Constraint | None = None,
     iterations: int = 1000,
     shortcuts: int = 40,
 ) -> Array:
     """Waypoints (n, d) of a path that is exactly free, from start to goal, at most whole turns away from it.
 
+    ``others`` are goals that will do as well, if there is no straight way to one before.
+
     ``moments`` turns waypoints into the configurations (m, d) that are looked at exactly, by default points at the
-    resolution: add there where the arm will be at each instant. Raises :class:`StartInCollision` and
+    resolution: add there where the arm will be at each instant. All of a path keeps to the ``constraint``, to which
+    start and goal have to keep. Raises :class:`StartInCollision` and
     :class:`GoalInCollision` with the bodies that touch, :class:`OutsideLimits` for the goal, :class:`NoPath` with
     counts after so many ``iterations`` at each of the distances to keep.
     """
@@ -266,34 +309,36 @@ def plan_path(
     outside = ((b < space.lower - 1e-6) | (b > space.upper + 1e-6)) & ~space.continuous
     if outside.any() or not np.isfinite(b).all():
         raise OutsideLimits("the goal", b.tolist(), space.lower.tolist(), space.upper.tolist())
-    search = _Search(space, quick, touching, moments or space.points, rng, shortcuts)
+    search = _Search(space, quick, touching, moments or space.points, rng, shortcuts, constraint)
     if pairs := search.pairs(a):
         raise StartInCollision(a.tolist(), pairs)
-    if pairs := search.pairs(b):
-        raise GoalInCollision(b.tolist(), pairs)
-    b = a + space.move(a, b)
+    goals = [a + space.move(a, goal) for goal in (b, *others) if not search.pairs(goal)]
+    if not goals:
+        raise GoalInCollision(b.tolist(), search.pairs(b))
     for distance in (*KEPT_APART, None):
         search.exactly = distance is None
         if distance is not None:
-            quick.keep(distance, (a, b))
-        for path in _paths(search, a, b, iterations):
+            quick.keep(distance, (a, *goals))
+        for path in _paths(search, a, goals, iterations):
             found = np.array(_shortened(search, path))
             hit = search.first_hit(found)
             if hit is None:
                 return found
-            search.forbid(hit, (a, b))
+            search.forbid(hit, (a, *goals))
             if search.counts["exact hits"] % max(1, round(HITS * iterations)) == 0:
                 break
     raise NoPath(a.tolist(), b.tolist(), search.counts)
 
 
-def _paths(search: _Search, start: Array, goal: Array, iterations: int) -> Iterator[list[Array]]:
-    """Yield paths from start to goal of a search that goes on; what is forbidden in between is heeded."""
+def _paths(search: _Search, start: Array, goals: Sequence[Array], iterations: int) -> Iterator[list[Array]]:
+    """Yield paths from start to a goal of a search that goes on; what is forbidden in between is heeded."""
     known = -1
-    if search.edge_free(start, goal):
-        yield [start, goal]
-    here, there = _Tree(start), _Tree(goal)
-    space, reach = search.space, REACH * search.space.resolution
+    for goal in goals:
+        if (direct := search.way(start, goal)) is not None:
+            yield direct
+    here, there = _Tree(start), _Tree(*goals)
+    space = search.space
+    reach = REACH * (1.0 if search.constraint is None else CONSTRAINED) * space.resolution
     for _ in range(iterations):
         if search.exactly and search.counts["exact checks"] > EXACT_CHECKS * iterations:
             return
@@ -324,6 +369,12 @@ def _grow(search: _Search, tree: _Tree, node: int, target: Array, reach: Array) 
     begin = tree.nodes[node]
     move = search.space.move(begin, target)
     end = begin + move / max(1.0, float((np.abs(move) / reach).max()))
+    if search.constraint is not None:
+        end = search.constraint.projected(end[None])[0]
+        left = search.space.move(end, target)
+        nearer = (np.abs(move) / reach).max() - (np.abs(left) / reach).max()
+        if nearer < LEAST_PROGRESS * min(1.0, float((np.abs(move) / reach).max())):
+            return None
     if not search.edge_free(begin, end, end):
         return None
     search.counts["branches"] += 1
@@ -343,9 +394,12 @@ def _shortened(search: _Search, path: list[Array]) -> list[Array]:
             continue
         a, b = path[i] + u * (path[i + 1] - path[i]), path[k] + w * (path[k + 1] - path[k])
         b_near = a + search.space.move(a, b)
-        shorter = search.space.length([a, b_near]) < 0.98 * search.space.length([a, *path[i + 1 : k + 1], b])
-        if shorter and search.edge_free(a, b_near, a, b):
-            path = search.space.unwound([*path[: i + 1], a, b, *path[k + 1 :]])
+        known = search.space.length([a, *path[i + 1 : k + 1], b])
+        if search.space.length([a, b_near]) >= 0.98 * known:
+            continue
+        way = search.way(a, b_near, a, b)
+        if way is not None and search.space.length(way) < 0.98 * known:
+            path = search.space.unwound([*path[: i + 1], *way, *path[k + 1 :]])
     return _skipped(search, path)
 
 

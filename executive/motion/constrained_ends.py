@@ -161,6 +161,12 @@ class Ends:
             optimum = self._optimum(alone, list(self.phases.items()))
             yield self._by_phase(optimum.q if optimum.holds else alone)
 
+    def within_reach(self, tries: int) -> bool:
+        """Return whether ends are found from so many beginnings, whatever bodies are in the way."""
+        every = list(self.phases.items())
+        beginnings = islice(self._beginnings(len(every)), tries)
+        return any(self._optimum(beginning, every, blocked=False).holds for beginning in beginnings)
+
     def _by_phase(self, q: Array) -> dict[int, Array]:
         return dict(zip(self.phases, q, strict=True))
 

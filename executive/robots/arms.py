@@ -15,7 +15,7 @@ from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import product
 from planlang.geometry.urdf import Joint, displacement, joints_between, read_urdf
 from planlang.protocols import Configuration
-from sim import PlanningWorld, Scene
+from sim import Body, PlanningWorld, Scene
 
 SAMPLES = 400
 """Random configurations from which the length of an arm is measured; 2 % are added for those that were not drawn."""
@@ -49,6 +49,13 @@ class Held:
     name: str
     pose: Pose
     size: tuple[float, float, float]
+    largest_tilt: float | None = None
+    """How far its z axis may lean from upright [rad]; None if it may be turned as one likes."""
+
+    @property
+    def up(self) -> Array:
+        """Return its z axis in the tip frame, (3,)."""
+        return np.asarray(self.pose.rotation[:, 2])
 
     def lowest_of(self, rotations: Array) -> Array:
         """Return height of the object's lowest point relative to the tip, for tip rotations (m, 3, 3), (m,) [m]."""
@@ -240,12 +247,21 @@ TORSO = 0.3
 HERE = (0.0, 0.0, 0.0)
 
 
-def with_carrying(robot: Robot) -> Robot:
-    """Return the robot with a carrying posture: without contact, hands level, as narrow as possible."""
-    if CARRYING in robot.postures or not robot.arms:
+def with_carrying(robot: Robot, held: Sequence[tuple[str, Body, Pose]] = ()) -> Robot:
+    """Return the robot with a carrying posture: without contact, hands level, as narrow as possible.
+
+    ``held`` are the things that it holds: the link, the body, and its pose in the frame of the link. The posture that
+    the robot has is left to it if these touch nothing there.
+    """
+    if (CARRYING in robot.postures and not held) or not robot.arms:
         return robot
-    world = PlanningWorld(Scene(()), robot.body())
+    world = PlanningWorld(Scene(tuple(body for _, body, _ in held)), robot.body())
     try:
+        for link, body, offset in held:
+            world.set_pose(body.name, world.link_pose(link) @ offset)
+            world.attach(link, body.name)
+        if CARRYING in robot.postures and not world.self_contacts():
+            return robot
         joints: dict[str, float] = {}
         if robot.torso is not None:
             low, high = world.robot.limits[robot.torso]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
@@ -10,7 +11,7 @@ from typing import Any, get_args, get_type_hints
 
 from executive.belief import MapObject, SemanticMap
 from executive.belief.contents import is_content
-from executive.belief.semantic_map import environments_with
+from executive.belief.environments import environments_with
 from planlang.designators import Location, Object, Person, local_name
 from planlang.diagnostics import BadInput, Diagnostic, error, note, warning
 from planlang.language.plans import Plan
@@ -19,7 +20,7 @@ from planlang.ontology import expand, shorten
 MOST_NAMES = 20
 """Things of a map that one message lists."""
 
-Bound = Object | Location
+Bound = Object | Location | float
 """A value that a parameter may be bound to."""
 
 
@@ -140,6 +141,8 @@ def _named_by_step(parameter: PlanParameter, semantic_map: SemanticMap) -> MapOb
 def _missing(parameter: PlanParameter, semantic_map: SemanticMap) -> Diagnostic:
     """Return an error for a parameter that has to be set."""
     message = f"the plan does not run without --set {parameter.setting}=X"
+    if float in parameter.types:
+        return error("X014", message, help=f"a number, such as --set {parameter.setting}=30; times are in seconds")
     if not {Object, Person, Location}.intersection(parameter.types):
         return error("X014", f"{message}, which takes no thing of the map", help="give it a default in the plan")
     advice = _fitting(parameter, semantic_map)
@@ -150,6 +153,8 @@ def _missing(parameter: PlanParameter, semantic_map: SemanticMap) -> Diagnostic:
 
 def _bound(parameter: PlanParameter, text: str, semantic_map: SemanticMap, found: list[Diagnostic]) -> Bound:
     """Return the thing or location that a parameter is set to; raises BadInput."""
+    if float in parameter.types:
+        return _number(parameter, text)
     thing, default = semantic_map.find(text), parameter.default
     if thing is None or (thing.pose is None and not is_content(thing)):
         if parameter.takes_places and thing is None and " " in text.strip():
@@ -191,6 +196,17 @@ def unknown_things(semantic_map: SemanticMap, words: Sequence[str]) -> tuple[str
             raise BadInput([error("X005", f"{word!r} is not in the map", help=f"--unknown may be all, or {known}")])
         found.update(dict.fromkeys(meant))
     return tuple(found)
+
+
+def _number(parameter: PlanParameter, text: str) -> float:
+    """Return the number that a parameter is set to; raises BadInput."""
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not (math.isfinite(number) and number >= 0):
+        raise BadInput([error("X006", f"{text!r} is no number from 0 on, as {parameter.setting} must be")])
+    return number
 
 
 def _wanted(parameter: PlanParameter) -> str:

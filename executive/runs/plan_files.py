@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import importlib.util
 import inspect
+import math
 import tempfile
 import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -215,6 +216,17 @@ def outputs_of(module: ModuleType) -> frozenset[str]:
         if keyword.arg == "outputs_created"
     )
     return frozenset(node.id for value in stated for node in ast.walk(value) if isinstance(node, ast.Name))
+
+
+def stated_waiting(module: ModuleType) -> float:
+    """Return the sum of the durations that actions in a plan's module state as numbers [s]."""
+    stated = (
+        keyword.value.value
+        for node in ast.walk(ast.parse(inspect.getsource(module)))
+        for keyword in (node.keywords if isinstance(node, ast.Call) else ())
+        if keyword.arg == "duration" and isinstance(keyword.value, ast.Constant)
+    )
+    return sum(float(value) for value in stated if isinstance(value, int | float) and 0 <= value < math.inf)
 
 
 Scope = Mapping[str, ast.AST]

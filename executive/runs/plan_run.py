@@ -6,7 +6,7 @@ import inspect
 import traceback
 from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
@@ -18,6 +18,7 @@ from executive.modules.bundled import bundled_registry
 from executive.robots import FindingKind, Missing, bind_robot, missing_capabilities, trusting_map
 from executive.robots.arms import with_carrying
 from executive.runs.assembly import RobotExecutive, platform_of, real_scene, world_at_start
+from executive.runs.in_hands import in_hands, take
 from executive.runs.parameters import Bound, bound_parameters, plan_parameters, unknown_things
 from executive.runs.plan_files import (
     Requirements,
@@ -32,8 +33,10 @@ from executive.runs.plan_files import (
     outputs_of,
     required,
     required_of_plan,
+    stated_waiting,
     without_module,
 )
+from executive.runs.tilts import Tilts
 from executive.runs.traces import ListenedTrace, check_same_run, lines_of, past_of, recorded_parameters, sha256
 from planlang import PlanFailure, RunError, SimulationHost, budget, explain, run
 from planlang.designators import Location, Object
@@ -52,7 +55,7 @@ if TYPE_CHECKING:
     from planlang.language.replaying import Replay
 
 BUDGET = 600.0
-"""Plan time after which a run is given up [s]; the bundled recipe takes less than 60."""
+"""Plan time beside waiting after which a run is given up [s]; the bundled recipe takes less than 60."""
 
 
 class Outcome(Enum):
@@ -122,6 +125,8 @@ class RunResult:
     """Plan time [s]."""
     failure: tuple[str, ...] = ()
     """Classes of the failure that ended the plan and of its causes, the failure itself first."""
+    tilts: Tilts = field(default_factory=Tilts)
+    """How far what was carried leaned from upright, in the simulator's truth."""
 
 
 class Run:
@@ -220,7 +225,9 @@ class Run:
         notes: list[Diagnostic] = []
         if options.resume is not None:
             past, notes = past_of(options.resume)
-        robot = bare if assessment.missing and not options.force else with_carrying(bare)
+        held = in_hands(bare, semantic_map, scene)
+        carried = [(one.link, one.body, one.offset) for one in held]
+        robot = bare if assessment.missing and not options.force else with_carrying(bare, carried)
         if assessment.missing and robot.camera is None and not options.trust_map:
             help = "--trust-map: things count as seen where the map has them"
             notes.append(note("X013", f"{robot.name} has no camera to look for things", help=help))
@@ -248,6 +255,7 @@ class Run:
         )
         platform.upload = options.upload
         executive = RobotExecutive(platform, self._modules)
+        take(platform, truth, held)
         platform.scene.collisions.prepare()
         # What a trace must have in common with another to be equal to it, beside seed and schedule.
         header: dict[str, Any] = {
@@ -306,11 +314,16 @@ class Run:
 
         async def body() -> Any:
             first()
-            return await budget(partial(self.plan, **bound), seconds=BUDGET)
+            return await budget(partial(self.plan, **bound), seconds=self._allowance(bound))
 
         body.__name__ = self.plan.name
         vars(body)["iri"] = self.plan.iri
         return body
+
+    def _allowance(self, bound: Mapping[str, Bound]) -> float:
+        """Return the plan time after which the run is given up [s]: what the plan waits for is its own matter."""
+        stated = sum(value for value in bound.values() if isinstance(value, float))
+        return BUDGET + stated_waiting(self.source) + stated
 
     def _restore(self, executive: RobotExecutive, past: Past) -> None:
         """Restore world and belief; raises BadInput when the trace or the world cannot, and the user does not vouch."""
@@ -335,7 +348,8 @@ class Run:
     ) -> RunResult:
         options = self.options
         listeners = [lines_of(lambda step, line: options.progress(f"{step / truth.rate:7.2f} s  {line}"))]
-        recording, watchers = None, [*options.watchers]
+        recording, tilts = None, Tilts()
+        watchers: list[Callable[[PyBulletWorld], None]] = [tilts, *options.watchers]
         if options.record is not None:
             from executive.pictures.recording import Recording, drawn_in
 
@@ -344,7 +358,7 @@ class Run:
             listeners.append(lines_of(recording.event))
             watchers.append(lambda world: film.frame(world.steps))
         trace = ListenedTrace.to(options.trace, header, tuple(listeners), past)
-        world = _WatchedWorld(truth, watchers) if watchers else truth
+        world = _WatchedWorld(truth, watchers)
         outcome, message = Outcome.DONE, "done"
         failures: tuple[str, ...] = ()
         try:
@@ -355,7 +369,7 @@ class Run:
                 seed=options.seed,
                 schedule=options.schedule,
                 trace=trace,
-                max_steps=int(2 * BUDGET * truth.rate),
+                max_steps=int(2 * self._allowance(bound) * truth.rate),
                 resumable=True,
                 resume=past,
             )
@@ -384,7 +398,7 @@ class Run:
             if recording is not None and options.record is not None:
                 write_complete(options.record, recording.save)
         state = tuple(_state_lines(truth, bound, executive.platform.belief))
-        return RunResult(outcome, message, state, tuple(self.found), truth.steps / truth.rate, failures)
+        return RunResult(outcome, message, state, tuple(self.found), truth.steps / truth.rate, failures, tilts)
 
     def _users_line(self, problem: Exception) -> str | None:
         """Return the line of the plan, or of a user's process module, that raised; None if planlang did, below it."""
@@ -441,7 +455,8 @@ def _state_lines(truth: PyBulletWorld, bound: Mapping[str, Bound], belief: Belie
 def _things(bound: Mapping[str, Bound]) -> Iterator[Object]:
     """Yield the things that the plan's parameters are, or are about."""
     for value in bound.values():
-        yield from value.things() if isinstance(value, Location) else (value,)
+        if not isinstance(value, float):
+            yield from value.things() if isinstance(value, Location) else (value,)
 
 
 def _bodies_of(bound: Mapping[str, Bound], belief: Belief, truth: PyBulletWorld) -> Iterator[str]:

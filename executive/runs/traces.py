@@ -177,7 +177,9 @@ def recorded_parameters(recorded: RecordedRun, names: Collection[str]) -> dict[s
     """Return the parameters that the plan was run with; raises BadInput when they are not this plan's."""
     try:
         found = load(recorded.header["parameters"])
-        if found.keys() != set(names) or not all(isinstance(what, (Object, Location)) for what in found.values()):
+        if found.keys() != set(names) or not all(
+            isinstance(what, (Object, Location, float)) for what in found.values()
+        ):
             raise ValueError(f"the plan has the parameters {', '.join(names) or 'none'}")
         return dict(found)
     except (KeyError, ValueError, TypeError, AttributeError, RecursionError) as problem:

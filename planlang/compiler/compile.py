@@ -123,7 +123,11 @@ def _thing(symbols: Symbols, thing: Thing) -> list[str]:
 
 
 def _posture(symbols: Symbols, place: Place, name: str) -> list[str]:
-    return assignment([Text(name)], call(symbols.use("a_posture"), quoted(place.name)), depth=0)
+    made = call(symbols.use("a_posture"), quoted(place.name))
+    if place.pose is not None:
+        numbers = {key: repr(round(value, 9)) for key, value in zip(("x", "y", "z", "yaw"), place.pose, strict=True)}
+        made = call(symbols.use("a_pose"), quoted(place.name), **numbers)
+    return assignment([Text(name)], made, depth=0)
 
 
 def _function(symbols: Symbols, function: Function) -> list[str]:
@@ -152,7 +156,7 @@ def _parameter(symbols: Symbols, thing: Thing) -> str:
 
 def _type(symbols: Symbols, thing: Thing) -> str:
     kinds = (thing.kind,) if thing.slot is None else thing.slot.kinds
-    return " | ".join(symbols.use(TYPES[kind]) for kind in kinds)
+    return " | ".join(symbols.use(TYPES[kind]) if kind in TYPES else "float" for kind in kinds)
 
 
 def _docstring(paragraphs: list[str], *, depth: int) -> list[str]:

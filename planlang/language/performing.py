@@ -11,7 +11,7 @@ from planlang.action_classes import levels_above, stated_levels
 from planlang.designators import Action, local_name
 from planlang.failures import ActionUnresolvable, ObjectUndeliverable, PlanFailure
 from planlang.kernel import All, Fluent, PlanStructureError, Status, Task, checkpoint, wait_for
-from planlang.kernel.core import here
+from planlang.kernel.core import here, running
 from planlang.kernel.primitives import called, in_node, record
 from planlang.kernel.signals import Expression
 from planlang.kernel.tree import Node, name_of
@@ -201,6 +201,17 @@ def _described(action: Action) -> dict[str, object]:
     """Return what is recorded of an action: also the classes above its own that the plan states."""
     stated = [cls for level in stated_levels(action.type) for cls in level][1:]
     return {"action": action, "classes": stated} if stated else {"action": action}
+
+
+def actions_around() -> Iterator[Action]:
+    """Yield the actions that are being performed around the running task, the innermost first."""
+    scheduler = running.scheduler
+    task = None if scheduler is None else scheduler.current
+    node = None if task is None else task.node
+    while node is not None:
+        if isinstance(node, (_Instead, _Perform)):
+            yield node.action
+        node = node.parent
 
 
 async def _fail(failure: PlanFailure) -> NoReturn:

@@ -15,7 +15,7 @@ from typing import Any, Concatenate, Generic, ParamSpec, TypeVar, overload
 
 from planlang.failures import BranchEvaporated, PlanFailure
 from planlang.kernel import Fluent, PlanStructureError, Status, Task, cancel, wait_for
-from planlang.kernel.core import here, serving
+from planlang.kernel.core import here, running, serving
 from planlang.kernel.primitives import called, node, record
 from planlang.kernel.scope import Single
 from planlang.kernel.signals import Expression, Signal
@@ -97,6 +97,16 @@ def _gives_nothing(function: object) -> bool:
         one.opname == "RETURN_VALUE" and before.opname != "LOAD_CONST"
         for before, one in itertools.pairwise(dis.get_instructions(function))
     )
+
+
+def innermost_plan() -> str:
+    """Return the path of the innermost plan function in which the running task stands; "" where no plan is running."""
+    scheduler = running.scheduler
+    task = None if scheduler is None else scheduler.current
+    node = None if task is None else task.node
+    while node is not None and node.parent is not None and node.kind != "plan":
+        node = node.parent
+    return "" if node is None else node.path
 
 
 @overload

@@ -6,6 +6,7 @@ ever fetched, and nothing is read outside these folders, whatever an import says
 
 from __future__ import annotations
 
+import glob
 import hashlib
 import re
 from collections.abc import Iterator, Sequence
@@ -309,7 +310,7 @@ class ImportMap:
         if vocabulary in VOCABULARY_FILES:
             name = VOCABULARY_FILES[vocabulary]
             return Resolution(self._ours / name if name else None)
-        ours = self._bundled(address, path, remote)
+        ours = self._bundled(address, path, remote) or self._of_a_version(path, importing.parent)
         if ours is not None:
             return Resolution(ours)
         return Resolution(problem=_unresolved(target, path, span, remote=remote, escaped=escaped or ".." in path))
@@ -326,6 +327,15 @@ class ImportMap:
         for folder in (beside, *self._folders):
             for start in range(plain, len(parents) + 1):
                 yield from (folder.joinpath(*parents[start:], name) for name in names)
+
+    def _of_a_version(self, path: tuple[str, ...], beside: Path) -> Path | None:
+        """Return a file that is named like the last part of a path, but for ``@`` and a version before its suffix."""
+        if not path:
+            return None
+        stem = glob.escape(_stem(path[-1]))
+        found = (file for folder in (beside, *self._folders) for file in sorted(folder.glob(f"{stem}@*")))
+        usable = (file for file in found if file.name.endswith(_SUFFIXES[1:]) and _file(file) is not None)
+        return next((file for file in usable if any(self._is_inside(file, root) for root in self._roots)), None)
 
     def _bundled(self, address: str, path: tuple[str, ...], remote: bool) -> Path | None:
         """Return a bundled file of this name; an address must be the one that the file gives itself."""

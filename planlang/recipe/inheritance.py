@@ -20,9 +20,9 @@ from planlang.recipe.slots import in_words, offered, parameter_for
 def supplied(actions: Actions, recipes: RecipeSet) -> tuple[RecipeSet, list[Diagnostic]]:
     """Return the recipes with all slots filled that have to be, and what the task's caller has to give.
 
-    A step takes the only fitting filler of the recipe that it is in. If that states none, the step that the recipe
-    performs gives it, and so on; for the task whoever runs the plan. Only a target is not looked for farther out than
-    one step: where a thing goes in the end is not where the hand reaches to pick it up.
+    A step takes the only fitting filler of the recipe that it is in, or all if its class shares them. If that states
+    none, the step that the recipe performs gives it, and so on; for the task whoever runs the plan. Only a target is
+    looked for no farther out than one step: where a thing goes in the end is not where the hand reaches to pick it up.
     """
     supply = _Supply(actions, recipes)
     filled = {recipe.iri: supply.recipe(recipe) for recipe in callees_first(recipes)}
@@ -52,7 +52,11 @@ class _Supply:
         more: list[Parameter] = []
         if self._actions.is_standard(step):
             for slot in self._actions.slots(step.action_class).values():
-                if slot.absence is not Absence.ALLOWED and not self._is_stated(step, slot):
+                if self._is_stated(step, slot):
+                    continue
+                if slot.is_shared and (around := offered(self._ontology, recipe, slot)):
+                    more += [replace(one, is_inherited=True) for one in around]
+                elif slot.absence is not Absence.ALLOWED:
                     more += self._filled(recipe, step, slot)
         for callee in step.recipes:
             for slot, inner, needing in self._asked[callee].values():

@@ -11,12 +11,12 @@ from collections.abc import Iterator
 from planlang.diagnostics import Diagnostic, error
 from planlang.ontology import Literal, Ontology, Triple, expand
 from planlang.recipe.fillers import is_of_unknown_kind
-from planlang.recipe.model import Absence, Filler, Kind, Name, Parameter, Place, Recipe, Slot, Step, Thing
+from planlang.recipe.model import Absence, Filler, Kind, Name, Parameter, Part, Place, Recipe, Slot, Step, Thing
 
 
 def parameter_for(slot: Slot, owner: str) -> Thing:
     """Return the parameter of a plan that fills the slot of an action (name)."""
-    kind = next(kind for kind in (Kind.PLACE, Kind.OBJECT, Kind.PERSON, Kind.DEVICE) if kind in slot.kinds)
+    kind = next(kind for kind in (Kind.PLACE, Kind.OBJECT, Kind.PERSON, Kind.DEVICE, Kind.NUMBER) if kind in slot.kinds)
     cls = "Person" if kind is Kind.PERSON else "SpatialThing-Localized"
     return Thing(kind, cls, None, expand(cls), owner, slot)
 
@@ -33,18 +33,22 @@ def takes(ontology: Ontology, slot: Slot, filler: Filler) -> bool:
         case Thing():
             is_anything = filler.slot is not None or is_of_unknown_kind(ontology, filler.stated)
             return is_anything or filler.kind in slot.kinds
+        case Part():
+            return Kind.OBJECT in slot.kinds or filler.of.kind in slot.kinds
         case Place():
             return Kind.PLACE in slot.kinds
         case Name():
             return is_of_unknown_kind(ontology, filler.iri)
+        case int() | float():
+            return Kind.NUMBER in slot.kinds
         case _:
             return False
 
 
 def offered(ontology: Ontology, owner: Step | Recipe, slot: Slot) -> list[Parameter]:
-    """Return the different parameters of an action that may fill a slot of one below it: things and places."""
+    """Return the different parameters of an action that may fill a slot of one below it."""
     found = {one.filler: one for one in reversed(owner.parameters) if one.property == slot.property}
-    fitting = [one for one in found.values() if isinstance(one.filler, (Thing, Place))]
+    fitting = [one for one in found.values() if isinstance(one.filler, (Thing, Place, int, float))]
     return [one for one in reversed(fitting) if takes(ontology, slot, one.filler)]
 
 
@@ -75,11 +79,12 @@ def _declared(ontology: Ontology, individual: str, problems: list[Diagnostic]) -
 
 
 def _slot(ontology: Ontology, triple: Triple, absence: Absence) -> Slot | None:
-    """Return what is written ``property: kind, kind``; None if it is not written like this."""
+    """Return what is written ``property: kind, kind``, in the plural if shared; None if it is not written like this."""
     text = triple.object.value if isinstance(triple.object, Literal) else ""
     name, _, rest = text.partition(":")
     words = [word.strip() for word in rest.split(",")]
-    known = {kind.value: kind for kind in Kind}
+    is_shared = all(word.endswith("s") for word in words)
+    known = {f"{kind.value}s" if is_shared else kind.value: kind for kind in Kind}
     if not ontology.is_property(expand(name.strip())) or not known.keys() >= set(words):
         return None
-    return Slot(name.strip(), tuple(known[word] for word in words), absence)
+    return Slot(name.strip(), tuple(known[word] for word in words), absence, is_shared)

@@ -60,6 +60,8 @@ class Ending:
     cause: str
     plan_seconds: float | None
     wall_seconds: float
+    tilt: float = 0.0
+    """The largest of what was carried [degrees]."""
 
 
 def run(case: Case, seed: int) -> Ending:
@@ -75,14 +77,14 @@ def run(case: Case, seed: int) -> Ending:
         answer = json.loads(ended.stdout)
     except json.JSONDecodeError:
         return Ending(seed, "internal error", (ended.stderr.splitlines() or ["no answer"])[-1], None, wall)
-    seconds = answer.get("plan_seconds")
+    seconds, tilt = answer.get("plan_seconds"), max(answer.get("largest_tilts", {}).values(), default=0.0)
     match ended.returncode:
         case 0 if any(re.search(case.served, line) for line in answer["final_state"]):
-            return Ending(seed, "served", "", seconds, wall)
+            return Ending(seed, "served", "", seconds, wall, tilt)
         case 0:
-            return Ending(seed, "not served", "; ".join(answer["final_state"]), seconds, wall)
+            return Ending(seed, "not served", "; ".join(answer["final_state"]), seconds, wall, tilt)
         case 1:
-            return Ending(seed, "failed", " < ".join(answer["failure"]), seconds, wall)
+            return Ending(seed, "failed", " < ".join(answer["failure"]), seconds, wall, tilt)
         case 2:
             return Ending(seed, "bad input", ", ".join(d["code"] for d in answer["diagnostics"]), seconds, wall)
         case 3:
@@ -122,6 +124,7 @@ def main() -> int:
     print(f"\n{served} of {len(endings)} served")
     walls = [ending.wall_seconds for ending in endings]
     print(f"wall clock of a run: median {statistics.median(walls):.1f} s, longest {max(walls):.1f} s")
+    print(f"largest tilt of what was carried: {max(ending.tilt for ending in endings):.1f} degrees")
     times = [
         ending.plan_seconds for ending in endings if ending.outcome == "served" and ending.plan_seconds is not None
     ]

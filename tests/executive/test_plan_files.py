@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from executive.belief import SemanticMap, read_map
-from executive.belief.semantic_map import default_environment
+from executive.belief.environments import default_environment
 from executive.cli.inputs import PlanFile, RecipeFile, read
 from executive.robots import Availability, FindingKind, Missing
 from executive.runs.parameters import bound_parameters

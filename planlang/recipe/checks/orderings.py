@@ -6,6 +6,7 @@ delivering: an order comes from the recipe or not at all.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
@@ -209,10 +210,29 @@ ROLES: dict[str, tuple[str, ...]] = {
     "picks up": ("PickingUpAnObject",),
     "opens a container": ("OpeningAContainerArtifact",),
     "closes a container": ("ClosingAContainerArtifact",),
+    "adds": ("AddingSth",),
+    "mixes": ("Mixing", "Stirring"),
+    "pours": ("FluidFlow-Translation",),
+    "heats up": ("PreheatOven",),
+    "operates": ("OperateOven",),
+    "waits": ("Waiting",),
     "opens a gripper": ("OpeningAGripper",),
     "closes a gripper": ("ClosingAGripper",),
 }
 """Role of a step -> the classes of actions that have it."""
+
+
+WORK = (
+    ("adds", "mixes", "something is added before all is mixed"),
+    ("picks up", "pours", "a vessel is picked up before something is poured out of it"),
+    ("heats up", "delivers", "an oven is heated before something is put into it"),
+    ("heats up", "operates", "an oven is heated before it is used"),
+    ("delivers", "operates", "something is put into an oven before that is used"),
+    ("heats up", "waits", "what goes on is waited for when it has begun"),
+    ("operates", "waits", "what goes on is waited for when it has begun"),
+    ("delivers", "waits", "a thing is put where it has to be before it is waited for"),
+)
+"""Roles of an earlier and of a later step, and why."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -241,6 +261,11 @@ def plausible_orders(
     The orders of the recipe must have no cycle; ``added`` are those that location scopes add. Suggestions never
     contradict the recipe or each other, and none follows from the others.
     """
+    if numbered := _by_number(recipe):
+        stated = {(one.before, one.after) for one in recipe.orderings}
+        missing = (pair for pair in pairwise(numbered) if pair not in stated)
+        yield from ((before, after, "the steps are numbered in this order") for before, after in missing)
+        return
     facts = {step.iri: _facts(actions, step) for step in recipe.steps}
     all_roles = [role for fact in facts.values() for role in fact.roles]
     grasps = actions.is_a(recipe, *ROLES["acquires"])
@@ -273,6 +298,17 @@ def plausible_orders(
         )
 
 
+def _by_number(recipe: Recipe) -> list[str]:
+    """Return the steps (IRIs) in the order of the numbers that end their names, unless they are ordered otherwise."""
+    parts = {step.iri: re.fullmatch(r"(.*?)([0-9]{1,9})", step.name) for step in recipe.steps}
+    found = {(part[1], int(part[2])): iri for iri, part in parts.items() if part is not None}
+    if len({prefix for prefix, _ in found}) != 1 or len(found) < len(recipe.steps):
+        return []
+    steps = [found[key] for key in sorted(found)]
+    stated = {(one.before, one.after) for one in recipe.orderings}
+    return steps if stated <= set(pairwise(steps)) and not recipe.overlaps else []
+
+
 def _may(first: frozenset[str], second: frozenset[str], all_roles: list[str], grasps: bool) -> bool:
     """Return True if steps with these roles should be in order, at least when they concern the same object."""
     nothing, same = frozenset[str](), frozenset({""})
@@ -296,6 +332,9 @@ def _why(first: _Facts, second: _Facts, all_roles: list[str], *, grasps: bool) -
             return "an object is grasped before it is let go"
         if "moves the base" in b and not is_related:
             return "an object is picked up before it is carried away"
+    for earlier, later, why in WORK:
+        if earlier in a and later in b:
+            return why
     if "opens a container" in a and b & {"picks up", "closes a container"}:
         return "a container is opened before something is taken out of it"
     if "picks up" in a and "closes a container" in b:
@@ -376,9 +415,9 @@ def shared_resources(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     if len(using) < 2:
         return
     order = recipe_order(recipe)
-    if checked.added:
-        order = order.extended(checked.added)
-    suggested = {frozenset((before, after)) for before, after, _ in plausible_orders(actions, recipe, checked.added)}
+    suggested = [(before, after) for before, after, _ in plausible_orders(actions, recipe, checked.added)]
+    if checked.added or suggested:
+        order = order.extended([*checked.added, *suggested])
 
     def shared(first: Step, second: Step) -> frozenset[str]:
         """Return what both steps need; a recipe also holds what its steps need, process modules take turns by step."""
@@ -388,9 +427,7 @@ def shared_resources(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     pairs = [
         (first, second)
         for first, second in combinations(using, 2)
-        if shared(first, second)
-        and not order.ordered(first.iri, second.iri)
-        and frozenset((first.iri, second.iri)) not in suggested
+        if shared(first, second) and not order.ordered(first.iri, second.iri)
     ]
     if pairs:
         first, second = pairs[0]

@@ -406,7 +406,7 @@ def unrelated_places(checked: CheckedRecipe) -> Iterator[Diagnostic]:
 
 def _unrelated(actions: Actions, owner: Step | Recipe, place: Place, span: Span | None) -> Iterator[Diagnostic]:
     """Yield an error for a place of the base without relation, a warning for the hand's unless it names a posture."""
-    if not place.is_posture:
+    if not place.is_posture or place.pose is not None:
         return
     where = actions.ontology.span(place.iri) or span
     nothing = "anything" if not any(references(actions.ontology, place.iri)) else "anything that is somewhere"

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from planlang.geometry import Array
 from tests.support.locations.oracle import PRESSED, BasePose, Claim, Oracle, on_the_way, straight
 from tests.support.locations.sampler import Chains, grasp_poses
+from tests.support.locations.ways import Ways
 
 CELL, HEADINGS = 0.04, 24
 """Distance of the places for the base [m], headings at each."""
@@ -64,10 +65,10 @@ class Verdict:
 
 
 def search(oracle: Oracle, chains: Chains, target: str) -> Verdict:
-    """Search a room through for a way to grasp the target."""
+    """Search a room through for a way to grasp the target from where the base can drive to."""
     began, rng = time.process_time(), np.random.default_rng(0)
     centre = np.array(oracle.room.body(target).pose.position)
-    bases = _bases(oracle, chains, centre)
+    bases, ways = _bases(oracle, chains, centre), Ways(oracle)
     grasps = reachable = 0
     pressed: tuple[str, str] | None = None
     for arm in oracle.robot.arms:
@@ -91,8 +92,10 @@ def search(oracle: Oracle, chains: Chains, target: str) -> Verdict:
                     q, ok = solver.solve(goals[left], np.tile(posture, (len(left), 1, 1)))
                     solved[left] |= ok
                     for index in np.flatnonzero(ok):
-                        reachable += 1
                         base = bases[places[left[index]]]
+                        if not ways.lead_to(base):
+                            continue
+                        reachable += 1
                         claim = _complete(oracle, chains, arm.name, base, poses, q[index], hand, opened, target)
                         if claim is not None:
                             deepest = _pressed(oracle, claim, hand, opened)

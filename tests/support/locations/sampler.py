@@ -18,6 +18,7 @@ from executive.motion import Chain, InverseKinematics
 from executive.robots import Arm, Robot
 from planlang.geometry import Array
 from tests.support.locations.oracle import Claim, Oracle, angle, on_the_way
+from tests.support.locations.ways import Ways
 
 CELL, CELLS = 0.04, 100
 """Resolution [m] and extent of the costmap around the target."""
@@ -135,7 +136,7 @@ def sample(oracle: Oracle, chains: Chains, ik: Ik, target: str, *, samples: int,
     if weight.sum() == 0:
         return Sampled(None, 0, time.process_time() - began)
     picks = rng.choice(weight.size, samples, p=weight / weight.sum())
-    hands = {arm.name: oracle.fingers(arm.name) for arm in robot.arms}
+    hands, ways = {arm.name: oracle.fingers(arm.name) for arm in robot.arms}, Ways(oracle)
     for number, pick in enumerate(picks, 1):
         bx, by = float(x[pick]), float(y[pick])
         facing = math.atan2(centre[1] - by, centre[0] - bx)
@@ -151,7 +152,7 @@ def sample(oracle: Oracle, chains: Chains, ik: Ik, target: str, *, samples: int,
                     claim = Claim(base, arm.name, chains.chains[arm.name].names, values, poses, target, True)
                     if _is_free(oracle, claim, hands[arm.name]):
                         seconds = time.process_time() - began - looked
-                        if oracle.sees(base, target):
+                        if ways.lead_to(base) and oracle.sees(base, target):
                             return Sampled(claim, number, seconds)
                         looked = time.process_time() - began - seconds
     return Sampled(None, samples, time.process_time() - began - looked)

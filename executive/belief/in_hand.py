@@ -1,0 +1,84 @@
+"""Things that a robot holds when a run begins: those that hang, by a map's kinematic chain, from a link of its hand.
+
+How they are held no file says. A tool with a blade points ahead, its blade's normal across the way in which fingers
+close, and is held :data:`BEHIND` its blade; other things are held in their middle, their z axis across the fingers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Protocol
+
+import numpy as np
+
+from executive.belief.object_models import Blade
+from executive.belief.semantic_map import IN_HAND, MapObject, SemanticMap
+from planlang.designators import local_name
+from planlang.geometry import Array, Pose
+from planlang.geometry.matrices import product, rotated
+
+BEHIND = 0.3
+"""Distance of the hand behind the centre of a tool's blade [m]."""
+STOWED = Pose((0.0, 0.0, -100.0))
+"""Where things are until a robot has them in its hand: far below everything."""
+Axis = tuple[float, float, float]
+
+
+class HandOfArm(Protocol):
+    """An arm, as :class:`executive.robots.robot.Arm` describes it."""
+
+    @property
+    def hand_link(self) -> str:
+        """Link that carries the fingers."""
+
+    @property
+    def tip(self) -> str:
+        """Link whose frame is the grip point."""
+
+    @property
+    def approach(self) -> Axis:
+        """Unit vector in the tip frame along which the hand moves towards what it grasps."""
+
+    @property
+    def closing(self) -> Axis:
+        """Unit vector in the tip frame along which the fingers close."""
+
+
+def is_in_hand(thing: MapObject, semantic_map: SemanticMap) -> bool:
+    """Return whether a thing hangs from a link of a robot."""
+    return bool(_links(thing, semantic_map))
+
+
+def held_by(arm: HandOfArm, semantic_map: SemanticMap) -> Iterator[MapObject]:
+    """Yield the things that an arm holds when a run begins: those that hang from its hand, by the name of the link."""
+    ends = (arm.hand_link, arm.tip)
+    for thing in semantic_map.objects:
+        names = _links(thing, semantic_map)
+        if any(name == end or name.endswith(f"_{end}") for name in names for end in ends):
+            yield thing
+
+
+def _links(thing: MapObject, semantic_map: SemanticMap) -> list[str]:
+    values = semantic_map.ontology.values(thing.iri, IN_HAND)
+    return [local_name(one) for one in values if isinstance(one, str)]
+
+
+def grip_of(arm: HandOfArm, thing: MapObject, semantic_map: SemanticMap) -> Pose:
+    """Return the pose of a thing in the frame of the tip of the arm that holds it."""
+    approach, closing = np.array(arm.approach), np.array(arm.closing)
+    across = np.cross(approach, closing)
+    blade = Blade.of(semantic_map.ontology, thing.iri)
+    pose = np.eye(4)
+    if blade is None:
+        pose[:3, :3] = np.column_stack([approach, closing, across])
+        return Pose.from_matrix(pose)
+    ahead = blade.ahead / np.linalg.norm(blade.ahead)
+    there, own = _axes(approach, across), _axes(ahead, blade.normal)
+    pose[:3, :3] = product(there, own.T)
+    pose[:3, 3] = BEHIND * approach - rotated(pose[:3, :3], blade.position)
+    return Pose.from_matrix(pose)
+
+
+def _axes(first: Array, second: Array) -> Array:
+    """Return two orthogonal unit vectors and their cross product as columns (3, 3)."""
+    return np.column_stack([first, second, np.cross(first, second)])

@@ -1,0 +1,68 @@
+"""What the phases of constrained motions have in common: where things were when their recipe began, what held before.
+
+A recipe is told by the place of the plan function in the tree of the run, which a resumed run has again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from planlang.geometry import Pose
+from planlang.language.plans import innermost_plan
+from planlang.motion_constraints import MotionConstraint
+from planlang.runs.codec import dump, load
+
+MOST = 16
+"""Recipes that are remembered; the one that went on longest ago is forgotten first."""
+
+
+@dataclass(slots=True)
+class Phase:
+    """The state of one recipe between its phases."""
+
+    things: dict[str, Pose] = field(default_factory=dict)
+    """Thing -> its believed pose in the map when a motion was first about it."""
+    tools: dict[str, str] = field(default_factory=dict)
+    """Description of a tool -> the thing that it meant first: a cup that is empty still is the cup."""
+    before: tuple[MotionConstraint, ...] = ()
+    """The active constraints of the phase before, as the recipe states them."""
+
+
+class Phases:
+    """The recipes of one run whose motions are constrained."""
+
+    def __init__(self) -> None:
+        self._known: dict[str, Phase] = {}
+
+    def current(self) -> Phase:
+        """Return the state of the recipe that runs."""
+        path = innermost_plan()
+        found = self._known.pop(path, None) or Phase()
+        self._known[path] = found
+        while len(self._known) > MOST:
+            del self._known[next(iter(self._known))]
+        return found
+
+    def snapshot(self) -> dict[str, Any]:
+        """Return all states as JSON."""
+        return {
+            path: [
+                {name: dump(pose) for name, pose in one.things.items()},
+                dict(one.tools),
+                [dump(each) for each in one.before],
+            ]
+            for path, one in self._known.items()
+        }
+
+    def restore(self, state: Mapping[str, Sequence[Any]]) -> None:
+        """Go on from a :meth:`snapshot`."""
+        self._known = {
+            str(path): Phase(
+                {str(name): load(pose) for name, pose in things.items()},
+                {str(what): str(name) for what, name in tools.items()},
+                tuple(map(load, before)),
+            )
+            for path, (things, tools, before) in state.items()
+        }

@@ -1,0 +1,44 @@
+"""Places of the base before a point at which arms work: where it is as far ahead of the shoulders as suits them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from executive.belief.scene_collisions import BasePose
+from executive.modules.platform import Platform
+from executive.robots.arms import ArmModel
+from planlang.geometry import Array
+
+SHARES = (0.45, 0.55, 0.65, 0.75, 0.85)
+"""Distances of the point ahead of the shoulders, as shares of an arm's reach."""
+BEST = 0.6
+"""The best of these."""
+HEADINGS = 24
+"""Headings of the base that are tried."""
+FARTHER = 0.3
+"""Price of driving one metre farther, beside the distance from the best place [m]."""
+MOST = 40
+"""Free places that are offered."""
+
+
+def stances(platform: Platform, point: Array, arms: Sequence[ArmModel]) -> Iterator[BasePose]:
+    """Yield free places before a point (2,) of the map, those at a good distance that are near first."""
+    platform.sync()
+    scene, now = platform.scene, np.array(platform.base())
+    shoulder = np.mean([(arm.shoulder_low + arm.shoulder_high)[:2] / 2 for arm in arms], axis=0)
+    reach = min(arm.reach for arm in arms)
+    yaws = now[2] + np.linspace(-np.pi, np.pi, HEADINGS, endpoint=False)
+    ahead, turned = (grid.ravel() for grid in np.meshgrid(np.array(SHARES), yaws))
+    x, y = shoulder[0] + reach * ahead, np.full(len(ahead), shoulder[1])
+    c, s = np.cos(turned), np.sin(turned)
+    bases = np.stack([point[0] - c * x + s * y, point[1] - s * x - c * y, turned], axis=1)
+    price = reach * np.abs(ahead - BEST) + FARTHER * np.linalg.norm(bases[:, :2] - now[:2], axis=1)
+    free = scene.collisions.floor().holds(bases) & scene.collisions.drivable()(bases)
+    offered = 0
+    for row in np.argsort(price, kind="stable"):
+        base = tuple(map(float, bases[row]))
+        if offered < MOST and free[row] and not scene.collisions.contacts((base[0], base[1], base[2])):
+            offered += 1
+            yield base[0], base[1], base[2]

@@ -1,0 +1,68 @@
+"""What a hand holds is kept upright: a limit to the tilt of an axis of the tip, and configurations moved inside it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from executive.motion.kinematics import Chain
+from planlang.geometry import Array
+from planlang.geometry.matrices import rotated
+
+INSIDE = 0.5
+"""Share of the limit to which a configuration beyond it is moved."""
+STEPS = 8
+"""Newton steps after which a configuration is given up."""
+LONGEST = 0.3
+"""Longest step of a joint [rad, m]."""
+DAMPING = 1e-4
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Upright:
+    """The tip of a chain, whose base stands upright, turned so that an axis of it leans no more than ``limit`` [rad].
+
+    A path on it is that of T. Berenson et al., Manipulation planning on constraint manifolds (ICRA 2009): samples are
+    projected.
+    """
+
+    chain: Chain
+    axis: Array
+    """In the frame of the tip, (3,)."""
+    limit: float
+
+    def tilts(self, q: Array) -> Array:
+        """Return how far the axis leans from upright (n,) [rad] at configurations (n, d)."""
+        return np.asarray(np.arccos(np.clip(self._axes(q)[:, 2], -1.0, 1.0)))
+
+    def holds(self, q: Array) -> NDArray[np.bool_]:
+        """Return which configurations (n, d) are within the limit."""
+        return np.asarray(self._axes(q)[:, 2] >= math.cos(self.limit))
+
+    def projected(self, q: Array) -> Array:
+        """Return configurations (n, d) near others, within the limit where that can be; those within it stay."""
+        rows, goal = q.copy(), INSIDE * self.limit
+        left = np.flatnonzero(~self.holds(rows))
+        for _ in range(STEPS):
+            if not len(left):
+                break
+            axes = self._axes(rows[left])
+            tilts = np.arccos(np.clip(axes[:, 2], -1.0, 1.0))
+            across = np.hypot(axes[:, 0], axes[:, 1])
+            turns = ((tilts - goal) / np.maximum(across, 1e-9))[:, None] * np.stack([axes[:, 1], -axes[:, 0]], axis=1)
+            jacobians = self.chain.jacobian(rows[left])[:, 3:5]
+            squares = jacobians @ jacobians.transpose(0, 2, 1) + DAMPING * np.eye(2)
+            steps = (jacobians.transpose(0, 2, 1) @ np.linalg.solve(squares, turns[:, :, None]))[:, :, 0]
+            steps /= np.maximum(np.abs(steps).max(axis=1, keepdims=True) / LONGEST, 1.0)
+            moved = rows[left] + steps
+            within = np.clip(moved, self.chain.lower, self.chain.upper)
+            rows[left] = np.where(self.chain.continuous, moved, within)
+            left = left[~self.holds(rows[left])]
+        return rows
+
+    def _axes(self, q: Array) -> Array:
+        """Return the axis in the base (n, 3) at configurations (n, d)."""
+        return rotated(self.chain.fk(q)[:, :3, :3], self.axis)

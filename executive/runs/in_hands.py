@@ -1,0 +1,50 @@
+"""The things in a robot's hands when a run begins: a posture with room for them; they are there really and believed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from executive.belief import SemanticMap
+from executive.belief.in_hand import grip_of, held_by
+from executive.modules.platform import Platform
+from executive.robots import Robot
+from planlang.geometry import Pose
+from planlang.protocols import Configuration
+from sim import Body, PyBulletWorld, Scene
+
+
+@dataclass(frozen=True, slots=True)
+class InHand:
+    """A thing in a hand: the arm, the link that it is fixed to, the body, and its pose in the frame of the link."""
+
+    arm: str
+    link: str
+    body: Body
+    offset: Pose
+
+
+def in_hands(robot: Robot, semantic_map: SemanticMap, scene: Scene) -> tuple[InHand, ...]:
+    """Return what the arms of a robot hold when a run begins, the first thing of each arm."""
+    found = []
+    for arm in robot.arms:
+        thing = next(held_by(arm, semantic_map), None)
+        body = None if thing is None else next((one for one in scene.bodies if one.iri == thing.iri), None)
+        if thing is not None and body is not None:
+            found.append(InHand(arm.name, arm.tip, body, grip_of(arm, thing, semantic_map)))
+    return tuple(found)
+
+
+def take(platform: Platform, truth: PyBulletWorld, held: Sequence[InHand]) -> None:
+    """Put things into the hands of the robot, close the fingers on them, and believe it."""
+    for one in held:
+        world, name = platform.scene.world, one.body.name
+        arm = next(arm for arm in platform.scene.arms.all if arm.name == one.arm)
+        world.set_pose(name, world.link_pose(one.link) @ one.offset)
+        base, q = platform.base(), platform.arm_joints(arm)
+        fingers = platform.scene.collisions.closed_on(base, arm, q, name)
+        truth.set_configuration(Configuration(base, dict(fingers or {})))
+        truth.set_pose(name, truth.link_pose(one.link) @ one.offset)
+        truth.attach(one.link, name)
+        platform.belief.grasped(name, one.arm, one.link, one.offset)
+        platform.sync()

@@ -1,0 +1,36 @@
+"""How far things leaned from upright while the robot had them, in the simulator's truth."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from sim import PyBulletWorld
+
+
+class Tilts:
+    """Watches a true world: for each held thing that is to stay upright, how far its z axis leaned at most [rad]."""
+
+    def __init__(self) -> None:
+        self.largest: dict[str, float] = {}
+        self.limits: dict[str, float] = {}
+
+    def __call__(self, world: PyBulletWorld) -> None:
+        """Take note of the world after a step."""
+        for name in world.attached():
+            limit = world.scene.body(name).largest_tilt
+            if limit is not None:
+                x, y, _, _ = world.pose(name).orientation
+                tilt = math.acos(max(-1.0, 1.0 - 2.0 * (x * x + y * y)))
+                self.largest[name], self.limits[name] = max(tilt, self.largest.get(name, 0.0)), limit
+
+    def degrees(self) -> dict[str, float]:
+        """Return the largest tilt of each thing, to a tenth of a degree."""
+        return {name: round(math.degrees(tilt), 1) for name, tilt in self.largest.items()}
+
+    def lines(self) -> Iterator[str]:
+        """Yield a line for each thing, to print."""
+        for name, tilt in self.degrees().items():
+            limit = math.degrees(self.limits[name])
+            beyond = f"; {limit:g} are allowed" if tilt > limit else ""
+            yield f"{name}: leaned by at most {tilt:g} degrees while it was held{beyond}"

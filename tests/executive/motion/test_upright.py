@@ -1,0 +1,64 @@
+"""Facts about paths that keep an axis of the hand upright."""
+
+import itertools
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from executive.motion import Chain, JointSpace, plan_path
+from executive.motion.upright import Upright
+from planlang.geometry import Array
+from tests.executive.motion.test_arm_path import Rough, touching
+
+LIMIT = math.radians(12.0)
+SEEDS = st.integers(0, 10_000)
+
+
+def upright(chain: Chain, seed: int) -> tuple[Upright, np.random.Generator]:
+    """An axis of the tip, any one, that is to stay upright."""
+    rng = np.random.default_rng(seed)
+    axis = rng.normal(size=3)
+    return Upright(chain, axis / np.linalg.norm(axis), LIMIT), rng
+
+
+@pytest.mark.parametrize("robot", ["amigo", "panda"])
+@given(seed=SEEDS)
+def test_projection_leaves_what_is_upright_and_mostly_rights_what_is_not(
+    chain_of: Callable[[str], Chain], robot: str, seed: int
+) -> None:
+    constraint, rng = upright(chain_of(robot), seed)
+    q = constraint.chain.sample(rng, 200)
+    projected = constraint.projected(q)
+    assert constraint.chain.within(projected, 1e-9).all()
+    assert constraint.holds(projected)[constraint.tilts(q) < math.radians(60)].mean() > 0.5
+    assert np.array_equal(
+        constraint.projected(projected)[constraint.holds(projected)], projected[constraint.holds(projected)]
+    )
+
+
+@pytest.mark.parametrize("robot", ["amigo", "panda"])
+@given(seed=SEEDS)
+def test_a_path_between_upright_postures_keeps_upright_all_the_way(
+    chain_of: Callable[[str], Chain], robot: str, seed: int
+) -> None:
+    constraint, rng = upright(chain_of(robot), seed)
+    chain = constraint.chain
+    q = constraint.projected(chain.sample(rng, 100))
+    start, goal = q[constraint.holds(q)][:2]
+    path = plan_path(
+        start, goal, space(chain), Rough(), touching(lambda q: True), rng, constraint=constraint, iterations=3000
+    )
+    assert np.array_equal(path[0], start)
+    assert np.abs(path[-1] - goal).max() < 1e-9
+    fine = np.concatenate([a + (b - a) * np.linspace(0, 1, 60)[:, None] for a, b in itertools.pairwise(path)])
+    assert constraint.tilts(fine).max() < math.radians(15.0)
+
+
+def space(chain: Chain) -> JointSpace:
+    """The joint space of a chain."""
+    resolution: Array = np.where(chain.prismatic, 0.02, 0.08)
+    return JointSpace.of(chain.lower, chain.upper, continuous=chain.continuous, resolution=resolution)
