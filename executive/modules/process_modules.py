@@ -146,9 +146,6 @@ FEW = 300
 MOST_SOLUTIONS = 6
 """Hand poses of one location for which a path is planned: further ones differ little and fail alike."""
 
-PERSISTENT = 4 * ITERATIONS
-"""Branches that the search of a path to a posture grows: there is no other one to go to instead."""
-
 
 @process_module
 class Reaching:
@@ -243,14 +240,15 @@ class Reaching:
         if not postures:
             raise ManipulationPoseUnreachable("what the hand holds cannot be upright there", arm=arm.name, what=name)
         held = self.platform.scene.arms.held(arm.name)
-        for least in BACKING if held is not None and held.largest_tilt is not None else ():
+        for least in BACKING if held is None or held.largest_tilt is not None else ():
             try:
                 await self._joint_path(arm, postures[0], beside, name, postures[1:], FEW)
                 return
             except ManipulationPoseUnreachable as failure:
-                if not isinstance(failure.__cause__, NoPath) or not await self._back_off(arm, postures, least):
+                crowded = isinstance(failure.__cause__, (NoPath, GoalInCollision))
+                if not crowded or not await self._back_off(arm, postures, least):
                     raise
-        await self._joint_path(arm, postures[0], beside, name, postures[1:], PERSISTENT)
+        await self._joint_path(arm, postures[0], beside, name, postures[1:])
 
     async def _back_off(self, arm: ArmModel, postures: Sequence[Array], least: float) -> bool:
         """Drive back, at least so far [m], to where there is room for the arm; return False if there is none."""
