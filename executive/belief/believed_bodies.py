@@ -338,6 +338,13 @@ class BelievedBodies:
                     return leaf
         return None
 
+    def door_of(self, name: str) -> str | None:
+        """Return a door of furniture all doors of which are closed, or a closed drawer itself; None without one."""
+        joints = [joint for leaf, joint in self._belief.joints.items() if name in (leaf, joint.holder)]
+        doors = [one for one in joints if one.leaf == name or one.kind is JointKind.HINGED]
+        shut = [one.leaf for one in doors if one.is_shut(self._belief.joint(one.leaf))]
+        return shut[0] if shut and len(shut) == len(doors) else None
+
     def doors(self, name: str) -> Sequence[Door]:
         """Return the doors that a body is or has: things of the class Door, itself or hinged to it."""
         known = {thing.iri: thing for thing in self._belief.map.objects}

@@ -315,11 +315,15 @@ class Reaching:
             else solution.plan.poses[1 : 1 + len(joints)]
         )
         for pose, q in zip(poses, joints, strict=True):
-            try:
-                trajectory = self.platform.arms.straight_path(solution.arm, pose, q, solution.plan.touches)
-            except MotionError as problem:
-                raise ManipulationPoseUnreachable(arm=solution.arm.name, what=solution.plan.label) from problem
-            await self._follow(solution.arm, trajectory, solution.plan.label)
+            await self._line(solution, pose, q)
+
+    async def _line(self, solution: HandSolution, pose: Array, q: Array) -> None:
+        """Move along a straight line of the tip to a pose (4, 4)."""
+        try:
+            trajectory = self.platform.arms.straight_path(solution.arm, pose, q, solution.plan.touches)
+        except MotionError as problem:
+            raise ManipulationPoseUnreachable(arm=solution.arm.name, what=solution.plan.label) from problem
+        await self._follow(solution.arm, trajectory, solution.plan.label)
 
     async def _follow(self, arm: ArmModel, trajectory: Trajectory, label: str) -> None:
         motion = await self.platform.follow(arm.name, trajectory)

@@ -116,7 +116,8 @@ def judged(scenario: Scenario, seed: int = 0) -> Judged:
 def _at_home(text: str) -> str:
     """Return an argument with the path of the corpus, or of this checkout, if it names a file there."""
     folders = {"corpus/": CORPUS.parent, "docs/": TOP}
-    return next((str(folder / text) for start, folder in folders.items() if text.startswith(start)), text)
+    mark, path = ("@", text[1:]) if text.startswith("@") else ("", text)
+    return next((f"{mark}{folder / path}" for start, folder in folders.items() if path.startswith(start)), text)
 
 
 def _parsed(words: Sequence[str]) -> RunArguments:
