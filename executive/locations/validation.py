@@ -108,8 +108,11 @@ class BaseValidator:
         return [arm for arm in arms if self.scene.arms.held(arm.name) is not None] or full
 
     def check_hands(self, reach: Reach, location: Location) -> None:
-        """Raise LocationUnresolvable if what is to be grasped is behind a door, too heavy, or if all hands are full."""
-        if reach.kind is ReachKind.GRASP and (door := self.scene.bodies.closed_before(reach.body)) is not None:
+        """Raise LocationUnresolvable if a door is in the way, what is grasped too heavy, or if all hands are full."""
+        door = self.scene.bodies.closed_before(reach.body) if reach.kind is ReachKind.GRASP else None
+        if reach.kind is ReachKind.PLACE and reach.inside:
+            door = self.scene.bodies.door_of(reach.body)
+        if door is not None:
             leaf = self.scene.bodies.designator(door)
             raise BehindClosedDoor(designator=str(location), what=reach.body, door=leaf)
         if self.arms_for(reach, self.scene.arms.all):
