@@ -157,9 +157,8 @@ class BelievedBodies:
         return any(one.iri == what.iri or (what.iri is None and belief.is_a(one, what.type)) for one in things)
 
     def designator(self, name: str) -> Object:
-        """Return the designator that means a body of the map."""
-        thing = self._belief.map.find(name)
-        assert thing is not None
+        """Return the designator that means a body: of the map, or one that came into being."""
+        thing = next(thing for thing in self._belief.things if thing.name == name)
         return Object(shorten(thing.types[0]) if thing.types else "EnduringThing-Localized", thing.iri)
 
     def pose(self, name: str) -> Pose:

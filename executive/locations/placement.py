@@ -53,6 +53,8 @@ class Placement:
     name: str
     demand: ThingDemand
     scene: PlanningScene
+    near: bool = True
+    """Whether places near to where the base is now are better."""
 
     def poses(self, log: Rejections) -> Iterator[Pose]:
         """Yield poses of the object's box centre, upright, best first; reasons of others are counted."""
@@ -99,8 +101,9 @@ class Placement:
             score = score * (0.3 + 0.7 * np.clip(spare, 0.0, EDGE) / EDGE)
         for area in areas:
             score = score * area.score(centres[:, :2])
-        x, y, _ = self.scene.base()
-        score = score * np.exp(-np.hypot(centres[:, 0] - x, centres[:, 1] - y) / TRAVEL)
+        if self.near:
+            x, y, _ = self.scene.base()
+            score = score * np.exp(-np.hypot(centres[:, 0] - x, centres[:, 1] - y) / TRAVEL)
         log.scored.append((centres[~crowded], score[~crowded]))
         return centres[~crowded], score[~crowded]
 

@@ -22,6 +22,9 @@ from sim import Body
 CLEAR = 0.05
 """Distance that a thing has from a compartment before it goes in [m]."""
 
+FEW = 100
+"""Branches that the search of a path over a place grows: there are other hand poses to try, and other base poses."""
+
 
 @process_module
 class Lowering(Reaching):
@@ -55,7 +58,7 @@ class Lowering(Reaching):
         """Go above the place, into a compartment straight through where it is open, then straight down."""
         outside = self._outside(solution) if solution.reach.inside else None
         first = solution.joints[0] if outside is None else outside
-        await self._joint_path(solution.arm, first, None, solution.plan.label)
+        await self._joint_path(solution.arm, first, None, solution.plan.label, iterations=FEW)
         if outside is not None:
             await self._line(solution, solution.plan.poses[0], solution.joints[0])
         await self._straight(solution, solution.joints[1:2])

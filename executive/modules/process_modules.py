@@ -81,8 +81,18 @@ class Navigation:
         return ("base",)
 
     async def execute(self, action: Action) -> None:
-        """Drive to ``x``, ``y``, ``yaw``, or to a base pose that satisfies ``to_location``."""
-        goal = self._goal(action)
+        """Drive to ``x``, ``y``, ``yaw``, or to a base pose that satisfies ``to_location``.
+
+        What a step made means the next place at each use: where one cannot be driven to, the one after it.
+        """
+        while True:
+            try:
+                return await self._drive(self._goal(action))
+            except NavigationFailure:
+                if not self.platform.goes_elsewhere(action.get("to_location")):
+                    raise
+
+    async def _drive(self, goal: BasePose) -> None:
         blocked_by: str | None = None
         for _ in range(REPLANS):
             if _close(goal, self.platform.base()):
@@ -237,12 +247,13 @@ class Reaching:
         if not postures:
             raise ManipulationPoseUnreachable("what the hand holds cannot be upright there", arm=arm.name, what=name)
         held = self.platform.scene.arms.held(arm.name)
-        for least in BACKING if held is not None and held.largest_tilt is not None else ():
+        for least in BACKING if held is None or held.largest_tilt is not None else ():
             try:
                 await self._joint_path(arm, postures[0], beside, name, postures[1:], FEW)
                 return
             except ManipulationPoseUnreachable as failure:
-                if not isinstance(failure.__cause__, NoPath) or not await self._back_off(arm, postures, least):
+                crowded = isinstance(failure.__cause__, (NoPath, GoalInCollision))
+                if not crowded or not await self._back_off(arm, postures, least):
                     raise
         await self._joint_path(arm, postures[0], beside, name, postures[1:])
 
