@@ -34,6 +34,12 @@ class GroundedMotion:
     things: dict[Object, Array]
     """Thing of the world -> its pose (4, 4) in the map when the recipe began."""
 
+    def of_arm(self, number: int) -> GroundedMotion:
+        """Return what is asked of one arm."""
+        tools = {what: (0, offset) for what, (arm, offset) in self.tools.items() if arm == number}
+        asked = tuple(one for one in self.constraints if one.tool.of in tools)
+        return GroundedMotion(asked, self.arms[number : number + 1], tools, self.things)
+
 
 class Grounding:
     """Grounds motions of one platform."""
