@@ -38,6 +38,7 @@ _SITUATION = Usage("a_situation", {"type": '"DoorOpen"'}, {"object_acted_on": "d
 _CONDITION = Usage("Condition", {"predicate": '"holding"', "arguments": "(bottle,)"})
 _HOLDING = Usage("holding", {"what": "bottle"})
 _LOCATED = Usage("located", {"where": "a_location(near=table)"}, {"what": "bottle"})
+_POSE = Usage("a_pose", {"x": "1.0", "y": "0.0"}, {"name": '"origin"', "z": "0.0", "yaw": "0.0"})
 _POSTURE = Usage("a_posture", {"name": '"carrying"'})
 
 
@@ -140,8 +141,10 @@ class Location:
             code = written(other)
             message = f"& joins two locations, not a location and {code}"
             raise WrongType(contrast(message, f"near & {code}", "near & a_location(in_reach_of=bottle)"))
-        if isinstance(self, Posture) or isinstance(other, Posture):
-            raise ValueError(f"a posture is no set of poses that can be joined with another: {self} & {other}")
+        if isinstance(self, Posture | FixedPose) or isinstance(other, Posture | FixedPose):
+            raise ValueError(
+                f"a posture, or one pose, is no set of poses that can be joined with another: {self} & {other}"
+            )
         if None not in (self.device, other.device) and self.device != other.device:
             raise ValueError(
                 f"one location names two arms: {self.device} and {other.device}. A base from which "
@@ -179,6 +182,19 @@ class Posture(Location):
     """A named posture of the robot's own, e.g. ``carrying``."""
 
     name: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class FixedPose(Location):
+    """One pose in the map, told by its numbers: position [m] and heading [rad] about the vertical."""
+
+    x: float = 0.0
+    y: float = 0.0
+    z: float = 0.0
+    yaw: float = 0.0
+
+    def __str__(self) -> str:
+        return f"pose {self.name or ''}({self.x:g}, {self.y:g}, {self.z:g}; {self.yaw:g})"
 
 
 class Filler:
@@ -349,6 +365,14 @@ def a_posture(name: str) -> Posture:
     """Describe a named posture of the robot's own."""
     _POSTURE.text("name", name)
     return Posture((), name)
+
+
+def a_pose(name: str | None = None, *, x: float, y: float, z: float = 0.0, yaw: float = 0.0) -> FixedPose:
+    """Describe one pose in the map: position [m], heading [rad]. Raises ValueError for what is no finite number."""
+    for key, value in {"x": x, "y": y, "z": z, "yaw": yaw}.items():
+        if isinstance(value, bool) or not isinstance(value, Real) or not math.isfinite(value):
+            raise _POSE.wrong(key, value, "a finite number", WrongValue)
+    return FixedPose((), name, None, None, float(x), float(y), float(z), float(yaw))
 
 
 def action(type: str, *, name: str | None = None, **properties: Value) -> Action:

@@ -12,6 +12,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, Protocol, runtime_checkable
 
+from numpy.typing import NDArray
+
 from planlang.designators import Action
 from planlang.geometry import Array, Pose
 
@@ -116,6 +118,9 @@ class World(Protocol):
 
     def detect(self, camera_link: str) -> tuple[Detection, ...]:
         """Return what the camera sees, unoccluded and within its limits, in the order of the scene."""
+
+    def scan(self, camera_link: str) -> tuple[Array, NDArray[Any]]:
+        """Return where lines through the camera's pixels end (n, 3) in the map, and whether at a surface, (n,)."""
 
     def touches(self, links: Collection[str]) -> tuple[Touch, ...]:
         """Return what links of a hand feel on their skins, or by the currents of their motors."""

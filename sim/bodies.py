@@ -6,6 +6,7 @@ two arrays, so that a contact query asks PyBullet about near pairs only.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -23,6 +24,8 @@ FLOOR = "floor"
 
 WALL = 0.1
 """Thickness of walls and floors [m]: thick enough that no link is through within one step."""
+SEGMENTS = 16
+"""Boxes that the wall of a round, hollow thing is made of."""
 AT_REST = 1e-3
 """A limb that is not farther from where it was at first rests there [m]."""
 _AWAY = (0.0, 0.0, -500.0)
@@ -247,6 +250,12 @@ def plain(body: Body) -> tuple[Part, ...]:
             return tuple(_around(body.size, body.cavities))
         case BodyShape.BOX if 0 < body.blade < max(body.size):
             return _blade_and_handle(body)
+        case BodyShape.BOX if body.wall:
+            x, y, z = body.size
+            inside = Cavity((0.0, 0.0, body.wall), (x - 2 * body.wall, y - 2 * body.wall, z))
+            return tuple(_around(body.size, (inside,)))
+        case BodyShape.CYLINDER if body.wall:
+            return tuple(_dish(body.size, body.wall))
         case shape:
             return (Part(SolidKind(shape), body.size, _HERE),)
 
@@ -297,6 +306,19 @@ def _around(size: tuple[float, float, float], cavities: Sequence[Cavity]) -> Ite
         begin, stop = (np.array([planes[k][corner[k]] for k in range(3)]) for corner in (cell, end))
         (x, y, z), (dx, dy, dz) = ((begin + stop) / 2).tolist(), (stop - begin).tolist()
         yield Part(SolidKind.BOX, (dx, dy, dz), Pose((x, y, z)))
+
+
+def _dish(size: tuple[float, float, float], wall: float) -> Iterator[Part]:
+    """Yield a bottom and :data:`SEGMENTS` boxes around it, inside a cylinder; the first is where the x axis points."""
+    x, y, height = size
+    radius = max(x, y) / 2
+    yield Part(SolidKind.CYLINDER, (2 * radius - wall, 2 * radius - wall, wall), Pose((0.0, 0.0, (wall - height) / 2)))
+    half = math.pi / SEGMENTS
+    middle = radius * math.cos(half) - wall / 2
+    for number in range(SEGMENTS):
+        turn = 2 * half * number
+        place = Pose.planar(middle * math.cos(turn), middle * math.sin(turn), turn)
+        yield Part(SolidKind.BOX, (wall, 2 * radius * math.sin(half), height), place)
 
 
 def _arrays(cavities: Sequence[Cavity]) -> Iterator[tuple[Array, Array]]:

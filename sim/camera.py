@@ -68,6 +68,28 @@ class Camera:
         order = {name: k for k, name in enumerate(self.bodies.bodies)}
         return tuple(sorted(detections, key=lambda detection: order[detection.name]))
 
+    def scan(self, model: CameraModel, pose: Pose) -> tuple[Array, NDArray[np.bool_]]:
+        """Return where lines through the pixels end (n, 3) in the map, and whether at a surface, (n,).
+
+        Lines end at the camera's greatest distance where nothing is nearer; pixels that show the robot are left out.
+        """
+        eye, forward, up = _axes(model, pose)
+        view = bullet.computeViewMatrix(eye.tolist(), (eye + forward).tolist(), up.tolist())
+        tall = math.tan(model.fov / 2) * model.height / model.width
+        picture = raster(self.client, model.width, model.height, view, 2 * math.atan(tall))
+        depth, mask = (np.asarray(picture[one]).reshape(-1) for one in (3, 4))
+        along = _FAR * _CLIP / (_FAR - (_FAR - _CLIP) * depth)
+        across = (np.arange(model.width) + 0.5) / model.width * 2 - 1
+        down = 1 - (np.arange(model.height) + 0.5) / model.height * 2
+        right, above = np.cross(forward, up) * math.tan(model.fov / 2), up * tall
+        lines = forward + across[None, :, None] * right + down[:, None, None] * above
+        lines = lines.reshape(-1, 3)
+        most = model.far / np.linalg.norm(lines, axis=1)
+        kept = np.array([uid < 0 or self.bodies.name_of(int(uid)) is not None for uid in np.unique(mask)], bool)
+        shown = kept[np.searchsorted(np.unique(mask), mask)]
+        ends = eye + lines * np.minimum(along, most)[:, None]
+        return ends[shown], (along < most)[shown]
+
     def _segments(self, model: CameraModel, pose: Pose) -> dict[str, int]:
         """Body -> number of its pixels."""
         eye, forward, up = _axes(model, pose)

@@ -10,6 +10,7 @@ import contextlib
 import hashlib
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +39,9 @@ SUPPORT_DEPTH = 0.02
 
 PARTED = 0.003
 """A held object has parted from what it touched when it is farther from it than this [m]."""
+
+FOLD = 0.05
+"""Distance up to which two fingers on something soft have a fold of it between them [m]."""
 
 GROUND = 0.001
 """Greatest height of a piece that counts as floor [m]."""
@@ -247,8 +251,20 @@ class Contacts:
         found = []
         for number, row in zip(numbers, near, strict=True):
             names = dict.fromkeys(self.bodies.pieces[index].body for index in np.flatnonzero(row).tolist())
-            found += [self._touch(number, name, reach) for name in names]
-        return tuple(touch for touch in found if touch is not None)
+            found += [(name, self._touch(number, name, reach)) for name in names]
+        felt = [(name, touch) for name, touch in found if touch is not None]
+        return (*(touch for _, touch in felt), *self._folds(felt))
+
+    def _folds(self, felt: list[tuple[str, Touch]]) -> Iterator[Touch]:
+        """Yield what two links feel that are close together on something soft: the fold that it makes between them."""
+        soft = [(name, touch) for name, touch in felt if self.bodies.bodies[name].soft]
+        for (name, one), (other, two) in combinations(soft, 2):
+            apart = np.subtract(one.point, two.point)
+            away = float(np.linalg.norm(apart))
+            if name == other and one.link != two.link and 0 < away <= FOLD:
+                x, y, z = (apart / away).tolist()
+                yield Touch(one.link, one.point, (x, y, z))
+                yield Touch(two.link, two.point, (-x, -y, -z))
 
     def felt(self, contact: Contact) -> Touch | None:
         """Return where a link, or a held object, is touched by a body; None when the robot touches itself."""

@@ -78,8 +78,14 @@ class Body:
     """True for a device that is on at the beginning."""
     blade: float = 0.0
     """Length of the blade at the front end of its longest axis [m]; 0 without one."""
+    wall: float = 0.0
+    """Thickness of the walls of what is hollow and open above, such as a plate or a bowl [m]; 0 for what is solid."""
+    soft: bool = False
+    """True for cloth and the like: between two fingers that close on it from above it makes a fold."""
     centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Centre of its box in its own frame [m]: elsewhere than at 0 only for a tool, whose frame is in its blade."""
+    mass: float = 0.0
+    """Its mass, with what it contains at the beginning [kg]; 0 if it is not known."""
     largest_tilt: float | None = None
     """How far its z axis may lean from upright while it is carried [rad]; None if it may be turned as one likes."""
 
@@ -99,10 +105,9 @@ class Body:
 
     @property
     def graspable(self) -> bool:
-        """Return True if a hand could take it: a movable box or cylinder that is narrow enough."""
-        return (
-            self.movable and self.shape in (BodyShape.BOX, BodyShape.CYLINDER) and min(self.size[:2]) <= GRASPABLE_WIDTH
-        )
+        """Return True if a hand could take it: a movable box or cylinder that is narrow enough, by a rim, or soft."""
+        narrow = min(self.size[:2]) <= GRASPABLE_WIDTH or self.wall > 0 or self.soft
+        return self.movable and self.shape in (BodyShape.BOX, BodyShape.CYLINDER) and narrow
 
 
 @dataclass(frozen=True, slots=True)
@@ -356,7 +361,8 @@ def _overlap(a: Body, a_pose: Pose, b: Body, b_pose: Pose) -> bool:
         local = rotated(b_pose.rotation[:2, :2].T, footprint(a_pose, a.size) - np.asarray(b_pose.position[:2]))
         return bool((np.abs(local) > np.asarray(b.size[:2]) / 2 - _CLEARANCE).any())
     heights = _half_height(a_pose, a) + _half_height(b_pose, b)
-    if abs(a_pose.position[2] - b_pose.position[2]) >= heights - 0.02:  # standing on each other, or far apart
+    standing = heights - min(0.02, heights / 2)  # on each other, or far apart
+    if abs(a_pose.position[2] - b_pose.position[2]) >= standing:
         return False
     first, second = _outline(a, a_pose), _outline(b, b_pose)
     return not _separated(first, second) and not _separated(second, first)

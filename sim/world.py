@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from planlang.geometry import Array
 from planlang.protocols import Configuration, Contact, Detection, Motion, MotionState, Touch, Trajectory
@@ -274,6 +275,11 @@ class PyBulletWorld(KinematicScene):
         """Return what the camera at a link sees in its picture, in the order of the scene."""
         self._here()
         return self._camera.detect(self._optics(), self.robot.link_pose(camera_link))
+
+    def scan(self, camera_link: str) -> tuple[Array, NDArray[np.bool_]]:
+        """Return where lines through the camera's pixels end (n, 3) in the map, and whether at a surface, (n,)."""
+        self._here()
+        return self._camera.scan(self._optics(), self.robot.link_pose(camera_link))
 
     def save_picture(self, path: Path, of: Collection[str] = (), width: int = 640, height: int = 480) -> None:
         """Write :meth:`render` as a PNG file; raises OSError as writing does."""

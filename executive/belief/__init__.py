@@ -5,7 +5,8 @@ General layout: ``semantic_map`` reads things, ``scene`` turns them into bodies,
 ``scene_collisions``: room and contacts).
 """
 
-from executive.belief.belief import Belief, Grip
+from executive.belief.belief import Belief
+from executive.belief.knowledge import Grip
 from executive.belief.scene import default_starts, scene_of, support_of
 from executive.belief.semantic_map import MapObject, SemanticMap, read_map
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from itertools import chain
 from typing import Any
 
@@ -12,7 +11,7 @@ import numpy as np
 
 from executive.belief.class_names import is_kind
 from executive.belief.contents import is_content
-from executive.belief.knowledge import Knowledge, Source
+from executive.belief.knowledge import Grip, Knowledge, Source
 from executive.belief.obstacles import NAMES
 from executive.belief.recognition import Recognition
 from executive.belief.semantic_map import MapObject, SemanticMap
@@ -31,18 +30,6 @@ TURNED = 0.01
 """The same for its rotation [rad]."""
 ALIKE = 0.02
 """Things whose distances from the robot differ by less are equally near [m]."""
-
-
-@dataclass(frozen=True, slots=True)
-class Grip:
-    """A hand's hold on a thing."""
-
-    arm: str
-    link: str
-    offset: Pose
-    """Pose of the thing in the link's frame."""
-    before: Pose
-    """Pose of the thing in the map when it was grasped: what locations relative to it refer to until it is let go."""
 
 
 def _ignore(event: str, details: Mapping[str, Any]) -> None:
@@ -375,7 +362,7 @@ class Belief:
             if abs(value - self._values[leaf]) > TURNED:
                 self.moved(leaf, value, how)
             return
-        if pose.distance(before) <= MOVED and _angle(pose, before) <= TURNED:
+        if pose.distance(before) <= MOVED and pose.turn(before) <= TURNED:
             return
         self._poses[name] = pose
         self._changed(how, name=name, pose=pose)
@@ -506,9 +493,3 @@ def _pose(state: object) -> Pose:
     if not isinstance(pose, Pose):
         raise ValueError(f"a pose is expected, not {pose!r}")
     return pose
-
-
-def _angle(one: Pose, other: Pose) -> float:
-    """Return the angle between two orientations [rad]."""
-    dot = abs(sum(a * b for a, b in zip(one.orientation, other.orientation, strict=True)))
-    return 2 * math.acos(min(1.0, dot))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -44,6 +44,10 @@ class Block:
     high: float
     round: bool = False
     """True for a cylinder about the vertical, as wide from everywhere."""
+    wall: float = 0.0
+    """Thickness of its walls, if it is hollow and open above [m]; 0 if it is solid."""
+    soft: bool = False
+    """True if it makes a fold between fingers that close on it from above."""
 
     @staticmethod
     def of(pose: Pose, size: tuple[float, float, float], *, cylinder: bool = False) -> Block:
@@ -153,9 +157,8 @@ class BelievedBodies:
         return any(one.iri == what.iri or (what.iri is None and belief.is_a(one, what.type)) for one in things)
 
     def designator(self, name: str) -> Object:
-        """Return the designator that means a body of the map."""
-        thing = self._belief.map.find(name)
-        assert thing is not None
+        """Return the designator that means a body: of the map, or one that came into being."""
+        thing = next(thing for thing in self._belief.things if thing.name == name)
         return Object(shorten(thing.types[0]) if thing.types else "EnduringThing-Localized", thing.iri)
 
     def pose(self, name: str) -> Pose:
@@ -177,7 +180,9 @@ class BelievedBodies:
         if abs(math.hypot(*pose.orientation) - 1) > 1e-3:
             problem = f"the orientation of {name} is not a rotation: {pose.orientation} is not of length 1"
             raise LocationUnresolvable(problem, designator=name)
-        return Block.of(pose, size, cylinder=self.is_round(name))
+        body, found = self._world.scene.body(name), Block.of(pose, size, cylinder=self.is_round(name))
+        stands = float(pose.rotation[2, 2]) >= math.cos(LEANING)
+        return replace(found, wall=body.wall, soft=body.soft) if stands and (body.wall or body.soft) else found
 
     def is_person(self, name: str) -> bool:
         """Return whether the body is a person."""
@@ -230,6 +235,10 @@ class BelievedBodies:
     def _shifted(self, name: str, by: Array) -> Pose:
         x, y, z = (self.pose(name).position + by).tolist()
         return Pose((x, y, z), self.pose(name).orientation)
+
+    def mass(self, name: str) -> float:
+        """Return how heavy a body is, with what it contains [kg]; 0 if that is not known."""
+        return self._world.scene.body(name).mass
 
     def is_movable(self, name: str) -> bool:
         """Return whether the body may stand elsewhere than in the map."""
@@ -327,6 +336,13 @@ class BelievedBodies:
                 if inside(furniture.pose, furniture.size, point[None])[0] and inside(centre, room.size, point[None])[0]:
                     return leaf
         return None
+
+    def door_of(self, name: str) -> str | None:
+        """Return a door of furniture all doors of which are closed, or a closed drawer itself; None without one."""
+        joints = [joint for leaf, joint in self._belief.joints.items() if name in (leaf, joint.holder)]
+        doors = [one for one in joints if one.leaf == name or one.kind is JointKind.HINGED]
+        shut = [one.leaf for one in doors if one.is_shut(self._belief.joint(one.leaf))]
+        return shut[0] if shut and len(shut) == len(doors) else None
 
     def doors(self, name: str) -> Sequence[Door]:
         """Return the doors that a body is or has: things of the class Door, itself or hinged to it."""

@@ -1,9 +1,12 @@
-"""Source and age of what is believed."""
+"""Source and age of what is believed, and holds of hands on things."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from enum import Enum
 from typing import NamedTuple
+
+from planlang.geometry import Pose
 
 
 class Source(Enum):
@@ -26,3 +29,15 @@ class Knowledge(NamedTuple):
     """Plan time at which it came to be known [s]."""
     moves: int = 0
     """Number of moves of the base before."""
+
+
+@dataclass(frozen=True, slots=True)
+class Grip:
+    """A hand's hold on a thing."""
+
+    arm: str
+    link: str
+    offset: Pose
+    """Pose of the thing in the link's frame."""
+    before: Pose
+    """Pose of the thing in the map when it was grasped: what locations relative to it refer to until it is let go."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,9 @@ from planlang.geometry.matrices import rotated
 from planlang.geometry.shapes import SolidKind
 from planlang.protocols import Configuration
 from sim import PlanningWorld
+
+if TYPE_CHECKING:
+    from executive.belief.explored_space import ExploredSpace
 
 SEEN_SHARE = 0.3
 """Share of an object that must be visible for a base pose to count as one from where it is seen."""
@@ -243,6 +247,8 @@ class PlanningScene:
         self, world: PlanningWorld, robot: Robot, belief: Belief, arms: Sequence[ArmModel], gaze: Gaze | None
     ) -> None:
         self.world, self.robot, self.belief = world, robot, belief
+        self.space: ExploredSpace | None = None
+        """What was seen of the room, once it is explored."""
         self.bodies = BelievedBodies(world, belief)
         self.arms = RobotArms(world, robot, belief, arms)
         self.collisions = SceneCollisions(world, robot, belief, arms)

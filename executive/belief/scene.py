@@ -19,6 +19,7 @@ from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import rotated
 from planlang.geometry.shapes import corners, footprint, inside
 from planlang.ontology import expand, shorten
+from planlang.recipe.effects import number_of_class
 from sim import Body, Scene
 from sim.joints import Articulation
 from sim.scene import GRASPABLE_WIDTH, THIN, BodyShape, Cavity
@@ -76,8 +77,21 @@ def support_of(scene: Scene, name: str, poses: Mapping[str, Pose] | None = None)
     return Standing(scene, poses).support(name)
 
 
-ROUND = ("DrinkingVessel", "Bottle", "Vase", "Can", "Jar-Container", "DrinkingCan", "CookingVessel")
+ROUND = (
+    "DrinkingVessel",
+    "Bottle",
+    "Vase",
+    "Can",
+    "Jar-Container",
+    "DrinkingCan",
+    "CookingVessel",
+    "EatingVessel",
+    "Bowl-Generic",
+)
 """Classes of things that are cylinders about their z axis."""
+
+SOFT = ("TableCovering", "Napkin", "PaperTowel")
+"""Classes of things that fingers pinch from above: they make a fold."""
 
 LIGHT_FURNITURE = ("Table-PieceOfFurniture", "Chair-PieceOfFurniture", "SideTable", "Stool")
 """Classes of furniture that people push around."""
@@ -136,11 +150,15 @@ def scene_of(semantic_map: SemanticMap, found: list[Diagnostic] | None = None) -
 def _body(thing: MapObject, pose: Pose, semantic_map: SemanticMap) -> Body:
     shape = _shape(thing, semantic_map)
     cls = next((cls for cls in thing.types if not cls.endswith("#NamedIndividual")), "")
-    movable = shape in (BodyShape.BOX, BodyShape.CYLINDER) and _movable(thing, semantic_map)
-    size = thing.size or (0.0, 0.0, 0.0)
+    size, soft = thing.size or (0.0, 0.0, 0.0), _is_a(thing, semantic_map, SOFT)
+    wall = number_of_class(semantic_map.ontology, thing.types, "wallThickness") or 0.0
+    wall = wall if 4 * wall < min(size[:2]) and 2 * wall < size[2] else 0.0
+    handled = shape in (BodyShape.BOX, BodyShape.CYLINDER)
+    movable = handled and _movable(thing, semantic_map, wide=soft or wall > 0)
     blade = Blade.of(semantic_map.ontology, thing.iri) if thing.parts else None
     size, centre = (size, (0.0, 0.0, 0.0)) if blade is None else blade.box(size)
-    return Body(thing.name, pose, size, shape, thing.iri, shorten(cls), movable, centre=centre)
+    wall *= movable
+    return Body(thing.name, pose, size, shape, thing.iri, shorten(cls), movable, centre=centre, wall=wall, soft=soft)
 
 
 def _is_a(thing: MapObject, semantic_map: SemanticMap, classes: Iterable[str]) -> bool:
@@ -159,14 +177,16 @@ def _shape(thing: MapObject, semantic_map: SemanticMap) -> BodyShape:
     return BodyShape.BOX
 
 
-def _movable(thing: MapObject, semantic_map: SemanticMap) -> bool:
+def _movable(thing: MapObject, semantic_map: SemanticMap, *, wide: bool) -> bool:
+    """Return whether a thing is moved by people; ``wide``: it can be taken though it is."""
     if thing.size is None or thing.hinged_to or semantic_map.holder(thing):
         return False
     if _is_a(thing, semantic_map, LIGHT_FURNITURE):
         return True
     if _is_a(thing, semantic_map, FIXED):
         return False
-    return (min(thing.size[:2]) <= GRASPABLE_WIDTH or thing.size[2] <= THIN) and max(thing.size) <= LONGEST
+    narrow = min(thing.size[:2]) <= GRASPABLE_WIDTH or thing.size[2] <= THIN
+    return (wide or narrow) and max(thing.size) <= LONGEST
 
 
 def _opened(

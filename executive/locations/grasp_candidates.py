@@ -144,22 +144,22 @@ def grasping(
                 yaws.append(yaw)
                 rolls.append(roll)
                 weights.append((1.0 if grasp is GraspClass.SIDE else 0.8) * (1.0 if flat else OBLIQUE))
-    count = len(yaws)
-    directions = _directions(grasps, yaws)
-    lift = np.array([0.0, 0.0, LIFT])
-    offsets = np.stack(
-        [-APPROACH * directions, np.zeros((count, 3)), np.tile(lift, (count, 1)), _raised_and_back(directions, LIFT)],
-        axis=1,
-    )
-    points = np.tile(block.centre, (count, 1))
-    found = _oriented(
+    count, ways = len(yaws), directions(grasps, yaws)
+    points, offsets = np.tile(block.centre, (count, 1)), grasp_series(ways)
+    found = oriented(
         f"grasp {name}", points, offsets, 1, grasps, yaws, rolls, weights, frame, touches=name, opened=True
     )
     if not count or not palm:
         return found
-    raised = _raised_over(block, found, directions, np.array(palm))
+    raised = _raised_over(block, found, ways, np.array(palm))
     found = replace(found, points=found.points + raised[:, None] * np.array([0.0, 0.0, 1.0]))
     return found.chosen(np.flatnonzero(raised <= block.high - block.centre[2] - GRIPPED))
+
+
+def grasp_series(ways: Array) -> Array:
+    """Return offsets (n, 4, 3) of pre-grasp, grasp, lift and retreat for approach directions (n, 3)."""
+    still = np.zeros_like(ways)
+    return np.stack([-APPROACH * ways, still, still + LIFT * UP, _raised_and_back(ways, LIFT)], axis=1)
 
 
 def _raised_over(block: Block, candidates: GraspCandidates, directions: Array, palm: Array) -> Array:
@@ -325,7 +325,7 @@ def _level(
         side = [CLASSES.index(GraspClass.SIDE)] * count
         candidates = GraspCandidates.joined(
             [
-                _oriented(text, places, still, 0, side, list(headings), [roll] * count, list(weights), frame)
+                oriented(text, places, still, 0, side, list(headings), [roll] * count, list(weights), frame)
                 for roll in (1, -1)
             ]
         )
@@ -365,14 +365,14 @@ def upright(angles: Array) -> Array:
     return turns
 
 
-def _directions(grasps: list[int], yaws: list[float]) -> Array:
+def directions(grasps: list[int], yaws: list[float]) -> Array:
     """Return approach directions (n, 3)."""
     pitch = np.array([CLASSES[grasp].pitch for grasp in grasps])
     yaw = np.array(yaws, float)
     return np.stack([np.cos(yaw) * np.cos(pitch), np.sin(yaw) * np.cos(pitch), -np.sin(pitch)], axis=-1).reshape(-1, 3)
 
 
-def _oriented(
+def oriented(
     text: str,
     points: Array,
     offsets: Array,
@@ -386,6 +386,7 @@ def _oriented(
     touches: str | None = None,
     opened: bool = False,
 ) -> GraspCandidates:
+    """Return candidates whose hands are turned as classes of grasps, headings and rolls (1 or -1) say."""
     kinds, heading, roll = np.array(grasps, np.intp), np.array(yaws, float), np.array(rolls, np.intp)
     rotations = np.zeros((len(kinds), 3, 3))
     for index, grasp in enumerate(CLASSES):

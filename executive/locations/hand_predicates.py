@@ -6,9 +6,9 @@ Things are on and in things and before people.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from enum import IntEnum
 from functools import partial
-from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +39,7 @@ from executive.locations.grasp_candidates import (
     placing,
     retreating,
 )
+from executive.locations.grasps_from_above import FROM_ABOVE, from_above, grips, is_flat, is_low
 from executive.locations.placement import HAIR, Placement
 from executive.locations.reachability import GraspClass
 from executive.locations.rejections import Rejections
@@ -50,6 +51,8 @@ from planlang.relations import HEIGHTS, RELATIONS, Sense
 
 AT_CENTRE = 0.01
 """Largest distance of a grip point from the centre, or from the line from there up [m]."""
+FINGERS = 0.05
+"""Length of fingers beyond the grip point, at most [m]."""
 AT_POSE = 0.02
 """Largest distance of the hand from its pose before a thing [m]."""
 LEVEL = 0.2
@@ -103,7 +106,7 @@ def _holds(term: HandTerm, points: Array, rotations: Array, arm: ArmModel, scene
         case Sense.PRE_GRASP if handled:
             ahead = points + APPROACH * rotated(rotations, np.asarray(arm.frame.approach)) - block.centre
             raised = max(LIFTS) if scene.arms.is_held(term.body) else 0.0
-            near = np.linalg.norm(ahead[:, :2], axis=1) <= AT_POSE
+            near = _beside(ahead + block.centre, block) <= AT_POSE
             highest = max(raised, block.high - block.centre[2])
             return np.asarray(near & (ahead[:, 2] >= -AT_POSE) & (ahead[:, 2] <= highest + AT_POSE))
     assert meaning.bounds is not None, f"{term.name} is no area for a hand"
@@ -112,10 +115,19 @@ def _holds(term: HandTerm, points: Array, rotations: Array, arm: ArmModel, scene
 
 
 def _is_at(points: Array, block: Block) -> Mask:
-    """Return which grip points (n, 3) are in the middle of a block, or over that as far as it reaches, (n,)."""
-    away = points - block.centre
-    away[:, 2] -= np.clip(away[:, 2], 0.0, block.high - block.centre[2])
-    return np.asarray(np.linalg.norm(away, axis=1) <= AT_CENTRE)
+    """Return which grip points (n, 3) are where a block is gripped: in the middle, or over that as far as it reaches.
+
+    Over what is low that is as far as fingers reach down.
+    """
+    away = points[:, 2] - block.centre[2]
+    highest = block.high - block.centre[2] + (FINGERS if is_low(block) else 0.0)
+    return np.asarray(np.hypot(_beside(points, block), away - np.clip(away, 0.0, highest)) <= AT_CENTRE)
+
+
+def _beside(points: Array, block: Block) -> Array:
+    """Return how far points (n, 3) are, horizontally, from the nearest place where a block is gripped (n,) [m]."""
+    aways = points[:, None, :2] - (grips(block) if is_low(block) else block.centre[None])[None, :, :2]
+    return np.asarray(np.linalg.norm(aways, axis=2).min(axis=1))
 
 
 def _level(rotations: Array, arm: ArmModel, held: Held | None) -> Mask:
@@ -139,6 +151,8 @@ NATURAL = (GraspClass.SIDE,)
 """Classes of grasps that are tried first."""
 MOST_SPOTS = 24
 """Places on a surface that a hand is asked to put something on."""
+SPREAD = 0.08
+"""Distance of these places from each other, as long as there is room [m]: the best ones alone are in one spot."""
 
 
 def candidates_of(
@@ -184,9 +198,22 @@ def _made(
     if held.name == reach.body:
         rejections.add("nothing rests on itself")
         return None
-    spots = list(islice(Placement(held.name, put_demand(reach, held.name, scene), scene).poses(rejections), MOST_SPOTS))
+    # the same wherever the base is: where it can reach one of them is asked next
+    spots = _spread(Placement(held.name, put_demand(reach, held.name, scene), scene, near=False).poses(rejections))
     turns = not scene.bodies.is_round(held.name)
     return placing(reach.body, spots, arm.frame, held, symmetric=turns, fine=fine) if spots else None
+
+
+def _spread(spots: Iterable[Pose]) -> list[Pose]:
+    """Return the best spots that are apart from each other, then the best of those in between."""
+    apart: list[Pose] = []
+    between: list[Pose] = []
+    for spot in spots:
+        if len(apart) == MOST_SPOTS:
+            break
+        near = any(math.dist(spot.position, other.position) < SPREAD for other in apart)
+        (between if near else apart).append(spot)
+    return (apart + between)[:MOST_SPOTS]
 
 
 def _grasps(
@@ -195,7 +222,16 @@ def _grasps(
     block = scene.bodies.block(reach.body)
     classes = (GraspClass(reach.grasp),) if reach.grasp is not None else CLASSES if stage else NATURAL
     headings = HEADINGS * 2**stage
-    candidates = grasping(reach.body, block, arm.frame, arm.max_opening, classes, headings, arm.palm)
+    middle = () if is_flat(block) else tuple(one for one in classes if not (is_low(block) and one in FROM_ABOVE))
+    candidates = grasping(reach.body, block, arm.frame, arm.max_opening, middle, headings, arm.palm)
+    above = FROM_ABOVE if is_flat(block) and reach.grasp is None else tuple(one for one in FROM_ABOVE if one in classes)
+    if is_low(block) and above:
+        below = tuple(-float(arm.lowest(one.rotations([0.0], [1], arm.frame), None)[0]) for one in FROM_ABOVE)
+        low = from_above(reach.body, block, arm.frame, arm.max_opening, above, headings, below)
+        candidates = GraspCandidates.joined([candidates, low])
+    if not len(candidates) and reach.grasp is not None and is_flat(block):
+        rejections.add("too low for a grasp but from above")
+        return None
     if not len(candidates):
         rejections.add("no gripper" if arm.max_opening <= 0 else "too wide for the gripper")
         return None

@@ -18,7 +18,8 @@ from executive.belief.scene_collisions import BasePose
 from executive.locations.base_candidates import InverseMaps, blocks
 from executive.locations.demands import Reach, ReachKind
 from executive.locations.grasp_candidates import CLASSES, GraspCandidates, HandPoses, upright
-from executive.locations.rejections import COLLISION, NO_ROOM, OUT_OF_REACH, Reason, Rejections, first_body
+from executive.locations.grasps_from_above import is_low
+from executive.locations.rejections import COLLISION, NO_HOLD, NO_ROOM, OUT_OF_REACH, Reason, Rejections, first_body
 from executive.motion import QuickCheck, cartesian_path
 from executive.robots.arms import ArmModel
 from planlang.geometry import Array
@@ -73,7 +74,9 @@ def arms_have_room(bases: Array, check: QuickCheck, rejections: Rejections) -> N
 
     Others are counted.
     """
-    bodies = check.hit(base_matrices(bases))
+    each, which = np.unique(bases, axis=0, return_inverse=True)
+    hit = check.hit(base_matrices(each))
+    bodies = [hit[number] for number in which.ravel().tolist()]
     rejections.count(None if body is None else Reason(NO_ROOM, body) for body in bodies)
     return np.array([body is None for body in bodies], bool)
 
@@ -182,14 +185,15 @@ class Trial:
         line = self._straight()
         if line is None:
             return OUT_OF_REACH
-        return _in_collision(self.touched(line) or self._stops_closing())
+        return _in_collision(self.touched(line) or self._stops_closing()) or self._slips()
 
     def hand_is_stopped(self) -> bool:
         """Return whether the hand itself is in something on the way, or when it closes: wherever the base stands."""
         hand, bodies, line = self.solution.arm.hand_links, self.scene.bodies.names(), self._straight()
         rows = self.solution.joints if line is None else np.concatenate([self.solution.joints, line])
         met = (contact for contacts in self._contacts(rows) for contact in contacts)
-        return any(one.part in hand and one.body in bodies for one in met) or self._stops_closing() is not None
+        stopped = any(one.part in hand and one.body in bodies for one in met) or self._stops_closing() is not None
+        return stopped or self._slips() is not None
 
     def touched(self, rows: Array) -> str | None:
         """Return the body that is in the way at some joint values (m, d); None if all are free."""
@@ -211,6 +215,14 @@ class Trial:
         if one.reach.kind is not ReachKind.GRASP:
             return None
         return self.scene.collisions.stops_closing(self.base, one.arm, one.joints[1], one.reach.body)
+
+    def _slips(self) -> Reason | None:
+        """Return why the fingers would have no hold of something low, which they grip by an edge; None if they have."""
+        one = self.solution
+        if one.reach.kind is not ReachKind.GRASP or not is_low(self.scene.bodies.block(one.reach.body)):
+            return None
+        held = self.scene.collisions.closed_on(self.base, one.arm, one.joints[1], one.reach.body)
+        return NO_HOLD if held is None else None
 
     def _straight(self) -> Array | None:
         """Return joint values (n, d) with the tip on the lines from pose to pose, as it will move; None if it cannot.

@@ -35,6 +35,8 @@ ENOUGH = 0.9
 """Share of the best view that is good enough: of such base poses the nearest to the robot is taken."""
 ABOVE = 0.06
 """Height over a top at which things stand there are looked for [m]."""
+APART = 0.3
+"""Distance of heights inside of a place at which is looked for things [m]: shelves are that far apart."""
 TOO_HIGH = 1.9
 """Height of a top above which nothing is looked for [m]."""
 
@@ -92,6 +94,11 @@ class UsualPlaces:
         things, places = self._levels(thing), self._levels(place)
         return next((self._table[one, at] for one in things for at in places if (one, at) in self._table), 0.0)
 
+    def is_usual(self, place: Sequence[str]) -> bool:
+        """Return whether things are usual at a place, by its classes."""
+        levels = self._levels(place)
+        return any(at in levels and value > 0 for (_, at), value in self._table.items())
+
     def things_at(self, place: str) -> tuple[str, ...]:
         """Return the classes (IRIs) of things that are usual at places of a class (an IRI)."""
         levels = self._levels((place,))
@@ -139,10 +146,6 @@ class Searches:
             raise ObjectNowhereToBeFound(message, what=str(search.what))
         search.visited[place.name] = place.base
         return place
-
-    def has_places(self, what: Object) -> bool:
-        """Return whether there are places where something is likely to be."""
-        return bool(self._candidates(Search(what)))
 
     def typical_things(self, place: str | None) -> tuple[str, ...]:
         """Return the classes (IRIs) of things that are usual in a place of a class; in any room without one."""
@@ -213,7 +216,7 @@ class Searches:
     def _place(self, name: str, likelihood: float, floor: Array) -> LikelyPlace | None:
         """Return a place with the base pose to look at it from; None if it is not seen or no way leads there."""
         block, here = self.scene.bodies.block(name), self.scene.base()
-        points = _points(block)
+        points = points_of(block)
         spots = floor[block.distance(floor) <= AROUND]
         spots = spots[np.argsort(np.hypot(*(spots - here[:2]).T).round(6), kind="stable")][:MOST]
         headings = np.arctan2(block.y - spots[:, 1], block.x - spots[:, 0])
@@ -232,7 +235,7 @@ class Searches:
 
     def points(self, name: str, base: BasePose) -> Array:
         """Return the points (n, 3) of a place that are seen from a base pose."""
-        points = _points(self.scene.bodies.block(name))
+        points = points_of(self.scene.bodies.block(name))
         return np.asarray(points[self.views.seen(np.array([base]), points)[0]])
 
     # Remembering
@@ -259,8 +262,9 @@ def _visits(search: Search) -> list[Any]:
     return [[place, list(base)] for place, base in search.visited.items()]
 
 
-def _points(block: Block) -> Array:
+def points_of(block: Block) -> Array:
     """Return points (n, 3) where small things at a place may be: over its top, and inside if it is hollow."""
     across = block.grid(0.15, 0.06)
-    heights = [block.low + ABOVE, block.high + ABOVE] if block.high < TOO_HIGH else [block.low + ABOVE]
+    heights = np.arange(block.low + ABOVE, block.high - ABOVE, APART).tolist()
+    heights += [block.high + ABOVE] if block.high < TOO_HIGH else []
     return np.vstack([np.column_stack([across, np.full(len(across), height)]) for height in heights])

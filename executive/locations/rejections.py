@@ -26,6 +26,7 @@ class Reason:
 COLLISION, NO_ROOM, NOT_VISIBLE = "in collision", "no room for the base", "not visible"
 NO_WAY = "no way for the base"
 OUT_OF_REACH = Reason("out of reach")
+NO_HOLD = Reason("no hold for the fingers")
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,7 @@ For these it is stated here what their class says: name, action classes, failure
 
 from __future__ import annotations
 
-from executive.modules import process_modules
+from executive.modules import perception, process_modules
 from planlang.failures import (
     DesignatorFailure,
     EnvironmentManipulationFailure,
@@ -63,6 +63,12 @@ ON_DEMAND = (
         failures=(PerceptionFailure, LookingFailure, DesignatorFailure),
     ),
     _on_demand(
+        "exploring:Exploring",
+        "exploration",
+        "EnvironmentExploration",
+        failures=(PerceptionFailure, LookingFailure, DesignatorFailure),
+    ),
+    _on_demand(
         "constrained_motions:ConstrainedMotions",
         "constrained_motion",
         "ITaSCMotion",
@@ -75,7 +81,8 @@ ON_DEMAND = (
 def bundled_registry() -> ModuleRegistry:
     """Return a registry with the process modules that come with planlang."""
     registry = ModuleRegistry()
-    registry.add(process_modules, "planlang", Rank.BUNDLED)
-    for module in ON_DEMAND:
-        registry.add_on_demand(module, "planlang", Rank.BUNDLED)
+    for module in (process_modules, perception):
+        registry.add(module, "planlang", Rank.BUNDLED)
+    for one in ON_DEMAND:
+        registry.add_on_demand(one, "planlang", Rank.BUNDLED)
     return registry

@@ -157,7 +157,9 @@ class Containers(HandWork):
     def _timed(self, path: LeafPath, joint: Articulation) -> Trajectory:
         """Return the way of the arm with times; the hand stays on the way of the handle between its postures, too."""
         platform, arm = self.platform, path.arm
-        rows = np.concatenate([platform.arm_joints(arm)[None], path.joints[1:]])
+        now = platform.arm_joints(arm)
+        whole_turns = 2 * np.pi * np.round((now - path.joints[1]) / (2 * np.pi))  # of joints that turn without end
+        rows = np.concatenate([now[None], path.joints[1:] + whole_turns])
         for left_out, timing in product(SHORTER, (time_curve, time_path)):
             trajectory = platform.timed(arm.joints, rows[: max(2, len(rows) - left_out)], timing)
             within = arm.solver.chain.within(trajectory.positions, 1e-6).all()

@@ -24,7 +24,7 @@ from executive.motion import JointSpace, MotionError, cartesian_path, keeps_line
 from executive.motion.upright import Upright
 from executive.robots import CARRYING
 from executive.robots.arms import ArmModel
-from planlang.designators import Location, Object
+from planlang.designators import FixedPose, Location, Object
 from planlang.failures import ActionUnresolvable
 from planlang.geometry import Array, Pose, matrices
 from planlang.kernel import Task
@@ -34,6 +34,7 @@ from planlang.relations import Sense
 
 if TYPE_CHECKING:
     from executive.locations.likely_places import Searches
+    from executive.locations.next_view import Exploration
 
 ALONE = ""
 """The branch where no plan is running."""
@@ -45,6 +46,8 @@ HAIR = 1e-6
 """More than rounding [rad]."""
 AT_PLACE = 0.01
 """Difference of the tip's pose from that at which it puts something down, up to which it retreats from there [m, 1]."""
+CLOSE = 0.25
+"""Share of the resolution of checks by which an arm moves from one exact check in time to the next: a torso is slow."""
 MOST = 256
 """Choices that are remembered; branches that have ended are forgotten first."""
 
@@ -117,6 +120,15 @@ class ArmChoices:
 
 def _inside(path: str, outer: str) -> bool:
     return path.startswith(f"{outer}/") if outer else path != outer
+
+
+def _apart(rows: Array, step: Array) -> list[int]:
+    """Return the numbers of rows (n, d) of joint values that differ by a step (d,) in some joint, and of the last."""
+    kept = [0] if len(rows) else []
+    for number in range(1, len(rows)):
+        if number == len(rows) - 1 or bool((np.abs(rows[number] - rows[kept[-1]]) >= step).any()):
+            kept.append(number)
+    return kept
 
 
 class Arms:
@@ -261,8 +273,9 @@ class Arms:
             return [(contact.part, contact.body) for contact in contacts]
 
         def moments(path: Array) -> Array:
-            """Return where the arm is checked exactly: at each world step, and at the resolution of checks."""
-            return np.concatenate([space.points(path), control.timed(arm.joints, path).positions[1:]])
+            """Return where the arm is checked exactly: at the resolution of checks, and in time along its curve."""
+            rows = control.timed(arm.joints, path).positions[1:]
+            return np.concatenate([space.points(path), rows[_apart(rows, CLOSE * arm.resolution)]])
 
         upright = self.upright(arm, goal)
         found = plan_path(
@@ -349,6 +362,7 @@ class Platform(Control):
     sensing: Sensing = field(init=False)
     upload: Path | None = field(init=False, default=None)
     """The file that uploaded maps are written to."""
+    _exploration: Exploration | None = field(init=False, default=None)
     _searches: Searches | None = field(init=False, default=None)
 
     @property
@@ -359,6 +373,47 @@ class Platform(Control):
         if self._searches is None:
             self._searches = Searches(self.scene, self.drive.seconds)
         return self._searches
+
+    @property
+    def exploration(self) -> Exploration:
+        """The exploration of this run; begun where the base is when it is first asked for."""
+        from executive.locations.next_view import Exploration
+
+        if self._exploration is None:
+            self._exploration = Exploration(self.scene)
+        return self._exploration
+
+    @property
+    def exploring(self) -> Exploration | None:
+        """The exploration, None if none was begun."""
+        return self._exploration
+
+    def base_at(self, pose: FixedPose) -> BasePose:
+        """Return where the base goes for a pose in the map; one off the map counts from where exploring began."""
+        x_min, y_min, x_max, y_max = self.scene.world.scene.bounds
+        if self._exploration is None or (x_min < pose.x < x_max and y_min < pose.y < y_max):
+            return pose.x, pose.y, pose.yaw
+        x, y, yaw = self._exploration.origin
+        there = Pose.planar(x, y, yaw) @ Pose.planar(pose.x, pose.y, pose.yaw)
+        return there.position[0], there.position[1], there.yaw
+
+    def made_goal(self, name: str) -> BasePose | None:
+        """Return where the base goes by a name that a step made, at each use the next place; None for other names.
+
+        Raises ObjectNowhereToBeFound when a search has no more places.
+        """
+        if self._exploration is not None and name in self._exploration.names:
+            return self._exploration.goal
+        search = None if self._searches is None else self._searches.begun.get(name)
+        return None if search is None else self.searches.next(search).base
+
+    def goes_elsewhere(self, where: object) -> bool:
+        """Return whether a name that a step made means another place than the last, which cannot be driven to."""
+        name = where.name if isinstance(where, Location) else where
+        if self._exploration is not None and name in self._exploration.names:
+            self._exploration.missed()
+            return self._exploration.goal is not None
+        return self._searches is not None and name in self._searches.begun
 
     @property
     def searches_begun(self) -> bool:

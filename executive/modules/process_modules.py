@@ -1,4 +1,4 @@
-"""The process modules that come with planlang: of base, arms, grippers and handovers, of the head and of perception.
+"""The process modules that most plans need: of base, arms, grippers and handovers; perception.py has head and camera.
 
 The base is planned in the planning scene, driven in the true world, and learns from contacts. Arms go to named
 postures, before things, around them, over them, and to people; a handover waits until the person takes what an arm
@@ -14,7 +14,6 @@ from itertools import islice
 
 import numpy as np
 
-from executive.belief.recognition import VISION
 from executive.belief.scene_collisions import BasePose
 from executive.locations import HandSolution, ReachKind
 from executive.locations.demands import asks_for
@@ -22,7 +21,18 @@ from executive.modules.platform import ITERATIONS, Platform
 from executive.motion import GoalInCollision, MotionError, NoPath, StartInCollision
 from executive.robots.arms import ArmModel
 from planlang import perform, using
-from planlang.designators import Action, Device, Location, Object, Person, Posture, Relation, a_location, action
+from planlang.designators import (
+    Action,
+    Device,
+    FixedPose,
+    Location,
+    Object,
+    Person,
+    Posture,
+    Relation,
+    a_location,
+    action,
+)
 from planlang.failures import (
     ActionUnresolvable,
     CommunicationFailure,
@@ -33,7 +43,6 @@ from planlang.failures import (
     HandoverNotTaken,
     LocationUnresolvable,
     LookingFailure,
-    LookingGoalUnreachable,
     ManipulationFailure,
     ManipulationGoalInCollision,
     ManipulationPoseUnreachable,
@@ -43,11 +52,10 @@ from planlang.failures import (
     NavigationGoalNotReached,
     NavigationPoseUnreachable,
     ObjectLost,
-    ObjectNotFound,
     ObjectNowhereToBeFound,
     PerceptionFailure,
 )
-from planlang.geometry import Array, Pose
+from planlang.geometry import Array
 from planlang.geometry.matrices import rotated
 from planlang.modules import process_module
 from planlang.protocols import MotionState, Trajectory
@@ -73,8 +81,18 @@ class Navigation:
         return ("base",)
 
     async def execute(self, action: Action) -> None:
-        """Drive to ``x``, ``y``, ``yaw``, or to a base pose that satisfies ``to_location``."""
-        goal = self._goal(action)
+        """Drive to ``x``, ``y``, ``yaw``, or to a base pose that satisfies ``to_location``.
+
+        What a step made means the next place at each use: where one cannot be driven to, the one after it.
+        """
+        while True:
+            try:
+                return await self._drive(self._goal(action))
+            except NavigationFailure:
+                if not self.platform.goes_elsewhere(action.get("to_location")):
+                    raise
+
+    async def _drive(self, goal: BasePose) -> None:
         blocked_by: str | None = None
         for _ in range(REPLANS):
             if _close(goal, self.platform.base()):
@@ -94,8 +112,10 @@ class Navigation:
         match action.get("x"), action.get("y"), action.get("yaw"), action.get("to_location"):
             case float(x), float(y), float(yaw), None:
                 return x, y, yaw
-            case None, None, None, Posture(name=str(name)) if search := self.platform.searches.begun.get(name):
-                return self.platform.searches.next(search).base
+            case None, None, None, FixedPose() as pose:
+                return self.platform.base_at(pose)
+            case None, None, None, Posture(name=str(name)) | str(name) if goal := self.platform.made_goal(name):
+                return goal
             case None, None, None, Location() | Object() as where:
                 location = where if isinstance(where, Location) else a_location(in_reach_of=where)
                 return next(self.platform.resolver.bases(location)).base
@@ -227,12 +247,13 @@ class Reaching:
         if not postures:
             raise ManipulationPoseUnreachable("what the hand holds cannot be upright there", arm=arm.name, what=name)
         held = self.platform.scene.arms.held(arm.name)
-        for least in BACKING if held is not None and held.largest_tilt is not None else ():
+        for least in BACKING if held is None or held.largest_tilt is not None else ():
             try:
                 await self._joint_path(arm, postures[0], beside, name, postures[1:], FEW)
                 return
             except ManipulationPoseUnreachable as failure:
-                if not isinstance(failure.__cause__, NoPath) or not await self._back_off(arm, postures, least):
+                crowded = isinstance(failure.__cause__, (NoPath, GoalInCollision))
+                if not crowded or not await self._back_off(arm, postures, least):
                     raise
         await self._joint_path(arm, postures[0], beside, name, postures[1:])
 
@@ -305,11 +326,15 @@ class Reaching:
             else solution.plan.poses[1 : 1 + len(joints)]
         )
         for pose, q in zip(poses, joints, strict=True):
-            try:
-                trajectory = self.platform.arms.straight_path(solution.arm, pose, q, solution.plan.touches)
-            except MotionError as problem:
-                raise ManipulationPoseUnreachable(arm=solution.arm.name, what=solution.plan.label) from problem
-            await self._follow(solution.arm, trajectory, solution.plan.label)
+            await self._line(solution, pose, q)
+
+    async def _line(self, solution: HandSolution, pose: Array, q: Array) -> None:
+        """Move along a straight line of the tip to a pose (4, 4)."""
+        try:
+            trajectory = self.platform.arms.straight_path(solution.arm, pose, q, solution.plan.touches)
+        except MotionError as problem:
+            raise ManipulationPoseUnreachable(arm=solution.arm.name, what=solution.plan.label) from problem
+        await self._follow(solution.arm, trajectory, solution.plan.label)
 
     async def _follow(self, arm: ArmModel, trajectory: Trajectory, label: str) -> None:
         motion = await self.platform.follow(arm.name, trajectory)
@@ -430,106 +455,3 @@ class Handover:
             if held is not None and name in (None, held.name):
                 found.append(arm)
         return found[:1]
-
-
-@process_module
-class Head:
-    """Turns the neck so that an object is in the middle of the picture."""
-
-    name = "head"
-    actions = ("LookingAtSomething",)
-    failures = (LookingFailure, ObjectLost, DesignatorFailure)
-
-    def __init__(self, platform: Platform) -> None:
-        self.platform = platform
-
-    def resources(self, action: Action) -> tuple[str, ...]:
-        """Return the head."""
-        return ("head",)
-
-    async def execute(self, action: Action) -> None:
-        """Look at ``object_acted_on``; raises LookingGoalUnreachable beyond the neck's limits."""
-        what = action.get("object_acted_on")
-        if not isinstance(what, Object):
-            raise ActionUnresolvable("looking at something needs object_acted_on", designator=str(action))
-        scene = self.platform.scene
-        name = scene.bodies.bind(what)
-        await self.platform.sensing.look_at(scene.bodies.block(name).centre, name)
-
-
-MOST_GAZES = 6
-"""Directions that are looked into before an object counts as not found; 0.3 m apart they cover 0.6 m by 0.9 m."""
-
-
-@process_module
-class Perception:
-    """Turns the head and asks the camera; everything seen changes the belief."""
-
-    name = "perception"
-    actions = ("Perceiving",)
-    failures = (PerceptionFailure, LookingFailure, DesignatorFailure, NavigationFailure, ObjectNowhereToBeFound)
-
-    def __init__(self, platform: Platform) -> None:
-        self.platform = platform
-
-    def resources(self, action: Action) -> tuple[str, ...]:
-        """Return the head, and the base if places have to be gone to."""
-        return ("head", "base") if self._goes(action) else ("head",)
-
-    def _goes(self, action: Action) -> bool:
-        """Return whether something is looked for of which it is not known where it is."""
-        what, bodies = action.get("object_acted_on"), self.platform.scene.bodies
-        seeks = "LookingForAThingOrTypeOfThing" in self.platform.ancestors(action.type)
-        return seeks and isinstance(what, Object) and bodies.known(what) is None
-
-    async def execute(self, action: Action) -> Pose:
-        """Look for ``object_acted_on``; return its pose as seen, or raise ObjectNotFound.
-
-        Where it is not known where the thing is, it is looked for in all places where it is likely, those within
-        ``location_searched``; raises ObjectNowhereToBeFound when it is at none.
-        """
-        what = action.get("object_acted_on")
-        if not isinstance(what, Object):
-            raise ActionUnresolvable("perceiving needs object_acted_on", designator=str(action))
-        platform = self.platform
-        if not platform.belief.recognition.runs(VISION):
-            raise PerceptionFailure(f"{what} cannot be seen: what recognises things is stopped")
-        name = platform.scene.bodies.known(what)
-        if name is None:
-            return platform.belief.pose(await self._search(action, what))
-        beyond: LookingGoalUnreachable | None = None
-        for count, point in enumerate(self._gazes(name)):
-            if count == MOST_GAZES:
-                break
-            try:
-                await platform.sensing.look_at(point, name)
-            except LookingGoalUnreachable as failure:
-                beyond = beyond or failure
-                continue
-            if name in platform.sensing.see():
-                return platform.belief.pose(name)
-        platform.sensing.not_seen(name)
-        raise ObjectNotFound(what=name) from beyond
-
-    async def _search(self, action: Action, what: Object) -> str:
-        """Look for something from here, or, if that is asked for, at one likely place after another."""
-        from executive.modules.searching import found_in_places, seen_from_here  # known things are looked at directly
-
-        if self._goes(action):
-            return await found_in_places(self.platform, action, what)
-        name = await seen_from_here(self.platform, what)
-        if name is None:
-            raise ObjectNotFound(what=str(what))
-        return name
-
-    def _gazes(self, name: str) -> Iterator[Array]:
-        """Yield points (3,) to look at: the believed place, then over its support, nearest to that place first."""
-        block = self.platform.scene.bodies.block(name)
-        yield block.centre
-        support = self.platform.sensing.support_of(name)
-        if support is None:
-            return
-        points = support.grid(0.3, 0.1)
-        away = np.hypot(points[:, 0] - block.x, points[:, 1] - block.y)
-        for point in points[np.argsort(away, kind="stable")]:
-            yield np.array([point[0], point[1], support.high + (block.high - block.low) / 2])

@@ -30,7 +30,7 @@ from executive.modules.platform import ArmChoices, Platform
 from executive.robots import CARRYING, Robot
 from executive.robots.arms import ArmModel, arm_models, gaze_of
 from planlang.action_classes import ancestors_of
-from planlang.designators import Action, Condition, Device, Location, Object, a_posture, action
+from planlang.designators import Action, Condition, Device, FixedPose, Location, Object, a_posture, action
 from planlang.diagnostics import BadInput, Span, error
 from planlang.failures import (
     ObjectNotFound,
@@ -184,6 +184,9 @@ class RobotExecutive:
 
         Raises ObjectNotFound for a thing of which it is not known where it is.
         """
+        if isinstance(location, FixedPose):
+            yield Solution(self.platform.base_at(location), self.revision(), {})
+            return
         try:
             while True:
                 self.platform.sync()
@@ -286,6 +289,7 @@ class RobotExecutive:
             for (arm, base), solutions in platform.resolver.reached_from(platform.base()).items()
         ]
         state["searches"] = platform.searches.snapshot() if platform.searches_begun else []
+        state["exploration"] = None if platform.exploring is None else platform.exploring.snapshot()
         state["viewers"] = [[dump(location), list(place)] for location, place in platform.resolver.viewers()]
         return state
 
@@ -314,6 +318,8 @@ class RobotExecutive:
             )
             if left["searches"]:
                 platform.searches.restore(left["searches"])
+            if left["exploration"] is not None:
+                platform.exploration.restore(left["exploration"])
             platform.resolver.remember_viewers([_viewer(*viewer) for viewer in left["viewers"]])
         except (KeyError, TypeError, AttributeError) as problem:
             raise ValueError(f"the state of the robot is damaged: {problem!r}") from None

@@ -123,7 +123,11 @@ def _thing(symbols: Symbols, thing: Thing) -> list[str]:
 
 
 def _posture(symbols: Symbols, place: Place, name: str) -> list[str]:
-    return assignment([Text(name)], call(symbols.use("a_posture"), quoted(place.name)), depth=0)
+    made = call(symbols.use("a_posture"), quoted(place.name))
+    if place.pose is not None:
+        numbers = {key: repr(round(value, 9)) for key, value in zip(("x", "y", "z", "yaw"), place.pose, strict=True)}
+        made = call(symbols.use("a_pose"), quoted(place.name), **numbers)
+    return assignment([Text(name)], made, depth=0)
 
 
 def _function(symbols: Symbols, function: Function) -> list[str]:

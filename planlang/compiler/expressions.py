@@ -40,8 +40,8 @@ PLANLANG = frozenset(
 
 DESIGNATORS = frozenset(
     (
-        *("Location", "Object", "Person", "a_device", "a_location", "a_person", "a_posture", "a_situation"),
-        "an_object",
+        *("Location", "Object", "Person", "a_device", "a_location", "a_person", "a_pose", "a_posture"),
+        *("a_situation", "an_object"),
     )
 )
 """Names for the things and places that a plan is about, which it imports from ``planlang.designators``."""

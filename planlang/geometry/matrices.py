@@ -179,6 +179,11 @@ class Pose:
         x, y, z, w = self.orientation
         return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
 
+    def turn(self, other: Pose) -> float:
+        """Return the angle between two orientations [rad]."""
+        dot = abs(sum(a * b for a, b in zip(self.orientation, other.orientation, strict=True)))
+        return 2 * math.acos(min(1.0, dot))
+
     def distance(self, other: Pose) -> float:
         """Return the Euclidean distance of the positions [m]."""
         return math.dist(self.position, other.position)

@@ -17,6 +17,7 @@ from typing import Protocol
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, error, note, warning
 from planlang.files import bundled
+from planlang.ontology.classes import namesakes
 from planlang.ontology.terms import KNOWROB, OWL, RDF, RDFS, XSD, BNode, Literal, Term, Triple
 from planlang.ontology.triples import Triples, counted
 
@@ -423,8 +424,13 @@ def _named_objects(triples: Triples, predicate: str, rows: range) -> dict[str, i
 def _undefined_superclasses(ontology: Declarations, rows: range) -> Iterator[Diagnostic]:
     first = _named_objects(ontology.store, RDFS.subClassOf, rows)
     undefined = [name for name in first if not name.startswith(_W3C) and not ontology.defined(name)]
+    same = namesakes(undefined, ontology.class_names())
     for place, name in enumerate(undefined[:MOST_WARNINGS]):
         advice = "import the file that defines it, or correct the name"
+        if name in same:
+            message = f"nothing defines the superclass {local_name(name)} ({name}); {same[name]} is taken for it"
+            yield warning("O041", message, ontology.store.span(first[name]), "correct one of the two names")
+            continue
         similar = _similar(ontology, name) if place < MOST_SUGGESTIONS else None
         if similar:
             advice = f"did you mean {similar}? {advice}"

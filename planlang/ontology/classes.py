@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
+from planlang.designators import local_name
 from planlang.diagnostics import Span
-from planlang.ontology.terms import KNOWROB, OWL, RDF, RDFS, ROBOEARTH, Literal, Term
+from planlang.ontology.terms import KNOWROB, OWL, RDF, RDFS, ROBOEARTH, VOCABULARIES, Literal, Term
 from planlang.ontology.triples import Triples
 
 
@@ -247,6 +248,21 @@ def alias_edges(is_class: Callable[[str], bool], names: Iterable[str]) -> Iterat
         upper = twin(name)
         if upper is not None and is_class(upper):
             yield name, upper
+
+
+def namesakes(undefined: Iterable[str], classes: Iterable[str]) -> dict[str, str]:
+    """Return for undefined superclasses the only class of the same local name that is in no vocabulary's namespace.
+
+    Files whose own namespace is misspelt somewhere, such as knowrob.owl.owl, name their classes so.
+    """
+    wanted = dict.fromkeys(undefined)
+    if not wanted:
+        return {}
+    found: dict[str, list[str]] = {}
+    for cls in classes:
+        if not cls.startswith(tuple(VOCABULARIES.values())):
+            found.setdefault(local_name(cls), []).append(cls)
+    return {name: same[0] for name in wanted if len(same := found.get(local_name(name), [])) == 1}
 
 
 def twin(name: str) -> str | None:

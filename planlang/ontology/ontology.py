@@ -19,6 +19,7 @@ from planlang.ontology.classes import (
     by_distance,
     conjuncts,
     edges,
+    namesakes,
     restrictions_of,
     twin,
 )
@@ -288,7 +289,10 @@ class Ontology:
     def taxonomy(self) -> Taxonomy:
         """The class hierarchy."""
         mentioned = (term for term in self.store.terms if isinstance(term, str))
-        return Taxonomy((*edges(self.store), *alias_edges(self.is_class, mentioned)))
+        stated = tuple(edges(self.store))
+        undefined = dict.fromkeys(upper for _, upper in stated if not self.defined(upper))
+        same = namesakes(undefined, self.class_names()).items()
+        return Taxonomy((*stated, *alias_edges(self.is_class, mentioned), *same))
 
     def ancestors(self, cls: str) -> tuple[str, ...]:
         """Return the class itself, then its superclasses, nearest first."""

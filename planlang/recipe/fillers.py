@@ -16,6 +16,7 @@ from planlang.files import bundled
 from planlang.ontology import BNode, Literal, Ontology, Term, expand, shorten
 from planlang.ontology.terms import OWL, RDF, RDFS, XSD, is_vocabulary
 from planlang.recipe.model import Filler, Kind, Name, Parameter, Place, Thing
+from planlang.recipe.poses import stated_pose
 from planlang.recipe.statements import ON_ACTIONS, ON_INDIVIDUALS, REGISTERED_WORDS, Filling, filled, is_word
 from planlang.relations import of_owl_property
 
@@ -155,7 +156,7 @@ def is_device(ontology: Ontology, cls: str) -> bool:
 
 def is_place(ontology: Ontology, iri: str) -> bool:
     """Return True for a location designator, written as an individual or as a class."""
-    return any(ontology.is_a(iri, expand(place)) for place in PLACES)
+    return any(ontology.is_a(iri, expand(place)) for place in PLACES) or stated_pose(ontology, iri) is not None
 
 
 def read_filler(ontology: Ontology, term: Term, property_name: str | None = None) -> Filler | None:
@@ -169,6 +170,8 @@ def read_filler(ontology: Ontology, term: Term, property_name: str | None = None
         return None
     if is_place(ontology, term):
         return read_place(ontology, term)
+    if property_name is not None and OWL.Class in ontology.values(property_name, RDFS.range):
+        return Name(term)
     known = read_thing(ontology, term)
     if known is None and property_name is not None and is_of_unknown_kind(ontology, term):
         known = _unknown(ontology, term) if takes_things(ontology, property_name) else None
@@ -274,7 +277,7 @@ def read_place(ontology: Ontology, iri: str, seen: frozenset[str] = frozenset())
             relations.append((relation, thing))
         elif ontology.defined(term) and is_of_unknown_kind(ontology, term):
             relations.append((relation, _unknown(ontology, term)))
-    return Place(iri, tuple(dict.fromkeys(relations)), ontology.label(iri))
+    return Place(iri, tuple(dict.fromkeys(relations)), ontology.label(iri), stated_pose(ontology, iri))
 
 
 def is_relation(property_name: str) -> bool:

@@ -135,17 +135,19 @@ class Thing:
 class Place(_Named):
     """A location designator: poses that stand in ``relations`` to things and other places.
 
-    Without relations it is a named posture of the robot. ``relations`` holds pairs (key of
+    Without relations it is a named posture of the robot, or the one ``pose`` in the map: x, y, z [m] and heading [rad].
+    ``relations`` holds pairs (key of
     :data:`planlang.relations.RELATIONS`, reference) in the order of the file.
     """
 
     iri: str
     relations: tuple[tuple[str, Thing | Place], ...] = ()
     label: str | None = None
+    pose: tuple[float, float, float, float] | None = None
 
     @property
     def is_posture(self) -> bool:
-        """True for a named posture of the robot's own."""
+        """True for a named posture of the robot's own, and for a pose: no thing is needed to find them."""
         return not self.relations
 
     def things(self) -> Iterator[Thing]:

@@ -26,6 +26,7 @@ from planlang.designators import (
     Condition,
     Device,
     Filler,
+    FixedPose,
     Location,
     Object,
     Person,
@@ -178,7 +179,7 @@ def _floats(value: object, number: int) -> bool:
     return isinstance(value, tuple) and len(value) == number and all(type(one) in (int, float) for one in value)
 
 
-_DESIGNATORS = (Object, Person, Device, Relation, Location, Posture, Action, Situation, Condition)
+_DESIGNATORS = (Object, Person, Device, Relation, Location, Posture, FixedPose, Action, Situation, Condition)
 _MODULES = (
     "planlang.designators",
     "planlang.motion_constraints",

@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import planlang
-from executive.modules.process_modules import Grasping, Handover, Head, Navigation, Perception, Reaching
+from executive.modules.perception import Head, Perception
+from executive.modules.process_modules import Grasping, Handover, Navigation, Reaching
 from executive.runs.assembly import RobotExecutive
 from planlang.failures import LowLevelFailure, PlanFailure
 from planlang.geometry import Pose

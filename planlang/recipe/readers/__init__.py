@@ -17,7 +17,7 @@ import networkx as nx
 
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, error
-from planlang.ontology import BNode, Ontology, shorten
+from planlang.ontology import BNode, Literal, Ontology, expand, shorten
 from planlang.ontology.terms import OWL
 from planlang.recipe.fillers import fillings
 from planlang.recipe.model import Flow, Ordering, Reason
@@ -66,7 +66,10 @@ def _orders(statements: Statements, flows: tuple[Flow, ...]) -> Iterator[Orderin
 
 
 def made(ontology: Ontology, statements: Statements) -> frozenset[str]:
-    """Return the individuals (IRIs) that sub-actions create: they need not be defined anywhere else."""
+    """Return the individuals (IRIs) that sub-actions create: they need not be defined anywhere else.
+
+    They are named as outputs, or fill a property whose filler actions of the class make (``makes`` of a Primitive).
+    """
     key = ("made", statements.iri)
     if key not in ontology.kept:
         ontology.kept[key] = frozenset(name for _, name, _ in _outputs(ontology, statements))
@@ -123,6 +126,23 @@ def _outputs(ontology: Ontology, statements: Statements) -> Iterator[tuple[str, 
                 term = filling.term
                 if is_word(filling.property, *OUTPUTS) and isinstance(term, str) and not ontology.is_class(term):
                     yield sub.iri, term, filling.span
+            products = _products(ontology, sub.iri)
+            for filling in _all(ontology, sub) if products else ():
+                term = filling.term
+                if filling.property in products and isinstance(term, str) and not ontology.defined(term):
+                    yield sub.iri, term, filling.span
+
+
+def _products(ontology: Ontology, cls: str) -> frozenset[str]:
+    """Return the properties (IRIs) whose fillers actions of a class make, where nothing else defines them."""
+    if "makes" not in ontology.kept:
+        table: dict[str, set[str]] = {}
+        for one in ontology.individuals(expand("Primitive")):
+            names = [value.value for value in ontology.values(one, expand("makes")) if isinstance(value, Literal)]
+            for action in ontology.values(one, expand("performsAction")) if names else ():
+                table.setdefault(str(action), set()).update(map(expand, names))
+        ontology.kept["makes"] = table
+    return frozenset().union(*(ontology.kept["makes"].get(above, ()) for above in ontology.ancestors(cls)))
 
 
 def _states_outputs(ontology: Ontology) -> bool:

@@ -8,7 +8,8 @@ from itertools import product
 
 import numpy as np
 
-from planlang.geometry import Array
+from planlang.geometry import Array, Pose
+from planlang.geometry.shapes import SolidKind
 from sim.world import held_by
 from tests.support.scenarios import Goal, Scenario, Watched
 
@@ -16,18 +17,35 @@ SHUT = math.radians(3.0)
 """Largest angle of a door that was closed [rad]."""
 DEEP = 0.003
 """Depth from which on two boxes touch [m]."""
+STRAIGHT = Pose((0.0, 0.0, 0.0))
+EIGHTH = Pose((0.0, 0.0, 0.0), (0.0, 0.0, math.sin(math.pi / 8), math.cos(math.pi / 8)))
+"""A turn about z by 45 degrees."""
 EVERY = 5
 """Steps of 1/30 s between two looks."""
 
 
-def boxes(watched: Watched, name: str) -> list[tuple[Array, Array, Array]]:
-    """Return centre (3,), axes (3, 3) and half extents (3,) of the boxes around the parts of a body."""
-    body = watched.world.pose(name)
-    parts = [(body @ offset, part.size) for part, offset in watched.world.pieces(name)]
-    return [(np.array(pose.position), pose.rotation, np.asarray(size) / 2) for pose, size in parts]
+Box = tuple[Array, Array, Array]
+"""Centre (3,), axes (3, 3) and half extents (3,)."""
 
 
-def depth(one: tuple[Array, Array, Array], other: tuple[Array, Array, Array]) -> float:
+def boxes(watched: Watched, name: str) -> list[tuple[Box, ...]]:
+    """Return for each part of a body boxes of which it is the intersection: for what is round two that are turned."""
+    body, found = watched.world.pose(name), []
+    for part, offset in watched.world.pieces(name):
+        pose = body @ offset
+        turns = (STRAIGHT,) if part.kind is SolidKind.BOX else (STRAIGHT, EIGHTH)
+        found.append(
+            tuple((np.array(pose.position), (pose @ turn).rotation, np.asarray(part.size) / 2) for turn in turns)
+        )
+    return found
+
+
+def deep(one: tuple[Box, ...], other: tuple[Box, ...]) -> bool:
+    """Return whether two parts touch."""
+    return all(depth(a, b) > DEEP for a, b in product(one, other))
+
+
+def depth(one: Box, other: Box) -> float:
     """Return how deep a box is in another [m], negative when they are apart: the separating axis theorem."""
     arrow = other[0] - one[0]
     if (away := float(np.linalg.norm(arrow)) - sum(float(np.linalg.norm(box[2])) for box in (one, other))) > 0:
@@ -55,7 +73,7 @@ def touching(*names: str, but: Sequence[str] = ()) -> Callable[[Watched], None]:
         pairs = {
             (name, other)
             for name, other in product(mine, others)
-            if any(depth(a, b) > DEEP for a, b in product(mine[name], others[other]))
+            if any(deep(a, b) for a, b in product(mine[name], others[other]))
         }
         watched.notes.setdefault("before", pairs)
         touched = watched.notes.setdefault("touched", set())
@@ -94,5 +112,15 @@ SCENARIOS = [
         fetched("milk1", "iai_fridge_door"),
         (touching("milk1", "iai_fridge_door"),),
         seconds=20.0,
+    ),
+    *(
+        Scenario(
+            f"fetch_from_cabinet with {robot}",
+            ("fetch_from_cabinet", "--robot", robot),
+            fetched("bottle1", "cabinet_door1"),
+            (touching("bottle1", "cabinet_door1"),),
+            seconds=seconds,
+        )
+        for robot, seconds in (("amigo", 8.0), ("pr2", 12.0))
     ),
 ]

@@ -1,0 +1,144 @@
+"""Grasps from above of what is low: by the rim of a dish, across what lies flat, by a fold of what is soft.
+
+How deep the fingers go depends on the hand: their tips stay off what the thing stands on, or off a dish's floor.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from functools import lru_cache
+
+import numpy as np
+
+from executive.belief.believed_bodies import Block
+from executive.locations.grasp_candidates import (
+    CLASSES,
+    OBLIQUE,
+    GraspCandidates,
+    directions,
+    grasp_series,
+    oriented,
+)
+from executive.locations.reachability import GraspClass
+from executive.robots.arms import HandFrame
+from planlang.geometry import Array
+from sim.bodies import SEGMENTS
+
+FROM_ABOVE = (GraspClass.TOP, GraspClass.TILTED)
+"""Classes of such grasps: a tilted hand reaches farther over a table."""
+LOW = 0.08
+"""Height up to which things are taken like this from above [m]; higher ones are gripped in the middle."""
+FLAT = 0.04
+"""Height up to which things are taken from above alone [m]: from the side the hand would be in their support."""
+CLEARANCES = {GraspClass.TOP: (0.004, 0.012), GraspClass.TILTED: (-0.008, -0.002, 0.004)}
+"""Distances of the hand, taken for boxes, from what is below it [m]: corners of boxes stick out of tilted fingers."""
+LONG = 3.0
+"""How much longer than wide a thing is that is gripped elsewhere than in the middle, too."""
+DEEPEST = 0.025
+"""Depth to which fingers go beside a rim [m]."""
+LEAST = 0.005
+"""Least depth to which fingers go beside what they grip [m]."""
+
+
+def is_flat(block: Block) -> bool:
+    """Return whether a thing is taken from above alone."""
+    return block.wall > 0 or block.soft or block.high - block.low <= FLAT
+
+
+def is_low(block: Block) -> bool:
+    """Return whether a thing is taken like this from above."""
+    return is_flat(block) or block.high - block.low <= LOW
+
+
+def grips(block: Block) -> Array:
+    """Return the places (n, 3) of the map at which a thing is gripped, at its top: a rim, points of a cloth, or one."""
+    return np.array([(x, y, block.high) for x, y, _ in _places(block, 1)])
+
+
+@lru_cache(maxsize=8)
+def from_above(
+    name: str,
+    block: Block,
+    frame: HandFrame,
+    max_opening: float,
+    classes: tuple[GraspClass, ...],
+    headings: int,
+    below: tuple[float, ...],
+) -> GraspCandidates:
+    """Return candidates from above for something low: pre-grasp, grasp, lift and retreat.
+
+    ``classes`` are among :data:`FROM_ABOVE`; ``below``: how far the hand is below the grip point in each [m].
+    """
+    parts = [_of_class(name, block, frame, max_opening, one, headings, below[FROM_ABOVE.index(one)]) for one in classes]
+    return GraspCandidates.joined(parts)
+
+
+def _of_class(
+    name: str, block: Block, frame: HandFrame, max_opening: float, grasp: GraspClass, headings: int, below: float
+) -> GraspCandidates:
+    floor = block.low + block.wall
+    natural = 0.8 if grasp is GraspClass.TOP else 0.7
+    rows = []
+    for x, y, yaw in _places(block, headings):
+        across = block.wall or 2 * block.support(yaw + math.pi / 2)
+        turn = yaw - block.yaw
+        weight = 1.0 if block.round or block.wall or abs(math.sin(2 * turn)) < 1e-6 else OBLIQUE
+        for tips in _depths(block, floor, CLEARANCES[grasp]) if block.soft or across <= max_opening else ():
+            for roll in grasp.rolls:
+                rows.append((x, y, tips + below, yaw, natural * weight, roll))
+    table = np.array(rows).reshape(-1, 6)
+    count = len(table)
+    kinds, rolls = [CLASSES.index(grasp)] * count, table[:, 5].astype(int).tolist()
+    return oriented(
+        f"grasp {name}",
+        table[:, :3],
+        grasp_series(directions(kinds, table[:, 3].tolist())),
+        1,
+        kinds,
+        table[:, 3].tolist(),
+        rolls,
+        table[:, 4].tolist(),
+        frame,
+        touches=name,
+        opened=True,
+    )
+
+
+def _places(block: Block, headings: int) -> Iterator[tuple[float, float, float]]:
+    """Yield where a thing is gripped (x, y) and headings, across which the fingers close."""
+    if block.wall > 0:
+        yield from _rim(block)
+        return
+    shares = [(0.0, 0.0)]
+    if block.soft or block.half_x > LONG * block.half_y:
+        shares += [(0.5, 0.0), (-0.5, 0.0)]
+    if block.soft or block.half_y > LONG * block.half_x:
+        shares += [(0.0, 0.5), (0.0, -0.5)]
+    for x, y in block.to_map(np.array(shares) * [block.half_x, block.half_y]).tolist():
+        for number in range(headings):
+            yield x, y, block.yaw + number * 2 * math.pi / headings
+
+
+def _rim(block: Block) -> Iterator[tuple[float, float, float]]:
+    """Yield places in the middle of a wall, with headings along it, both ways."""
+    if block.round:
+        radius = max(block.half_x, block.half_y) * math.cos(math.pi / SEGMENTS) - block.wall / 2
+        turns = [number * 2 * math.pi / SEGMENTS for number in range(SEGMENTS)]
+        local = [(radius * math.cos(turn), radius * math.sin(turn), turn) for turn in turns]
+    else:
+        x, y = block.half_x - block.wall / 2, block.half_y - block.wall / 2
+        local = [(x, 0.0, 0.0), (-x, 0.0, math.pi), (0.0, y, math.pi / 2), (0.0, -y, -math.pi / 2)]
+    for x, y, turn in local:
+        (place,) = block.to_map(np.array([[x, y]])).tolist()
+        for along in (turn + math.pi / 2, turn - math.pi / 2):
+            yield place[0], place[1], block.yaw + along
+
+
+def _depths(block: Block, floor: float, clearances: tuple[float, ...]) -> list[float]:
+    """Return heights of the fingers' tips: over what is soft, else as deep as may be beside a wall or a thing."""
+    if block.soft:
+        return [block.high + clearance for clearance in clearances]
+    deepest = block.high - DEEPEST if block.wall else block.low
+    heights = [max(floor + clearance, deepest) for clearance in clearances]
+    return [height for height in dict.fromkeys(heights) if height <= block.high - LEAST]

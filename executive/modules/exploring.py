@@ -1,0 +1,62 @@
+"""The process module that explores: it looks around from where the robot stands, and chooses the next best view."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from typing import Any
+
+from executive.belief.recognition import EXPLORATION
+from executive.modules.platform import Platform
+from planlang import checkpoint, sleep
+from planlang.designators import Action, Location, Object, a_posture
+from planlang.failures import DesignatorFailure, LookingFailure, LookingGoalUnreachable, PerceptionFailure
+from planlang.modules import process_module
+
+EXPOSURE = 0.1
+"""Time that the head stands still for a picture [s]."""
+
+
+@process_module
+class Exploring:
+    """Looks around, and works out from where to look next."""
+
+    name = "exploration"
+    actions = ("EnvironmentExploration",)
+    failures = (PerceptionFailure, LookingFailure, DesignatorFailure)
+
+    def __init__(self, platform: Platform) -> None:
+        self.platform = platform
+
+    def resources(self, action: Action) -> tuple[str, ...]:
+        """Return the head."""
+        return ("head",)
+
+    async def execute(self, action: Action) -> dict[str, Any]:
+        """Look around; return what ``to_location`` names, the next view, by its name.
+
+        What ``outputs_created`` names can be checked: whether nothing new is to be seen any more.
+        """
+        await checkpoint()
+        if not self.platform.belief.recognition.runs(EXPLORATION):
+            raise PerceptionFailure("what builds a map and chooses views is stopped")
+        names = [_named(action.get(one)) for one in ("to_location", "outputs_created")]
+        await look_around(self.platform, [name for name in names if name is not None])
+        return {} if names[0] is None else {names[0]: a_posture(names[0])}
+
+
+def _named(value: object) -> str | None:
+    return value.name if isinstance(value, Location | Object) else value if isinstance(value, str) else None
+
+
+async def look_around(platform: Platform, names: Sequence[str] = ()) -> None:
+    """Take pictures from here until they show nothing new, then choose the next view."""
+    exploration = platform.exploration
+    exploration.names = tuple(dict.fromkeys((*exploration.names, *names)))
+    for point in exploration.gazes():
+        with suppress(LookingGoalUnreachable):
+            await platform.sensing.look_at(point, "the room")
+        await sleep(EXPOSURE)
+        platform.sensing.see()
+        platform.sensing.scan()
+    exploration.plan()

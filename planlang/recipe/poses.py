@@ -1,0 +1,33 @@
+"""Poses that recipes state by their numbers."""
+
+from __future__ import annotations
+
+import math
+
+from planlang.ontology import Literal, Ontology, expand
+
+UPRIGHT = 1e-3
+"""How far the last number of a matrix may be from 1 for its z axis to point up."""
+
+
+def stated_pose(ontology: Ontology, iri: str) -> tuple[float, float, float, float] | None:
+    """Return x, y, z [m] and heading [rad] of an individual that is a matrix in the frame of the map; None for others.
+
+    The z axis of the pose has to point up, as that of a base does.
+    """
+    if not ontology.is_a(iri, expand("RotationMatrix3D")):
+        return None
+    numbers = {name: _number(ontology, iri, name) for name in ("m03", "m13", "m23", "m00", "m10", "m22")}
+    x, y, z, cosine, sine, up = (numbers[name] for name in numbers)
+    if None in (x, y, z, cosine, sine, up) or abs((up or 0.0) - 1) > UPRIGHT:
+        return None
+    return x or 0.0, y or 0.0, z or 0.0, math.atan2(sine or 0.0, cosine or 0.0)
+
+
+def _number(ontology: Ontology, iri: str, name: str) -> float | None:
+    """Return the number that an individual states last by a property; None if there is none, or it is not finite."""
+    try:
+        values = [float(one.value) for one in ontology.values(iri, expand(name)) if isinstance(one, Literal)]
+    except ValueError:
+        return None
+    return values[-1] if values and math.isfinite(values[-1]) else None
