@@ -171,7 +171,11 @@ class ConstrainedMotions:
 
     def _end(self, grounding: Grounding, motion: GroundedMotion, base: BasePose) -> Array | None:
         """Return joint values (n,) at which constraints hold, from a base, and nothing is touched; None without."""
-        return next(self._ends(grounding, motion, base), None)
+        for asked in (_inside(motion.constraints, ()), motion.constraints):
+            end = next(self._ends(grounding, replace(motion, constraints=asked), base), None)
+            if end is not None:
+                return end
+        return None
 
     def _ends(self, grounding: Grounding, motion: GroundedMotion, base: BasePose) -> Iterator[Array]:
         """Yield joint values (n,) at which constraints hold, from a base, and nothing is touched.
@@ -197,7 +201,7 @@ class ConstrainedMotions:
         self, grounding: Grounding, motion: GroundedMotion, base: BasePose, start: Array, tries: int
     ) -> Iterator[Array]:
         problem, touching = grounding.problem(motion, base), self.platform.scene.collisions.touching
-        for q in Ends.of(problem, start, [_inside(motion.constraints, ())]).reached(tries):
+        for q in Ends.of(problem, start, [motion.constraints]).reached(tries):
             if not touching(dict(zip(problem.group.names, q.tolist(), strict=True)), base):
                 yield q
 
@@ -206,12 +210,13 @@ class ConstrainedMotions:
     def _way(self, grounding: Grounding, motion: GroundedMotion, phase: Phase) -> PhaseMotion:
         """Return the motion of the phase, well inside of its limits if there is one; raises ConstraintsUnsatisfied."""
         self.platform.sync()
-        problem, start = grounding.problem(motion), self._start(motion)
         before = grounding.grounded(phase.before, phase).constraints if phase.before else ()
+        upright = grounding.uprights(motion)
+        problem, start = grounding.problem(motion), self._start(motion)
         inside = _inside(motion.constraints, before)
-        with suppress(MotionError):
-            (found,) = solve_motion(problem, start, [inside], before, explains=False)
-            if not found.given_up:
+        for asked in ((*inside, *upright), (*motion.constraints, *upright)):
+            with suppress(MotionError):
+                (found,) = solve_motion(problem, start, [asked], (*before, *upright), explains=False)
                 return found
         try:
             (found,) = solve_motion(problem, start, [motion.constraints], before)
