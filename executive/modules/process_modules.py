@@ -12,8 +12,6 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from itertools import islice
 
-import numpy as np
-
 from executive.belief.scene_collisions import BasePose
 from executive.locations import HandSolution, ReachKind
 from executive.locations.demands import asks_for
@@ -56,7 +54,6 @@ from planlang.failures import (
     PerceptionFailure,
 )
 from planlang.geometry import Array
-from planlang.geometry.matrices import rotated
 from planlang.modules import process_module
 from planlang.protocols import MotionState, Trajectory
 from planlang.relations import Sense
@@ -248,9 +245,7 @@ class Reaching:
 
     async def _back_off(self, arm: ArmModel, postures: Sequence[Array], least: float) -> bool:
         """Drive back, at least so far [m], to where there is room for the arm; return False if there is none."""
-        approach = rotated(self.platform.scene.arms.tip(arm)[:3, :3], np.asarray(arm.frame.approach))
-        ahead = math.atan2(approach[1], approach[0])
-        rooms = (self.platform.drive.room_for([(arm, q)], least, ahead) for q in postures)
+        rooms = (self.platform.drive.room_for([(arm, q)], least) for q in postures)
         room = next((room for room in rooms if room is not None), None)
         if room is None:
             return False
