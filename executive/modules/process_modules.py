@@ -10,7 +10,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from itertools import islice
+from itertools import islice, product
+
+import numpy as np
 
 from executive.belief.scene_collisions import BasePose
 from executive.locations import HandSolution, ReachKind
@@ -18,7 +20,7 @@ from executive.locations.demands import asks_for
 from executive.modules.platform import ITERATIONS, Platform
 from executive.motion import GoalInCollision, MotionError, NoPath, StartInCollision
 from executive.robots.arms import ArmModel
-from planlang import perform, using
+from planlang import checkpoint, perform, using
 from planlang.designators import (
     Action,
     Device,
@@ -54,6 +56,7 @@ from planlang.failures import (
     PerceptionFailure,
 )
 from planlang.geometry import Array
+from planlang.geometry.matrices import rotated
 from planlang.modules import process_module
 from planlang.protocols import MotionState, Trajectory
 from planlang.relations import Sense
@@ -135,6 +138,8 @@ def _close(one: BasePose, other: BasePose) -> bool:
 
 BACKING = (0.15, 0.3)
 """Least distances by which the base backs off, one after the other, when an arm has no way [m]."""
+DRAWN_OUT = (0.3, 0.2, 0.1)
+"""Distances by which a hand is taken straight out of what is around it [m]."""
 FEW = 300
 """Branches of a search after which the base backs off."""
 MOST_SOLUTIONS = 6
@@ -239,9 +244,23 @@ class Reaching:
                 await self._joint_path(arm, postures[0], beside, name, postures[1:], FEW)
                 return
             except ManipulationPoseUnreachable as failure:
-                if not isinstance(failure.__cause__, NoPath) or not await self._back_off(arm, postures, least):
+                if not isinstance(failure.__cause__, NoPath):
+                    raise
+                if not (await self._draw_out(arm, name) or await self._back_off(arm, postures, least)):
                     raise
         await self._joint_path(arm, postures[0], beside, name, postures[1:])
+
+    async def _draw_out(self, arm: ArmModel, label: str) -> bool:
+        """Take the hand straight back, or up, out of what is around it; return False if there is no room for that."""
+        platform, tip = self.platform, self.platform.scene.arms.tip(arm)
+        back = -rotated(tip[:3, :3], np.asarray(arm.frame.approach))
+        for direction, far in product((back, np.array([0.0, 0.0, 1.0])), DRAWN_OUT):
+            pose = tip.copy()
+            pose[:3, 3] += far * direction
+            with suppress(MotionError):
+                await self._follow(arm, platform.arms.straight_path(arm, pose, platform.arm_joints(arm), None), label)
+                return True
+        return False
 
     async def _back_off(self, arm: ArmModel, postures: Sequence[Array], least: float) -> bool:
         """Drive back, at least so far [m], to where there is room for the arm; return False if there is none."""
@@ -264,6 +283,7 @@ class Reaching:
                 await self._go(solution, location)
             except ManipulationPoseUnreachable as failure:
                 problem = problem or failure
+                await checkpoint()
                 continue
             self.platform.arms.use(arm, solution)
             return
@@ -296,10 +316,15 @@ class Reaching:
         others: Sequence[Array] = (),
         iterations: int = ITERATIONS,
     ) -> None:
-        try:
-            trajectory = self.platform.arms.path(arm, goal, touches, iterations, others)
-        except MotionError as problem:
-            raise ManipulationPoseUnreachable(arm=arm.name, what=label) from problem
+        rounds = max(1, iterations // FEW)  # a search begins anew: one that is long holds up all other tasks
+        for number in range(1, rounds + 1):
+            try:
+                trajectory = self.platform.arms.path(arm, goal, touches, iterations // rounds, others)
+                break
+            except MotionError as problem:
+                if not isinstance(problem, NoPath) or number == rounds:
+                    raise ManipulationPoseUnreachable(arm=arm.name, what=label) from problem
+                await checkpoint()
         await self._follow(arm, trajectory, label)
 
     async def _straight(self, solution: HandSolution, joints: Array) -> None:

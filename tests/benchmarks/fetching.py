@@ -3,8 +3,8 @@
     python tests/benchmarks/fetching.py [--rooms 30] [--robots amigo,pr2] [--first 0]
 
 Cabinets differ in size, height, side of the hinge and handle, and in the bottle's place behind the door. The bundled
-recipe ``fetch_from_cabinet`` takes the bottle and closes the door. The goal is asked of the simulated world: the bottle is in
-the robot's hand, the door open by less than 3 degrees, and neither touched anything else.
+recipe ``fetch_from_cabinet`` takes the bottle and closes the door. The goal is asked of the simulated world: the bottle
+is in the robot's hand, the door open by less than 3 degrees, and neither touched anything else.
 """
 
 from __future__ import annotations
