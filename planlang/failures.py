@@ -358,6 +358,21 @@ class BehindClosedDoor(LocationUnresolvable):
         return f"{self.text}: {self.designator}: {self.what} is behind {self.door}, which is closed"
 
 
+@dataclass(eq=False, repr=False)
+class TooHeavy(LocationUnresolvable):
+    """The thing to be grasped is heavier than any free hand may carry; ``mass`` and ``payload`` in kg."""
+
+    what: str | None = field(default=None, kw_only=True)
+    mass: float = field(default=0.0, kw_only=True)
+    payload: float = field(default=0.0, kw_only=True)
+
+    def describe(self) -> str:
+        """``no place found: DESIGNATOR: bottle1 weighs 40 kg, the hand carries 1.5 kg``."""
+        return (
+            f"{self.text}: {self.designator}: {self.what} weighs {self.mass:g} kg, the hand carries {self.payload:g} kg"
+        )
+
+
 class ObjectUnresolvable(DesignatorFailure):
     """No known object fits the description."""
 

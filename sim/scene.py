@@ -84,6 +84,8 @@ class Body:
     """True for cloth and the like: between two fingers that close on it from above it makes a fold."""
     centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Centre of its box in its own frame [m]: elsewhere than at 0 only for a tool, whose frame is in its blade."""
+    mass: float = 0.0
+    """Its mass, with what it contains at the beginning [kg]; 0 if it is not known."""
     largest_tilt: float | None = None
     """How far its z axis may lean from upright while it is carried [rad]; None if it may be turned as one likes."""
 

@@ -1,4 +1,4 @@
-"""What a cook does and no simulated robot can do: cracking eggs, mixing, pouring, flipping.
+"""What a cook does and no simulated robot can do: cracking eggs, mixing, flipping, frosting.
 
 The module only takes its time. What becomes of eggs, flour and dough is declared for the classes of these actions in
 ontologies/object_change.omn, and applied by planlang when the module is done.
@@ -10,9 +10,11 @@ from planlang.modules import process_module
 SECONDS = {
     "Cracking": 5.0,
     "CrackingAnEgg": 5.0,
+    "AddingSth": 5.0,
     "Mixing": 60.0,
-    "FluidFlow-Translation": 10.0,
+    "Stirring": 60.0,
     "FlippingAnObject": 5.0,
+    "ApplyingStuffToSurface": 60.0,
 }
 """Class of actions -> how long they take."""
 

@@ -157,9 +157,8 @@ class BelievedBodies:
         return any(one.iri == what.iri or (what.iri is None and belief.is_a(one, what.type)) for one in things)
 
     def designator(self, name: str) -> Object:
-        """Return the designator that means a body of the map."""
-        thing = self._belief.map.find(name)
-        assert thing is not None
+        """Return the designator that means a body: of the map, or one that came into being."""
+        thing = next(thing for thing in self._belief.things if thing.name == name)
         return Object(shorten(thing.types[0]) if thing.types else "EnduringThing-Localized", thing.iri)
 
     def pose(self, name: str) -> Pose:
@@ -237,6 +236,10 @@ class BelievedBodies:
         x, y, z = (self.pose(name).position + by).tolist()
         return Pose((x, y, z), self.pose(name).orientation)
 
+    def mass(self, name: str) -> float:
+        """Return how heavy a body is, with what it contains [kg]; 0 if that is not known."""
+        return self._world.scene.body(name).mass
+
     def is_movable(self, name: str) -> bool:
         """Return whether the body may stand elsewhere than in the map."""
         return self._world.scene.body(name).movable
@@ -306,7 +309,7 @@ class BelievedBodies:
         for joint in joints.values():
             if name in joint.bodies:
                 return joint
-        own = [joint for joint in joints.values() if joint.holder == name]
+        own = [joint for joint in joints.values() if joint.holder == name and not joint.is_knob]
         return min(
             own,
             key=lambda one: (
@@ -320,7 +323,7 @@ class BelievedBodies:
         """Return the closed door behind which a body is, or the closed drawer in which it is; None without one."""
         point = np.array(self.pose(name).position)
         for leaf, joint in self._belief.joints.items():
-            if not joint.is_shut(self._belief.joint(leaf)):
+            if joint.is_knob or not joint.is_shut(self._belief.joint(leaf)):
                 continue
             if joint.kind is JointKind.PRISMATIC:
                 if name not in joint.bodies and inside(self.pose(leaf), self.size(leaf), point[None])[0]:
@@ -333,6 +336,13 @@ class BelievedBodies:
                 if inside(furniture.pose, furniture.size, point[None])[0] and inside(centre, room.size, point[None])[0]:
                     return leaf
         return None
+
+    def door_of(self, name: str) -> str | None:
+        """Return a door of furniture all doors of which are closed, or a closed drawer itself; None without one."""
+        joints = [joint for leaf, joint in self._belief.joints.items() if name in (leaf, joint.holder)]
+        doors = [one for one in joints if one.leaf == name or (one.kind is JointKind.HINGED and not one.is_knob)]
+        shut = [one.leaf for one in doors if one.is_shut(self._belief.joint(one.leaf))]
+        return shut[0] if shut and len(shut) == len(doors) else None
 
     def doors(self, name: str) -> Sequence[Door]:
         """Return the doors that a body is or has: things of the class Door, itself or hinged to it."""

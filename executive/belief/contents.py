@@ -14,6 +14,8 @@ from planlang.recipe.effects import effects_of, heat_effects, number_of_class, n
 from sim import Body
 from sim.matter import ON, Heating, Portion, Rules, Size
 
+MASS = ("massOfObject", "weightOfObject")
+"""Properties of a thing of a map with its mass [kg]."""
 USUAL_AMOUNT = 100.0
 """Amount of a content of which nothing says how much it is [ml]."""
 
@@ -75,6 +77,20 @@ def _portion(thing: MapObject, ontology: Ontology) -> Portion:
     return Portion(shorten(thing.types[0]), USUAL_AMOUNT if amount is None else amount, (thing.name,))
 
 
+def _mass(
+    body: Body,
+    portions: Sequence[Portion],
+    types: tuple[str, ...],
+    ontology: Ontology,
+    number: Callable[[tuple[str, ...], str], float | None],
+) -> float:
+    """Return the mass of a body [kg]: as the map says, else of its class with what it contains, a gram a millilitre."""
+    stated = (number_of_individual(ontology, body.iri, name) for name in MASS)
+    found = next((mass for mass in stated if mass is not None), None)
+    empty = number(types, "massOfObject")
+    return found if found is not None else 0.0 if empty is None else empty + sum(one.amount for one in portions) / 1000
+
+
 def _with_content(
     body: Body,
     portions: Sequence[Portion],
@@ -88,6 +104,8 @@ def _with_content(
     blade = number(types, "bladeLength") or 0.0
     if body.movable and (tilt := number(types, "largestTilt")) is not None:
         body = replace(body, largest_tilt=math.radians(tilt))
+    if body.movable:
+        body = replace(body, mass=_mass(body, portions, types, ontology, number))
     states = [shorten(one) for one in ontology.values(body.iri, expand("stateOfObject")) if isinstance(one, str)]
     if not (capacity or blade or states or portions):
         return body

@@ -29,6 +29,8 @@ from planlang.geometry import Array
 
 SPREAD = 0.1
 """Side of a square in which the best place of one candidate comes first [m]."""
+MOST_CELLS = 1 << 17
+"""More cells than a map has to either side, twice."""
 SQUARE_BITS = 22
 """Numbers of squares have no more bits."""
 MOST_MAPS = 24
@@ -49,6 +51,8 @@ class Rows(Columns):
     torso: Array
     squares: Indices
     """Number of the square of side :data:`SPREAD` that v is in."""
+    spots: Indices
+    """Number of v: rows for other torso positions often have the same."""
     torsos: tuple[float, ...] = ()
     """Torso positions, lowest first."""
 
@@ -114,10 +118,13 @@ class InverseMap:
         v = np.stack([c * x + s * y, c * y - s * x], axis=1)
         if flipped:  # a turned hand is the same as another heading
             v, yaw = -v, yaw - math.pi
+        spots = first + index
+        if self._exact is None:
+            spots = (rows["x"][index].astype(np.intp) * MOST_CELLS + rows["y"][index]) * YAWS + rows["yaw"][index]
         cells = np.rint(v / SPREAD).astype(np.intp)
         half = 1 << (SQUARE_BITS // 2 - 1)
         squares = (cells[:, 0] + half) * 2 * half + cells[:, 1] + half
-        self._levels[level, roll] = Rows(v, yaw, score, first + index, np.zeros(len(index)), squares)
+        self._levels[level, roll] = Rows(v, yaw, score, first + index, np.zeros(len(index)), squares, spots)
         return self._levels[level, roll]
 
 
@@ -242,29 +249,42 @@ class Inversion:
             for (z, grasp, roll), mine in alike.items():
                 chosen = inverse(arm, CLASSES[grasp]).rows(z, roll, least, rows)
                 chosen = chosen.of(lifted(arm, chosen.torsos))
+                _, first, same = np.unique(chosen.spots, return_index=True, return_inverse=True)
                 for some in blocks(len(mine), max(1, AT_ONCE // max(len(chosen.row), 1))) if len(chosen.row) else ():
-                    parts.append(self._inverted(number, candidates, np.array(mine[some], np.intp), chosen))
+                    index = np.array(mine[some], np.intp)
+                    parts.append(self._inverted(number, candidates, index, chosen, first, same))
         if not parts:
             return BaseCandidates()
         found = BaseCandidates.joined(parts)
         return found.chosen(np.lexsort((found.candidates, found.arms)))
 
-    def _inverted(self, number: int, candidates: GraspCandidates, index: Indices, chosen: Rows) -> BaseCandidates:
-        """Return the best base poses of all rows (n) for all candidates (w), looked up in the field at once."""
-        away = np.hypot(chosen.v[:, 0], chosen.v[:, 1])
-        factors = np.zeros((len(index), len(away)))
-        some = self.room.has_room(candidates.points[index, :2], float(away.min()), float(away.max()))
-        factors[some] = self.room.looked_up(
-            candidates.points[index[some], :2], candidates.headings[index[some]], chosen.v
-        )
-        free = np.count_nonzero(factors, axis=1)
-        self.refused[NO_ROOM] += int(np.minimum(factors.shape[1] - free, COUNTED).sum())
+    def _inverted(
+        self,
+        number: int,
+        candidates: GraspCandidates,
+        index: Indices,
+        chosen: Rows,
+        first: Indices,
+        same: Indices,
+    ) -> BaseCandidates:
+        """Return the best base poses of all rows (n) for all candidates (w), looked up in the field at once.
+
+        ``first``: rows (u,) with different v; ``same``: which of these has the v of each row (n,).
+        """
+        v = chosen.v[first]
+        away = np.hypot(v[:, 0], v[:, 1])
+        near = self.room.has_room(candidates.points[index, :2], float(away.min()), float(away.max()))
+        some = index[near]
+        looked = self.room.looked_up(candidates.points[some, :2], candidates.headings[some], v)
+        free = np.zeros(len(index), np.intp)
+        free[near] = (looked > 0).astype(np.float64) @ np.bincount(same)
+        self.refused[NO_ROOM] += int(np.minimum(len(same) - free, COUNTED).sum())
         for candidate in index[free == 0].tolist():
             score = float(candidates.weights[candidate]) * float(chosen.score[0])
             base = _bases(candidates, np.array([candidate]), chosen, np.zeros(1, int))[0]
             self._crowded.append((number, candidate, score, base))
-        if not free.all():
-            index, factors = index[free > 0], factors[free > 0]
+        factors = looked[free[near] > 0][:, same]
+        index = index[free > 0]
         scores = factors * chosen.score
         scores *= candidates.weights[index, None]
         if self.conjuncts and len(index):

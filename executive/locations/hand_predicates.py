@@ -6,9 +6,9 @@ Things are on and in things and before people.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from enum import IntEnum
 from functools import partial
-from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -151,6 +151,8 @@ NATURAL = (GraspClass.SIDE,)
 """Classes of grasps that are tried first."""
 MOST_SPOTS = 24
 """Places on a surface that a hand is asked to put something on."""
+SPREAD = 0.08
+"""Distance of these places from each other, as long as there is room [m]: the best ones alone are in one spot."""
 
 
 def candidates_of(
@@ -196,9 +198,22 @@ def _made(
     if held.name == reach.body:
         rejections.add("nothing rests on itself")
         return None
-    spots = list(islice(Placement(held.name, put_demand(reach, held.name, scene), scene).poses(rejections), MOST_SPOTS))
+    # the same wherever the base is: where it can reach one of them is asked next
+    spots = _spread(Placement(held.name, put_demand(reach, held.name, scene), scene, near=False).poses(rejections))
     turns = not scene.bodies.is_round(held.name)
     return placing(reach.body, spots, arm.frame, held, symmetric=turns, fine=fine) if spots else None
+
+
+def _spread(spots: Iterable[Pose]) -> list[Pose]:
+    """Return the best spots that are apart from each other, then the best of those in between."""
+    apart: list[Pose] = []
+    between: list[Pose] = []
+    for spot in spots:
+        if len(apart) == MOST_SPOTS:
+            break
+        near = any(math.dist(spot.position, other.position) < SPREAD for other in apart)
+        (between if near else apart).append(spot)
+    return (apart + between)[:MOST_SPOTS]
 
 
 def _grasps(

@@ -74,7 +74,9 @@ def arms_have_room(bases: Array, check: QuickCheck, rejections: Rejections) -> N
 
     Others are counted.
     """
-    bodies = check.hit(base_matrices(bases))
+    each, which = np.unique(bases, axis=0, return_inverse=True)
+    hit = check.hit(base_matrices(each))
+    bodies = [hit[number] for number in which.ravel().tolist()]
     rejections.count(None if body is None else Reason(NO_ROOM, body) for body in bodies)
     return np.array([body is None for body in bodies], bool)
 

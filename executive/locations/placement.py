@@ -53,6 +53,8 @@ class Placement:
     name: str
     demand: ThingDemand
     scene: PlanningScene
+    near: bool = True
+    """Whether places near to where the base is now are better."""
 
     def poses(self, log: Rejections) -> Iterator[Pose]:
         """Yield poses of the object's box centre, upright, best first; reasons of others are counted."""
@@ -99,8 +101,9 @@ class Placement:
             score = score * (0.3 + 0.7 * np.clip(spare, 0.0, EDGE) / EDGE)
         for area in areas:
             score = score * area.score(centres[:, :2])
-        x, y, _ = self.scene.base()
-        score = score * np.exp(-np.hypot(centres[:, 0] - x, centres[:, 1] - y) / TRAVEL)
+        if self.near:
+            x, y, _ = self.scene.base()
+            score = score * np.exp(-np.hypot(centres[:, 0] - x, centres[:, 1] - y) / TRAVEL)
         log.scored.append((centres[~crowded], score[~crowded]))
         return centres[~crowded], score[~crowded]
 
@@ -155,12 +158,32 @@ class Placement:
         if where is None:
             zones = [bodies.zone(person).points() for person, inside in demand.people if inside]
             return np.concatenate([np.zeros((0, 3)), *zones])
-        block = bodies.block(where)
-        floor = bodies.rests_at(where) if demand.on is not None else block.low
+        if demand.on is None:
+            rooms = [
+                self._on_floor(upright, room, room.low) for room in self._rooms(where) if height <= room.high - room.low
+            ]
+            return np.concatenate([np.zeros((0, 3)), *rooms])
+        floor = bodies.rests_at(where)
+        return np.zeros((0, 3)) if floor is None else self._on_floor(upright, bodies.block(where), floor)
+
+    def _rooms(self, where: str) -> list[Block]:
+        """Return the rooms inside a body: those over its floor and its shelves if it is hollow, else all of it."""
+        bodies = self.scene.bodies
+        pose, (x, y, z) = bodies.pose(where), bodies.size(where)
+        rooms = []
+        for cavity in self.scene.world.scene.body(where).cavities:  # they may go beyond the body where it is open
+            ends = [np.array(cavity.centre) + sign * np.array(cavity.size) / 2 for sign in (-1, 1)]
+            low, high = np.clip(ends, (-x / 2, -y / 2, -z / 2), (x / 2, y / 2, z / 2))
+            if (high > low).all():
+                rooms.append(Block.of(pose @ Pose(tuple(((low + high) / 2).tolist())), tuple((high - low).tolist())))
+        return rooms or [bodies.block(where)]
+
+    def _on_floor(self, upright: Block, block: Block, floor: float) -> Array:
+        """Return places (m, 3) for the object's centre on a floor at a height, over a block's outline."""
+        demand, height = self.demand, upright.high - upright.low
         half_x = block.half_x - upright.support(block.yaw)
         half_y = block.half_y - upright.support(block.yaw + math.pi / 2)
-        too_high = demand.inside is not None and height > block.high - block.low
-        if floor is None or half_x < -HAIR or half_y < -HAIR or too_high:
+        if half_x < -HAIR or half_y < -HAIR:
             return np.zeros((0, 3))
         half_x, half_y = max(half_x, 0.0), max(half_y, 0.0)
         spacing = max(FINE_SPACING if demand.areas else SPACING, 2 * math.sqrt(half_x * half_y / MOST_PLACES))

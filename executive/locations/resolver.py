@@ -13,6 +13,7 @@ from dataclasses import replace
 from itertools import chain, count
 from typing import Generic, TypeVar
 
+from executive.belief.knowledge import Source
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
 from executive.locations.base_candidates import InverseMaps
@@ -87,7 +88,13 @@ class Resolver:
         for reach in wanted:
             validator.check_hands(reach, location)
         found: list[BasePose] = []
-        yield from self._searched(demand, wanted, log, found)
+        unsure = self._unsure(wanted)
+        # what is seen from here comes first: where that shows nothing new the map is right about the rest, too
+        here = {name: scene.base() for name in unsure if scene.visibility.hidden(scene.base(), name) is None}
+        views = {name: self._view(name) for name in (() if here else unsure)}
+        for solution in self._searched(demand, wanted, log, found):
+            left = self._unsure(wanted) if here or views else ()
+            yield self._after({name: view for name, view in (here or views).items() if name in left}, solution)
         if not found and log.counts[NOT_VISIBLE]:
             yield from self._after_a_look(demand, wanted, log, found)
         raise log.failure(location, after=len(found))
@@ -98,25 +105,43 @@ class Resolver:
         """Yield base poses from which what is handled is not seen, with a look at it, from elsewhere, before."""
         validator, scene = self._validator, self.scene
         handled = tuple(name for name in validator.to_see(demand) if name not in demand.seen)
-        views: list[list[float]] = []
-        looks: list[Action] = []
-        for name in handled:
-            if scene.belief.remembers(name):
-                continue
-            view = next(iter(FloorSearch(validator, BaseDemand(seen=(name,)), Rejections()).places()), None)
-            if view is None:
-                return
-            x, y, yaw = view.base
-            views.append([x, y, yaw])
-            looks.append(action("Translation-LocationChange", x=x, y=y, yaw=yaw))
-            looks.append(action("LookingForSomething", object_acted_on=scene.bodies.designator(name)))
-        if handled:
+        unseen = [name for name in handled if not scene.belief.remembers(name)]
+        views = [self._view(name) for name in unseen]
+        if handled and None not in views:
             blind = replace(demand, remembered=handled)
             # the same candidates were looked at already: they are not counted again
             uncounted = Rejections(log.explained, places=log.places, scored=log.scored, refused=log.refused)
             for solution in self._searched(blind, wanted, uncounted, found):
-                seen = {"looks": views} if views else {}
-                yield replace(solution, before=tuple(looks), detail={**solution.detail, **seen})
+                yield self._after(dict(zip(unseen, views, strict=True)), solution)
+
+    def _unsure(self, wanted: Sequence[Reach]) -> list[str]:
+        """Return what a thing is to be put on or beside, if it may stand elsewhere than in the map that alone tells."""
+        belief, bodies = self.scene.belief, self.scene.bodies
+        places = [reach for reach in wanted if reach.kind is ReachKind.PLACE]
+        around = [name for reach in places for name in (reach.body, *(term.body for term in reach.also))]
+        return [
+            name
+            for name in dict.fromkeys(around if self.scene.visibility.sighted() else ())
+            if bodies.is_movable(name) and belief.knowledge(name).source in (Source.MAP, Source.FELT)
+            if not belief.looked_in_vain(name)
+        ]
+
+    def _view(self, name: str) -> BasePose | None:
+        """Return the base pose from which a thing is seen best; None if there is none."""
+        places = FloorSearch(self._validator, BaseDemand(seen=(name,)), Rejections()).places()
+        return next((view.base for view in places), None)
+
+    def _after(self, views: Mapping[str, BasePose | None], solution: Solution) -> Solution:
+        """Return a solution to which the base goes after looks at things, from poses of the base."""
+        looks: list[Action] = []
+        away = [view for view in views.values() if view is not None and view != self.scene.base()]
+        for name, view in views.items():
+            if view in away and view is not None:
+                looks.append(action("Translation-LocationChange", x=view[0], y=view[1], yaw=view[2]))
+            if view is not None:
+                looks.append(action("LookingForSomething", object_acted_on=self.scene.bodies.designator(name)))
+        seen = {"looks": [list(view) for view in away]} if away else {}
+        return replace(solution, before=tuple(looks), detail={**solution.detail, **seen}) if looks else solution
 
     def _searched(
         self, demand: BaseDemand, wanted: Sequence[Reach], log: Rejections, found: list[BasePose]

@@ -29,7 +29,7 @@ from executive.locations.rejections import (
 from executive.motion import QuickCheck
 from executive.robots.arms import ArmModel
 from planlang.designators import Location
-from planlang.failures import BehindClosedDoor, LocationUnresolvable
+from planlang.failures import BehindClosedDoor, LocationUnresolvable, TooHeavy
 from planlang.geometry import Array
 from planlang.protocols import Solution
 
@@ -94,26 +94,34 @@ class BaseValidator:
     def arms_for(self, reach: Reach, arms: Sequence[ArmModel]) -> Sequence[ArmModel]:
         """Return those of some arms that may do a reach; the ones that it names, if it names any.
 
-        A thing is grasped with a free hand. All else is about what is held: the arms that hold something do it, if any
-        does and none is named.
+        A thing is grasped with a free hand that can carry it. All else is about what is held: the arms that hold
+        something do it, if any does and none is named.
         """
         if reach.arms is not None:
             arms = [arm for arm in self.scene.arms.all if arm.name in reach.arms]
         if reach.kind is ReachKind.GRASP:
-            return [arm for arm in arms if self.scene.arms.held(arm.name) is None]
+            mass = self.scene.bodies.mass(reach.body)
+            return [arm for arm in arms if self.scene.arms.held(arm.name) is None and mass <= arm.payload]
         full = [arm for arm in self.scene.arms.all if self.scene.arms.held(arm.name) is not None]
         if reach.arms is not None or not full:
             return arms
         return [arm for arm in arms if self.scene.arms.held(arm.name) is not None] or full
 
     def check_hands(self, reach: Reach, location: Location) -> None:
-        """Raise LocationUnresolvable if what is to be grasped is behind a closed door, or all hands for it are full."""
-        if reach.kind is ReachKind.GRASP and (door := self.scene.bodies.closed_before(reach.body)) is not None:
+        """Raise LocationUnresolvable if a door is in the way, what is grasped too heavy, or if all hands are full."""
+        door = self.scene.bodies.closed_before(reach.body) if reach.kind is ReachKind.GRASP else None
+        if reach.kind is ReachKind.PLACE and reach.inside:
+            door = self.scene.bodies.door_of(reach.body)
+        if door is not None:
             leaf = self.scene.bodies.designator(door)
             raise BehindClosedDoor(designator=str(location), what=reach.body, door=leaf)
         if self.arms_for(reach, self.scene.arms.all):
             return
         arms = [arm.name for arm in self.scene.arms.all if reach.arms is None or arm.name in reach.arms]
+        free = [arm.payload for arm in self.scene.arms.all if arm.name in arms and not self.scene.arms.held(arm.name)]
+        if free and reach.kind is ReachKind.GRASP:
+            mass = self.scene.bodies.mass(reach.body)
+            raise TooHeavy(designator=str(location), what=reach.body, mass=mass, payload=max(free))
         full = ", ".join(f"{arm} holds {held.name}" for arm in arms if (held := self.scene.arms.held(arm)) is not None)
         raise LocationUnresolvable(f"no free hand to grasp {reach.body}: {full}", designator=str(location))
 

@@ -2,14 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from contextlib import suppress
+from itertools import product
+
+import numpy as np
 
 from executive.locations import HandSolution
 from executive.modules.process_modules import Reaching
+from executive.motion import cartesian_path
 from executive.robots.arms import ArmModel
 from planlang.designators import Action, Location, Object, a_location
 from planlang.failures import ActionUnresolvable, LookingFailure, PerceptionFailure
+from planlang.geometry import Array, Pose
+from planlang.geometry.matrices import rotated
 from planlang.modules import process_module
+from sim import Body
+
+CLEAR = 0.05
+"""Distance that a thing has from a compartment before it goes in [m]."""
+
+FEW = 100
+"""Branches that the search of a path over a place grows: there are other hand poses to try, and other base poses."""
 
 
 @process_module
@@ -41,6 +55,45 @@ class Lowering(Reaching):
             await super()._look_first(location)
 
     async def _go(self, solution: HandSolution, location: Location) -> None:
-        """Go above the place, then straight down."""
-        await self._joint_path(solution.arm, solution.joints[0], None, solution.plan.label)
+        """Go above the place, into a compartment straight through where it is open, then straight down."""
+        outside = self._outside(solution) if solution.reach.inside else None
+        first = solution.joints[0] if outside is None else outside
+        await self._joint_path(solution.arm, first, None, solution.plan.label, iterations=FEW)
+        if outside is not None:
+            await self._line(solution, solution.plan.poses[0], solution.joints[0])
         await self._straight(solution, solution.joints[1:2])
+
+    def _outside(self, solution: HandSolution) -> Array | None:
+        """Return joint values (d,) before the open side of what a thing is put into, from where it goes straight in.
+
+        None if there is no open side, or no way through.
+        """
+        scene, arm, base = self.platform.scene, solution.arm, Pose.planar(*self.platform.base()).inverse().matrix()
+        held, body = scene.arms.held(arm.name), scene.world.scene.body(solution.reach.body)
+        if held is None:
+            return None
+        above = solution.plan.poses[0]
+        at = scene.bodies.pose(body.name).inverse().matrix() @ above @ held.pose.matrix()
+        for direction, wall in _open_sides(body):
+            way = wall - float(at[:3, 3] @ direction) + max(held.size) / 2 + CLEAR
+            out = above.copy()
+            out[:3, 3] += way * rotated(scene.bodies.pose(body.name).rotation, direction)
+            ends, is_free = (base @ out, base @ above), self._is_free(arm)
+            found, reached = arm.solver.solve(np.repeat(ends[0][None], len(arm.seeds), axis=0), arm.seeds[:, None])
+            for q in found[reached]:
+                if is_free(q) and cartesian_path(arm.solver, q, *ends, is_free).waypoints is not None:
+                    return np.asarray(q)
+        return None
+
+    def _is_free(self, arm: ArmModel) -> Callable[[Array], bool]:
+        base = self.platform.base()
+        return lambda q: not self.platform.scene.collisions.contacts(base, arm, q)
+
+
+def _open_sides(body: Body) -> Iterator[tuple[Array, float]]:
+    """Yield the level directions in which a compartment of a body is open, and how far its side is, in its frame."""
+    half = np.array(body.size) / 2
+    for cavity in body.cavities:
+        for axis, sign in product((0, 1), (1.0, -1.0)):
+            if sign * cavity.centre[axis] + cavity.size[axis] / 2 > half[axis]:
+                yield sign * np.eye(3)[axis], float(half[axis])

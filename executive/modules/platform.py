@@ -46,6 +46,8 @@ HAIR = 1e-6
 """More than rounding [rad]."""
 AT_PLACE = 0.01
 """Difference of the tip's pose from that at which it puts something down, up to which it retreats from there [m, 1]."""
+CLOSE = 0.25
+"""Share of the resolution of checks by which an arm moves from one exact check in time to the next: a torso is slow."""
 MOST = 256
 """Choices that are remembered; branches that have ended are forgotten first."""
 
@@ -118,6 +120,15 @@ class ArmChoices:
 
 def _inside(path: str, outer: str) -> bool:
     return path.startswith(f"{outer}/") if outer else path != outer
+
+
+def _apart(rows: Array, step: Array) -> list[int]:
+    """Return the numbers of rows (n, d) of joint values that differ by a step (d,) in some joint, and of the last."""
+    kept = [0] if len(rows) else []
+    for number in range(1, len(rows)):
+        if number == len(rows) - 1 or bool((np.abs(rows[number] - rows[kept[-1]]) >= step).any()):
+            kept.append(number)
+    return kept
 
 
 class Arms:
@@ -262,8 +273,9 @@ class Arms:
             return [(contact.part, contact.body) for contact in contacts]
 
         def moments(path: Array) -> Array:
-            """Return where the arm is checked exactly: at each world step, and at the resolution of checks."""
-            return np.concatenate([space.points(path), control.timed(arm.joints, path).positions[1:]])
+            """Return where the arm is checked exactly: at the resolution of checks, and in time along its curve."""
+            rows = control.timed(arm.joints, path).positions[1:]
+            return np.concatenate([space.points(path), rows[_apart(rows, CLOSE * arm.resolution)]])
 
         upright = self.upright(arm, goal)
         found = plan_path(
@@ -394,6 +406,14 @@ class Platform(Control):
             return self._exploration.goal
         search = None if self._searches is None else self._searches.begun.get(name)
         return None if search is None else self.searches.next(search).base
+
+    def goes_elsewhere(self, where: object) -> bool:
+        """Return whether a name that a step made means another place than the last, which cannot be driven to."""
+        name = where.name if isinstance(where, Location) else where
+        if self._exploration is not None and name in self._exploration.names:
+            self._exploration.missed()
+            return self._exploration.goal is not None
+        return self._searches is not None and name in self._searches.begun
 
     @property
     def searches_begun(self) -> bool:

@@ -81,8 +81,18 @@ class Navigation:
         return ("base",)
 
     async def execute(self, action: Action) -> None:
-        """Drive to ``x``, ``y``, ``yaw``, or to a base pose that satisfies ``to_location``."""
-        goal = self._goal(action)
+        """Drive to ``x``, ``y``, ``yaw``, or to a base pose that satisfies ``to_location``.
+
+        What a step made means the next place at each use: where one cannot be driven to, the one after it.
+        """
+        while True:
+            try:
+                return await self._drive(self._goal(action))
+            except NavigationFailure:
+                if not self.platform.goes_elsewhere(action.get("to_location")):
+                    raise
+
+    async def _drive(self, goal: BasePose) -> None:
         blocked_by: str | None = None
         for _ in range(REPLANS):
             if _close(goal, self.platform.base()):
@@ -239,12 +249,12 @@ class Reaching:
         if not postures:
             raise ManipulationPoseUnreachable("what the hand holds cannot be upright there", arm=arm.name, what=name)
         held = self.platform.scene.arms.held(arm.name)
-        for least in BACKING if held is not None and held.largest_tilt is not None else ():
+        for least in BACKING if held is None or held.largest_tilt is not None else ():
             try:
                 await self._joint_path(arm, postures[0], beside, name, postures[1:], FEW)
                 return
             except ManipulationPoseUnreachable as failure:
-                if not isinstance(failure.__cause__, NoPath):
+                if not isinstance(failure.__cause__, (NoPath, GoalInCollision)):
                     raise
                 if not (await self._draw_out(arm, name) or await self._back_off(arm, postures, least)):
                     raise
@@ -335,11 +345,15 @@ class Reaching:
             else solution.plan.poses[1 : 1 + len(joints)]
         )
         for pose, q in zip(poses, joints, strict=True):
-            try:
-                trajectory = self.platform.arms.straight_path(solution.arm, pose, q, solution.plan.touches)
-            except MotionError as problem:
-                raise ManipulationPoseUnreachable(arm=solution.arm.name, what=solution.plan.label) from problem
-            await self._follow(solution.arm, trajectory, solution.plan.label)
+            await self._line(solution, pose, q)
+
+    async def _line(self, solution: HandSolution, pose: Array, q: Array) -> None:
+        """Move along a straight line of the tip to a pose (4, 4)."""
+        try:
+            trajectory = self.platform.arms.straight_path(solution.arm, pose, q, solution.plan.touches)
+        except MotionError as problem:
+            raise ManipulationPoseUnreachable(arm=solution.arm.name, what=solution.plan.label) from problem
+        await self._follow(solution.arm, trajectory, solution.plan.label)
 
     async def _follow(self, arm: ArmModel, trajectory: Trajectory, label: str) -> None:
         motion = await self.platform.follow(arm.name, trajectory)

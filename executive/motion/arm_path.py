@@ -2,7 +2,7 @@
 
 RRT-Connect: Kuffner and LaValle, ICRA 2000; checking only what is about to be used: Bohlin and Kavraki, ICRA 2000.
 Where the exact check finds a hit on a path, its place is forbidden, the quick check learns which two bodies have to
-stay farther apart, the trees lose the edges that are affected, and the search goes on. After :data:`MOST_HITS` the
+stay farther apart, the trees lose the edges that are affected, and the search goes on. After :data:`HITS` of them the
 trees are given up and everything is checked exactly at once: then the path is as good as that of a plain search.
 Joints that turn without end go the shorter way around, in the trees too; a path may end whole turns from the goal.
 
@@ -28,12 +28,12 @@ Touching = Callable[[Array], Sequence[tuple[str, str]]]
 """The exact check: which two bodies touch each other, wrongly, at a configuration (d,); slow."""
 REACH = 10
 """Length of a new branch, in units of the edge resolution."""
-MOST_HITS = 40
-"""Exact hits on paths after which spheres are not asked any more."""
+HITS = 0.04
+"""Exact hits on paths, per iteration that is allowed, after which spheres are not asked any more."""
 KEPT_APART = (0.015, 0.0)
 """Distance by which everything is kept apart where the ends allow it [m]; less when no path is found like that."""
-EXACT_CHECKS = 3000
-"""Exact checks that a search may ask for in all, once spheres are not asked any more."""
+EXACT_CHECKS = 3.0
+"""Exact checks, per iteration, that a search may ask for in all, once spheres are not asked any more."""
 CONSTRAINED = 0.3
 """Length of a branch that keeps to a constraint, as a share of the usual one."""
 LEAST_PROGRESS = 0.2
@@ -325,7 +325,7 @@ def plan_path(
             if hit is None:
                 return found
             search.forbid(hit, (a, *goals))
-            if search.counts["exact hits"] % MOST_HITS == 0:
+            if search.counts["exact hits"] % max(1, round(HITS * iterations)) == 0:
                 break
     raise NoPath(a.tolist(), b.tolist(), search.counts)
 
@@ -340,7 +340,7 @@ def _paths(search: _Search, start: Array, goals: Sequence[Array], iterations: in
     space = search.space
     reach = REACH * (1.0 if search.constraint is None else CONSTRAINED) * space.resolution
     for _ in range(iterations):
-        if search.exactly and search.counts["exact checks"] > EXACT_CHECKS:
+        if search.exactly and search.counts["exact checks"] > EXACT_CHECKS * iterations:
             return
         if known != search.counts["exact hits"]:
             known = search.counts["exact hits"]

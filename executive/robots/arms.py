@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -115,6 +116,8 @@ class ArmModel:
     """Postures to start inverse kinematics from, (s, d)."""
     lift: Lift | None = None
     """The torso that lifts it straight up."""
+    payload: float = math.inf
+    """Largest mass that the hand carries [kg]."""
     hand_corners: Array = field(default_factory=lambda: np.zeros((1, 3)))
     """Corners of boxes around the hand's pieces in the tip frame, (n, 3)."""
     palm: tuple[tuple[float, ...], ...] = ()
@@ -173,6 +176,7 @@ def _model(robot: Robot, arm: Arm, world: PlanningWorld) -> ArmModel:
         solver=InverseKinematics(chain),
         resolution=np.where(chain.prismatic, SLIDE_STEP, TURN_STEP),
         frame=HandFrame(arm.approach, arm.closing),
+        payload=arm.payload,
         max_opening=arm.gripper.max_opening if arm.gripper is not None else 0.0,
         hand_links=world.robot.hand_links(arm.tip),
         hand_radius=world.robot.hand_radius(arm.tip, arm.approach),

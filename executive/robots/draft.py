@@ -32,6 +32,8 @@ LONGEST = 120
 """Columns of a line; a longer reason stands above its value."""
 MARGIN = 0.02
 """Room that is added around the base [m]."""
+PAYLOAD = 1.0
+"""Mass that any arm carries [kg]: a URDF does not say."""
 TURNS = 8 * np.pi
 """Range of a turning joint that nobody can have meant [rad]."""
 _CARRYING = re.compile(r"carry|tuck|transport|travel|park|stow", re.IGNORECASE)
@@ -265,6 +267,7 @@ class _Maker:
         table.add("approach", shape.approach, measured, status)
         across = "along which the fingers move" if shape.opened else "at a right angle to the approach"
         table.add("closing", shape.closing, across, Status.DERIVED if shape.opened else Status.ASSUMED)
+        table.add("payload", PAYLOAD, "largest mass that the hand carries [kg]", Status.ASSUMED)
         self._gripper(name, shape)
         for joint in limb.joints:
             if joint.kind in ("revolute", "prismatic") and not 1e-6 < joint.upper - joint.lower < TURNS:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import replace
@@ -177,7 +178,8 @@ class Limbs:
             opened, closed = ({name: side[name] for name in names} for side in (gripper.opened, gripper.closed))
             bound = Gripper(called, gripper_iri, names, opened, closed, fingers, gripper.max_opening)
             hand = self.mechanism.joints[names[0]].parent if numbers is None else numbers.hand
-        return Arm(name, iri, side, joints, base, tip, hand, approach, closing, bound)
+        payload = math.inf if numbers is None else numbers.payload
+        return Arm(name, iri, side, joints, base, tip, hand, approach, closing, bound, payload)
 
     def _axes(self, tip: str, hand: str, name: str) -> tuple[Axis, Axis]:
         """Return the approach and closing axes of a tip about which nothing is said."""

@@ -6,6 +6,7 @@ and the numbers of moving them.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -287,6 +288,8 @@ class Arm:
     closing: Axis
     """Unit vector in the tip frame along which the fingers close."""
     gripper: Gripper | None
+    payload: float = math.inf
+    """Largest mass that the hand carries [kg]."""
 
 
 @dataclass(frozen=True, slots=True)

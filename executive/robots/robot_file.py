@@ -9,7 +9,8 @@ allowed_contacts = [["a", "b"]] # links that may touch
 
 [base]                          # required: radius [m], speeds [m/s, rad/s], accelerations, jerk; or fixed = true
 [mount]                         # what a URDF without base stands on: size (x, y, z, or diameter and height), at [m]
-[arms.right]                    # tip, tool_offset (grip point in its frame [m]), hand, side, approach, closing
+[arms.right]                    # tip, tool_offset (grip point in its frame [m]), hand, side, approach, closing,
+                                # payload: the largest mass that the hand carries [kg]
 [arms.right.gripper]            # joints opened/closed by name, max_opening [m], fingers (links)
 [camera]                        # link, fov [rad], near, far [m], width, height [pixels], forward, up, neck (joints),
                                 # recognises (classes; all)
@@ -45,7 +46,7 @@ _KEYS: dict[str, tuple[str, ...]] = {
     "urdf": ("package", "file", "extra"),
     "mount": ("size", "at"),
     "base": ("radius", "speed", "acceleration", "turn_speed", "turn_acceleration", "jerk", "fixed"),
-    "arms.*": ("tip", "tool_offset", "hand", "side", "approach", "closing", "gripper"),
+    "arms.*": ("tip", "tool_offset", "hand", "side", "approach", "closing", "payload", "gripper"),
     "arms.*.gripper": ("opened", "closed", "fingers", "max_opening"),
     "camera": ("link", "fov", "near", "far", "width", "height", "forward", "up", "neck", "recognises"),
     "joints.*": ("speed", "acceleration", "jerk"),
@@ -75,6 +76,8 @@ class ArmNumbers:
     approach: Axis
     closing: Axis
     gripper: GripperNumbers | None
+    payload: float = math.inf
+    """Largest mass that the hand carries [kg]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -351,7 +354,8 @@ def _arm(name: str, table: _Table) -> ArmNumbers:
     stated = table.text("tip")
     tip = tool_link(name) if "tool_offset" in table.values else stated
     gripper = _gripper(table.table("gripper", "arms.*.gripper")) if "gripper" in table.values else None
-    return ArmNumbers(name, tip, table.text("hand", "") or stated, side, approach, closing, gripper)
+    payload = table.number("payload", positive=True) if "payload" in table.values else math.inf
+    return ArmNumbers(name, tip, table.text("hand", "") or stated, side, approach, closing, gripper, payload)
 
 
 def _gripper(table: _Table) -> GripperNumbers:

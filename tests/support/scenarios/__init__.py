@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import chdir
 from dataclasses import dataclass, field, fields, replace
 from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
+from tempfile import TemporaryDirectory
 
 import typer
 
@@ -94,7 +96,7 @@ class Judged:
 
 
 def judged(scenario: Scenario, seed: int = 0) -> Judged:
-    """Run a scenario in this process; raises BadInput as the command does."""
+    """Run a scenario in this process, in a folder of its own; raises BadInput as the command does."""
     texts = [_at_home(one) for one in scenario.arguments]
     watched = Watched()
 
@@ -103,17 +105,19 @@ def judged(scenario: Scenario, seed: int = 0) -> Judged:
         for watcher in scenario.watchers:
             watcher(watched)
 
-    options = replace(options_of(_parsed([*texts, "--seed", str(seed), "--json"])), watchers=(watch,))
-    with Run(options) as run:
-        result = run.execute()
-        unmet = tuple(scenario.goal(watched)) if watched.start else ("the run did not begin",)
+    with TemporaryDirectory() as folder, chdir(folder):
+        options = options_of(_parsed([*texts, "--seed", str(seed), "--json"]))
+        with Run(replace(options, watchers=(watch,))) as run:
+            result = run.execute()
+            unmet = tuple(scenario.goal(watched)) if watched.start else ("the run did not begin",)
     return Judged(result, unmet, watched.tilts)
 
 
 def _at_home(text: str) -> str:
     """Return an argument with the path of the corpus, or of this checkout, if it names a file there."""
     folders = {"corpus/": CORPUS.parent, "docs/": TOP}
-    return next((str(folder / text) for start, folder in folders.items() if text.startswith(start)), text)
+    mark, path = ("@", text[1:]) if text.startswith("@") else ("", text)
+    return next((f"{mark}{folder / path}" for start, folder in folders.items() if path.startswith(start)), text)
 
 
 def _parsed(words: Sequence[str]) -> RunArguments:

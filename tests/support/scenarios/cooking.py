@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
+import numpy as np
+
 from sim.facts import amount_of, came_to_be, origins_of
+from sim.leaves import inside
 from tests.support.scenarios import Scenario, Watched
 
 PR2 = ("--robot", "pr2")
 COOK = ("--modules", "docs/examples/cooking.py")
+BOWL = ("--modules", "docs/examples/pouring.py")
 
 
 def watch_turns(watched: Watched) -> None:
@@ -33,7 +37,7 @@ def lies_turned_once(watched: Watched, name: str, support: str) -> Iterator[str]
     if (below := watched.world.changes.under(name)) != support:
         yield f"{name} lies on {below}"
     watch_turns(watched)  # the last effect comes after the last step
-    _, turns = watched.notes[name]  # type: ignore[misc]
+    _, turns = watched.notes.get(name, (True, 0))  # type: ignore[misc]
     if turns != 1:
         yield f"{name} was turned {turns} times"
 
@@ -80,7 +84,57 @@ def pancake_on_the_maker(watched: Watched) -> Iterator[str]:
         yield "the maker is off"
 
 
+INGREDIENTS = ("butter1", "egg1", "sugar1", "soda1", "cocoa1", "salt1", "flour1", "milk1", "vanilla1", "water1")
+
+
+def watch_the_oven(watched: Watched) -> None:
+    """Count how long the pan is in the oven while that is on [s]."""
+    world = watched.world
+    if world.changes.matter.is_on("oven1"):
+        place = np.array([world.pose("pan1").position])
+        if inside(world.pose("oven1"), world.size("oven1"), place)[0]:
+            watched.notes["in the oven"] = _baked(watched) + 1 / world.rate
+
+
+def _baked(watched: Watched) -> float:
+    return float(str(watched.notes.get("in the oven", 0.0)))
+
+
+def frosted_cake(watched: Watched) -> Iterator[str]:
+    """From all ingredients, baked in the oven for half an hour, frosted, in its pan on the counter."""
+    changes = watched.world.changes
+    cakes = list(only(watched, "FrostedCake"))
+    for name in cakes:
+        parts = origins_of(changes, name)
+        yield from (f"{one} is not in it" for one in (*INGREDIENTS, "frosting1") if one not in parts)
+        if (below := changes.under(name)) != "counter1":
+            yield f"it is on {below}"
+    if not cakes:
+        yield "there is no frosted cake"
+    yield from (f"{one} is still there" for one in ("egg1", "frosting1") if one not in changes.matter.gone)
+    if _baked(watched) < 1800.0 - 1.0:
+        yield f"it was in the oven for {_baked(watched):.0f} s while that was on"
+
+
 SCENARIOS = [
+    Scenario(
+        "ChocolateCakeBaking",
+        (
+            "corpus/recipes/ChocolateCakeBaking@2011-03.owl",
+            "--accept",
+            "R042",
+            "--set",
+            "@docs/examples/chocolate_cake.set",
+            *PR2,
+            "--environment",
+            "cake_kitchen",
+            *COOK,
+            *BOWL,
+        ),
+        frosted_cake,
+        (watch_the_oven,),
+        seconds=60.0,
+    ),
     Scenario(
         "make_pancakes",
         ("corpus/recipes/make_pancakes@hydro.owl", *PR2, "--environment", "stove_kitchen", *COOK),
@@ -89,13 +143,13 @@ SCENARIOS = [
     ),
     Scenario(
         "pancake@kinetic",
-        ("corpus/recipes/pancake@kinetic.owl", *PR2, "--environment", "pancake_kitchen", *COOK),
+        ("corpus/recipes/pancake@kinetic.owl", *PR2, "--environment", "pancake_kitchen", *COOK, *BOWL),
         pancake_on_the_maker,
         (watch_turns,),
     ),
     Scenario(
         "pancake-making",
-        ("corpus/recipes/pancake-making@hydro.owl", *PR2, "--environment", "warm_pancake_kitchen", *COOK),
+        ("corpus/recipes/pancake-making@hydro.owl", *PR2, "--environment", "warm_pancake_kitchen", *COOK, *BOWL),
         pancake_on_the_maker,
         (watch_turns,),
     ),

@@ -1,0 +1,83 @@
+"""Dishes are taken by their rims, flat things from above, cloth by a fold; what is too heavy is left where it is."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from executive.belief.believed_bodies import Block
+from executive.locations.grasps_from_above import grips, is_low
+from executive.locations.reachability import GraspClass
+from planlang import perform
+from planlang.designators import a_location, action, an_object
+from planlang.failures import LocationUnresolvable, TooHeavy
+from planlang.geometry import Pose
+from sim import Body
+from sim.bodies import plain
+from sim.world import held_by
+from tests.executive.conftest import BED, BOTTLE, CABINET, PLACE, THE_BOTTLE, MakeStage, stand
+
+TOP = 0.8
+"""Height of the cabinet [m]."""
+
+
+def lying(name: str, cls: str, size: tuple[float, float, float], shape: str = "box", **more: object) -> Body:
+    """A thing on the cabinet, near the edge before the robot."""
+    return Body(name, Pose((1.52, 0.0, TOP + size[2] / 2)), size, shape, type=cls, movable=True, **more)  # type: ignore[arg-type]
+
+
+THINGS = {
+    "plate": lying("plate", "DinnerPlate", (0.24, 0.24, 0.025), "cylinder", wall=0.008, largest_tilt=math.radians(15)),
+    "bowl": lying("bowl", "Bowl-Mixing", (0.22, 0.22, 0.1), "cylinder", wall=0.006, largest_tilt=math.radians(15)),
+    "fork": lying("fork", "Fork-SilverwarePiece", (0.19, 0.025, 0.015)),
+    "napkin": lying("napkin", "Napkin", (0.2, 0.2, 0.01), soft=True),
+    "bottle": replace(BOTTLE, pose=Pose((1.5, 0.0, TOP + 0.0325), (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5)))),
+}
+
+
+@pytest.mark.parametrize("name", THINGS)
+def test_what_no_gripper_spans_or_what_lies_is_taken(make_stage: MakeStage, name: str) -> None:
+    stage = make_stage(CABINET, THINGS[name], BED)
+    what = an_object(THINGS[name].type, PLACE + name)
+    before, around = a_location(in_front_of=what), a_location(in_center_of=what)
+    stand(stage, next(stage.resolver.bases(a_location(in_reach_of=(what, before, around)))).base)
+
+    async def take() -> None:
+        await perform(action("Reaching", to_location=before))
+        await perform(action("OpeningAGripper"))
+        await perform(action("Reaching", to_location=around))
+        await perform(action("ClosingAGripper", object_acted_on=what))
+        await perform(action("Reaching", to_location=before))
+
+    stage.run(take)
+    assert held_by(stage.truth, name) == "robot"
+    assert stage.truth.pose(name).position[2] > TOP + 0.04
+
+
+def test_a_dish_is_hollow_and_its_walls_are_where_it_is_gripped() -> None:
+    bowl = THINGS["bowl"]
+    block = replace(Block.of(bowl.pose, bowl.size, cylinder=True), wall=bowl.wall)
+    walls = [part for part in plain(bowl) if part.size[2] == bowl.size[2]]
+    assert max(math.hypot(*part.offset.position[:2]) for part in walls) < 0.11 - bowl.wall / 2
+    for part in walls:
+        place = (bowl.pose @ part.offset).position
+        assert np.linalg.norm(grips(block)[:, :2] - place[:2], axis=1).min() < 1e-6
+
+
+def test_what_is_flat_is_not_taken_from_the_side(make_stage: MakeStage) -> None:
+    stage = make_stage(CABINET, THINGS["fork"], BED)
+    what = an_object("Fork-SilverwarePiece", PLACE + "fork")
+    assert is_low(stage.platform.scene.bodies.block("fork"))
+    with pytest.raises(LocationUnresolvable) as caught:
+        next(stage.resolver.bases(a_location(in_reach_of=what, grasp=GraspClass.SIDE.value)))
+    assert caught.value.counts["too low for a grasp but from above"]
+
+
+def test_what_is_heavier_than_the_hand_carries_is_refused_before_anything_moves(make_stage: MakeStage) -> None:
+    stage = make_stage(CABINET, replace(BOTTLE, mass=40.0), BED)
+    with pytest.raises(TooHeavy, match=r"bottle weighs 40 kg, the hand carries 1\.5 kg") as caught:
+        next(stage.resolver.bases(a_location(in_reach_of=THE_BOTTLE)))
+    assert (caught.value.mass, caught.value.payload) == (40.0, 1.5)
