@@ -249,14 +249,16 @@ class Reaching:
         if not postures:
             raise ManipulationPoseUnreachable("what the hand holds cannot be upright there", arm=arm.name, what=name)
         held = self.platform.scene.arms.held(arm.name)
-        for least in BACKING if held is None or held.largest_tilt is not None else ():
+        for least in (0.0, *BACKING) if held is None or held.largest_tilt is not None else ():
             try:
                 await self._joint_path(arm, postures[0], beside, name, postures[1:], FEW)
                 return
             except ManipulationPoseUnreachable as failure:
                 if not isinstance(failure.__cause__, (NoPath, GoalInCollision)):
                     raise
-                if not (await self._draw_out(arm, name) or await self._back_off(arm, postures, least)):
+                if not least and isinstance(failure.__cause__, NoPath) and await self._draw_out(arm, name):
+                    continue
+                if not await self._back_off(arm, postures, least or BACKING[0]):
                     raise
         await self._joint_path(arm, postures[0], beside, name, postures[1:])
 
