@@ -10,15 +10,6 @@ import numpy as np
 from sim.world import at_rest_on
 from tests.support.scenarios import Scenario, Watched, tilt
 
-PLACES = {
-    "TableSettingStep1": "on the table and at most 50 cm in front of the chair",
-    "TableSettingStep2": "on the table and at most 15 cm left of the place mat seen from the chair",
-    "TableSettingStep3": "on the place mat",
-    "TableSettingStep4": "on the table and at most 15 cm left of the plate seen from the chair",
-    "TableSettingStep5": "on the table and at most 15 cm right of the plate seen from the chair",
-    "TableSettingStep6": "on the table and at most 15 cm right of the plate seen from the chair",
-    "TableSettingStep7": "on the table and at most 15 cm behind the plate seen from the chair",
-}
 THINGS = ("mat1", "napkin1", "plate1", "fork1", "knife1", "spoon1", "cup1")
 SIDES = {"fork1": (1.0, 0.0), "knife1": (-1.0, 0.0), "spoon1": (-1.0, 0.0), "cup1": (0.0, 1.0)}
 """Thing -> the direction from the plate, to the guest's left and away from the guest."""
@@ -73,8 +64,8 @@ SCENARIOS = [
         "table_setting",
         (
             "corpus/recipes/TableSetting@2011-10.owl.in",
+            *("--accept", "R042", "--set", "@docs/examples/table_setting.set"),
             *("--robot", "pr2", "--environment", "breakfast_room"),
-            *(word for step, place in PLACES.items() for word in ("--set", f"{step}.toLocation={place}")),
         ),
         is_set,
         seconds=30.0,
