@@ -72,7 +72,12 @@ def upright(pose: Pose) -> Pose:
     """Return the pose turned so that its axis nearest to the vertical is vertical."""
     axes = pose.rotation
     k = int(np.argmax(np.abs(axes[2])))
-    axis, goal = axes[:, k], np.array([0.0, 0.0, math.copysign(1.0, axes[2, k])])
+    return turned_up(pose, k, math.copysign(1.0, axes[2, k]))
+
+
+def turned_up(pose: Pose, k: int, sign: float) -> Pose:
+    """Return the pose turned so that its axis of number k points up, or down if the sign is negative."""
+    axis, goal = pose.rotation[:, k], np.array([0.0, 0.0, sign])
     cross = np.cross(axis, goal)
     sine, cosine = float(np.linalg.norm(cross)), float(axis @ goal)
     if sine < 1e-9:

@@ -44,6 +44,8 @@ DOUBTFUL = 0.15
 """Factor of a place with doubtful room: only at the border of its cell, or with some headings."""
 NEAR_ITS_END = 0.4
 """Distance from the end of a straight way up to which a base has less than a cell of room to turn [m]."""
+ASIDE = (0.0, 0.5, -0.5, 1.0, -1.0, 1.6, -1.6)
+"""Distances from the middle of the straight way at which a way with one turn is tried [m]."""
 MOST_FLOOR = 10_000.0
 """Area of a map of which it is worked out where the base can get to [m^2]."""
 ROOMY = 0.3
@@ -221,17 +223,24 @@ class SceneCollisions:
         return self._floor.of((self._state(), self._posture()), work_out)
 
     def has_way(self, base: BasePose) -> bool:
-        """Return whether the base can get to a pose: it can go straight there, or else as :meth:`drivable` says."""
+        """Return whether the base can get to a pose: with a turn at most, or else as :meth:`drivable` says."""
         return self._goes_straight(base) or bool(self.drivable()(np.array([base]))[0])
 
     def _goes_straight(self, base: BasePose) -> bool:
-        """Return whether there is room to turn on the straight line to a pose, and more than that before its end."""
-        floor, start = self.floor(), self._world.configuration().base
-        away = math.dist(start[:2], base[:2])
-        line = np.linspace(start[:2], base[:2], max(2, math.ceil(2 * away / CELL)))
-        room = clearance_at(line, floor.boxes, floor.silhouette)
-        before = np.linspace(0.0, away, len(line)) < away - NEAR_ITS_END
-        return bool((room >= np.where(before, CELL, 0.0)).all())
+        """Return whether there is room to turn on two lines to a pose, which meet beside its middle, one of a few.
+
+        Before its end there has to be more room than that: so much that a flood over cells would get there, too.
+        """
+        floor, start, end = self.floor(), np.array(self._world.configuration().base[:2]), np.array(base[:2])
+        way = end - start
+        across = np.array([-way[1], way[0]]) / max(float(np.hypot(*way)), CELL)
+        corners = ((start + end) / 2 + np.outer(ASIDE, across))[:, None]
+        count = math.ceil(2 * (float(np.hypot(*way)) / 2 + max(ASIDE)) / CELL) + 1
+        shares = np.linspace(0.0, 1.0, count)[None, :, None]
+        lines = np.concatenate([start + shares * (corners - start), corners + shares * (end - corners)], axis=1)
+        room = floor.at(lines.reshape(-1, 2)).reshape(lines.shape[:2])
+        before = np.hypot(*np.moveaxis(lines - end, 2, 0)) > NEAR_ITS_END
+        return bool((room >= np.where(before, CELL, 0.0)).all(axis=1).any())
 
     def drivable(self) -> Drivable:
         """Return where the base can get to from where it is, arms left out.
@@ -411,10 +420,10 @@ class SceneCollisions:
             room = room.without([body.name for body in world.scene.bodies if body.thin])
         return bodies.against(base, room, (frozenset(), None))
 
-    def touching(self, joints: Mapping[str, float]) -> list[tuple[str, str]]:
-        """Return which two bodies penetrate each other, wrongly, with some joints elsewhere."""
+    def touching(self, joints: Mapping[str, float], base: BasePose | None = None) -> list[tuple[str, str]]:
+        """Return which two bodies penetrate each other, wrongly, with some joints, and perhaps the base, elsewhere."""
         now = self._world.configuration()
-        there = Configuration(now.base, {**now.joints, **joints})
+        there = Configuration(base or now.base, {**now.joints, **joints})
         return [(contact.part, contact.body) for contact in self._world.contacts(there, tuple(joints))]
 
     def arm_check(

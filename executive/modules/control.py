@@ -167,17 +167,27 @@ class Drive:
         self._control = control
 
     def path(self, goal: BasePose) -> Trajectory:
-        """Return a timed path of the base through the planning scene; raises a MotionError."""
+        """Return a timed path of the base through the planning scene; raises a MotionError.
+
+        While a room is explored it leads over what was seen, if it can: what nobody has seen may be full.
+        """
         control = self._control
         control.sync()
-        scene, limits, start = control.scene, control.robot.base, control.base()
+        scene, radius = control.scene, control.robot.base.radius
         x_min, y_min, x_max, y_max = scene.world.scene.bounds
         grid = Grid.over((x_min, y_min), (x_max, y_max))
-        obstacles, silhouette = scene.collisions.obstacles(), scene.collisions.silhouette()
-        room = clearance_field(grid, obstacles, silhouette)
-        if control.scene.space is not None:  # what nobody has seen may be full
-            height, radius = max(high for _, high, _ in silhouette), limits.radius
-            room = np.where(control.scene.space.room(grid, height, radius), room, np.minimum(room, -radius))
+        silhouette = scene.collisions.silhouette()
+        room = clearance_field(grid, scene.collisions.obstacles(), silhouette)
+        if scene.space is not None:
+            seen = scene.space.room(grid, max(high for _, high, _ in silhouette), radius)
+            with suppress(NoPath):
+                return self._path(goal, grid, np.where(seen, room, np.minimum(room, -radius)))
+        return self._path(goal, grid, room)
+
+    def _path(self, goal: BasePose, grid: Grid, room: Array) -> Trajectory:
+        """Return a timed path where there is room on a grid (rows, columns) [m]."""
+        control, scene, limits = self._control, self._control.scene, self._control.robot.base
+        obstacles, silhouette, start = scene.collisions.obstacles(), scene.collisions.silhouette(), control.base()
 
         def touching(x: float, y: float, yaw: float) -> list[tuple[str, str]]:
             return [(contact.part, contact.body) for contact in scene.collisions.contacts((x, y, yaw))]

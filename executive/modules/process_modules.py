@@ -81,8 +81,18 @@ class Navigation:
         return ("base",)
 
     async def execute(self, action: Action) -> None:
-        """Drive to ``x``, ``y``, ``yaw``, or to a base pose that satisfies ``to_location``."""
-        goal = self._goal(action)
+        """Drive to ``x``, ``y``, ``yaw``, or to a base pose that satisfies ``to_location``.
+
+        What a step made means the next place at each use: where one cannot be driven to, the one after it.
+        """
+        while True:
+            try:
+                return await self._drive(self._goal(action))
+            except NavigationFailure:
+                if not self.platform.goes_elsewhere(action.get("to_location")):
+                    raise
+
+    async def _drive(self, goal: BasePose) -> None:
         blocked_by: str | None = None
         for _ in range(REPLANS):
             if _close(goal, self.platform.base()):
