@@ -419,10 +419,11 @@ class Grasping:
             self.platform.check_hold([arm.name])
             hands.let_go(held.name)
         motion = await hands.move(arm, closed=False)
-        if motion.state is not MotionState.DONE:
-            raise GripperGoalNotReached(arm=arm.name, blocked_by=motion.blocked_by)
         if held is None:
+            if motion.state is not MotionState.DONE:
+                raise GripperGoalNotReached(arm=arm.name, blocked_by=motion.blocked_by)
             return None
+        # what was held has left the hand, even if something beside it keeps the fingers from opening as far as they can
         await hands.settled(held.name)
         self.platform.arms.put_down(arm, held.name)
         return held.name
