@@ -57,6 +57,11 @@ class Articulation:
         """Return all bodies that move."""
         return (self.leaf, *self.parts)
 
+    @property
+    def is_knob(self) -> bool:
+        """Return whether a hand turns the leaf itself: it opens nothing."""
+        return self.handle == self.leaf
+
     def within(self, value: float) -> float:
         """Return the nearest value that the joint can have."""
         return min(max(value, self.lower), self.upper)

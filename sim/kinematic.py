@@ -227,7 +227,9 @@ class KinematicScene:
         carried = self._leaves.inside(leaf, self._held)
         closed = self._leaves.handle(leaf)
         grip = moved((hand.inverse() @ joint.motion(self._leaves.values[leaf])).matrix(), closed)
-        self._leaves.led[leaf] = Led(link, grip, closed, self.robot.hand_of(link), touched, carried, self.robot.moves)
+        turn = hand.inverse() @ joint.motion(self._leaves.values[leaf]) if joint.is_knob else None
+        hands, moves = self.robot.hand_of(link), self.robot.moves
+        self._leaves.led[leaf] = Led(link, grip, closed, hands, touched, carried, moves, turn)
 
     def let_go(self, leaf: str) -> None:
         """Let a leaf stay where it is; nothing happens if no hand leads it."""

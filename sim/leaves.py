@@ -36,6 +36,11 @@ class Led:
     """Bodies inside of it, with their poses in its frame."""
     placed: int | None = None
     """The robot's ``moves`` when the leaf was put where the hand has it."""
+    turn: Pose | None = None
+    """Of a knob, the middle of which stays where it is: how it has moved, in the link's frame."""
+
+
+_HERE = Pose((0.0, 0.0, 0.0))
 
 
 class Leaves:
@@ -69,8 +74,10 @@ class Leaves:
 
     def follow(self, leaf: str, hand: Pose) -> None:
         """Move a leaf that is led to where its hand is."""
-        led = self.led[leaf]
-        self.put(leaf, self.joints[leaf].value_at(led.closed, moved(hand.matrix(), led.grip)), led.carried)
+        led, joint = self.led[leaf], self.joints[leaf]
+        at = moved(hand.matrix(), led.grip)
+        value = joint.value_at(led.closed, at) if led.turn is None else joint.value_of(_HERE, hand @ led.turn)
+        self.put(leaf, value, led.carried)
 
     def strayed(self, leaf: str, hand: Pose) -> bool:
         """Return whether a hand has left the handle that it held."""

@@ -93,7 +93,13 @@ def restore_held(all_: dict[str, Held], robot: Robot, known: Bodies, state: Mapp
 def leaves(all_: Leaves) -> JSON:
     """Return the joints that are not shut, and which hands lead leaves."""
     led = {
-        leaf: [one.link, one.grip.tolist(), sorted(one.touched), {k: pose_json(v) for k, v in one.carried.items()}]
+        leaf: [
+            one.link,
+            one.grip.tolist(),
+            sorted(one.touched),
+            {k: pose_json(v) for k, v in one.carried.items()},
+            *([] if one.turn is None else [pose_json(one.turn)]),
+        ]
         for leaf, one in all_.led.items()
     }
     return {"leaves": {leaf: value for leaf, value in all_.values.items() if value}, "led": led}
@@ -107,13 +113,15 @@ def restore_leaves(all_: Leaves, robot: Robot | None, known: Bodies, state: Mapp
     for leaf, joint in all_.joints.items():
         all_.values[leaf] = joint.within(_numbers([joints.get(leaf, 0.0)], 1)[0])
     all_.led.clear()
-    for leaf, (link, grip, touched, carried) in led.items():
+    for leaf, (link, grip, touched, carried, *turns) in led.items():
         if robot is None or link not in robot.links:
             raise ValueError(f"the robot has no link {link!r}")
         _known(known, carried)
         inside = {str(name): pose_of(pose) for name, pose in carried.items()}
         place, closed = np.array(_numbers(grip, 3), float), all_.handle(leaf)
-        all_.led[leaf] = Led(link, place, closed, robot.hand_of(link), frozenset(map(str, touched)), inside)
+        turn = pose_of(turns[0]) if turns else None
+        hands, near = robot.hand_of(link), frozenset(map(str, touched))
+        all_.led[leaf] = Led(link, place, closed, hands, near, inside, turn=turn)
 
 
 def falling(all_: Falling) -> JSON:

@@ -1,4 +1,4 @@
-"""What a cook does and no simulated robot can do: cracking eggs, mixing, pouring, flipping, frosting.
+"""What a cook does and no simulated robot can do: cracking eggs, mixing, flipping, frosting.
 
 The module only takes its time. What becomes of eggs, flour and dough is declared for the classes of these actions in
 ontologies/object_change.omn, and applied by planlang when the module is done.
@@ -13,7 +13,6 @@ SECONDS = {
     "AddingSth": 5.0,
     "Mixing": 60.0,
     "Stirring": 60.0,
-    "FluidFlow-Translation": 10.0,
     "FlippingAnObject": 5.0,
     "ApplyingStuffToSurface": 60.0,
 }

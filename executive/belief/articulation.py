@@ -28,7 +28,9 @@ DOORS = ("Door", "DoorwayCovering", "ContainerLid")
 BELOW = ("Oven", "Dishwasher")
 """Classes of furniture whose doors are hinged at the lower edge."""
 KNOBS = ("ControlKnob",)
-"""Classes of what turns about its own axis if the map has a joint for it."""
+"""Classes of what turns about its own axis if it is of a device, or the map has a joint for it."""
+DEVICES = ("PoweredDevice",)
+"""Classes of things that are turned on and off."""
 GRIPS = ("Handle", *KNOBS)
 """Classes of parts by which a hand moves a leaf; the first is preferred."""
 OPENED = 1.57
@@ -128,7 +130,11 @@ class _Reader:
     def _knob(self, thing: MapObject, body: Body) -> Articulation | None:
         holder = self._holder(thing)
         leaf = None if holder is None else self._leaf(thing, body, holder)
-        joint = None if leaf is None else self._stated(leaf)
+        if leaf is None or holder is None:
+            return None
+        joint = self._stated(leaf)
+        if joint is None and self.is_a(self.things[holder.iri], DEVICES):
+            joint = self._joint(leaf, JointKind.HINGED, body.pose.position, leaf.outwards, 0.0, OPENED)
         return None if joint is None else replace(joint, handle=body.name)
 
     def _hinged(self, leaf: _Leaf) -> Articulation:

@@ -197,6 +197,11 @@ class Belief:
         named = (thing for thing in self.things if what.iri is not None and thing.iri == what.iri)
         return next((thing.name for thing in named if is_content(thing) or thing.name in self._gone), None)
 
+    def means(self, what: Object, name: str) -> bool:
+        """Return whether a designator means a thing itself, not what is in it."""
+        thing = next((one for one in self.things if one.name == name), None)
+        return thing is not None and (thing.iri == what.iri or self.is_a(thing, what.type))
+
     def is_a(self, thing: MapObject, cls: str) -> bool:
         """Return whether a thing is of a class, or was before it was heated."""
         return any(self._is_kind(one, cls) for one in (*thing.types, *self._matter.types.get(thing.name, ())))

@@ -309,7 +309,7 @@ class BelievedBodies:
         for joint in joints.values():
             if name in joint.bodies:
                 return joint
-        own = [joint for joint in joints.values() if joint.holder == name]
+        own = [joint for joint in joints.values() if joint.holder == name and not joint.is_knob]
         return min(
             own,
             key=lambda one: (
@@ -323,7 +323,7 @@ class BelievedBodies:
         """Return the closed door behind which a body is, or the closed drawer in which it is; None without one."""
         point = np.array(self.pose(name).position)
         for leaf, joint in self._belief.joints.items():
-            if not joint.is_shut(self._belief.joint(leaf)):
+            if joint.is_knob or not joint.is_shut(self._belief.joint(leaf)):
                 continue
             if joint.kind is JointKind.PRISMATIC:
                 if name not in joint.bodies and inside(self.pose(leaf), self.size(leaf), point[None])[0]:
@@ -340,7 +340,7 @@ class BelievedBodies:
     def door_of(self, name: str) -> str | None:
         """Return a door of furniture all doors of which are closed, or a closed drawer itself; None without one."""
         joints = [joint for leaf, joint in self._belief.joints.items() if name in (leaf, joint.holder)]
-        doors = [one for one in joints if one.leaf == name or one.kind is JointKind.HINGED]
+        doors = [one for one in joints if one.leaf == name or (one.kind is JointKind.HINGED and not one.is_knob)]
         shut = [one.leaf for one in doors if one.is_shut(self._belief.joint(one.leaf))]
         return shut[0] if shut and len(shut) == len(doors) else None
 

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
+from executive.belief.articulation import DEVICES
 from executive.belief.semantic_map import MapObject, SemanticMap
 from planlang.geometry.matrices import rotated
 from planlang.ontology import expand
@@ -18,8 +19,6 @@ from sim.controls import Control
 from sim.joints import Articulation
 from sim.scene import BodyShape
 
-DEVICES = ("PoweredDevice",)
-"""Classes of things that are turned on and off."""
 CONTROLS = ("PushButton", "ControlKnob")
 """Classes of parts by which they are."""
 LOW = 0.15

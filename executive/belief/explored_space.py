@@ -107,18 +107,17 @@ class ExploredSpace:
 
     def clear(self, starts: Array, ends: Array) -> Mask:
         """Return which lines from starts (n, 3) to ends (n, 3) pass free cells alone, the last cell left out, (n,)."""
-        lines = ends - starts
-        lengths = np.linalg.norm(lines, axis=1)
-        good = np.ones(len(lines), bool)
+        places, steps = (starts - self.low) / CELL, ends - starts
+        lengths = np.linalg.norm(steps, axis=1)
+        steps /= np.maximum(lengths, 1e-9)[:, None]
+        free = np.pad(self.cells == FREE, 1, constant_values=True)
+        left, good = np.arange(len(starts)), np.ones(len(starts), bool)
         for away in np.arange(0.3, float(lengths.max(initial=0.0)), CELL):
-            asked = np.flatnonzero(good & (away < lengths - CELL))
-            if not len(asked):
-                break
-            points = starts[asked] + lines[asked] * (away / lengths[asked])[:, None]
-            cells, inside = self.index(points)
-            states = np.full(len(asked), FREE, np.uint8)
-            states[inside] = self.cells[tuple(cells[inside].T)]
-            good[asked] = states == FREE
+            left = left[lengths[left] - CELL > away]
+            cells = np.floor(places[left] + steps[left] * (away / CELL)).astype(np.intp) + 1
+            passed = free[tuple(np.clip(cells, 0, np.array(free.shape) - 1).T)]
+            good[left[~passed]] = False
+            left = left[passed]
         return good
 
     def unknown(self, eye: Array, rays: Array, far: float) -> Array:

@@ -44,7 +44,7 @@ def hollowed(
     slides = {joint.leaf for joint in joints if joint.kind is JointKind.PRISMATIC}
     doors: dict[str, list[Body]] = {}
     for joint in joints:
-        if joint.kind is JointKind.HINGED and joint.holder is not None:
+        if joint.kind is JointKind.HINGED and joint.holder is not None and not joint.is_knob:
             doors.setdefault(joint.holder, []).append(by_name[joint.leaf])
     movable = [body for body in bodies if body.movable]
     for body in bodies:

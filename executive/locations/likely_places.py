@@ -147,10 +147,6 @@ class Searches:
         search.visited[place.name] = place.base
         return place
 
-    def has_places(self, what: Object) -> bool:
-        """Return whether there are places where something is likely to be."""
-        return bool(self._candidates(Search(what)))
-
     def typical_things(self, place: str | None) -> tuple[str, ...]:
         """Return the classes (IRIs) of things that are usual in a place of a class; in any room without one."""
         return self._usual.things_at(expand(place or "RoomInAConstruction"))

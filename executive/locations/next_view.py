@@ -17,13 +17,13 @@ from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
 from executive.locations.likely_places import UsualPlaces, points_of
 from executive.locations.views import Views
-from planlang.geometry import Array, Pose, matrices
+from planlang.geometry import Array
 
 LOOKING = 8.0
 """Time that the views from one place take, roughly [s]."""
-SPACING = 0.25
+SPACING = 0.4
 """Distance of places that are compared [m]."""
-MOST_POINTS = 800
+MOST_POINTS = 500
 """Cells beside seen space by which places are compared, at most."""
 LEAST = 0.002
 """What a view has to show at least that is new, as a share of the cells with a surface: less is not worth the way."""
@@ -169,6 +169,14 @@ class Exploration:
         self.goal = self._next() or self._next_to_a_place()
         self.finished = self.goal is None
 
+    def missed(self) -> None:
+        """Choose another view than the last one, to which the robot could not drive."""
+        if self.goal is not None:
+            eye, points = np.array([[*self.goal[:2], self.eye[2]]]), self.space.frontier(TRIES)
+            for _ in range(TRIES):
+                self.space.give_up(points[self._seen(eye, None, points)[0]])
+        self.plan()
+
     def _next_to_a_place(self) -> BasePose | None:
         """Return from where most of a place where things usually are is seen from near; None if all were looked at.
 
@@ -264,16 +272,15 @@ class Exploration:
         shown = np.zeros((len(eyes), len(points)), bool)
         if camera is None or not len(points):
             return shown
-        for row, eye in enumerate(eyes):
-            arrows = points - eye
-            flat, away = np.hypot(arrows[:, 0], arrows[:, 1]), np.linalg.norm(arrows, axis=1)
-            tilt = np.arctan2(arrows[:, 2], flat)
-            fits = (away <= camera.far) & (tilt >= self.neck.low) & (tilt <= self.neck.high)
-            if bases is not None:
-                local = matrices.rotated(Pose.planar(*bases[row]).inverse().rotation, arrows)
-                fits &= np.abs(np.arctan2(local[:, 1], local[:, 0])) <= self.neck.pan
-            near = np.flatnonzero(fits)
-            shown[row, near] = self.space.clear(np.tile(eye, (len(near), 1)), points[near])
+        arrows = points[None] - eyes[:, None]
+        away = np.linalg.norm(arrows, axis=2)
+        tilt = np.arctan2(arrows[..., 2], np.hypot(arrows[..., 0], arrows[..., 1]))
+        fits = (away <= camera.far) & (tilt >= self.neck.low) & (tilt <= self.neck.high)
+        if bases is not None:
+            turn = np.arctan2(arrows[..., 1], arrows[..., 0]) - bases[:, 2:]
+            fits &= np.abs(np.remainder(turn + math.pi, 2 * math.pi) - math.pi) <= self.neck.pan
+        rows, columns = np.nonzero(fits)
+        shown[rows, columns] = self.space.clear(eyes[rows], points[columns])
         return shown
 
     # Remembering

@@ -178,6 +178,6 @@ class Containers(HandWork):
         tips = moved(Pose.planar(*path.base).matrix(), path.arm.solver.chain.fk(trajectory.positions)[:, :3, 3])
         line = path.poses[1:, :3, 3]
         starts, ways = line[:-1], np.diff(line, axis=0)
-        shares = np.einsum("nmk,mk->nm", tips[:, None] - starts[None], ways) / (ways**2).sum(axis=1)
+        shares = np.einsum("nmk,mk->nm", tips[:, None] - starts[None], ways) / np.maximum((ways**2).sum(axis=1), 1e-12)
         nearest = starts[None] + np.clip(shares, 0.0, 1.0)[..., None] * ways[None]
         return float(np.linalg.norm(tips[:, None] - nearest, axis=2).min(axis=1).max())

@@ -155,12 +155,14 @@ class ActionEffects:
     def _transform(self, action: Action, effects: Effects) -> None:
         things, used = [], []
         for what, name in self._bound(action, ACTED_ON):
-            types = {self._believed.type_of(name), what.type} if self._means(what, name) else set()
+            types = {self._believed.type_of(name), what.type} if self._platform.belief.means(what, name) else set()
             if any(self._is_a(type, cls) for type in types for cls in effects.destroyed):
                 things.append(name)
             else:
                 content = self._believed.matter.contents.get(name, {})
-                vessel = what.iri is not None or self._means(what, name)  # what is in a bowl is mixed with the rest
+                vessel = what.iri is not None or self._platform.belief.means(
+                    what, name
+                )  # what is in a bowl is mixed with the rest
                 meant = [type for type in content if vessel or self._is_a(type, what.type)]
                 used += [(name, type) for type in meant if any(self._is_a(type, cls) for cls in effects.destroyed)]
         if not (things or used) and (effects.destroyed or not effects.created):
@@ -238,7 +240,7 @@ class ActionEffects:
             amount = float(stated)
         else:  # "pour the mix" is all of it, "pour from the bottle" some of it
             all_of_it = self._believed.matter.total(source)
-            amount = effects.amount or 0.0 if self._means(what, source) else all_of_it
+            amount = effects.amount or 0.0 if self._platform.belief.means(what, source) else all_of_it
         flowed = self._believed.pour(source, target, amount)
         for changes in self._worlds(only_believed=physical)[1:]:
             changes.pour(source, target, amount)
@@ -286,11 +288,6 @@ class ActionEffects:
             if name in self._believed.bodies.bodies and name not in self._believed.bodies.removed:
                 found.append((what, name))
         return list(dict.fromkeys(found))
-
-    def _means(self, what: Object, name: str) -> bool:
-        """Return whether a designator means a thing itself, not what is in it."""
-        thing = next((one for one in self._platform.belief.things if one.name == name), None)
-        return thing is not None and (thing.iri == what.iri or self._platform.belief.is_a(thing, what.type))
 
     def _is_a(self, type: str, cls: str) -> bool:
         return self._believed.rules.is_a(shorten(type), shorten(cls))

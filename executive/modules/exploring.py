@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
 from typing import Any
 
@@ -48,7 +49,7 @@ def _named(value: object) -> str | None:
     return value.name if isinstance(value, Location | Object) else value if isinstance(value, str) else None
 
 
-async def look_around(platform: Platform, names: list[str]) -> None:
+async def look_around(platform: Platform, names: Sequence[str] = ()) -> None:
     """Take pictures from here until they show nothing new, then choose the next view."""
     exploration = platform.exploration
     exploration.names = tuple(dict.fromkeys((*exploration.names, *names)))

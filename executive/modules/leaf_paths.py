@@ -150,6 +150,10 @@ class LeafPaths:
         joint, control = self._joint, self._control
         if joint.kind is JointKind.PRISMATIC:
             return np.array(joint.axis)
+        if joint.is_knob and joint.holder is not None:
+            device = control.scene.bodies.pose(joint.holder).position
+            arrow = np.array(control.scene.bodies.pose(joint.leaf).position) - device
+            return np.array(joint.axis) * math.copysign(1.0, float(arrow @ joint.axis))
         leaf, handle = control.scene.bodies.pose(joint.leaf), control.scene.bodies.pose(joint.handle or joint.leaf)
         normal = leaf.rotation[:, int(np.argmin(control.scene.bodies.size(joint.leaf)))]
         arm = np.array(leaf.position) - np.array(joint.point)

@@ -407,6 +407,14 @@ class Platform(Control):
         search = None if self._searches is None else self._searches.begun.get(name)
         return None if search is None else self.searches.next(search).base
 
+    def goes_elsewhere(self, where: object) -> bool:
+        """Return whether a name that a step made means another place than the last, which cannot be driven to."""
+        name = where.name if isinstance(where, Location) else where
+        if self._exploration is not None and name in self._exploration.names:
+            self._exploration.missed()
+            return self._exploration.goal is not None
+        return self._searches is not None and name in self._searches.begun
+
     @property
     def searches_begun(self) -> bool:
         """Whether anything was looked for in several places."""

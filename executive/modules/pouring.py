@@ -9,7 +9,7 @@ import numpy as np
 from executive.modules.motion_grounding import GroundedMotion
 from executive.modules.platform import Platform
 from executive.motion.arm_group import ArmGroup
-from planlang.designators import Action
+from planlang.designators import Action, Object
 from planlang.geometry import Array, Pose
 from planlang.language.performing import actions_around
 from planlang.ontology import expand
@@ -25,7 +25,8 @@ class Pouring:
     async def pour(self, action: Action, motion: GroundedMotion, group: ArmGroup, rows: Array) -> None:
         """Hold vessels that a motion (m, n) has turned over until an amount has flowed, and believe that it has.
 
-        The amount is that of the action or of one around it, else that of its class, else what is usual [ml].
+        The amount is that of the action or of one around it [ml]; else all of a substance that is named ("the mix"),
+        and out of a vessel that is named what its class or what is usual says.
         """
         platform = self._platform
         for name, arm, offset in self._vessels(motion):
@@ -33,7 +34,7 @@ class Pouring:
             seconds = float(turned.sum()) / platform.world.rate
             rate = platform.scene.world.changes.rules.flow_rate
             if turned[-1] and rate > 0:
-                held = max(0.0, self._amount(action) / rate - seconds)
+                held = max(0.0, self._amount(action, name) / rate - seconds)
                 arms = [motion.arms[arm].name]
                 await platform.wait_holding(arms, lambda: False, f"{name} poured", timeout=held)
                 seconds += held
@@ -53,12 +54,15 @@ class Pouring:
         axes = group.fk(rows, arm)[:, 2, :3] @ offset[:3, 2]  # the base stands level
         return np.asarray(axes < 0)
 
-    def _amount(self, action: Action) -> float:
+    def _amount(self, action: Action, vessel: str) -> float:
+        """Return how much is to flow [ml]; "pour the mix" is all of it, "pour from the bottle" some of it."""
         platform = self._platform
-        stated = (one.get("amount") for one in (action, *actions_around()))
-        for amount in stated:
+        actions = (action, *actions_around())
+        for amount in (one.get("amount") for one in actions):
             if isinstance(amount, int | float):
                 return float(amount)
+        if any(self._means_content(one.get("object_acted_on"), vessel) for one in actions):
+            return platform.scene.world.changes.matter.total(vessel)
         ontology = platform.belief.map.ontology
         ancestors = [expand(cls) for cls in platform.ancestors(action.type)]
         for cls, above in ((action.type, ancestors), (POURING, None)):
@@ -66,6 +70,14 @@ class Pouring:
             if amount is not None:
                 return amount
         return 0.0
+
+    def _means_content(self, what: object, vessel: str) -> bool:
+        """Return whether an action is about what is in a vessel, not the vessel."""
+        belief, changes = self._platform.belief, self._platform.scene.world.changes
+        if not isinstance(what, Object) or belief.means(what, vessel):
+            return False
+        content = changes.matter.contents.get(vessel, {})
+        return any(changes.rules.is_a(type, what.type) for type in content)
 
     def _believe(self, name: str, amount: float) -> None:
         """Let an amount [ml] flow in the believed world, onto or into what is below."""

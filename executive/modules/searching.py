@@ -8,6 +8,9 @@ from contextlib import suppress
 import numpy as np
 
 from executive.belief.recognition import EXPLORATION, VISION
+from executive.belief.scene_collisions import BasePose
+from executive.locations.likely_places import Search
+from executive.modules.exploring import look_around
 from executive.modules.platform import Platform
 from planlang import checkpoint, perform
 from planlang.designators import Action, Location, Object, Situation, action, local_name
@@ -16,6 +19,8 @@ from planlang.failures import (
     DesignatorFailure,
     LookingFailure,
     LookingGoalUnreachable,
+    NavigationFailure,
+    ObjectNowhereToBeFound,
     PerceptionFailure,
 )
 from planlang.geometry import Array
@@ -139,18 +144,44 @@ class Checking:
 
 
 async def found_in_places(platform: Platform, wanted: Action, what: Object) -> str:
-    """Go from place to place where something is likely until it is seen; return its name."""
-    searches = platform.searches
-    if not searches.has_places(what) and (name := await seen_from_here(platform, what)) is not None:
-        return name
-    search = searches.begin(str(what), what, _searched(wanted))
-    while True:
-        place = searches.next(search)
-        x, y, yaw = place.base
-        if place.seconds:
-            await perform(action("Translation-LocationChange", x=x, y=y, yaw=yaw))
-        if (name := await seen_from_here(platform, what)) is not None:
+    """Go from place to place where something is likely until it is seen; return its name.
+
+    Where the map lacks things, what it lacks is explored once no place is left.
+    """
+    search = platform.searches.begin(str(what), what, _searched(wanted))
+    while (name := await _seen_or_gone_on(platform, search)) is None:
+        pass
+    return name
+
+
+async def _seen_or_gone_on(platform: Platform, search: Search) -> str | None:
+    """Go to the next place, or the next view; return the name of what is looked for once it is seen."""
+    try:
+        place = platform.searches.next(search)
+    except ObjectNowhereToBeFound:
+        if not platform.belief.unknown or search.within is not None:
+            raise
+        await look_around(platform)
+        if (name := _seen(platform, search.what)) is not None:
             return name
+        goal = platform.exploration.goal
+        if goal is None:
+            raise
+        if not await _drives(goal):
+            platform.exploration.missed()
+        return None
+    if place.seconds:
+        await _drives(place.base)
+    return await seen_from_here(platform, search.what)
+
+
+async def _drives(base: BasePose) -> bool:
+    """Drive to a base pose; return whether the robot arrived: if not, the search goes on from where it is."""
+    x, y, yaw = base
+    with suppress(NavigationFailure):
+        await perform(action("Translation-LocationChange", x=x, y=y, yaw=yaw))
+        return True
+    return False
 
 
 async def seen_from_here(platform: Platform, what: Object) -> str | None:

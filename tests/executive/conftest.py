@@ -81,6 +81,7 @@ class MakeStage(Protocol):
         *bodies: Body,
         start: tuple[float, float, float] = (0.0, 0.0, 0.0),
         truth: Sequence[Body] | None = None,
+        bounds: tuple[float, float, float, float] = BOUNDS,
     ) -> Stage:
         """The map has ``bodies``; the truth has others of these names at other places, if it is given."""
 
@@ -163,10 +164,13 @@ def furnisher(
     worlds: list[KinematicScene] = []
 
     def make(
-        *bodies: Body, start: tuple[float, float, float] = (0.0, 0.0, 0.0), truth: Sequence[Body] | None = None
+        *bodies: Body,
+        start: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        truth: Sequence[Body] | None = None,
+        bounds: tuple[float, float, float, float] = BOUNDS,
     ) -> Stage:
-        real = PyBulletWorld(Scene(tuple(truth or bodies), BOUNDS, start), robot.body())
-        believed = PlanningWorld(with_store(Scene(bodies, BOUNDS, start)), robot.body())
+        real = PyBulletWorld(Scene(tuple(truth or bodies), bounds, start), robot.body())
+        believed = PlanningWorld(with_store(Scene(bodies, bounds, start)), robot.body())
         worlds.extend((real, believed))
         belief = Belief(SemanticMap(None, vocabulary, tuple(map(_thing, bodies)), ()), believed)
         belief.sync(believed, real.configuration())

@@ -145,7 +145,7 @@ def test_without_a_model_of_its_class_a_thing_is_not_recognised(stage: Stage) ->
 
     async def plan() -> None:
         with pytest.raises(ObjectNowhereToBeFound):
-            await perform(LOOK)
+            await perform(action("LookingForSomething", object_acted_on=A_BOTTLE, location_searched=thing("desk")))
         await perform(action("LoadTypicalObjectModels", models_for_place=an_object("HospitalRoom")))
         await perform(LOOK)
 

@@ -427,7 +427,7 @@ def statements_without_use(ontology: Ontology, place: Place) -> Iterator[Diagnos
     stated = [(triple.predicate, triple.span) for triple in ontology.triples(s=place.iri)]
     stated = [one for one in stated if one[0].partition("#")[0] not in _LANGUAGES]
     stated += [(one.property, one.span) for one in ontology.restrictions(place.iri)]
-    for property_name, span in dict(reversed(stated)).items():
+    for property_name, span in dict(reversed(stated)).items() if place.pose is None else ():
         if is_relation(property_name) or ANNOTATION_PROPERTY in ontology.values(property_name, RDF.type):
             continue
         short = local_name(property_name)

@@ -76,6 +76,20 @@ def test_a_button_that_is_seen_elsewhere_is_pushed_there(stack: ExitStack) -> No
     assert stage.truth.changes.matter.is_on("maker")
 
 
+def test_a_knob_is_turned_and_turned_back(stack: ExitStack) -> None:
+    oven = thing("oven", "Oven", Pose((0.9, 0.0, 0.5)) @ BACK, (0.6, 0.6, 1.0), "knob")
+    knob = thing("knob", "ControlKnob", Pose((0.5875, 0.0, 0.9)) @ BACK, (0.025, 0.04, 0.04))
+    stage = room(stack, (oven, knob), "pr2")
+    (control,) = stage.truth.scene.controls
+    assert (control.body, control.turns) == ("knob", True)
+    stage.do(ON, "oven")
+    assert stage.truth.joint("knob") > 0.7
+    assert stage.truth.changes.matter.is_on("oven")
+    stage.do(OFF, "oven")
+    assert stage.truth.joint("knob") < 0.1
+    assert not stage.truth.changes.matter.is_on("oven")
+
+
 def test_what_is_no_device_cannot_be_turned_on(stack: ExitStack) -> None:
     stage = room(stack, (TABLE, MAKER, button()))
     with pytest.raises(ActionUnresolvable, match="no device is named"):

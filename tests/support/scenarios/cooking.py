@@ -12,6 +12,7 @@ from tests.support.scenarios import Scenario, Watched
 
 PR2 = ("--robot", "pr2")
 COOK = ("--modules", "docs/examples/cooking.py")
+BOWL = ("--modules", "docs/examples/pouring.py")
 
 
 def watch_turns(watched: Watched) -> None:
@@ -36,7 +37,7 @@ def lies_turned_once(watched: Watched, name: str, support: str) -> Iterator[str]
     if (below := watched.world.changes.under(name)) != support:
         yield f"{name} lies on {below}"
     watch_turns(watched)  # the last effect comes after the last step
-    _, turns = watched.notes[name]  # type: ignore[misc]
+    _, turns = watched.notes.get(name, (True, 0))  # type: ignore[misc]
     if turns != 1:
         yield f"{name} was turned {turns} times"
 
@@ -128,6 +129,7 @@ SCENARIOS = [
             "--environment",
             "cake_kitchen",
             *COOK,
+            *BOWL,
         ),
         frosted_cake,
         (watch_the_oven,),
@@ -141,13 +143,13 @@ SCENARIOS = [
     ),
     Scenario(
         "pancake@kinetic",
-        ("corpus/recipes/pancake@kinetic.owl", *PR2, "--environment", "pancake_kitchen", *COOK),
+        ("corpus/recipes/pancake@kinetic.owl", *PR2, "--environment", "pancake_kitchen", *COOK, *BOWL),
         pancake_on_the_maker,
         (watch_turns,),
     ),
     Scenario(
         "pancake-making",
-        ("corpus/recipes/pancake-making@hydro.owl", *PR2, "--environment", "warm_pancake_kitchen", *COOK),
+        ("corpus/recipes/pancake-making@hydro.owl", *PR2, "--environment", "warm_pancake_kitchen", *COOK, *BOWL),
         pancake_on_the_maker,
         (watch_turns,),
     ),

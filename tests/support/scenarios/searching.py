@@ -95,6 +95,7 @@ SCENARIOS = [
         found("bottle1"),
     ),
     _exploring("day_room", "day_room"),
+    _exploring("ward_office", "ward_office"),
     _exploring(
         "ias_hospital_room_with_objects",
         "corpus/environments/ias_hospital_room_with_objects@re_stack.owl.in",
