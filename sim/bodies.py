@@ -271,7 +271,7 @@ def axes_of(size: tuple[float, float, float]) -> tuple[int, int, int]:
 
 
 def _blade_and_handle(body: Body) -> tuple[Part, Part]:
-    """Return a thin blade at the front end of a tool's longest axis, and the handle behind it."""
+    """Return a thin blade at the front end of a tool's longest axis, at its lower side, and the handle behind it."""
     along, across, normal = axes_of(body.size)
     length, width = body.size[along], body.size[across]
 
@@ -279,6 +279,7 @@ def _blade_and_handle(body: Body) -> tuple[Part, Part]:
         size, place = [0.0, 0.0, 0.0], list(body.centre)
         size[along], size[across], size[normal] = extent, min(wide, width), min(thick, body.size[normal])
         place[along] += end * (length - extent) / 2
+        place[normal] -= (body.size[normal] - size[normal]) / 2
         return Part(SolidKind.BOX, (size[0], size[1], size[2]), Pose((place[0], place[1], place[2])))
 
     return part(body.blade, width, BLADE, 1), part(length - body.blade, HANDLE, HANDLE, -1)

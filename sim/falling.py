@@ -21,6 +21,8 @@ _LEVEL = 0.01
 _STEP = 0.01
 """Step by which a body slips off an edge [m]: fine beside the things that are handled."""
 _UP = 0.021  # above the lowest point of the body: a support may be penetrated by 2 cm
+_SKIN = 0.001
+"""Depth below the top of a body at which the search for what bears it begins at the latest [m]."""
 _DEPTH = 100.0
 """Depth below a body to which a surface is searched [m]: below every floor."""
 Cast = Callable[[Array, Array], tuple[Sequence[str | None], Array]]
@@ -70,7 +72,12 @@ def upright(pose: Pose) -> Pose:
     """Return the pose turned so that its axis nearest to the vertical is vertical."""
     axes = pose.rotation
     k = int(np.argmax(np.abs(axes[2])))
-    axis, goal = axes[:, k], np.array([0.0, 0.0, math.copysign(1.0, axes[2, k])])
+    return turned_up(pose, k, math.copysign(1.0, axes[2, k]))
+
+
+def turned_up(pose: Pose, k: int, sign: float) -> Pose:
+    """Return the pose turned so that its axis of number k points up, or down if the sign is negative."""
+    axis, goal = pose.rotation[:, k], np.array([0.0, 0.0, sign])
     cross = np.cross(axis, goal)
     sine, cosine = float(np.linalg.norm(cross)), float(axis @ goal)
     if sine < 1e-9:
@@ -94,7 +101,8 @@ def resting(pose: Pose, size: Sequence[float], rays: Cast, *, cylinder: bool = F
         outline = footprint(pose, size, cylinder=cylinder)
         center = np.asarray(pose.position[:2])
         points = np.vstack([center] + [center + (outline - center) * share for share in (0.33, 0.66, 0.98)])
-        top = np.column_stack([points, np.full(len(points), pose.position[2] - half + _UP)])
+        up = min(_UP, 2 * half - _SKIN)  # what lies on a thin body bears nothing
+        top = np.column_stack([points, np.full(len(points), pose.position[2] - half + up)])
         names, heights = rays(top, top - np.array([0.0, 0.0, _DEPTH]))
         hits = np.array([name is not None for name in names])
         if not hits.any():

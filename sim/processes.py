@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 
 from planlang.geometry import Pose
-from sim.bodies import axes_of
+from sim.bodies import BLADE, axes_of
 from sim.changes import Changes
+from sim.falling import turned_up
 from sim.matter import Portion
 from sim.scene import Body
 from sim.snapshots import pose_json, pose_of
@@ -82,6 +83,9 @@ class Processes:
         self._bodies.place(thing, self._bodies.poses[ride.tool] @ ride.offset)
         sinks = blade.position[2] < self.heights.get(ride.tool, blade.position[2]) - RISEN
         turned = ride.side * blade.rotation[2, 2] < 0
+        if turned:
+            up = ride.side * float(np.sign(blade.rotation[:, 2] @ self._bodies.poses[thing].rotation[:, 2]))
+            self._bodies.place(thing, turned_up(self._bodies.poses[thing], 2, -up))
         if turned or (sinks and self._changes.under(thing, [ride.tool]) is not None):
             self._leave(thing, ride.tool)
 
@@ -97,7 +101,8 @@ class Processes:
         body, held = self._bodies.bodies[tool], self._changes.held
         half = np.array([blade_extent / 2 for blade_extent in _blade_size(body)])
         for thing, other in self._bodies.bodies.items():
-            if not other.thin or other.blade or thing in self.riding or thing in held or thing in self._bodies.removed:
+            gone = thing in self.riding or thing in held or thing in self._bodies.removed
+            if not other.thin or other.blade or gone or thing in self._changes.falling.on_the_way:
                 continue
             place = self._bodies.poses[thing]
             if self.heights[tool] > place.position[2] + other.size[2] / 2:
@@ -114,6 +119,7 @@ class Processes:
         along, _, normal = axes_of(body.size)
         centre, columns = np.array(body.centre), np.zeros((3, 3))
         centre[along] += (body.size[along] - body.blade) / 2
+        centre[normal] -= max(0.0, body.size[normal] - BLADE) / 2
         columns[along, 0], columns[normal, 2] = 1.0, 1.0
         columns[:, 1] = np.cross(columns[:, 2], columns[:, 0])
         matrix = np.eye(4)

@@ -17,6 +17,7 @@ from planlang.geometry import Array
 from planlang.geometry.matrices import product
 from planlang.motion_constraints import Feature, FeatureKind, Vector
 from planlang.ontology import Literal, Ontology, expand
+from sim.bodies import BLADE
 
 PARTS = ("properPhysicalParts", "physicalParts", "properParts-Physical")
 """Properties from a thing to its parts."""
@@ -208,7 +209,8 @@ class Blade:
     def box(self, size: Size) -> tuple[Size, Vector]:
         """Return extents and centre, in the tool's frame, of a box of some size that ends where the blade does.
 
-        It lies along the axis that is nearest to the way ahead, and is thin along the one nearest to the normal.
+        It lies along the axis that is nearest to the way ahead, and is thin along the one nearest to the normal; the
+        blade is its lower side.
         """
         along, normal = int(np.argmax(np.abs(self.ahead))), int(np.argmax(np.abs(self.normal)))
         short, middle, long = sorted(size)
@@ -216,6 +218,7 @@ class Blade:
         extents[along], extents[normal] = long, short
         centre = self.position + self.ahead
         centre[along] -= np.sign(self.ahead[along]) * long / 2
+        centre[normal] = self.position[normal] + max(0.0, short - BLADE) / 2
         return _vector(extents), _vector(centre)
 
 

@@ -420,10 +420,10 @@ class SceneCollisions:
             room = room.without([body.name for body in world.scene.bodies if body.thin])
         return bodies.against(base, room, (frozenset(), None))
 
-    def touching(self, joints: Mapping[str, float]) -> list[tuple[str, str]]:
-        """Return which two bodies penetrate each other, wrongly, with some joints elsewhere."""
+    def touching(self, joints: Mapping[str, float], base: BasePose | None = None) -> list[tuple[str, str]]:
+        """Return which two bodies penetrate each other, wrongly, with some joints, and perhaps the base, elsewhere."""
         now = self._world.configuration()
-        there = Configuration(now.base, {**now.joints, **joints})
+        there = Configuration(base or now.base, {**now.joints, **joints})
         return [(contact.part, contact.body) for contact in self._world.contacts(there, tuple(joints))]
 
     def arm_check(

@@ -185,7 +185,7 @@ class Trial:
         line = self._straight()
         if line is None:
             return OUT_OF_REACH
-        return _in_collision(self.touched(line) or self._stops_closing()) or self._slips()
+        return _in_collision(self.touched(line) or self._stops_closing() or self._stops_opening()) or self._slips()
 
     def hand_is_stopped(self) -> bool:
         """Return whether the hand itself is in something on the way, or when it closes: wherever the base stands."""
@@ -215,6 +215,15 @@ class Trial:
         if one.reach.kind is not ReachKind.GRASP:
             return None
         return self.scene.collisions.stops_closing(self.base, one.arm, one.joints[1], one.reach.body)
+
+    def _stops_opening(self) -> str | None:
+        """Return what keeps the fingers from opening around what is put down, or then from drawing back from it."""
+        one = self.solution
+        held = self.scene.arms.held(one.arm.name) if one.reach.kind is ReachKind.PLACE else None
+        if held is None:
+            return None
+        found = (self.scene.collisions.contacts(self.base, one.arm, q, held.name, opened=True) for q in one.joints[1:])
+        return next((contact.body for some in found for contact in some if contact.part != held.name), None)
 
     def _slips(self) -> Reason | None:
         """Return why the fingers would have no hold of something low, which they grip by an edge; None if they have."""

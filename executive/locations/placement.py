@@ -36,6 +36,8 @@ FLAT = 0.001
 """Height above the surface up to which something may lie under an object [m]: no more than rounding."""
 EDGE = 0.03
 """Distance from the edge of a surface from which a place is as good as can be [m]."""
+SMALL = 0.3
+"""Distance from the middle of a surface up to which a place is the better the nearer it is [m]."""
 HAIR = 1e-6
 """Length that rounding may add [m]."""
 TRAVEL = 4.0
@@ -97,8 +99,12 @@ class Placement:
             log.blocking[body] += 1
         score = np.clip(room, 0.0, ROOMY) / ROOMY
         if where := demand.on or demand.inside:  # rather not at the very edge
-            spare = -_overhang(upright, centres[:, :2], bodies.block(where))
+            outer = bodies.block(where)
+            spare = -_overhang(upright, centres[:, :2], outer)
             score = score * (0.3 + 0.7 * np.clip(spare, 0.0, EDGE) / EDGE)
+            if not areas and not self.near:  # rather in the middle of what is small
+                aside = np.hypot(centres[:, 0] - outer.x, centres[:, 1] - outer.y)
+                score = score * (1.0 - 0.2 * np.clip(aside / SMALL, 0.0, 1.0))
         for area in areas:
             score = score * area.score(centres[:, :2])
         if self.near:

@@ -127,7 +127,9 @@ class Resolver:
         ]
 
     def _view(self, name: str) -> BasePose | None:
-        """Return the base pose from which a thing is seen best; None if there is none."""
+        """Return the base pose from which a thing is seen best; None if there is none, or the base cannot drive."""
+        if self.scene.robot.base.fixed:
+            return None
         places = FloorSearch(self._validator, BaseDemand(seen=(name,)), Rejections()).places()
         return next((view.base for view in places), None)
 

@@ -6,10 +6,12 @@ the tools, and checks in the end what holds. A vessel that ends upside down is h
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from itertools import chain, islice
+from functools import partial
+from itertools import islice, product
+from typing import TypeVar
 
 import numpy as np
 
@@ -25,7 +27,8 @@ from executive.motion.constrained_ends import Ends
 from executive.motion.constrained_motion import PhaseMotion, solve_motion
 from executive.motion.constraint_functions import Bound, ConstraintFunctions
 from executive.motion.errors import ConstraintsContradict, NoConstrainedPath
-from planlang import checkpoint, perform
+from executive.robots.arms import ArmModel
+from planlang import checkpoint, in_thread, perform
 from planlang.designators import Action, Location, Object, action
 from planlang.failures import (
     ActionUnresolvable,
@@ -39,7 +42,7 @@ from planlang.failures import (
 from planlang.geometry import Array
 from planlang.modules import process_module
 from planlang.motion_constraints import ConstraintsUnsatisfied, Feature, MotionConstraint
-from planlang.protocols import MotionState
+from planlang.protocols import MotionState, Trajectory
 
 INSIDE = 1 / 3
 """Share of the width between limits that is left out on both sides at first: a motion ends well inside if it can."""
@@ -95,21 +98,51 @@ class ConstrainedMotions:
         """Return the motion, from here or from a place to which the base is driven; raises ConstraintsUnsatisfied."""
         problem: ManipulationFailure | NavigationFailure | None = None
         await self._look(grounding, asked, phase)
-        for place in chain([None], islice(self._places(grounding, asked, phase), PLACES)):
+        motion = grounding.grounded(asked, phase)
+        now = self.platform.base()
+        if (
+            phase.before
+            or not self._is_mobile()
+            or await _apart(partial(self._end, grounding, motion, now)) is not None
+        ):
             try:
-                if place is not None:
-                    await self._drive(place)
-                    await self._look(grounding, asked, phase)
+                return motion, await _apart(partial(self._way, grounding, motion, phase))
+            except ConstraintsUnsatisfied as failure:
+                problem = failure
+        tried = 0
+        for place in self._places(motion) if self._is_mobile() else ():
+            end = await _apart(partial(self._end, grounding, motion, place))
+            if end is None:
+                continue
+            try:
+                await self._get_ready(grounding, motion, end)
+                await self._drive(place)
+                await self._look(grounding, asked, phase)
                 motion = grounding.grounded(asked, phase)
-                if place is None and self._is_mobile() and not self._within_reach(grounding, motion, None):
-                    continue
-                return motion, self._way(grounding, motion, phase)
+                return motion, await _apart(partial(self._way, grounding, motion, phase))
             except (ConstraintsUnsatisfied, NavigationFailure) as failure:
                 problem = problem or failure
+            if (tried := tried + 1) == PLACES:
+                break
         if problem is not None:
             raise problem
-        motion = grounding.grounded(asked, phase)
-        return motion, self._way(grounding, motion, phase)
+        return motion, await _apart(partial(self._way, grounding, motion, phase))
+
+    async def _get_ready(self, grounding: Grounding, motion: GroundedMotion, end: Array) -> None:
+        """Bring the arms, one after another, to where they will be before the base goes there: here is more room."""
+        columns = grounding.group(motion).columns
+        waiting = list(zip(motion.arms, columns, strict=True))
+        for _ in range(len(waiting)):
+            for arm, own in tuple(waiting):
+                found = await _apart(partial(self._path, arm, end[own]))
+                if found is not None:
+                    await self.platform.follow(f"{arm.name} getting ready", found)
+                    waiting = [one for one in waiting if one[0] is not arm]
+
+    def _path(self, arm: ArmModel, goal: Array) -> Trajectory | None:
+        with suppress(MotionError):
+            return self.platform.arms.path(arm, goal, iterations=SEARCHED)
+        return None
 
     def _is_mobile(self) -> bool:
         return not self.platform.robot.base.fixed
@@ -131,31 +164,59 @@ class ConstrainedMotions:
         x, y, yaw = map(float, place)
         await Navigation(self.platform).execute(action("Translation-LocationChange", x=x, y=y, yaw=yaw))
 
-    def _places(self, grounding: Grounding, asked: Sequence[MotionConstraint], phase: Phase) -> Iterator[BasePose]:
-        """Yield places of the base from which constraints can hold, if nothing is in the way, near ones first."""
-        if not self._is_mobile():
-            return
-        motion = grounding.grounded(asked, phase)
+    def _places(self, motion: GroundedMotion) -> Iterator[BasePose]:
+        """Yield free places of the base before what the constraints are about, near ones first."""
         points = np.array([pose[:2, 3] for pose in motion.things.values()])
-        for base in stances(self.platform, points.mean(axis=0), motion.arms):
-            if self._within_reach(grounding, motion, base):
-                yield base
+        return stances(self.platform, points.mean(axis=0), motion.arms)
 
-    def _within_reach(self, grounding: Grounding, motion: GroundedMotion, base: BasePose | None) -> bool:
-        problem = grounding.problem(motion, self.platform.base() if base is None else base)
-        return Ends.of(problem, self._start(motion), [_inside(motion.constraints, ())]).within_reach(TRIES)
+    def _end(self, grounding: Grounding, motion: GroundedMotion, base: BasePose) -> Array | None:
+        """Return joint values (n,) at which constraints hold, from a base, and nothing is touched; None without."""
+        for asked in (_inside(motion.constraints, ()), motion.constraints):
+            end = next(self._ends(grounding, replace(motion, constraints=asked), base), None)
+            if end is not None:
+                return end
+        return None
+
+    def _ends(self, grounding: Grounding, motion: GroundedMotion, base: BasePose) -> Iterator[Array]:
+        """Yield joint values (n,) at which constraints hold, from a base, and nothing is touched.
+
+        They are looked for arm by arm: each may have several ways to hold its tool.
+        """
+        problem, every = grounding.problem(motion, base), []
+        for arm in range(len(motion.arms)):
+            alone = motion.of_arm(arm)
+            every.append(list(islice(self._ends_of(grounding, alone, base, self._start(alone), TRIES), WAYS)))
+            if not every[-1]:
+                return
+        if len(every) == 1:
+            yield from every[0]
+            return
+        for parts in product(*every):
+            q = self._start(motion)
+            for columns, part in zip(problem.group.columns, parts, strict=True):
+                q[columns] = part
+            yield from self._ends_of(grounding, motion, base, q, 1)
+
+    def _ends_of(
+        self, grounding: Grounding, motion: GroundedMotion, base: BasePose, start: Array, tries: int
+    ) -> Iterator[Array]:
+        problem, touching = grounding.problem(motion, base), self.platform.scene.collisions.touching
+        for q in Ends.of(problem, start, [motion.constraints]).reached(tries):
+            if not touching(dict(zip(problem.group.names, q.tolist(), strict=True)), base):
+                yield q
 
     # The motion
 
     def _way(self, grounding: Grounding, motion: GroundedMotion, phase: Phase) -> PhaseMotion:
         """Return the motion of the phase, well inside of its limits if there is one; raises ConstraintsUnsatisfied."""
         self.platform.sync()
-        problem, start = grounding.problem(motion), self._start(motion)
         before = grounding.grounded(phase.before, phase).constraints if phase.before else ()
+        upright = grounding.uprights(motion)
+        problem, start = grounding.problem(motion), self._start(motion)
         inside = _inside(motion.constraints, before)
-        with suppress(MotionError):
-            (found,) = solve_motion(problem, start, [inside], before)
-            if not found.given_up:
+        for asked in ((*inside, *upright), (*motion.constraints, *upright)):
+            with suppress(MotionError):
+                (found,) = solve_motion(problem, start, [asked], (*before, *upright), explains=False)
                 return found
         try:
             (found,) = solve_motion(problem, start, [motion.constraints], before)
@@ -187,8 +248,22 @@ class ConstrainedMotions:
             raise ConstraintsUnsatisfied(arm=motion.arms[0].name, constraints=outside)
 
 
-TRIES = 3
+T = TypeVar("T")
+
+
+async def _apart(solve: Callable[[], T]) -> T:
+    """Return what a function returns that takes long: the run goes on watching for what does not end."""
+    found: list[T] = []
+    await in_thread(lambda: found.append(solve()))
+    return found[0]
+
+
+TRIES = 30
 """Beginnings from which it is looked whether constraints are within reach of a place."""
+SEARCHED = 300
+"""Branches that the search of a path to a posture grows: the base goes without it if there is none."""
+WAYS = 2
+"""Ways to hold one tool that are tried together with those of another."""
 
 
 def constraints_of(action: Action) -> tuple[MotionConstraint, ...]:

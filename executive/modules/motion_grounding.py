@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
@@ -19,7 +20,7 @@ from planlang.designators import Device, Object
 from planlang.failures import ActionUnresolvable, ObjectUnresolvable
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import product
-from planlang.motion_constraints import Feature, FeatureKind, MotionConstraint
+from planlang.motion_constraints import ConstraintKind, Feature, FeatureKind, MotionConstraint, a_constraint, a_feature
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,6 +34,16 @@ class GroundedMotion:
     """Tool -> the number of its arm, and its pose (4, 4) in the frame of the tip."""
     things: dict[Object, Array]
     """Thing of the world -> its pose (4, 4) in the map when the recipe began."""
+
+    def of_arm(self, number: int) -> GroundedMotion:
+        """Return what is asked of one arm."""
+        tools = {what: (0, offset) for what, (arm, offset) in self.tools.items() if arm == number}
+        asked = tuple(one for one in self.constraints if one.tool.of in tools)
+        return GroundedMotion(asked, self.arms[number : number + 1], tools, self.things)
+
+
+UP = Object("Up", "map:up")
+"""Stands for the vertical."""
 
 
 class Grounding:
@@ -116,6 +127,26 @@ class Grounding:
                 f"no model of {name} has {' of '.join(feature.path[::-1])}", designator=str(feature)
             )
         return replace(found, of=Object(feature.of.type, thing.iri or f"thing:{name}"))
+
+    def uprights(self, motion: GroundedMotion) -> tuple[MotionConstraint, ...]:
+        """Return that tools which may not lean stay upright, but for those that a constraint lets lean farther."""
+        bodies = self._platform.scene.world.scene.bodies
+        limits = {body.iri or f"thing:{body.name}": body.largest_tilt for body in bodies}
+        found = []
+        for tool in motion.tools:
+            if (limit := limits.get(tool.iri or "")) is None:
+                continue
+            least = math.cos(limit)
+            asked = (one for one in motion.constraints if one.kind is ConstraintKind.PERPENDICULARITY)
+            if any(one.tool.of == tool and one.limits[1] < least for one in asked):
+                continue
+            motion.things[UP] = np.eye(4)
+            axis, level = (
+                a_feature(kind, of=of, position=(0.0, 0.0, 0.0), direction=(0.0, 0.0, 1.0))
+                for kind, of in (("LINE", tool), ("PLANE", UP))
+            )
+            found.append(a_constraint("PERPENDICULARITY", axis, level, lower=least, name=f"{tool} upright"))
+        return tuple(found)
 
     # The problem that is solved
 

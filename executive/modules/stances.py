@@ -11,7 +11,7 @@ from executive.modules.platform import Platform
 from executive.robots.arms import ArmModel
 from planlang.geometry import Array
 
-SHARES = (0.45, 0.55, 0.65, 0.75, 0.85)
+SHARES = (0.45, 0.5, 0.55, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85)
 """Distances of the point ahead of the shoulders, as shares of an arm's reach."""
 BEST = 0.6
 """The best of these."""

@@ -133,6 +133,8 @@ class Ends:
     """Number of a phase, of those that ask for something -> its constraints."""
     given_up: dict[int, set[int]] = field(default_factory=dict)
     """Phase -> constraints that heavier ones exclude."""
+    explains: bool = True
+    """Whether it is found out which constraints exclude each other: that takes longer than all else."""
 
     @staticmethod
     def of(problem: MotionProblem, start: Array, asked: Sequence[Sequence[MotionConstraint]]) -> Ends:
@@ -156,28 +158,44 @@ class Ends:
                 yield self._by_phase(optimum.q)
             if not self.phases:
                 return
+        if not known and not self.explains:
+            raise ConstraintsContradict(0, [one.constraint for one in self.functions.bounds])
         if not known:
             alone = np.array([self._alone(phase) for phase in self.phases])
             optimum = self._optimum(alone, list(self.phases.items()))
             yield self._by_phase(optimum.q if optimum.holds else alone)
 
-    def within_reach(self, tries: int) -> bool:
-        """Return whether ends are found from so many beginnings, whatever bodies are in the way."""
+    def reached(self, tries: int) -> Iterator[Array]:
+        """Yield configurations (n,) at which the last phase ends, from so many beginnings, whatever is in the way."""
         every = list(self.phases.items())
-        beginnings = islice(self._beginnings(len(every)), tries)
-        return any(self._optimum(beginning, every, blocked=False).holds for beginning in beginnings)
+        for beginning in islice(self._beginnings(len(every), tries), tries):
+            optimum = self._optimum(beginning, every, blocked=False)
+            if optimum.holds:
+                yield np.asarray(optimum.q[-1])
 
     def _by_phase(self, q: Array) -> dict[int, Array]:
         return dict(zip(self.phases, q, strict=True))
 
-    def _beginnings(self, count: int) -> Iterator[Array]:
-        """Yield configurations (count, n): the start, the start nudged, then any, the same for all phases."""
+    def _beginnings(self, count: int, most: int = BEGINNINGS) -> Iterator[Array]:
+        """Yield configurations (count, n), the same for all phases: the start, nudged, with hands rolled over, any."""
         rng, group = np.random.default_rng(self.problem.seed), self.problem.group
         yield np.repeat(self.start[None], count, axis=0)
         yield np.repeat(self.start[None] + rng.normal(0.0, NUDGE, group.dof), count, axis=0)
-        for _ in range(BEGINNINGS - 2):
+        rolled = [self._rolled(hands) for hands in range(1, 2 ** len(group.chains))]
+        for one in rolled:
+            yield np.repeat(one[None], count, axis=0)
+        for _ in range(most - 2 - len(rolled)):
             anywhere = group.near(rng.uniform(group.lower, group.upper), self.start)
             yield np.repeat(anywhere[None], count, axis=0)
+
+    def _rolled(self, hands: int) -> Array:
+        """Return the start (n,) with the last joints of some chains, a bit each, half a turn farther or back."""
+        group, q = self.problem.group, self.start.copy()
+        for k, columns in enumerate(group.columns):
+            if hands >> k & 1:
+                last = columns[-1]
+                q[last] += np.pi if group.continuous[last] or q[last] + np.pi <= group.upper[last] else -np.pi
+        return np.clip(q, *group.bounds)
 
     def _optimum(self, q: Array, phases: Sequence[tuple[int, Collection[int]]], *, blocked: bool = True) -> Optimum:
         """Return the optimum of phases from configurations (m, n); what touches exactly does not hold."""

@@ -59,8 +59,12 @@ def solve_motion(
     start: Array,
     phases: Sequence[Sequence[MotionConstraint]],
     before: Sequence[MotionConstraint] = (),
+    *,
+    explains: bool = True,
 ) -> list[PhaseMotion]:
     """Return how each phase is moved, from joint values (n,); ``before`` was asked for before the first.
+
+    Unless it ``explains``, nothing is given up, and all constraints are named where they cannot all hold.
 
     Raises :class:`StartInCollision`, :class:`OutsideLimits`, :class:`ConstraintsContradict` with a smallest set of
     constraints of equal weight that cannot all hold, :class:`NoConstrainedPath`, and :class:`MotionError` for features,
@@ -76,6 +80,7 @@ def solve_motion(
         raise StartInCollision(begin.tolist(), pairs)
     asked = [tuple(one for one in phase if one.is_active) for phase in phases]
     ends = Ends.of(problem, begin, asked)
+    ends.explains = explains
     tried: list[NoConstrainedPath] = []
     for found in ends.found():
         try:

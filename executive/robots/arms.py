@@ -264,7 +264,7 @@ def with_carrying(robot: Robot, held: Sequence[tuple[str, Body, Pose]] = ()) -> 
         for link, body, offset in held:
             world.set_pose(body.name, world.link_pose(link) @ offset)
             world.attach(link, body.name)
-        if CARRYING in robot.postures and not world.self_contacts():
+        if CARRYING in robot.postures and not world.contacts():
             return robot
         joints: dict[str, float] = {}
         if robot.torso is not None:

@@ -218,6 +218,12 @@ def outputs_of(module: ModuleType) -> frozenset[str]:
     return frozenset(node.id for value in stated for node in ast.walk(value) if isinstance(node, ast.Name))
 
 
+def count_of_steps(module: ModuleType) -> int:
+    """Return the number of actions that a plan's module states."""
+    calls = (node for node in ast.walk(ast.parse(inspect.getsource(module))) if isinstance(node, ast.Call))
+    return sum(isinstance(call.func, ast.Name) and call.func.id == "action" for call in calls)
+
+
 def stated_waiting(module: ModuleType) -> float:
     """Return the sum of the durations that actions in a plan's module state as numbers [s]."""
     stated = (

@@ -24,6 +24,7 @@ from executive.runs.plan_files import (
     Requirements,
     assess,
     compiled_plan,
+    count_of_steps,
     fixed_recipe,
     import_plan,
     line_in,
@@ -54,8 +55,8 @@ from sim.world import at_rest_on, held_by
 if TYPE_CHECKING:
     from planlang.language.replaying import Replay
 
-BUDGET = 600.0
-"""Plan time beside waiting after which a run is given up [s]; the bundled recipe takes less than 60."""
+BUDGET, PER_STEP = 600.0, 60.0
+"""Plan time beside waiting after which a run is given up, and more for each step that the plan states [s]."""
 
 
 class Outcome(Enum):
@@ -323,7 +324,7 @@ class Run:
     def _allowance(self, bound: Mapping[str, Bound]) -> float:
         """Return the plan time after which the run is given up [s]: what the plan waits for is its own matter."""
         stated = sum(value for value in bound.values() if isinstance(value, float))
-        return BUDGET + stated_waiting(self.source) + stated
+        return BUDGET + PER_STEP * count_of_steps(self.source) + stated_waiting(self.source) + stated
 
     def _restore(self, executive: RobotExecutive, past: Past) -> None:
         """Restore world and belief; raises BadInput when the trace or the world cannot, and the user does not vouch."""

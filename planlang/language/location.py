@@ -76,6 +76,8 @@ async def at_location(
     for each location in ``reaching``; for an object that raises ValueError, as two arms of one location do. ``by`` is
     the class of the base motion, which a module for it performs; without it, the executive's.
 
+    What a pose has before it, such as a look from elsewhere at what cannot be seen from there, is done first.
+
     When the body fails in a way that another base pose can cure, the next is tried, at most ``attempts`` in all.
     Poses within 5 cm of one that failed at the same revision of the belief are skipped. The base is held: side by
     side, scopes take turns; a nested scope may move it, and it is moved back. When something else moves it, the body
