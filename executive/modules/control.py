@@ -156,7 +156,9 @@ BACK_OFF = (0.1, 0.2, 0.3, 0.45, 0.6)
 """Distances at which room for the carrying posture is looked for [m]; the base is to stay near its work."""
 AWAY = tuple(share * math.pi for share in (1.0, 0.75, -0.75, 0.5, -0.5, 0.25, -0.25, 0.0))
 """Directions in which the base backs off, relative to its heading [rad]: straight back first; arms work at any side."""
-STRIDE, HAIR = 0.05, 1e-6
+LEVEL = 0.5
+"""Level share of the direction of a hand from which on that is a heading."""
+STRIDE, HAIR = 0.025, 1e-6
 """Steps in which a straight way of the base is looked at, and what rounding takes from them [m]."""
 
 
@@ -214,16 +216,15 @@ class Drive:
         except MotionError:
             return None
 
-    def room_for(
-        self, postures: Sequence[tuple[ArmModel, Array]], least: float = 0.0, ahead: float | None = None
-    ) -> BasePose | None:
+    def room_for(self, postures: Sequence[tuple[ArmModel, Array]], least: float = 0.0) -> BasePose | None:
         """Return the nearest base pose, here or around, where arms can go to postures (d,); None if there is none.
 
-        It is at least so far from here [m]. ``ahead``: the heading of the work [rad]; that of the base, unless given.
-        Poses to which the robot can go straight, as its arms are now, come first.
+        It is at least so far from here [m]. Poses to which the robot can go straight, as its arms are now, come first,
+        and those opposite of where the first arm's hand shows: it gets out of a cabinet, and off a handle, as it came.
         """
         x, y, yaw = self._control.base()
-        contacts, work = self._control.scene.collisions.contacts, yaw if ahead is None else ahead
+        contacts = self._control.scene.collisions.contacts
+        work = self._heading(postures[0][0]) if postures else yaw
         around = [] if self._control.robot.base.fixed else product(BACK_OFF, AWAY)
         bent, free = None, dict.fromkeys(AWAY, 0.0)
 
@@ -245,6 +246,11 @@ class Drive:
                 return pose
             bent = bent or pose
         return bent
+
+    def _heading(self, arm: ArmModel) -> float:
+        """Return the heading in the map in which a hand approaches things as it is now [rad]."""
+        x, y, _ = matrices.rotated(self._control.scene.arms.tip(arm)[:3, :3], np.asarray(arm.frame.approach)).tolist()
+        return math.atan2(y, x) if math.hypot(x, y) > LEVEL else self._control.base()[2]
 
     def moved(self) -> None:
         """Record that the base has moved: things have to be looked at again before they are handled."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from itertools import islice
+from itertools import islice, product
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from executive.locations.demands import asks_for
 from executive.modules.platform import ITERATIONS, Platform
 from executive.motion import GoalInCollision, MotionError, NoPath, StartInCollision
 from executive.robots.arms import ArmModel
-from planlang import perform, using
+from planlang import checkpoint, perform, using
 from planlang.designators import (
     Action,
     Device,
@@ -148,6 +148,8 @@ def _close(one: BasePose, other: BasePose) -> bool:
 
 BACKING = (0.15, 0.3)
 """Least distances by which the base backs off, one after the other, when an arm has no way [m]."""
+DRAWN_OUT = (0.3, 0.2, 0.1)
+"""Distances by which a hand is taken straight out of what is around it [m]."""
 FEW = 300
 """Branches of a search after which the base backs off."""
 MOST_SOLUTIONS = 6
@@ -247,21 +249,34 @@ class Reaching:
         if not postures:
             raise ManipulationPoseUnreachable("what the hand holds cannot be upright there", arm=arm.name, what=name)
         held = self.platform.scene.arms.held(arm.name)
-        for least in BACKING if held is None or held.largest_tilt is not None else ():
+        for least in (0.0, *BACKING) if held is None or held.largest_tilt is not None else ():
             try:
                 await self._joint_path(arm, postures[0], beside, name, postures[1:], FEW)
                 return
             except ManipulationPoseUnreachable as failure:
-                crowded = isinstance(failure.__cause__, (NoPath, GoalInCollision))
-                if not crowded or not await self._back_off(arm, postures, least):
+                if not isinstance(failure.__cause__, (NoPath, GoalInCollision)):
+                    raise
+                if not least and isinstance(failure.__cause__, NoPath) and await self._draw_out(arm, name):
+                    continue
+                if not await self._back_off(arm, postures, least or BACKING[0]):
                     raise
         await self._joint_path(arm, postures[0], beside, name, postures[1:])
 
+    async def _draw_out(self, arm: ArmModel, label: str) -> bool:
+        """Take the hand straight back, or up, out of what is around it; return False if there is no room for that."""
+        platform, tip = self.platform, self.platform.scene.arms.tip(arm)
+        back = -rotated(tip[:3, :3], np.asarray(arm.frame.approach))
+        for direction, far in product((back, np.array([0.0, 0.0, 1.0])), DRAWN_OUT):
+            pose = tip.copy()
+            pose[:3, 3] += far * direction
+            with suppress(MotionError):
+                await self._follow(arm, platform.arms.straight_path(arm, pose, platform.arm_joints(arm), None), label)
+                return True
+        return False
+
     async def _back_off(self, arm: ArmModel, postures: Sequence[Array], least: float) -> bool:
         """Drive back, at least so far [m], to where there is room for the arm; return False if there is none."""
-        approach = rotated(self.platform.scene.arms.tip(arm)[:3, :3], np.asarray(arm.frame.approach))
-        ahead = math.atan2(approach[1], approach[0])
-        rooms = (self.platform.drive.room_for([(arm, q)], least, ahead) for q in postures)
+        rooms = (self.platform.drive.room_for([(arm, q)], least) for q in postures)
         room = next((room for room in rooms if room is not None), None)
         if room is None:
             return False
@@ -280,6 +295,7 @@ class Reaching:
                 await self._go(solution, location)
             except ManipulationPoseUnreachable as failure:
                 problem = problem or failure
+                await checkpoint()
                 continue
             self.platform.arms.use(arm, solution)
             return
@@ -312,10 +328,15 @@ class Reaching:
         others: Sequence[Array] = (),
         iterations: int = ITERATIONS,
     ) -> None:
-        try:
-            trajectory = self.platform.arms.path(arm, goal, touches, iterations, others)
-        except MotionError as problem:
-            raise ManipulationPoseUnreachable(arm=arm.name, what=label) from problem
+        rounds = max(1, iterations // FEW)  # a search begins anew: one that is long holds up all other tasks
+        for number in range(1, rounds + 1):
+            try:
+                trajectory = self.platform.arms.path(arm, goal, touches, iterations // rounds, others)
+                break
+            except MotionError as problem:
+                if not isinstance(problem, NoPath) or number == rounds:
+                    raise ManipulationPoseUnreachable(arm=arm.name, what=label) from problem
+                await checkpoint()
         await self._follow(arm, trajectory, label)
 
     async def _straight(self, solution: HandSolution, joints: Array) -> None:
