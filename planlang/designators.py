@@ -218,7 +218,7 @@ class Situation:
         return dict(self.properties).get(property_name)
 
     def __str__(self) -> str:
-        inside = ", ".join(f"{key}={value}" for key, value in self.properties)
+        inside = ", ".join(f"{key}={_told(value)}" for key, value in self.properties)
         return f"{local_name(self.type)}({inside})"
 
 
@@ -247,7 +247,7 @@ class Action:
         return dict(self.properties).get(property_name)
 
     def __str__(self) -> str:
-        inside = ", ".join(f"{key}={value}" for key, value in self.properties)
+        inside = ", ".join(f"{key}={_told(value)}" for key, value in self.properties)
         return f"{local_name(self.type)}({inside})"
 
 
@@ -264,6 +264,13 @@ class Condition:
 
     def __str__(self) -> str:
         return f"{self.predicate}({', '.join(map(str, self.arguments))})"
+
+
+def _told(value: object) -> str:
+    """Return the text of a filler: of several constraints or features their names."""
+    if not isinstance(value, tuple) or not any(isinstance(part, Filler) for part in value):
+        return str(value)
+    return f"({', '.join(str(getattr(part, 'name', None) or part) for part in value)})"
 
 
 def _check_described(usage: Usage, type_: object, properties: object) -> None:

@@ -55,13 +55,13 @@ class Pouring:
         return np.asarray(axes < 0)
 
     def _amount(self, action: Action, vessel: str) -> float:
+        """Return how much is to flow [ml]; "pour the mix" is all of it, "pour from the bottle" some of it."""
         platform = self._platform
-        stated = (one.get("amount") for one in (action, *actions_around()))
-        for amount in stated:
+        actions = (action, *actions_around())
+        for amount in (one.get("amount") for one in actions):
             if isinstance(amount, int | float):
                 return float(amount)
-        what = action.get("object_acted_on")
-        if isinstance(what, Object) and not platform.belief.means(what, vessel):
+        if any(self._means_content(one.get("object_acted_on"), vessel) for one in actions):
             return platform.scene.world.changes.matter.total(vessel)
         ontology = platform.belief.map.ontology
         ancestors = [expand(cls) for cls in platform.ancestors(action.type)]
@@ -70,6 +70,14 @@ class Pouring:
             if amount is not None:
                 return amount
         return 0.0
+
+    def _means_content(self, what: object, vessel: str) -> bool:
+        """Return whether an action is about what is in a vessel, not the vessel."""
+        belief, changes = self._platform.belief, self._platform.scene.world.changes
+        if not isinstance(what, Object) or belief.means(what, vessel):
+            return False
+        content = changes.matter.contents.get(vessel, {})
+        return any(changes.rules.is_a(type, what.type) for type in content)
 
     def _believe(self, name: str, amount: float) -> None:
         """Let an amount [ml] flow in the believed world, onto or into what is below."""

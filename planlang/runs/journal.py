@@ -372,9 +372,9 @@ class FluentKeys:
             task = self._scheduler.current
             node = None if task is None else task.node
             around = node
-            while around is not None and around.kind != "perform":
+            while around is not None and around.kind not in ("perform", "plan"):
                 around = around.parent
-            if around is not None:
+            if around is not None and around.kind == "perform":  # a plan below it is a recipe that performs the action
                 self._keys[fluent] = None
             else:
                 number = self._numbers[node] = self._numbers.get(node, 0) + 1

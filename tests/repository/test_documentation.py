@@ -135,8 +135,8 @@ def test_a_new_output_keeps_what_was_shown_of_the_old_one() -> None:
 
 
 def test_the_recipes_in_the_documentation_are_bundled_ones() -> None:
-    files = (CHECKOUT / "recipes" / "serve_a_drink.omn", CHECKOUT / "ontologies" / "environments" / "hospital_room.omn")
-    bundled = "".join(path.read_text(encoding="utf-8") for path in files)
+    files = ("recipes/serve_a_drink.omn", "ontologies/environments/hospital_room.omn", "ontologies/searching.omn")
+    bundled = "".join((CHECKOUT / file).read_text(encoding="utf-8") for file in files)
     blocks = re.findall(r"```manchester\n(.+?)```", "".join(PAGES.values()), flags=re.DOTALL)
     assert blocks
     for block in blocks:

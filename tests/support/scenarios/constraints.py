@@ -143,13 +143,13 @@ SCENARIOS = [
         (POURING, "--robot", "pr2", "--environment", "pouring_table", *MODELS),
         poured,
         (watch_phases,),
-        seconds=15.0,
+        seconds=8.0,
     ),
     Scenario(
         "flipping",
         (FLIPPING, "--robot", "pr2", "--environment", "flipping_table", *MODELS),
         flipped,
         (watch_phases,),
-        seconds=60.0,
+        seconds=15.0,
     ),
 ]

@@ -1,0 +1,110 @@
+"""Features of things, from models of real files and from boxes."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from executive.belief import SemanticMap, read_map, scene_of
+from executive.belief.in_hand import STOWED, grip_of
+from executive.belief.object_models import Blade, ObjectModels, Thing
+from executive.robots import bind_robot
+from planlang.designators import an_object
+from planlang.motion_constraints import a_feature
+from planlang.ontology import Ontology, load
+
+CAD = "http://knowrob.org/kb/knowrob-cad.owl#"
+SPATULAS = "http://knowrob.org/kb/spatula-features.owl#"
+LEVEL = np.array([0.0, 0.0, 1.0])
+
+
+def model(corpus: Path, name: str) -> Ontology:
+    return load(corpus / "objects" / f"{name}@hydro.owl")
+
+
+def placed(ontology: Ontology, iri: str, *path: str) -> tuple[str, tuple[float, ...], tuple[float, ...]] | None:
+    """Return kind, position and direction, rounded, of the feature to which a path leads."""
+    thing = Thing(iri, (0.3, 0.3, 0.2), LEVEL)
+    found = ObjectModels(ontology).grounded(a_feature(of=an_object("Thing"), path=path), thing)
+    if found is None or found.kind is None or found.position is None:
+        return None
+    return found.kind.name, *(tuple(round(one, 4) for one in each or ()) for each in (found.position, found.direction))
+
+
+def test_the_features_of_pouring_are_the_cap_and_the_largest_plane_that_points_up(corpus: Path) -> None:
+    mix, maker = model(corpus, "mondamin-pancake-mix"), model(corpus, "pancake-maker")
+    bottle = f"{CAD}mondamin-pancake-mix_obt15qOO"
+    assert placed(mix, bottle, "BottleCap", "ObjectMainAxis") == ("LINE", (0.0, 0.0, 0.097), (0.0, 0.0, 0.009))
+    assert placed(mix, bottle, "BottleCap", "CenterOfObject") == ("POINT", (0.0, 0.0, 0.097), ())
+    assert placed(maker, f"{CAD}pancake-maker_zvH1ax5o", "SupportingPlane") == (
+        "PLANE", (0.0, 0.0, 0.0), (-0.0082, -0.0047, 1.0)
+    )  # fmt: skip
+
+
+def test_of_parts_of_parts_the_one_with_the_fewest_steps_to_the_whole_is_meant(corpus: Path) -> None:
+    spatulas = model(corpus, "spatula-features")
+    pancake, left, right = (
+        f"{SPATULAS}{name}" for name in ("Pancake_PjkWnkr1", "Spatula_LvaYsvy6", "Spatula_Rkpqmqf1")
+    )
+    assert placed(spatulas, pancake, "FlatPhysicalSurface") == ("PLANE", (0.0, 0.0, 0.0), (0.0, 0.0, 0.1))
+    assert placed(spatulas, pancake, "FlatPhysicalSurface", "RightSide") == (
+        "PLANE",
+        (0.0, -0.07, 0.0),
+        (0.0, 0.0, 0.1),
+    )
+    assert placed(spatulas, left, "BladeOfADevice", "FrontSide") == ("LINE", (0.0, 0.0, 0.0475), (0.0, 0.125, 0.0))
+    assert placed(spatulas, left, "Handle") == ("LINE", (0.0, 0.0, 0.0), (0.0, 0.0, 0.125))
+    assert placed(spatulas, right, "Handle") is None
+
+
+def test_what_has_no_model_has_the_features_of_its_box(corpus: Path) -> None:
+    spatulas = model(corpus, "spatula-features")
+    assert placed(spatulas, "http://example.org/cup1", "MouthOfVessel") == ("LINE", (0.0, 0.0, 0.1), (0.0, 0.0, 1.0))
+    assert placed(spatulas, "http://example.org/cup1", "SupportingPlane") == ("PLANE", (0.0, 0.0, 0.1), (0.0, 0.0, 1.0))
+    assert placed(spatulas, "http://example.org/cup1", "Handle") is None
+
+
+def test_the_box_of_a_tool_ends_at_the_front_of_its_blade(corpus: Path) -> None:
+    blade = Blade.of(model(corpus, "spatula-features"), f"{SPATULAS}Spatula_LvaYsvy6")
+    assert blade is not None
+    size, centre = blade.box((0.345, 0.08, 0.02))
+    assert size == pytest.approx((0.02, 0.08, 0.345))
+    assert centre[2] + size[2] / 2 == pytest.approx(0.0475)
+    assert centre[0] - size[0] / 2 == pytest.approx(-0.001)  # the blade, 2 mm thick, is the lower side
+
+
+@pytest.fixture
+def kitchen(corpus: Path, tmp_path: Path) -> SemanticMap:
+    """A map of a table, which imports the model of spatulas and a pancake."""
+    table = tmp_path / "table.omn"
+    table.write_text(
+        "Prefix: : <http://example.org/t.owl#>\nPrefix: knowrob: <http://knowrob.org/kb/knowrob.owl#>\n"
+        "Ontology: <http://example.org/t.owl>\n    Import: <package://models/spatula-features.owl>\n"
+        "Individual: table1\n    Types: knowrob:KitchenTable\n    Facts: knowrob:depthOfObject 1.0,"
+        " knowrob:widthOfObject 1.0, knowrob:heightOfObject 0.7, knowrob:orientation p\n"
+        'Individual: p\n    Types: knowrob:RotationMatrix3D\n    Facts: knowrob:translation "0 0 0.35",'
+        ' knowrob:quaternion "0 0 0 1"\n',
+        encoding="utf-8",
+    )
+    return read_map(load(table, folders=[corpus / "objects"]))
+
+
+def test_parts_of_models_are_no_things_of_a_map(kitchen: SemanticMap) -> None:
+    names = {"Pancake_PjkWnkr1", "Spatula_LvaYsvy6", "Spatula_Rkpqmqf1", "table1"}
+    assert {thing.name for thing in kitchen.objects} == names
+
+
+def test_a_spatula_points_ahead_of_the_hand_and_its_blade_lies_as_the_fingers_close(kitchen: SemanticMap) -> None:
+    arm, spatula = bind_robot("amigo").arms[0], kitchen.find("Spatula_LvaYsvy6")
+    assert spatula is not None
+    pose = grip_of(arm, spatula, kitchen)
+    approach, closing = np.array(arm.approach), np.array(arm.closing)
+    assert pose.position == pytest.approx(0.3 * approach, abs=1e-9)
+    assert pose.rotation[:, 2] == pytest.approx(approach, abs=1e-9)
+    assert pose.rotation[:, 0] == pytest.approx(np.cross(approach, closing), abs=1e-9)
+
+
+def test_things_in_hands_are_in_no_place_of_the_scene(kitchen: SemanticMap) -> None:
+    scene = scene_of(kitchen)
+    assert scene.body("Spatula_LvaYsvy6").pose == STOWED
+    assert max(map(abs, scene.bounds)) < 3.0
