@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 
 from sim import PyBulletWorld
 
 
 class Tilts:
-    """Watches a true world: for each held thing that is to stay upright, how far its z axis leaned at most [rad]."""
+    """Watches a true world: for each held thing that is to stay upright, how far its z axis leaned at most [rad].
 
-    def __init__(self) -> None:
+    ``leaning`` are the things that a step means to lean, as long as they do: they are not watched meanwhile.
+    """
+
+    def __init__(self, leaning: Collection[str] = ()) -> None:
+        self._leaning = leaning
         self.largest: dict[str, float] = {}
         self.limits: dict[str, float] = {}
 
@@ -19,7 +23,7 @@ class Tilts:
         """Take note of the world after a step."""
         for name in world.attached():
             limit = world.scene.body(name).largest_tilt
-            if limit is not None:
+            if limit is not None and name not in self._leaning:
                 x, y, _, _ = world.pose(name).orientation
                 tilt = math.acos(max(-1.0, 1.0 - 2.0 * (x * x + y * y)))
                 self.largest[name], self.limits[name] = max(tilt, self.largest.get(name, 0.0)), limit
