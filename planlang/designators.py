@@ -247,7 +247,7 @@ class Action:
         return dict(self.properties).get(property_name)
 
     def __str__(self) -> str:
-        inside = ", ".join(f"{key}={value}" for key, value in self.properties)
+        inside = ", ".join(f"{key}={_told(value)}" for key, value in self.properties)
         return f"{local_name(self.type)}({inside})"
 
 

@@ -9,20 +9,25 @@ from sim import PyBulletWorld
 
 
 class Tilts:
-    """Watches a true world: for each held thing that is to stay upright, how far its z axis leaned at most [rad]."""
+    """Watches a true world: of what stood upright when grasped, and is to stay so, the largest tilt [rad]."""
 
     def __init__(self) -> None:
         self.largest: dict[str, float] = {}
         self.limits: dict[str, float] = {}
+        self._held: dict[str, bool] = {}
+        """What is held, and whether it stood upright when it was grasped."""
 
     def __call__(self, world: PyBulletWorld) -> None:
         """Take note of the world after a step."""
+        before, self._held = self._held, {}
         for name in world.attached():
             limit = world.scene.body(name).largest_tilt
             if limit is not None:
                 x, y, _, _ = world.pose(name).orientation
                 tilt = math.acos(max(-1.0, 1.0 - 2.0 * (x * x + y * y)))
-                self.largest[name], self.limits[name] = max(tilt, self.largest.get(name, 0.0)), limit
+                self._held[name] = before.get(name, tilt <= limit)
+                if self._held[name]:
+                    self.largest[name], self.limits[name] = max(tilt, self.largest.get(name, 0.0)), limit
 
     def degrees(self) -> dict[str, float]:
         """Return the largest tilt of each thing, to a tenth of a degree."""
@@ -32,5 +37,5 @@ class Tilts:
         """Yield a line for each thing, to print."""
         for name, tilt in self.degrees().items():
             limit = math.degrees(self.limits[name])
-            beyond = f"; {limit:g} are allowed" if tilt > limit else ""
+            beyond = f"; {limit:g} are allowed where no step tilts it" if tilt > limit else ""
             yield f"{name}: leaned by at most {tilt:g} degrees while it was held{beyond}"
