@@ -6,6 +6,7 @@ the tools, and checks in the end what holds. A vessel that ends upside down is h
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -16,7 +17,7 @@ from typing import TypeVar
 import numpy as np
 
 from executive.belief.scene_collisions import BasePose
-from executive.modules.motion_grounding import GroundedMotion, Grounding
+from executive.modules.motion_grounding import UP, GroundedMotion, Grounding
 from executive.modules.phases import Phase
 from executive.modules.platform import Platform
 from executive.modules.pouring import Pouring
@@ -80,6 +81,7 @@ class ConstrainedMotions:
         grounding = Grounding(self.platform)
         motion, solved = await self._solved(grounding, asked, phase)
         self.platform.arms.choices.choose(motion.arms[0].name)
+        self.platform.leaning |= self._leaning(motion, solved)
         done = await self.platform.follow(" and ".join(arm.name for arm in motion.arms), solved.trajectory)
         if done.state is not MotionState.DONE:
             await self.platform.sensing.bump(done)
@@ -87,6 +89,7 @@ class ConstrainedMotions:
             raise ManipulationGoalInCollision(arm=name, what=action.type, blocked_by=done.blocked_by)
         self._check_end(grounding, motion, solved)
         await Pouring(self.platform).pour(action, motion, grounding.group(motion), solved.trajectory.positions)
+        self._straightened()
         phase.before = tuple(asked)
         return tuple(str(one.name) for one in solved.given_up)
 
@@ -230,6 +233,22 @@ class ConstrainedMotions:
         except MotionError as failure:
             raise ConstraintsUnsatisfied(str(failure), arm=motion.arms[0].name) from failure
         return found
+
+    def _leaning(self, motion: GroundedMotion, solved: PhaseMotion) -> set[str]:
+        """Return what the arms of a motion hold and the motion does not keep upright."""
+        upright = {one.tool.of.iri for one in solved.kept if one.world.of == UP}
+        arms, body = {arm.name for arm in motion.arms}, self.platform.scene.world.scene.body
+        held = (name for name, grip in self.platform.belief.held.items() if grip.arm in arms)
+        return {name for name in held if (body(name).iri or f"thing:{name}") not in upright}
+
+    def _straightened(self) -> None:
+        """Note which things stand as upright again as they have to."""
+        self.platform.sync()
+        world = self.platform.scene.world
+        for name in tuple(self.platform.leaning):
+            limit = world.scene.body(name).largest_tilt
+            if limit is None or world.pose(name).rotation[2, 2] >= math.cos(limit):
+                self.platform.leaning.discard(name)
 
     def _start(self, motion: GroundedMotion) -> Array:
         """Return the joint values of the arms (n,), shared ones first met."""

@@ -359,6 +359,8 @@ class Platform(Control):
     arms: Arms = field(init=False)
     hands: Hands = field(init=False)
     phases: Phases = field(init=False)
+    leaning: set[str] = field(default_factory=set)
+    """Held things that the running steps mean to lean farther than they may else."""
     sensing: Sensing = field(init=False)
     upload: Path | None = field(init=False, default=None)
     """The file that uploaded maps are written to."""

@@ -349,7 +349,7 @@ class Run:
     ) -> RunResult:
         options = self.options
         listeners = [lines_of(lambda step, line: options.progress(f"{step / truth.rate:7.2f} s  {line}"))]
-        recording, tilts = None, Tilts()
+        recording, tilts = None, Tilts(executive.platform.leaning)
         watchers: list[Callable[[PyBulletWorld], None]] = [tilts, *options.watchers]
         if options.record is not None:
             from executive.pictures.recording import Recording, drawn_in

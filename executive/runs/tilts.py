@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 
 from sim import PyBulletWorld
 
 
 class Tilts:
-    """Watches a true world: of what stood upright when grasped, and is to stay so, the largest tilt [rad]."""
+    """Watches a true world: of what stood upright when grasped, and is to stay so, the largest tilt [rad].
 
-    def __init__(self) -> None:
+    ``leaning`` are the things that a step means to lean, as long as they do: they are not watched meanwhile.
+    """
+
+    def __init__(self, leaning: Collection[str] = ()) -> None:
+        self._leaning = leaning
         self.largest: dict[str, float] = {}
         self.limits: dict[str, float] = {}
         self._held: dict[str, bool] = {}
@@ -26,7 +30,7 @@ class Tilts:
                 x, y, _, _ = world.pose(name).orientation
                 tilt = math.acos(max(-1.0, 1.0 - 2.0 * (x * x + y * y)))
                 self._held[name] = before.get(name, tilt <= limit)
-                if self._held[name]:
+                if self._held[name] and name not in self._leaning:
                     self.largest[name], self.limits[name] = max(tilt, self.largest.get(name, 0.0)), limit
 
     def degrees(self) -> dict[str, float]:
@@ -37,5 +41,5 @@ class Tilts:
         """Yield a line for each thing, to print."""
         for name, tilt in self.degrees().items():
             limit = math.degrees(self.limits[name])
-            beyond = f"; {limit:g} are allowed where no step tilts it" if tilt > limit else ""
+            beyond = f"; {limit:g} are allowed" if tilt > limit else ""
             yield f"{name}: leaned by at most {tilt:g} degrees while it was held{beyond}"

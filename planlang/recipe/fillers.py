@@ -16,7 +16,6 @@ from planlang.files import bundled
 from planlang.ontology import BNode, Literal, Ontology, Term, expand, shorten
 from planlang.ontology.terms import OWL, RDF, RDFS, XSD, is_vocabulary
 from planlang.recipe.model import Filler, Kind, Name, Parameter, Place, Thing
-from planlang.recipe.poses import stated_pose
 from planlang.recipe.statements import ON_ACTIONS, ON_INDIVIDUALS, REGISTERED_WORDS, Filling, filled, is_word
 from planlang.relations import of_owl_property
 
@@ -156,7 +155,16 @@ def is_device(ontology: Ontology, cls: str) -> bool:
 
 def is_place(ontology: Ontology, iri: str) -> bool:
     """Return True for a location designator, written as an individual or as a class."""
-    return any(ontology.is_a(iri, expand(place)) for place in PLACES) or stated_pose(ontology, iri) is not None
+    return any(ontology.is_a(iri, expand(place)) for place in PLACES) or _pose(ontology, iri) is not None
+
+
+def _pose(ontology: Ontology, iri: str) -> tuple[float, float, float, float] | None:
+    """Return the pose that a matrix states; None for anything else."""
+    if not ontology.is_a(iri, expand("RotationMatrix3D")):
+        return None
+    from planlang.recipe.poses import stated_pose  # few recipes state poses by numbers
+
+    return stated_pose(ontology, iri)
 
 
 def read_filler(ontology: Ontology, term: Term, property_name: str | None = None) -> Filler | None:
@@ -277,7 +285,7 @@ def read_place(ontology: Ontology, iri: str, seen: frozenset[str] = frozenset())
             relations.append((relation, thing))
         elif ontology.defined(term) and is_of_unknown_kind(ontology, term):
             relations.append((relation, _unknown(ontology, term)))
-    return Place(iri, tuple(dict.fromkeys(relations)), ontology.label(iri), stated_pose(ontology, iri))
+    return Place(iri, tuple(dict.fromkeys(relations)), ontology.label(iri), _pose(ontology, iri))
 
 
 def is_relation(property_name: str) -> bool:

@@ -11,12 +11,10 @@ UPRIGHT = 1e-3
 
 
 def stated_pose(ontology: Ontology, iri: str) -> tuple[float, float, float, float] | None:
-    """Return x, y, z [m] and heading [rad] of an individual that is a matrix in the frame of the map; None for others.
+    """Return x, y, z [m] and heading [rad] of a matrix in the frame of the map; None if a number is missing.
 
     The z axis of the pose has to point up, as that of a base does.
     """
-    if not ontology.is_a(iri, expand("RotationMatrix3D")):
-        return None
     numbers = {name: _number(ontology, iri, name) for name in ("m03", "m13", "m23", "m00", "m10", "m22")}
     x, y, z, cosine, sine, up = (numbers[name] for name in numbers)
     if None in (x, y, z, cosine, sine, up) or abs((up or 0.0) - 1) > UPRIGHT:

@@ -101,14 +101,12 @@ def _baked(watched: Watched) -> float:
 
 
 def frosted_cake(watched: Watched) -> Iterator[str]:
-    """From all ingredients, baked in the oven for half an hour, frosted, in its pan on the counter."""
+    """From all ingredients, baked in the oven for half an hour, and frosted."""
     changes = watched.world.changes
     cakes = list(only(watched, "FrostedCake"))
     for name in cakes:
         parts = origins_of(changes, name)
         yield from (f"{one} is not in it" for one in (*INGREDIENTS, "frosting1") if one not in parts)
-        if (below := changes.under(name)) != "counter1":
-            yield f"it is on {below}"
     if not cakes:
         yield "there is no frosted cake"
     yield from (f"{one} is still there" for one in ("egg1", "frosting1") if one not in changes.matter.gone)
