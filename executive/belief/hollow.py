@@ -47,6 +47,7 @@ def hollowed(
         if joint.kind is JointKind.HINGED and joint.holder is not None and not joint.is_knob:
             doors.setdefault(joint.holder, []).append(by_name[joint.leaf])
     movable = [body for body in bodies if body.movable]
+    told: list[tuple[Body, list[Body], list[str]]] = []
     for body in bodies:
         if body.movable or body.shape is not BodyShape.BOX:
             continue
@@ -63,13 +64,22 @@ def hollowed(
             rooms = {body.name: _open_above(body)}
         held = [thing for thing in content if any(_is_in(room, body, thing) for room in rooms.values())]
         if content:
-            report(body, content, [*rooms] if held else [])
+            told.append((body, content, [*rooms] if held else []))
         if held or own is not None:
             cavities = tuple(_with_room(room, body, held) for room in rooms.values())
             by_name[body.name] = replace(body, cavities=cavities)
             for part in parts:
                 if part.name in rooms:
                     by_name[part.name] = replace(by_name[part.name], shape=BodyShape.MARKER, cavities=())
+    for body, content, openings in told:
+        within = {  # a drawer in solid furniture has what lies in it
+            thing.name
+            for inner, things, ways in told
+            if ways and not openings and np.prod(inner.size) < np.prod(body.size)
+            for thing in things
+        }
+        if left := [thing for thing in content if thing.name not in within]:
+            report(body, left, openings)
     return list(by_name.values())
 
 

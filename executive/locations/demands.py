@@ -6,6 +6,7 @@ Relations without a meaning, and conjunctions that contradict themselves, are re
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from typing import NamedTuple
@@ -150,11 +151,14 @@ def hand_demand(location: Location, scene: PlanningScene, viewer: Viewer) -> Rea
         if not relation.negated and (reach := _made(relation, term.body, location, scene)) is not None:
             made[term] = reach
     if not made:
+        made = _beside(terms, scene)
+    if not made:
         for relation, term in zip(relations, terms, strict=True):
             if RELATIONS[relation.name].sense("hand") is Sense.PRE_GRASP and not relation.negated:
                 said = f" is where a hand waits to take {term.body}, which "
                 raise meaningless(relation, relation, f"{said}{scene.bodies.ungraspable(term.body)}")
-        needed = tuple(name for name in meaningful("hand") if RELATIONS[name].sense("hand") is not Sense.AREA)
+        filters = (Sense.AREA, Sense.VIEWPOINT)
+        needed = tuple(name for name in meaningful("hand") if RELATIONS[name].sense("hand") not in filters)
         raise meaningless(location, location, " does not say what the hand is at: it needs one of ", needed)
     # what is put on one thing may be before another one, or in reach of a person
     first = min(made.values(), key=lambda reach: (reach.kind is not ReachKind.PLACE, ORDER.index(reach.kind)))
@@ -165,6 +169,16 @@ def hand_demand(location: Location, scene: PlanningScene, viewer: Viewer) -> Rea
     if first.kind is ReachKind.OFFER:
         arms = _holding(arms, scene.arms)
     return replace(first, grasp=location.grasp, arms=arms, also=also, before=before)
+
+
+def _beside(terms: Sequence[HandTerm], scene: PlanningScene) -> dict[HandTerm, Reach]:
+    """Return where a hand puts what it holds beside something: on what that stands on; nothing for an empty hand."""
+    if not any(scene.arms.held(arm.name) for arm in scene.arms.all):
+        return {}
+    meant = ((term, RELATIONS[term.name].thing) for term in terms if not term.negated)
+    near = (term.body for term, sense in meant if sense and sense.bounds and sense.bounds[1] < float("inf"))
+    supports = (scene.bodies.support(body) for body in near)
+    return {HandTerm("on", on): Reach(ReachKind.PLACE, on) for on in supports if on is not None}
 
 
 def viewpoint(location: Location, scene: PlanningScene) -> Viewer | None:

@@ -9,7 +9,7 @@ from sim import PyBulletWorld
 
 
 class Tilts:
-    """Watches a true world: for each held thing that is to stay upright, how far its z axis leaned at most [rad].
+    """Watches a true world: of what stood upright when grasped, and is to stay so, the largest tilt [rad].
 
     ``leaning`` are the things that a step means to lean, as long as they do: they are not watched meanwhile.
     """
@@ -18,15 +18,20 @@ class Tilts:
         self._leaning = leaning
         self.largest: dict[str, float] = {}
         self.limits: dict[str, float] = {}
+        self._held: dict[str, bool] = {}
+        """What is held, and whether it stood upright when it was grasped."""
 
     def __call__(self, world: PyBulletWorld) -> None:
         """Take note of the world after a step."""
+        before, self._held = self._held, {}
         for name in world.attached():
             limit = world.scene.body(name).largest_tilt
-            if limit is not None and name not in self._leaning:
+            if limit is not None:
                 x, y, _, _ = world.pose(name).orientation
                 tilt = math.acos(max(-1.0, 1.0 - 2.0 * (x * x + y * y)))
-                self.largest[name], self.limits[name] = max(tilt, self.largest.get(name, 0.0)), limit
+                self._held[name] = before.get(name, tilt <= limit)
+                if self._held[name] and name not in self._leaning:
+                    self.largest[name], self.limits[name] = max(tilt, self.largest.get(name, 0.0)), limit
 
     def degrees(self) -> dict[str, float]:
         """Return the largest tilt of each thing, to a tenth of a degree."""

@@ -14,14 +14,16 @@ from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import pytest
 
 from executive.belief import read_map, scene_of
 from executive.runs.plan_run import Outcome, RunOptions, RunResult, run_plan_file
+from executive.runs.tilts import Tilts
 from executive.runs.traces import ListenedTrace, line_of, lines_of
-from planlang import VirtualHost, run, sleep
+from planlang import VirtualHost, a_constraint, a_feature, run, sleep
 from planlang.designators import action, an_object
 from planlang.diagnostics import BadInput
 from planlang.failures import ObjectNotFound
@@ -394,3 +396,22 @@ def test_each_line_comes_with_its_step_of_the_world() -> None:
     tell({"step": 45, "event": "started", "node": PERFORMED, "action": action("X", object_acted_on=what)})
     tell({"step": 46, "event": "acquired", "node": PERFORMED})
     assert said == [(45, "X(object_acted_on=bottle1)")]
+
+
+def test_of_a_motion_under_constraints_people_are_told_these_by_name() -> None:
+    cup = an_object("Cup")
+    level = a_constraint("HEIGHT", a_feature(of=cup), a_feature(of=an_object("Bowl-Eating")), upper=0.2, name="Level")
+    told = "PouringMotion(constrained_by=(Level), object_acted_on=Cup)"
+    assert str(action("PouringMotion", constrained_by=(level,), object_acted_on=cup)) == told
+
+
+@pytest.mark.parametrize(("first", "lines"), [(0.0, 1), (1.5, 0)], ids=["stood", "lay"])
+def test_how_far_a_thing_leaned_is_told_if_it_stood_when_it_was_grasped(first: float, lines: int) -> None:
+    watched = Tilts()
+    for lean in (first, 0.1, first):
+        turn = (math.sin(lean / 2), 0.0, 0.0, math.cos(lean / 2))
+        poses, bodies = {"cup": SimpleNamespace(orientation=turn)}, {"cup": SimpleNamespace(largest_tilt=0.26)}
+        scene = SimpleNamespace(body=bodies.__getitem__)
+        world = SimpleNamespace(attached=lambda: ["cup"], scene=scene, pose=poses.__getitem__)
+        watched(cast(PyBulletWorld, world))
+    assert len(list(watched.lines())) == lines

@@ -235,6 +235,19 @@ def test_the_closed_cabinet_of_the_hospital_room_is_hollow_and_reported(corpus: 
     assert isinstance(scene.body("bed1").pose, Pose)
 
 
+def test_what_lies_in_a_drawer_of_a_solid_chest_is_within_reach(map_of: Read, thing: Write, seen: Write) -> None:
+    semantic_map = map_of(
+        thing("chest1", "Cupboard", (0.6, 0.8, 0.9), "properPhysicalParts drawer1"),
+        thing("drawer1", "Drawer", (0.58, 0.7, 0.25)),
+        thing("cup1", "Cup", (0.07, 0.07, 0.1)),
+        *(seen(name, place) for name, place in (("chest1", (2, 0, 0.45)), ("drawer1", (2, 0, 0.7)))),
+        seen("cup1", (2, 0, 0.64)),
+    )
+    found: list[Diagnostic] = []
+    scene_of(semantic_map, found)
+    assert [d.code for d in found if d.code in ("M013", "M014")] == ["M013"]
+
+
 @pytest.fixture(scope="module")
 def room() -> Scene:
     """The bundled hospital room."""

@@ -10,7 +10,7 @@ from itertools import islice
 import pytest
 
 from executive.locations.consistency import LocationMeaningless
-from executive.locations.demands import base_demand
+from executive.locations.demands import ReachKind, base_demand, hand_demand
 from planlang.designators import Location, Relation, a_location, a_person, an_object, located
 from planlang.failures import LocationUnresolvable
 from planlang.geometry import Pose
@@ -149,6 +149,16 @@ def test_what_is_in_a_hand_is_put_near_where_it_was_and_not_on_itself(make_stage
     (arm,) = (arm for arm in stage.platform.scene.arms.all if stage.platform.scene.arms.held(arm.name) is not None)
     with pytest.raises(LocationUnresolvable, match="nothing rests on itself"):
         next(stage.resolver.hands(a_location(on=THE_BOTTLE), arm, stage.platform.arm_joints(arm)))
+
+
+def test_what_is_put_beside_a_thing_is_put_on_what_that_stands_on(make_stage: MakeStage) -> None:
+    cup = replace(BOTTLE, name="cup", type="Cup", pose=Pose((1.6, 0.25, 0.85)), size=(0.08, 0.08, 0.1))
+    stage, beside = make_stage(*WARD, cup), a_location(left_of=an_object("Cup"), seen_from=THE_BED)
+    with pytest.raises(LocationMeaningless, match="in_reach_of, above, on, in_, in_center_of, in_front_of"):
+        hand_demand(beside, stage.platform.scene, (0.0, 0.0))
+    hold_bottle(stage)
+    reach = hand_demand(beside, stage.platform.scene, (0.0, 0.0))
+    assert (reach.kind, reach.body, [term.name for term in reach.also]) == (ReachKind.PLACE, "cabinet", ["left_of"])
 
 
 def test_what_holds_is_judged_as_candidates_are(ward: Stage) -> None:
