@@ -490,21 +490,6 @@ def attach_cleanup(error: BaseException, failures: Iterable[PlanFailure]) -> Non
         error.add_note(f"during cleanup: {type(other).__name__}: {other}{f' in {other.where}' if other.where else ''}")
 
 
-def matches(failure: BaseException, kinds: type[PlanFailure] | tuple[type[PlanFailure], ...]) -> bool:
-    """Return True if a failure is of a kind; a composite one is if it has members and every leaf is."""
-    if isinstance(failure, kinds):
-        return True
-    open_: list[BaseException] = [failure]
-    while open_:
-        one = open_.pop()
-        if isinstance(one, kinds):
-            continue
-        if not isinstance(one, CompositeFailure) or not one.failures:
-            return False
-        open_.extend(one.failures)
-    return True
-
-
 def _plain(value: object) -> str:
     if isinstance(value, float):
         return f"{value:g}"

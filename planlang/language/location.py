@@ -19,7 +19,6 @@ from planlang.failures import (
     ObjectUndeliverable,
     ObjectUnreachable,
     PlanFailure,
-    matches,
 )
 from planlang.kernel import Scope, Status, Task, WorldFluent, failure_of, wait_for
 from planlang.kernel.primitives import node, record
@@ -28,7 +27,7 @@ from planlang.language.branches import Branch
 from planlang.language.budgets import take_attempt
 from planlang.language.executive import executive_for
 from planlang.language.performing import HeldPose, held_pose, perform
-from planlang.language.recovery import Recovery, recoveries_of, recovering
+from planlang.language.recovery import Recovery, matches, recoveries_of, recovering
 from planlang.language.resources import Lease, using
 from planlang.misuse import Usage
 

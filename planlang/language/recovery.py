@@ -8,7 +8,7 @@ from enum import Enum
 from functools import partial
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-from planlang.failures import CompositeFailure, PlanFailure, matches
+from planlang.failures import CompositeFailure, PlanFailure
 from planlang.kernel.core import here
 from planlang.kernel.primitives import called, given, node, record
 from planlang.language.branches import evaporating
@@ -308,3 +308,18 @@ def _explain_one(link: BaseException, lead: str, indent: str) -> Iterator[str]:
         yield f"{indent}  at the same time, {name}: {type(sibling).__name__}: {sibling}"
     for cleanup in link.cleanup_failures:
         yield f"{indent}  during cleanup: {type(cleanup).__name__}: {cleanup}"
+
+
+def matches(failure: BaseException, kinds: type[PlanFailure] | tuple[type[PlanFailure], ...]) -> bool:
+    """Return True if a failure is of a kind; a composite one is if it has members and every leaf is."""
+    if isinstance(failure, kinds):
+        return True
+    open_: list[BaseException] = [failure]
+    while open_:
+        one = open_.pop()
+        if isinstance(one, kinds):
+            continue
+        if not isinstance(one, CompositeFailure) or not one.failures:
+            return False
+        open_.extend(one.failures)
+    return True

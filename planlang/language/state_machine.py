@@ -7,10 +7,11 @@ from enum import Enum
 from functools import partial
 from typing import Any
 
-from planlang.failures import BudgetExceeded, PlanFailure, TransitionMissing, matches
+from planlang.failures import BudgetExceeded, PlanFailure, TransitionMissing
 from planlang.kernel import checkpoint
 from planlang.kernel.primitives import called, node, record
 from planlang.language.branches import Branch, evaporating
+from planlang.language.recovery import matches
 from planlang.misuse import Usage, WrongType, WrongValue, contrast, written
 
 Outcome = str | Enum

@@ -47,7 +47,7 @@ def test_places_come_with_the_arm_that_was_asked_for_and_different_from_each_oth
 def test_people_read_the_phrase_and_a_line_for_each_place() -> None:
     result = CliRunner().invoke(app, ["locate", "visible from the bottle", *WARD, "--count", "2"])
     phrase, first, second, *_ = result.stdout.splitlines()
-    assert phrase == "visible from the drinking bottle"
+    assert phrase == "visible from the bottle"
     assert first.split()[:2] == ["1", "x"]
     assert second.split()[:2] == ["2", "x"]
 
@@ -88,7 +88,7 @@ def test_a_phrase_that_cannot_be_understood_is_bad_input(phrase: str, code: str)
 def test_a_thing_is_put_where_a_phrase_says(tmp_path: Path) -> None:
     path = tmp_path / "where.png"
     answer = located("on the bedside table", "--of", "the bottle", "--count", "2", "--explain", str(path))
-    assert answer["meant"] == {"BedsideTable": "bedside_table1", "DrinkingBottle": "bottle1"}
+    assert answer["meant"] == {"BedsideTable": "bedside_table1", "Bottle": "bottle1"}
     assert [place["z"] for place in answer["solutions"]] == pytest.approx([0.7, 0.7], abs=0.01)
     assert path.is_file()
 
@@ -243,10 +243,10 @@ def test_a_conjunction_that_contradicts_itself_cannot_be_used_and_is_told_so(phr
         ("in reach of a place near the bottle", None, "needs one of in reach of, above, on, in, in the", None),
         ("near a place on the bed", None, "near is a relation to a thing or a person; to a location", None),
         ("on the bed and in cabinet1", "bottle1", "a thing rests in one place, not in bed1 and cabinet1", None),
-        ("on the bottle", "the bottle", "'on the drinking bottle' means nothing for bottle1 itself", None),
+        ("on the bottle", "the bottle", "'on the bottle' means nothing for bottle1 itself", None),
         ("in the bottle", "the bottle", "means nothing for bottle1 itself", None),
         ("near bottle1", "the bottle", "'near bottle1' means nothing for bottle1 itself: other things tell", None),
-        ("on the bed and not left of the bottle", "bottle1", "'not left of the drinking bottle' means nothing", None),
+        ("on the bed and not left of the bottle", "bottle1", "'not left of the bottle' means nothing", None),
         ("in reach of the patient", "patient1", "means nothing for patient1 itself", None),
         ("in reach of the bottle", "bottle1", "only in reach of a person does, and bottle1 is none", None),
     ],

@@ -170,12 +170,21 @@ def test_a_step_that_names_a_class_acts_on_the_only_thing_of_it(
         assert [one.code for one in found] == ["X028"]
 
 
-def test_a_parameter_that_no_thing_can_fill_needs_a_default(tmp_path: Path, room: SemanticMap) -> None:
+@pytest.mark.parametrize(
+    ("kind", "needed"),
+    [
+        ("float", "a number, such as --set amount=30; times are in seconds"),
+        ("str", "give it a default in the plan"),
+    ],
+)
+def test_a_parameter_that_no_thing_can_fill_needs_a_number_or_a_default(
+    tmp_path: Path, room: SemanticMap, kind: str, needed: str
+) -> None:
     path = tmp_path / "wait.py"
-    path.write_text("from planlang import plan\n@plan\nasync def wait(*, seconds: float) -> None: ...\n")
+    path.write_text(f"from planlang import plan\n@plan\nasync def wait(*, amount: {kind}) -> None: ...\n")
     with pytest.raises(BadInput) as caught:
         bound_parameters(main_plan(import_plan(path), None), {}, room, [])
-    assert [(one.code, one.help) for one in caught.value.diagnostics] == [("X014", "give it a default in the plan")]
+    assert [(one.code, one.help) for one in caught.value.diagnostics] == [("X014", needed)]
 
 
 def test_a_recipe_without_places_is_refused_before_the_robot_is_read(tmp_path: Path) -> None:

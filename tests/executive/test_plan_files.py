@@ -150,7 +150,7 @@ def test_of_a_thing_that_another_bundled_environment_has_that_is_told(tmp_path: 
     with pytest.raises(BadInput) as caught:
         bound(tmp_path, room, bottle="cup2", patient="visitor7")
     cup, visitor = (one.help or "" for one in caught.value.diagnostics)
-    assert cup.endswith("; cup2 is in a bundled environment: --environment visiting_hours")
+    assert cup.endswith("; cup2 is in a bundled environment: --environment visiting_hours or ward_office")
     assert "--environment" not in visitor
 
 

@@ -68,9 +68,12 @@ def test_the_rules_of_heat_are_those_of_the_ontology(map_of: Read, thing: Write,
     pancake = rules.result("PancakeMix", "PancakeMaker")
     assert pancake is not None
     assert (pancake.output, pancake.seconds) == ("Pancake", 60.0)
-    bread = rules.result("Dough", "Oven")
+    cake = rules.result("Dough", "Oven")
+    assert cake is not None
+    assert (cake.output, cake.seconds) == ("Cake", 1200.0)
+    bread = rules.result("Dough", "HeatingDevice")
     assert bread is not None
-    assert bread.output == "Baked"
+    assert (bread.output, bread.seconds) == ("Baked", 60.0)
     assert rules.result("PancakeMix", "Table-PieceOfFurniture") is None
     assert rules.size("Dough") == (0.14, 0.14, 0.008)
     assert rules.flow_rate == 20.0

@@ -309,10 +309,9 @@ def test_what_is_far_away_and_headings_between_others_are_found(location: Locati
     ("half", "least", "most"), [(15.0, 14.0, 30.0), (15.0, 14.0, 14.2), (1e3, 900.0, 900.2), (1e6, 1e3, 1e3 + 0.2)]
 )
 def test_a_place_in_a_large_room_is_found_with_work_that_does_not_grow_with_it(
-    half: float, least: float, most: float, make_stage: MakeStage, monkeypatch: pytest.MonkeyPatch
+    half: float, least: float, most: float, make_stage: MakeStage
 ) -> None:
-    monkeypatch.setattr("tests.executive.conftest.BOUNDS", (-half, -half, half, half))
-    stage = make_stage(CABINET, BOTTLE)
+    stage = make_stage(CABINET, BOTTLE, bounds=(-half, -half, half, half))
     location = Location((Relation("near", THE_BOTTLE, most, least),))
     x, y, _ = next(stage.resolver.bases(location)).base
     assert least - 2e-3 <= math.hypot(x - 1.5, y) - 0.0325 - 0.333 <= most + 2e-3

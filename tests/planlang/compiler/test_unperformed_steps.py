@@ -50,7 +50,7 @@ def test_unordered_steps_that_may_need_anything_take_turns(compiled: Any) -> Non
 
 def test_it_opens_no_scope_and_is_neither_skipped_nor_repeated_in_one(compiled: Any) -> None:
     about = ", k:objectActedOn value bottle"
-    steps = {"Go": "k:Translation-LocationChange, k:toLocation value there", "Lower": f"k:LoweringAnObject{about}"}
+    steps = {"Go": "k:Translation-LocationChange, k:toLocation value there", "Stir": f"k:Mixing{about}"}
     plan = compiled(
         {**steps, "Look": f"k:LookingForSomething{about}"},
         "Individual: bottle\n    Types: k:DrinkingBottle",
@@ -58,14 +58,14 @@ def test_it_opens_no_scope_and_is_neither_skipped_nor_repeated_in_one(compiled: 
         "Individual: O1\n    Types: k:PartialOrdering-Strict",
         "    Facts: k:occursBeforeInOrdering Go, k:occursAfterInOrdering Look",
         "Individual: O2\n    Types: k:PartialOrdering-Strict",
-        "    Facts: k:occursBeforeInOrdering Look, k:occursAfterInOrdering Lower",
-        "Individual: lowered\n    Types: k:Goal",
-        '    Facts: k:ofAction k:LoweringAnObject, k:condition "holding(objectActedOn)"',
+        "    Facts: k:occursBeforeInOrdering Look, k:occursAfterInOrdering Stir",
+        "Individual: stirred\n    Types: k:Goal",
+        '    Facts: k:ofAction k:Mixing, k:condition "holding(objectActedOn)"',
         constraints=", k:orderingConstraints value O1, k:orderingConstraints value O2",
     )
     assert plan.source.count("await at_location(") == 1
     assert "once=True" in plan.source
-    assert "achieve" not in plan.source  # Lower has a goal, by which it would be skipped
+    assert "achieve" not in plan.source  # Stir has a goal, by which it would be skipped
     assert "look_from_another_place" not in plan.source  # which would repeat the scope
 
 

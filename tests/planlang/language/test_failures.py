@@ -180,7 +180,7 @@ PlanFailure
     ObjectUnreachable ObjectUnfetchable ObjectUndeliverable ObjectNowhereToBeFound EnvironmentUnreachable
   DesignatorFailure
     ObjectUnresolvable ActionUnresolvable MissingCapability LocationUnresolvable
-      BehindClosedDoor
+      BehindClosedDoor TooHeavy
   CompositeFailure Timeout BudgetExceeded BranchEvaporated PolicyViolated GoalNotAchieved TransitionMissing
 """
 

@@ -37,8 +37,8 @@ from planlang.failures import (
     ObjectNotFound,
     ObjectNowhereToBeFound,
     ObjectUnfetchable,
-    matches,
 )
+from planlang.language.recovery import matches
 
 
 class Body:

@@ -194,7 +194,7 @@ def test_every_form_of_a_grasp_is_read_as_it() -> None:
         ("1 ft to 1 m in front of the bed", a_location(in_front_of=BED, beyond="1 ft", within=1.0)),
         (
             "not near the bed, visible from the bottle",
-            a_location(not_=a_location(near=BED)) & a_location(visible=an_object("DrinkingBottle")),
+            a_location(not_=a_location(near=BED)) & a_location(visible=an_object("Bottle")),
         ),
         ("not within 1 m of the bed", a_location(not_=a_location(near=BED, within=1))),
         ("blocking the bed", a_location(not_=a_location(clear_of=BED))),
@@ -300,7 +300,7 @@ def test_places_within_places_are_bounded() -> None:
 
 @pytest.mark.parametrize(
     ("noun", "thing"),
-    [("the bottle", Object("DrinkingBottle")), ("bottle1", THINGS["bottle1"]), ("a patient", Person("Patient"))],
+    [("the bottle", Object("Bottle")), ("bottle1", THINGS["bottle1"]), ("a patient", Person("Patient"))],
 )
 def test_a_noun_alone_tells_a_thing(noun: str, thing: Object) -> None:
     assert read_thing(noun, LEXICON) == thing
