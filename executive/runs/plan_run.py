@@ -212,8 +212,9 @@ class Run:
         performed = self.registry.actions if options.resume is None else None
         unperformed = partial(without_module, semantic_map.ontology, performed)
         assessment = assess(needs, lambda actions: (), unperformed)
-        if not assessment.missing:  # the program's process modules perform what the vocabulary has nothing for
-            found[:] = [one for one in found if one.code != "R021"]
+        # what steps leave open is set, and the program's process modules perform what the vocabulary has nothing for
+        settled = ("R062",) if assessment.missing else ("R021", "R062")
+        found[:] = [one for one in found if one.code not in settled]
         if assessment.missing and not options.force:
             options.announce(found)
             return self._refused(assessment.missing)
