@@ -344,6 +344,12 @@ def test_action_data_table_performs_its_chunks_in_the_order_of_the_chain(corpus:
     assert "# Hand moves towards pipette and grasps it" in found.source
 
 
+def test_recipes_of_the_library_are_about_what_a_table_names_though_its_class_is_unknown(corpus: Path) -> None:
+    source = unbroken(compile_recipe(corpus / "recipes" / "acat-adt_example_pipetting@master.owl").source)
+    assert "partial(grasp, thing=action_object_description_dfg_i_niret8h)" in source
+    assert "action_object_description_ften8db_fgsd, thing=action_object_description_dfg_i_niret8h)" in source
+
+
 def test_facts_of_a_table_that_no_plan_uses_are_told_with_their_lines(corpus: Path) -> None:
     found = compiled(corpus, "acat-adt_example_pipetting@master.owl")
     told = {one.message.split()[0]: one.span.line for one in found.diagnostics if one.code == "R038" and one.span}
