@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from tests.support.scenarios import CORPUS, Scenario, judged, scenarios
 
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "recipes.md"
 QUICK = [one for one in scenarios().values() if one.seconds <= 10.0]
 
 
@@ -15,3 +18,8 @@ def test_a_recipe_reaches_its_goal(scenario: Scenario) -> None:
         pytest.skip("the corpus of real OWL files is not beside this checkout")
     found = judged(scenario)
     assert found.reached, (found.result.message, found.unmet)
+
+
+def test_the_documentation_has_the_command_of_every_scenario() -> None:
+    page = PAGE.read_text(encoding="utf-8")
+    assert [one.command for one in scenarios().values() if one.command not in page] == []
