@@ -127,6 +127,16 @@ def test_putting_something_somewhere_picks_up_carries_and_puts_down(
     assert {*itertools.combinations(taking, 2), *itertools.combinations(releasing, 2)} <= plain
 
 
+def test_chunk_of_a_table_is_an_action_also_where_the_class_of_chunks_is_known(corpus: Path) -> None:
+    found = compiled(corpus, "acat-adt_example_pipetting@master.owl")
+    performed = {step.name: step.action for step in found.recipes.main.steps}
+    assert performed == {
+        "ActionChunk_dsfg24375zd": "GraspingSomething",
+        "ActionChunk_DGFri4u5fd": "PuttingDownAnObject",
+    }
+    assert "R021" not in {one.code for one in found.diagnostics}
+
+
 def test_file_with_several_tasks_lists_them(corpus: Path) -> None:
     (found,) = (d for d in problems(corpus / "ontologies" / "knowrob@hydro.owl") if d.code == "R002")
     assert "PuttingSomethingSomewhere" in (found.help or "")
