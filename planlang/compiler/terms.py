@@ -15,6 +15,7 @@ from planlang.compiler.tree import ActionTerm, Described, Kept, Passed, PlaceUse
 from planlang.designators import local_name, snake_case
 from planlang.ontology import Ontology, shorten
 from planlang.recipe.actions import Actions
+from planlang.recipe.fillers import is_of_unknown_kind
 from planlang.recipe.model import (
     Constraint,
     Description,
@@ -247,13 +248,16 @@ class Terms:
                 filler
                 for name in sorted(properties)
                 for filler in source.fillers(name)
-                if isinstance(filler, Thing)
-                and filler.kind is thing.kind
-                and (filler.slot is not None or self._ontology.is_a(filler.stated, thing.stated))
+                if isinstance(filler, Thing) and filler.kind is thing.kind and self._may_be(filler, thing.stated)
             )
             if len(offered) == 1:
                 return next(iter(offered))
         return thing
+
+    def _may_be(self, filler: Thing, cls: str) -> bool:
+        """Return True for what is of a class, and for what may be: a caller's thing, and one of an unknown class."""
+        is_anything = filler.slot is not None or is_of_unknown_kind(self._ontology, filler.stated)
+        return is_anything or self._ontology.is_a(filler.stated, cls)
 
     def _filled(self, step: Step, recipe: Recipe, thing: Thing, slot: Slot) -> Given:
         """Return what a step passes for what its recipe does not state; the parameter itself unless it is clear."""

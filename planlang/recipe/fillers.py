@@ -426,12 +426,14 @@ def read_parameters(
 
 
 def action_class(ontology: Ontology, individual: str) -> str | None:
-    """Return the class of actions of an individual: its first type that is one, else its first known type."""
+    """Return the class of actions of an individual: the narrowest of its types that is one, else its first known.
+
+    The narrowest has the most superclasses: being a grasp says more than being a chunk of a table.
+    """
     types = ontology.types(individual)
     for wanted in ("Action", "Event"):
-        for cls in types:
-            if ontology.is_a(cls, expand(wanted)):
-                return cls
+        if fitting := [cls for cls in types if ontology.is_a(cls, expand(wanted))]:
+            return max(fitting, key=lambda cls: len(ontology.ancestors(cls)))
     return next((cls for cls in types if len(ontology.ancestors(cls)) > 1), next(iter(types), None))
 
 

@@ -127,6 +127,16 @@ def test_putting_something_somewhere_picks_up_carries_and_puts_down(
     assert {*itertools.combinations(taking, 2), *itertools.combinations(releasing, 2)} <= plain
 
 
+def test_chunk_of_a_table_is_an_action_also_where_the_class_of_chunks_is_known(corpus: Path) -> None:
+    found = compiled(corpus, "acat-adt_example_pipetting@master.owl")
+    performed = {step.name: step.action for step in found.recipes.main.steps}
+    assert performed == {
+        "ActionChunk_dsfg24375zd": "GraspingSomething",
+        "ActionChunk_DGFri4u5fd": "PuttingDownAnObject",
+    }
+    assert "R021" not in {one.code for one in found.diagnostics}
+
+
 def test_file_with_several_tasks_lists_them(corpus: Path) -> None:
     (found,) = (d for d in problems(corpus / "ontologies" / "knowrob@hydro.owl") if d.code == "R002")
     assert "PuttingSomethingSomewhere" in (found.help or "")
@@ -342,6 +352,12 @@ def test_action_data_table_performs_its_chunks_in_the_order_of_the_chain(corpus:
     assert done.value is None
     assert done.happened_before("ActionChunk_dsfg24375zd", "ActionChunk_DGFri4u5fd")
     assert "# Hand moves towards pipette and grasps it" in found.source
+
+
+def test_recipes_of_the_library_are_about_what_a_table_names_though_its_class_is_unknown(corpus: Path) -> None:
+    source = unbroken(compile_recipe(corpus / "recipes" / "acat-adt_example_pipetting@master.owl").source)
+    assert "partial(grasp, thing=action_object_description_dfg_i_niret8h)" in source
+    assert "action_object_description_ften8db_fgsd, thing=action_object_description_dfg_i_niret8h)" in source
 
 
 def test_facts_of_a_table_that_no_plan_uses_are_told_with_their_lines(corpus: Path) -> None:
