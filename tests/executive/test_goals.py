@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.extras import skip_without_pr2
 from tests.support.scenarios import CORPUS, Scenario, judged, scenarios
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "recipes.md"
@@ -16,6 +17,7 @@ QUICK = [one for one in scenarios().values() if one.seconds <= 10.0]
 def test_a_recipe_reaches_its_goal(scenario: Scenario) -> None:
     if scenario.needs_corpus and not CORPUS.is_dir():
         pytest.skip("the corpus of real OWL files is not beside this checkout")
+    skip_without_pr2(scenario.command)
     found = judged(scenario)
     assert found.reached, (found.result.message, found.unmet)
 

@@ -117,6 +117,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_an_output_in_the_documentation_is_what_its_command_prints(
     command: str, folder: Path, request: pytest.FixtureRequest
 ) -> None:
+    from tests.support.extras import skip_without_pr2  # as a script this file sees no other tests
+
+    skip_without_pr2(command)
     corpus = request.getfixturevalue("corpus") if "@" in command or "corpus/" in command else folder
     assert prepare(command, folder, corpus), "the corpus lacks a file that the documentation uses"
     real = output(command, folder)

@@ -1,0 +1,14 @@
+"""What is installed beyond what planlang needs."""
+
+from importlib.metadata import distributions
+
+import pytest
+
+HAS_PR2 = any(distributions(name="example-robot-data"))
+"""True if the PR2's URDF is there: 430 MB, the extra pr2."""
+
+
+def skip_without_pr2(words: str) -> None:
+    """Skip the test if a command with these words needs the PR2 and its URDF is not there."""
+    if "pr2" in words.split() and not HAS_PR2:
+        pytest.skip("the PR2's URDF is in the extra pr2")
