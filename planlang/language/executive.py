@@ -133,7 +133,8 @@ class RecordedModule(WrappedModule):
     def resources(self, action: Action) -> tuple[str, ...]:
         """Return what the action needs exclusively."""
         question = f"resources of {self.name} for {action}"
-        return tuple(self._recorded.answer(question, lambda: tuple(self._module.resources(action))))
+        needs = super().resources
+        return tuple(self._recorded.answer(question, lambda: needs(action)))
 
     async def execute(self, action: Action) -> Any:
         """Perform the action, and record its result or failure."""

@@ -1,0 +1,80 @@
+"""What is looked at before a place is gone to, and what modules are told of where they run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from typing import Any
+
+import pytest
+from virtual_time import go
+
+from planlang import *
+from planlang.designators import Object
+from planlang.failures import ObjectUnresolvable
+from planlang.language.performing import actions_around
+from planlang.language.plans import innermost_plan
+from planlang.protocols import Solution
+
+CUP = an_object("Cup", "http://example.org/map#cup1")
+NEAR_CUP = a_location(in_reach_of=CUP)
+LOOK = action("LookingForSomething", object_acted_on=CUP)
+
+
+@pytest.mark.parametrize("moved", [False, True])
+def test_before_a_place_is_gone_to_what_is_not_seen_from_there_is_looked_at(
+    executive: Any, module: Any, moved: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def look(wanted: Any) -> None:
+        executive.log.append("looked")
+        executive.belief += moved and executive.log.count("looked") == 1
+
+    def solutions(location: Location) -> Iterator[Solution]:
+        for place in executive.places:
+            yield Solution(place, executive.belief, {}, (LOOK,))
+
+    executive.extra.append(module("perception", ("LookingForSomething",), look))
+    monkeypatch.setattr(executive, "solutions", solutions)
+
+    async def body() -> None: ...
+
+    go(partial(at_location, NEAR_CUP, body), executive)
+    assert executive.log == (["looked", "looked", "at 1"] if moved else ["looked", "at 1"])
+
+
+def test_a_module_sees_the_actions_and_the_plan_around_it(executive: Any, module: Any) -> None:
+    seen: list[object] = []
+
+    async def pour(wanted: Any) -> None:
+        seen.extend([[one.type for one in actions_around()], innermost_plan().rpartition("/")[2]])
+
+    executive.extra.append(module("pouring", ("Pouring",), pour))
+
+    async def recipe() -> None:
+        await perform(action("Pouring"))
+
+    @plan
+    async def cook() -> None:
+        await perform(action("AddingSomething"), otherwise=recipe)
+
+    go(cook, executive)
+    assert seen == [["Pouring", "AddingSomething"], "cook"]
+    assert (list(actions_around()), innermost_plan()) == ([], "")
+
+
+def test_a_thing_of_which_nothing_is_known_is_looked_for_before_a_place_is(executive: Any, module: Any) -> None:
+    looked: list[Object] = []
+
+    async def look(wanted: Any) -> None:
+        looked.append(wanted.get("object_acted_on"))
+
+    executive.extra.append(module("perception", ("LookingForSomething",), look))
+
+    async def fetch() -> None:
+        if not looked:
+            raise ObjectUnresolvable(designator="Cup")
+
+    recovery = Recovery(ObjectUnresolvable, look_from_another_place(CUP), attempts=1)
+    go(partial(with_failure_handling, fetch, recovery), executive)
+    assert looked == [CUP]
+    assert executive.asked == [], "no place to look from was asked for"
