@@ -419,7 +419,7 @@ class Platform(Control):
 
     @property
     def searches_begun(self) -> bool:
-        """Whether anything was looked for in several places."""
+        """Return whether anything was looked for in several places."""
         return self._searches is not None
 
     def watched(self, group: str) -> Sequence[str]:

@@ -178,7 +178,7 @@ def _bound(parameter: PlanParameter, text: str, semantic_map: SemanticMap, found
 
 
 ALL = "all"
-"""What stands for all things of a map."""
+"""The word that stands for all things of a map."""
 
 
 def unknown_things(semantic_map: SemanticMap, words: Sequence[str]) -> tuple[str, ...]:

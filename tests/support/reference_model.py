@@ -75,7 +75,7 @@ class Strand:
 
     @property
     def doomed(self) -> bool:
-        """Whether the next checkpoint raises."""
+        """Return whether the next checkpoint raises."""
         return self.overrun is not None or (self.cancelled and not self.shields)
 
     @property
@@ -89,7 +89,7 @@ class Strand:
         return "suspended" if self.held else "created" if self.node is None else "running"
 
     def delivered(self) -> Outcome:
-        """What a checkpoint of a doomed task raises."""
+        """Return what a checkpoint of a doomed task raises."""
         if self.overrun is not None:
             self.overrun = None
             return ERROR
@@ -107,7 +107,7 @@ class Strand:
             self.outcome = EVAPORATED if self.thrown and outcome[0] != "error" else outcome
 
     def subtree(self, *, cancelled: bool = False) -> Iterator[Strand]:
-        """What lives below, children first, and this; without what is being evaporated, unless asked for."""
+        """Yield what lives below, children first, and this; without what is being evaporated, unless asked for."""
         if self.scope is not None:
             for child in self.scope.live:
                 if (cancelled or not child.cancelled) and child.outcome is None:
@@ -180,7 +180,7 @@ class World:
                     node.fire()
 
     def timers(self) -> list[Timed]:
-        """What runs out with time, as things are."""
+        """Return what runs out with time, as things are."""
         self.nodes = [node for node in self.nodes if node.live]
         return [node for node in self.nodes if isinstance(node, Timed) and not node.strand.held]
 
@@ -331,7 +331,7 @@ class Retry(Node):
             self.asking = True
 
     def granted(self) -> bool:
-        """Whether no budget stops the next run any more; one that is used up does until it has ended, for shields."""
+        """Return whether no budget stops the next run any more; a used up one does until it has ended, for shields."""
         while True:
             if self.undecided:
                 if self.strand.doomed or not all(budget.over for budget in self.undecided):
@@ -403,7 +403,7 @@ class Protected(Node):
 
 
 class Shielded(Deadline):
-    """What evaporation from outside does not reach, for so many steps at most."""
+    """A part that evaporation from outside does not reach, for so many steps at most."""
 
     def __init__(self, tree: Tree, strand: Strand, budgets: tuple[Budget, ...]) -> None:
         super().__init__(tree, strand, budgets, tree.number)
