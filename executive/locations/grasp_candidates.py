@@ -43,6 +43,8 @@ COMFORTABLE = 0.2
 GRIPPED = 0.01
 """Least height of a thing above the grip point [m]."""
 UP = np.array([0.0, 0.0, 1.0])
+PARTICULAR, POOREST = 4, 0.02
+"""Power of a spot's score, beside that of the best one, that is the weight of what is put there, and the least one."""
 OBLIQUE = 0.4
 """Weight of a grasp across the edges of a box, beside one across its faces."""
 
@@ -233,18 +235,20 @@ def offering(name: str, zone: ComfortZone, frame: HandFrame, held: Held | None, 
 
 
 def placing(
-    name: str, spots: Sequence[Pose], frame: HandFrame, held: Held, *, symmetric: bool, fine: bool
+    name: str, spots: Sequence[tuple[Pose, float]], frame: HandFrame, held: Held, *, symmetric: bool, fine: bool
 ) -> GraspCandidates:
     """Return candidates down onto a place for what is held, and back from it: as a whole upright at one of ``spots``.
 
-    What is ``symmetric`` may be turned round by half a turn, anything else as it likes.
+    The better the score of a spot, the more natural it is. What is ``symmetric`` may be turned round by half a turn,
+    anything else as it likes.
     """
     count = 2 if symmetric else HEADINGS if fine else HEADINGS // 2
     at, turn = (grid.ravel() for grid in np.meshgrid(np.arange(len(spots)), np.arange(count), indexing="ij"))
-    yaws = np.array([spot.yaw for spot in spots])[at] + turn * (2 * math.pi / count)
+    yaws = np.array([spot.yaw for spot, _ in spots])[at] + turn * (2 * math.pi / count)
+    scores = np.array([score for _, score in spots])
     base, grasp, heading, roll = _held_upright(frame, held)
     rotations = product(upright(yaws), base)
-    points = np.array([spot.position for spot in spots])[at] - held.offsets(rotations)
+    points = np.array([spot.position for spot, _ in spots])[at] - held.offsets(rotations)
     back = -APPROACH * rotated(rotations, np.asarray(frame.approach))
     still = np.zeros((len(at), 3))
     return GraspCandidates(
@@ -256,7 +260,7 @@ def placing(
         np.full(len(at), grasp, np.intp),
         yaws + heading,
         np.full(len(at), roll, np.intp),
-        1.0 - 0.5 * at / max(len(spots), 1),
+        np.clip((scores / scores.max()) ** PARTICULAR, POOREST, 1.0)[at],
     ).best(1200 if fine else 64)
 
 

@@ -204,14 +204,14 @@ def _made(
     return placing(reach.body, spots, arm.frame, held, symmetric=turns, fine=fine) if spots else None
 
 
-def _spread(spots: Iterable[Pose]) -> list[Pose]:
-    """Return the best spots that are apart from each other, then the best of those in between."""
-    apart: list[Pose] = []
-    between: list[Pose] = []
+def _spread(spots: Iterable[tuple[Pose, float]]) -> list[tuple[Pose, float]]:
+    """Return the best spots, with scores, that are apart from each other, then the best of those in between."""
+    apart: list[tuple[Pose, float]] = []
+    between: list[tuple[Pose, float]] = []
     for spot in spots:
         if len(apart) == MOST_SPOTS:
             break
-        near = any(math.dist(spot.position, other.position) < SPREAD for other in apart)
+        near = any(math.dist(spot[0].position, other.position) < SPREAD for other, _ in apart)
         (between if near else apart).append(spot)
     return (apart + between)[:MOST_SPOTS]
 

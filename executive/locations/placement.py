@@ -22,7 +22,7 @@ from planlang.geometry import Array, Pose
 
 SPACING = 0.04
 """Distance of neighbouring places on a surface [m]."""
-FINE_SPACING = 0.02
+FINE_SPACING = 0.01
 """The same where relations to other things leave only a part of the surface [m]."""
 MOST_PLACES = 4000
 """Places on one surface: on a large one they are farther apart."""
@@ -42,8 +42,10 @@ HAIR = 1e-6
 """Length that rounding may add [m]."""
 TRAVEL = 4.0
 """Distance of the base over which a place loses most of its worth [m]."""
-ROOMY = 0.1
-"""More room around an object than this is not better [m]."""
+ROOMY, ROOMY_BESIDE = 0.1, 0.01
+"""More room around an object than this is not better [m]; beside something less, as more may come there."""
+ACROSS = 0.5
+"""Weight of a long thing that points at what it is beside: things lie along each other."""
 MOST_CELLS = 12
 """Circles in a row that cover the outline of a long object."""
 
@@ -58,8 +60,8 @@ class Placement:
     near: bool = True
     """True if places near to where the base is now are better."""
 
-    def poses(self, log: Rejections) -> Iterator[Pose]:
-        """Yield poses of the object's box centre, upright, best first; reasons of others are counted."""
+    def poses(self, log: Rejections) -> Iterator[tuple[Pose, float]]:
+        """Yield poses of the object's box centre, upright, with scores, best first; reasons of others are counted."""
         found = [self._free(upright, log) for upright in self._turned()]
         centres = np.concatenate([places for places, _ in found])
         score = np.concatenate([scores for _, scores in found])
@@ -68,7 +70,7 @@ class Placement:
         )
         for index in np.argsort(-score.round(9), kind="stable"):
             x, y, z = centres[index].tolist()
-            yield Pose.planar(x, y, float(yaws[index]), z)
+            yield Pose.planar(x, y, float(yaws[index]), z), float(score[index])
 
     def _free(self, upright: Block, log: Rejections) -> tuple[Array, Array]:
         """Return places (m, 3) for the object's centre, turned as ``upright``, a prism at the origin, and scores."""
@@ -97,7 +99,8 @@ class Placement:
         log.refuse("no room for the object", centres[crowded])
         for body in self._crowding(centres[crowded]):
             log.blocking[body] += 1
-        score = np.clip(room, 0.0, ROOMY) / ROOMY
+        roomy = ROOMY_BESIDE if any(area.directions for area in areas) else ROOMY
+        score = np.clip(room, 0.0, roomy) / roomy
         if where := demand.on or demand.inside:  # rather not at the very edge
             outer = bodies.block(where)
             spare = -_overhang(upright, centres[:, :2], outer)
@@ -106,7 +109,7 @@ class Placement:
                 aside = np.hypot(centres[:, 0] - outer.x, centres[:, 1] - outer.y)
                 score = score * (1.0 - 0.2 * np.clip(aside / SMALL, 0.0, 1.0))
         for area in areas:
-            score = score * area.score(centres[:, :2])
+            score = score * area.score(centres[:, :2]) * (ACROSS if _points_at(upright, area) else 1.0)
         if self.near:
             x, y, _ = self.scene.base()
             score = score * np.exp(-np.hypot(centres[:, 0] - x, centres[:, 1] - y) / TRAVEL)
@@ -191,9 +194,15 @@ class Placement:
         half_y = block.half_y - upright.support(block.yaw + math.pi / 2)
         if half_x < -HAIR or half_y < -HAIR:
             return np.zeros((0, 3))
-        half_x, half_y = max(half_x, 0.0), max(half_y, 0.0)
-        spacing = max(FINE_SPACING if demand.areas else SPACING, 2 * math.sqrt(half_x * half_y / MOST_PLACES))
-        axes = [np.linspace(-half, half, 2 * math.ceil(half / spacing) + 1) for half in (half_x, half_y)]
+        ends = np.array([[-half_x, -half_y], [half_x, half_y]]).clip([[-np.inf], [0.0]], [[0.0], [np.inf]])
+        for x, y, _, radius in (area.anchor() for area in demand.areas if not area.negated):
+            (middle,) = block.to_local(np.array([[x, y]]))
+            ends = np.array([np.maximum(ends[0], middle - radius), np.minimum(ends[1], middle + radius)])
+        if (ends[0] > ends[1]).any():
+            return np.zeros((0, 3))
+        half = (ends[1] - ends[0]) / 2
+        spacing = max(FINE_SPACING if demand.areas else SPACING, 2 * math.sqrt(half[0] * half[1] / MOST_PLACES))
+        axes = [np.linspace(*pair, 2 * math.ceil((pair[1] - pair[0]) / 2 / spacing) + 1) for pair in ends.T]
         places = block.to_map(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2))
         if block.round:
             places = places[_overhang(upright, places, block) <= HAIR]
@@ -233,6 +242,13 @@ def _areas(demand: ThingDemand, block: Block) -> tuple[Area, ...]:
     return tuple(
         replace(area, radius=block.support(area.directions[0])) if area.directions else area for area in demand.areas
     )
+
+
+def _points_at(block: Block, area: Area) -> bool:
+    """Return whether a block is longer towards the body that it is on a side of than along that side."""
+    if not area.directions or block.round:
+        return False
+    return block.support(area.directions[0]) > block.support(area.directions[0] + math.pi / 2) + HAIR
 
 
 def _covering(block: Block) -> tuple[Array, float]:
