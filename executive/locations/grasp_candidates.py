@@ -7,7 +7,7 @@ reachability maps can be inverted for many at once. The *key* pose of a series i
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import NamedTuple
@@ -20,7 +20,7 @@ from executive.locations.columns import Columns
 from executive.locations.reachability import GraspClass
 from executive.motion import QuickCheck
 from executive.robots.arms import ArmModel, HandFrame, Held
-from planlang.geometry import Array, Pose
+from planlang.geometry import Array
 from planlang.geometry.matrices import product, rotated
 from sim import ComfortZone
 
@@ -235,20 +235,19 @@ def offering(name: str, zone: ComfortZone, frame: HandFrame, held: Held | None, 
 
 
 def placing(
-    name: str, spots: Sequence[tuple[Pose, float]], frame: HandFrame, held: Held, *, symmetric: bool, fine: bool
+    name: str, spots: Array, scores: Array, frame: HandFrame, held: Held, *, symmetric: bool, fine: bool
 ) -> GraspCandidates:
     """Return candidates down onto a place for what is held, and back from it: as a whole upright at one of ``spots``.
 
-    The better the score of a spot, the more natural it is. What is ``symmetric`` may be turned round by half a turn,
-    anything else as it likes.
+    These (n, 4) are its places and yaws. The better the score of one (n,), the more natural it is. What is
+    ``symmetric`` may be turned round by half a turn, anything else as it likes.
     """
     count = 2 if symmetric else HEADINGS if fine else HEADINGS // 2
     at, turn = (grid.ravel() for grid in np.meshgrid(np.arange(len(spots)), np.arange(count), indexing="ij"))
-    yaws = np.array([spot.yaw for spot, _ in spots])[at] + turn * (2 * math.pi / count)
-    scores = np.array([score for _, score in spots])
+    yaws = spots[at, 3] + turn * (2 * math.pi / count)
     base, grasp, heading, roll = _held_upright(frame, held)
     rotations = product(upright(yaws), base)
-    points = np.array([spot.position for spot, _ in spots])[at] - held.offsets(rotations)
+    points = spots[at, :3] - held.offsets(rotations)
     back = -APPROACH * rotated(rotations, np.asarray(frame.approach))
     still = np.zeros((len(at), 3))
     return GraspCandidates(
@@ -260,7 +259,7 @@ def placing(
         np.full(len(at), grasp, np.intp),
         yaws + heading,
         np.full(len(at), roll, np.intp),
-        np.clip((scores / scores.max()) ** PARTICULAR, POOREST, 1.0)[at],
+        np.clip((scores / scores.max(initial=0.0)) ** PARTICULAR, POOREST, 1.0)[at],
     ).best(1200 if fine else 64)
 
 

@@ -36,8 +36,12 @@ FLAT = 0.001
 """Height above the surface up to which something may lie under an object [m]: no more than rounding."""
 EDGE = 0.03
 """Distance from the edge of a surface from which a place is as good as can be [m]."""
-SMALL = 0.3
+SMALL = 0.6
 """Distance from the middle of a surface up to which a place is the better the nearer it is [m]."""
+CENTRED = 0.4
+"""Share of its worth that a place loses up to there, or as far from the middle as a thing fits on what is small."""
+NATURAL = 3
+"""Power of the score of an area: well in front of a chair is far better than still so."""
 HAIR = 1e-6
 """Length that rounding may add [m]."""
 TRAVEL = 4.0
@@ -46,7 +50,7 @@ ROOMY, ROOMY_BESIDE = 0.1, 0.01
 """More room around an object than this is not better [m]; beside something less, as more may come there."""
 ACROSS = 0.5
 """Weight of a long thing that points at what it is beside: things lie along each other."""
-MOST_CELLS = 12
+MOST_CELLS = 24
 """Circles in a row that cover the outline of a long object."""
 
 
@@ -60,17 +64,22 @@ class Placement:
     near: bool = True
     """True if places near to where the base is now are better."""
 
-    def poses(self, log: Rejections) -> Iterator[tuple[Pose, float]]:
-        """Yield poses of the object's box centre, upright, with scores, best first; reasons of others are counted."""
+    def spots(self, log: Rejections) -> tuple[Array, Array]:
+        """Return places and yaws (n, 4) of the object's box centre, upright, and scores (n,), best first.
+
+        Reasons of others are counted.
+        """
         found = [self._free(upright, log) for upright in self._turned()]
-        centres = np.concatenate([places for places, _ in found])
-        score = np.concatenate([scores for _, scores in found])
-        yaws = np.concatenate(
-            [np.full(len(places), upright.yaw) for upright, (places, _) in zip(self._turned(), found, strict=True)]
-        )
-        for index in np.argsort(-score.round(9), kind="stable"):
-            x, y, z = centres[index].tolist()
-            yield Pose.planar(x, y, float(yaws[index]), z), float(score[index])
+        yaws = [np.full((len(places), 1), one.yaw) for one, (places, _) in zip(self._turned(), found, strict=True)]
+        spots = np.hstack([np.concatenate([places for places, _ in found]), np.concatenate(yaws)])
+        scores = np.concatenate([scores for _, scores in found])
+        order = np.argsort(-scores.round(9), kind="stable")
+        return spots[order], scores[order]
+
+    def poses(self, log: Rejections) -> Iterator[Pose]:
+        """Yield poses of the object's box centre, upright, best first; reasons of others are counted."""
+        for x, y, z, yaw in self.spots(log)[0].tolist():
+            yield Pose.planar(x, y, yaw, z)
 
     def _free(self, upright: Block, log: Rejections) -> tuple[Array, Array]:
         """Return places (m, 3) for the object's centre, turned as ``upright``, a prism at the origin, and scores."""
@@ -107,9 +116,9 @@ class Placement:
             score = score * (0.3 + 0.7 * np.clip(spare, 0.0, EDGE) / EDGE)
             if not areas and not self.near:  # rather in the middle of what is small
                 aside = np.hypot(centres[:, 0] - outer.x, centres[:, 1] - outer.y)
-                score = score * (1.0 - 0.2 * np.clip(aside / SMALL, 0.0, 1.0))
+                score = score * (1.0 - CENTRED * np.clip(aside / np.clip(aside.max(), HAIR, SMALL), 0.0, 1.0))
         for area in areas:
-            score = score * area.score(centres[:, :2]) * (ACROSS if _points_at(upright, area) else 1.0)
+            score = score * area.score(centres[:, :2]) ** NATURAL * (ACROSS if _points_at(upright, area) else 1.0)
         if self.near:
             x, y, _ = self.scene.base()
             score = score * np.exp(-np.hypot(centres[:, 0] - x, centres[:, 1] - y) / TRAVEL)
@@ -202,7 +211,7 @@ class Placement:
             return np.zeros((0, 3))
         half = (ends[1] - ends[0]) / 2
         spacing = max(FINE_SPACING if demand.areas else SPACING, 2 * math.sqrt(half[0] * half[1] / MOST_PLACES))
-        axes = [np.linspace(*pair, 2 * math.ceil((pair[1] - pair[0]) / 2 / spacing) + 1) for pair in ends.T]
+        axes = [np.linspace(low, high, 2 * math.ceil((high - low) / 2 / spacing) + 1) for low, high in ends.T.tolist()]
         places = block.to_map(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2))
         if block.round:
             places = places[_overhang(upright, places, block) <= HAIR]
@@ -256,7 +265,7 @@ def _covering(block: Block) -> tuple[Array, float]:
     if block.round:
         return np.zeros((1, 2)), max(block.half_x, block.half_y)
     wide, long = sorted((block.half_x, block.half_y))
-    count = min(math.ceil(long / max(wide, 1e-3) - HAIR), MOST_CELLS)
+    count = min(math.ceil(2 * long / max(wide, 1e-3) - HAIR), MOST_CELLS)
     along = (np.arange(count) + 0.5) * (2 * long / count) - long
     across = np.zeros(count)
     local = np.column_stack([along, across] if block.half_x >= block.half_y else [across, along])

@@ -261,7 +261,7 @@ class Resolver:
             needed = (("on", "in_"), " or ", ("in_reach_of",), " a person")
             raise meaningless(location, location, f" does not say where {name} rests: it needs ", *needed)
         found, placement = 0, Placement(name, demand, scene)
-        for pose, _ in placement.poses(log):
+        for pose in placement.poses(log):
             if placement.holds(pose):
                 found += 1
                 yield pose
