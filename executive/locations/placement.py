@@ -34,8 +34,8 @@ ABOVE_SURFACE = 0.002
 """Height above the surface at which an object is put [m]."""
 FLAT = 0.001
 """Height above the surface up to which something may lie under an object [m]: no more than rounding."""
-EDGE = 0.03
-"""Distance from the edge of a surface from which a place is as good as can be [m]."""
+EDGE, EDGE_BESIDE = 0.03, 0.15
+"""Distance from the edge of a surface from which a place is as good as can be [m]; beside something, as more may come."""
 SMALL = 0.6
 """Distance from the middle of a surface up to which a place is the better the nearer it is [m]."""
 CENTRED = 0.4
@@ -108,12 +108,12 @@ class Placement:
         log.refuse("no room for the object", centres[crowded])
         for body in self._crowding(centres[crowded]):
             log.blocking[body] += 1
-        roomy = ROOMY_BESIDE if any(area.directions for area in areas) else ROOMY
+        roomy, border = (ROOMY_BESIDE, EDGE_BESIDE) if any(area.directions for area in areas) else (ROOMY, EDGE)
         score = np.clip(room, 0.0, roomy) / roomy
         if where := demand.on or demand.inside:  # rather not at the very edge
             outer = bodies.block(where)
             spare = -_overhang(upright, centres[:, :2], outer)
-            score = score * (0.3 + 0.7 * np.clip(spare, 0.0, EDGE) / EDGE)
+            score = score * (0.3 + 0.7 * np.clip(spare, 0.0, border) / border)
             if not areas and not self.near:  # rather in the middle of what is small
                 aside = np.hypot(centres[:, 0] - outer.x, centres[:, 1] - outer.y)
                 score = score * (1.0 - CENTRED * np.clip(aside / np.clip(aside.max(), HAIR, SMALL), 0.0, 1.0))
