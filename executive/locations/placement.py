@@ -35,7 +35,7 @@ ABOVE_SURFACE = 0.002
 FLAT = 0.001
 """Height above the surface up to which something may lie under an object [m]: no more than rounding."""
 EDGE, EDGE_BESIDE = 0.03, 0.15
-"""Distance from the edge of a surface from which a place is as good as can be [m]; beside something, as more may come."""
+"""Distance from the edge of a surface from which a place is as good as can be [m]; where more may come, too."""
 SMALL = 0.6
 """Distance from the middle of a surface up to which a place is the better the nearer it is [m]."""
 CENTRED = 0.4
