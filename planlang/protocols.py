@@ -171,4 +171,4 @@ class Solution:
     detail: Mapping[str, Any]
     """JSON-like: which arm, grasp, torso height; for the trace."""
     before: tuple[Action, ...] = ()
-    """What is to be done before going there: looking at what cannot be seen from there."""
+    """Actions to be done before going there: looking at what cannot be seen from there."""

@@ -87,7 +87,7 @@ class Body:
     mass: float = 0.0
     """Its mass, with what it contains at the beginning [kg]; 0 if it is not known."""
     largest_tilt: float | None = None
-    """How far its z axis may lean from upright while it is carried [rad]; None if it may be turned as one likes."""
+    """The angle by which its z axis may lean while carried [rad]; None if it may be turned as one likes."""
 
     def __post_init__(self) -> None:
         if self.shape not in tuple(BodyShape):

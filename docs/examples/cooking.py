@@ -1,4 +1,4 @@
-"""What a cook does and no simulated robot can do: cracking eggs, mixing, flipping, frosting.
+"""The module of a cook, who does what no simulated robot can do: cracking eggs, mixing, flipping, frosting.
 
 The module only takes its time. What becomes of eggs, flour and dough is declared for the classes of these actions in
 ontologies/object_change.omn, and applied by planlang when the module is done.

@@ -1,4 +1,4 @@
-"""What of a room the camera has shown: cells that are free, cells with a surface, and all others."""
+"""The part of a room that the camera has shown: cells that are free, cells with a surface, and all others."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ from planlang.geometry.matrices import product, rotated
 BEHIND = 0.3
 """Distance of the hand behind the centre of a tool's blade [m]."""
 STOWED = Pose((0.0, 0.0, -100.0))
-"""Where things are until a robot has them in its hand: far below everything."""
+"""The pose of things until a robot has them in its hand: far below everything."""
 Axis = tuple[float, float, float]
 
 

@@ -10,7 +10,7 @@ from planlang.geometry import Pose
 
 
 class Source(Enum):
-    """How the robot knows where a thing is."""
+    """The source from which the robot knows where a thing is."""
 
     MAP = "map"
     TOLD = "told"
@@ -22,7 +22,7 @@ class Source(Enum):
 
 
 class Knowledge(NamedTuple):
-    """How a thing's pose is known, and since when."""
+    """The source of a thing's pose, and the time since which it is known."""
 
     source: Source
     time: float = 0.0

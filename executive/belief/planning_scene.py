@@ -248,7 +248,7 @@ class PlanningScene:
     ) -> None:
         self.world, self.robot, self.belief = world, robot, belief
         self.space: ExploredSpace | None = None
-        """What was seen of the room, once it is explored."""
+        """The space that was seen of the room, once it is explored."""
         self.bodies = BelievedBodies(world, belief)
         self.arms = RobotArms(world, robot, belief, arms)
         self.collisions = SceneCollisions(world, robot, belief, arms)

@@ -1,4 +1,4 @@
-"""What the robot's software is believed to do: which parts run, and of which classes things are recognised."""
+"""The believed state of the robot's software: which parts run, and of which classes things are recognised."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ FLAT = 0.04
 CLEARANCES = {GraspClass.TOP: (0.004, 0.012), GraspClass.TILTED: (-0.008, -0.002, 0.004)}
 """Distances of the hand, taken for boxes, from what is below it [m]: corners of boxes stick out of tilted fingers."""
 LONG = 3.0
-"""How much longer than wide a thing is that is gripped elsewhere than in the middle, too."""
+"""The length in widths of a thing that is gripped elsewhere than in the middle, too."""
 DEEPEST = 0.025
 """Depth to which fingers go beside a rim [m]."""
 LEAST = 0.005

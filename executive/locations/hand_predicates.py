@@ -200,8 +200,9 @@ def _made(
         return None
     # the same wherever the base is: where it can reach one of them is asked next
     spots = _spread(Placement(held.name, put_demand(reach, held.name, scene), scene, near=False).poses(rejections))
-    turns = not scene.bodies.is_round(held.name)
-    return placing(reach.body, spots, arm.frame, held, symmetric=turns, fine=fine) if spots else None
+    if not spots:
+        return None
+    return placing(reach.body, spots, arm.frame, held, is_round=scene.bodies.is_round(held.name), fine=fine)
 
 
 def _spread(spots: Iterable[Pose]) -> list[Pose]:

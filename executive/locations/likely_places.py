@@ -1,4 +1,4 @@
-"""Where something is likely to be, and in which order the places are looked at: by likelihood over travel time.
+"""Places where something is likely to be, and the order in which they are looked at: by likelihood over travel time.
 
 Likelihoods are those of UsualPlace individuals (``ontologies/searching.omn``, or of the map); where the robot believes
 that such a thing is, it is likeliest. Each place comes with the base pose from where most of it is seen.
@@ -61,7 +61,7 @@ class LikelyPlace:
 
 @dataclass(slots=True)
 class Search:
-    """What is looked for, within which place, and the places that were gone to, the last of them last."""
+    """The thing that is looked for, the place within which it is, and the places that were gone to, last one last."""
 
     what: Object
     within: Object | None = None
@@ -69,7 +69,7 @@ class Search:
 
 
 class UsualPlaces:
-    """What ontologies say about where things usually are."""
+    """Places where things usually are, as ontologies say."""
 
     def __init__(self, ontology: Ontology) -> None:
         self._ontology = ontology

@@ -26,7 +26,7 @@ SPACING = 0.4
 MOST_POINTS = 500
 """Cells beside seen space by which places are compared, at most."""
 LEAST = 0.002
-"""What a view has to show at least that is new, as a share of the cells with a surface: less is not worth the way."""
+"""The least share of the cells with a surface that a view has to show anew: less is not worth the way."""
 ROOM = 0.05
 """Room that the robot keeps to what it has seen [m]."""
 HEADINGS = 24
@@ -59,12 +59,12 @@ class Neck:
 
 
 class Exploration:
-    """What was explored of a room, and where to go on. ``names`` are what the plan calls the next view, or the end."""
+    """The explored part of a room, and where to go on. ``names`` are what the plan calls the next view, or the end."""
 
     def __init__(self, scene: PlanningScene, names: Sequence[str] = ()) -> None:
         self.scene, self.names = scene, tuple(names)
         self.goal: BasePose | None = None
-        """Where the robot goes to next; None before it has looked around, and when nothing new is to be seen."""
+        """The place that the robot goes to next; None before it has looked around, and when nothing is new."""
         self.finished = False
         if scene.space is None:
             scene.space = ExploredSpace(scene.world.scene.bounds)
@@ -99,7 +99,7 @@ class Exploration:
 
     @property
     def eye(self) -> Array:
-        """Where the camera is, (3,)."""
+        """Return the place of the camera, (3,)."""
         camera = self.scene.robot.camera
         return np.array((0.0, 0.0, 0.0) if camera is None else self.scene.world.link_pose(camera.link).position)
 

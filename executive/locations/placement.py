@@ -56,7 +56,7 @@ class Placement:
     demand: ThingDemand
     scene: PlanningScene
     near: bool = True
-    """Whether places near to where the base is now are better."""
+    """True if places near to where the base is now are better."""
 
     def poses(self, log: Rejections) -> Iterator[Pose]:
         """Yield poses of the object's box centre, upright, best first; reasons of others are counted."""

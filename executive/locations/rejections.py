@@ -1,4 +1,4 @@
-"""Why candidates were rejected: counts per reason and per body in the way, and the places themselves."""
+"""Reasons why candidates were rejected: counts per reason and per body in the way, and the places themselves."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MOST_PLACES = 5000
 
 @dataclass(frozen=True, slots=True)
 class Reason:
-    """Why a candidate was rejected, and the body that was in its way, if one was."""
+    """The reason why a candidate was rejected, and the body that was in its way, if one was."""
 
     text: str
     body: str | None = None

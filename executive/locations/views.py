@@ -1,4 +1,4 @@
-"""Where the robot could stand to look at points of the map, and which of them it would see from there."""
+"""Places where the robot could stand to look at points of the map, and the points that it would see from there."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ FRAME = 0.5
 
 
 class Views:
-    """What the camera would show in the believed world; nothing of the true one is asked."""
+    """Pictures that the camera would take in the believed world; nothing of the true one is asked."""
 
     def __init__(self, scene: PlanningScene) -> None:
         self.scene = scene

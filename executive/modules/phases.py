@@ -1,4 +1,4 @@
-"""What the phases of constrained motions have in common: where things were when their recipe began, what held before.
+"""Memory that the phases of constrained motions share: where things were when their recipe began, what held before.
 
 A recipe is told by the place of the plan function in the tree of the run, which a resumed run has again.
 """

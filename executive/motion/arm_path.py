@@ -39,7 +39,7 @@ CONSTRAINED = 0.3
 LEAST_PROGRESS = 0.2
 """Share of its length by which such a branch has to come nearer to where it is to go."""
 LARGEST_JUMP = 3.0
-"""How far, in units of how far apart they were, neighbouring points of a straight way may be after projection."""
+"""The greatest distance of neighbouring points of a straight way after projection, in units of that before."""
 FORBIDDEN = 0.5
 """Largest distance that paths have to keep from an exact hit, in units of the edge resolution."""
 

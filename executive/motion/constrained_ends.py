@@ -134,7 +134,7 @@ class Ends:
     given_up: dict[int, set[int]] = field(default_factory=dict)
     """Phase -> constraints that heavier ones exclude."""
     explains: bool = True
-    """Whether it is found out which constraints exclude each other: that takes longer than all else."""
+    """True if it is found out which constraints exclude each other: that takes longer than all else."""
 
     @staticmethod
     def of(problem: MotionProblem, start: Array, asked: Sequence[Sequence[MotionConstraint]]) -> Ends:

@@ -1,4 +1,4 @@
-"""What a hand holds is kept upright: a limit to the tilt of an axis of the tip, and configurations moved inside it."""
+"""Keeping upright what a hand holds: a limit to the tilt of an axis of the tip, and configurations moved inside it."""
 
 from __future__ import annotations
 

@@ -51,7 +51,7 @@ class Held:
     pose: Pose
     size: tuple[float, float, float]
     largest_tilt: float | None = None
-    """How far its z axis may lean from upright [rad]; None if it may be turned as one likes."""
+    """The angle by which its z axis may lean from upright [rad]; None if it may be turned as one likes."""
 
     @property
     def up(self) -> Array:
@@ -121,7 +121,7 @@ class ArmModel:
     hand_corners: Array = field(default_factory=lambda: np.zeros((1, 3)))
     """Corners of boxes around the hand's pieces in the tip frame, (n, 3)."""
     palm: tuple[tuple[float, ...], ...] = ()
-    """Those of the pieces that are no fingers, which nothing that is grasped may touch."""
+    """The pieces that are no fingers, which nothing that is grasped may touch."""
 
     def lowest(self, rotations: Array, held: Held | None) -> Array:
         """Return the lowest point (m,) of hand and held object over the tip [m], for tip rotations (m, 3, 3)."""

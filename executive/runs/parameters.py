@@ -71,7 +71,7 @@ def _hints(plan: Plan[Any, Any]) -> dict[str, Any]:
     """Return the types of a plan's parameters; nothing for an author's that cannot be evaluated."""
     try:
         return get_type_hints(plan.function, include_extras=True)
-    except Exception:
+    except (AttributeError, NameError, SyntaxError, TypeError):
         return {}
 
 
@@ -178,7 +178,7 @@ def _bound(parameter: PlanParameter, text: str, semantic_map: SemanticMap, found
 
 
 ALL = "all"
-"""What stands for all things of a map."""
+"""The word that stands for all things of a map."""
 
 
 def unknown_things(semantic_map: SemanticMap, words: Sequence[str]) -> tuple[str, ...]:

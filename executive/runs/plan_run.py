@@ -127,7 +127,7 @@ class RunResult:
     failure: tuple[str, ...] = ()
     """Classes of the failure that ended the plan and of its causes, the failure itself first."""
     tilts: Tilts = field(default_factory=Tilts)
-    """How far what was carried leaned from upright, in the simulator's truth."""
+    """The angles by which what was carried leaned from upright, in the simulator's truth."""
 
 
 class Run:

@@ -1,4 +1,4 @@
-"""How far things leaned from upright while the robot had them, in the simulator's truth."""
+"""Angles by which things leaned from upright while the robot had them, in the simulator's truth."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Tilts:
         self.largest: dict[str, float] = {}
         self.limits: dict[str, float] = {}
         self._held: dict[str, bool] = {}
-        """What is held, and whether it stood upright when it was grasped."""
+        """The things that are held, and whether each stood upright when it was grasped."""
 
     def __call__(self, world: PyBulletWorld) -> None:
         """Take note of the world after a step."""

@@ -102,7 +102,7 @@ def executive_for(construct: str) -> Executive:
 
 
 class WrappedModule:
-    """What a process module says of itself, said of another one: the base of those that add to one."""
+    """The base of modules that add to another one: a module says of itself what that one says."""
 
     def __init__(self, module: ProcessModule) -> None:
         self._module = module

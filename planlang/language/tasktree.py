@@ -49,7 +49,7 @@ class TaskNode:
 
     @property
     def reason(self) -> str:
-        """Why it ended as it did: ``TYPE: MESSAGE`` of its failure; empty if it has none."""
+        """Return why it ended as it did: ``TYPE: MESSAGE`` of its failure; empty if it has none."""
         return "" if self.failure is None else f"{self.failure['type']}: {self.failure['message']}"
 
     def record(self) -> dict[str, Any]:

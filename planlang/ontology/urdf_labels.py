@@ -35,7 +35,7 @@ Triplet = tuple[float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class Label:
-    """What a file says about a link, or about a mesh: then ``size`` and ``centre`` only."""
+    """The label that a file gives to a link, or to a mesh: then ``size`` and ``centre`` only."""
 
     span: Span
     cls: str | None = None

@@ -7,7 +7,7 @@ import math
 from planlang.ontology import Literal, Ontology, expand
 
 UPRIGHT = 1e-3
-"""How far the last number of a matrix may be from 1 for its z axis to point up."""
+"""The distance of the last number of a matrix from 1 up to which its z axis points up."""
 
 
 def stated_pose(ontology: Ontology, iri: str) -> tuple[float, float, float, float] | None:

@@ -1,4 +1,4 @@
-"""What a crowded map costs: ``serve_a_drink`` with ever more things in the room, in CPU time of processes of their own.
+"""Measure what a crowded map costs: ``serve_a_drink`` with ever more things in the room, in CPU time of own processes.
 
     python -m tests.benchmarks.clutter             0, 100, 500 and 2,000 more things
     python -m tests.benchmarks.clutter --runs 3    the least of three runs each (default: 2)

@@ -1,4 +1,4 @@
-"""What compiling costs: from files of 1,000 to 10,000 steps and each stage of it, and how it grows; networkx beside.
+"""Measure what compiling costs: from files of 1,000 to 10,000 steps, each stage, and its growth; networkx beside.
 
 First recipes from files, in each syntax: random orders with ten orderings a step. The peer is networkx, which of all
 this does the transitive reduction alone. Then the stages, of recipes made in memory: the same orders, and
@@ -196,7 +196,7 @@ def files() -> Iterator[tuple[str, float]]:
 
 
 def measured(*arguments: str) -> Any:
-    """What a process of its own measures, told by JSON."""
+    """Return what a process of its own measures, told by JSON."""
     done = subprocess.run([sys.executable, __file__, *arguments], check=True, capture_output=True, text=True)
     return json.loads(done.stdout)
 

@@ -99,7 +99,7 @@ def _times(seconds: Sequence[float]) -> tuple[float, float]:
 
 
 def _followed(arms: Arms, problem: MotionProblem, start: Matrix, phases: Sequence[Sequence[MotionConstraint]]) -> bool:
-    """Whether plain inverse kinematics of projected waypoints solves all phases."""
+    """Return whether plain inverse kinematics of projected waypoints solves all phases."""
     rng, q, before = np.random.default_rng(0), start, list[MotionConstraint]()
     for phase in phases:
         kept = [one for one in phase if any(one.asks_the_same(other) for other in before)]

@@ -1,4 +1,4 @@
-"""How many doors and drawers robots open: 50 drawn by seeds, of different sizes, sides and handles, three robots.
+"""Count the doors and drawers that robots open: 50 drawn by seeds, of different sizes, sides and handles, three robots.
 
 ``python -m tests.benchmarks.doors [--rooms 50] [--robots amigo,pr2,panda]`` prints the share that is open in the true
 world at the end, the computing time, and for the others the failure of the plan.
@@ -21,7 +21,7 @@ ROBOTS = "amigo,pr2,panda"
 
 
 def opened(robot: str, seed: int) -> tuple[bool, str, float]:
-    """Whether a robot opens the door or drawer of a seed, else why not; and the computing time [s]."""
+    """Return whether a robot opens the door or drawer of a seed, else why not; and the computing time [s]."""
     with ExitStack() as stack:
         stage = room(stack, drawn(seed), robot)
         began, reason = time.process_time(), ""

@@ -1,4 +1,4 @@
-"""How often robots fetch a bottle from a closed cabinet or drawer: 30 drawn by seeds, each robot, a whole run.
+"""Count how often robots fetch a bottle from a closed cabinet or drawer: 30 drawn by seeds, each robot, a whole run.
 
     python tests/benchmarks/fetching.py [--rooms 30] [--robots amigo,pr2] [--first 0]
 

@@ -1,4 +1,4 @@
-"""What the kernel's tasks cost, beside the same work on asyncio, trio and py_trees in the same process.
+"""Measure what the kernel's tasks cost, beside the same work on asyncio, trio and py_trees in the same process.
 
 Repetitions of all libraries take turns, so that a slow moment of the machine hits all of them; the medians count. All
 run with the collector's threshold that the kernel sets for itself. A library that has no such thing gets a dash.
@@ -74,7 +74,7 @@ def told(depth: int) -> float:
 
 
 def bounds(found: dict[str, dict[str, float]]) -> list[tuple[str, float, float]]:
-    """What was promised, what was measured, and the bound."""
+    """Return what was promised, what was measured, and the bound."""
     task = found["spawn and join 10,000 branches"]
     order = found["partial_order of 1,000 steps, 2 orderings each"]
     small = found["spawn and join 1,000 branches"]

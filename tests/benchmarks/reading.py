@@ -1,4 +1,4 @@
-"""What reading costs: each syntax against the library that reads it elsewhere, and a recipe with its vocabulary.
+"""Measure what reading costs: each syntax against the library that reads it elsewhere, a recipe with its vocabulary.
 
 First the vocabulary of actions in every syntax: seconds here, seconds of rdflib or horned-owl for the same text in the
 same run, and their ratio. Then compiling the bundled recipe in a process, vocabulary included, with the cache of parsed

@@ -31,7 +31,7 @@ LONGEST = 300
 
 @dataclass(frozen=True)
 class Case:
-    """What is run, and which line of the final state says that it worked."""
+    """A command to run, and the line of the final state that says that it worked."""
 
     arguments: tuple[str, ...]
     served: str
@@ -52,7 +52,7 @@ REAL = Case(
 
 @dataclass(frozen=True)
 class Ending:
-    """How one run ended."""
+    """The ending of one run."""
 
     seed: int
     outcome: str
@@ -94,7 +94,7 @@ def run(case: Case, seed: int) -> Ending:
 
 
 def table(endings: Sequence[Ending]) -> str:
-    """How many runs ended how, most frequent first, with the seeds of what was not served."""
+    """Return how many runs ended how, most frequent first, with the seeds of what was not served."""
     counts = Counter((ending.outcome, ending.cause) for ending in endings)
     rows = [("runs", "outcome", "cause", "seeds")]
     for (outcome, cause), count in sorted(counts.items(), key=lambda item: (item[0][0] != "served", -item[1], item[0])):

@@ -1,4 +1,4 @@
-"""What the command costs before and around the work: import, help, one whole run; wall clock and peak memory.
+"""Measure what the command costs before and around the work: import, help, one whole run; wall clock and peak memory.
 
 Every line is the median of several processes; its last column is the ratio to starting this Python with nothing else,
 measured in the same run.

@@ -60,12 +60,12 @@ class Stage:
 
     @property
     def belief(self) -> Belief:
-        """What the robot believes."""
+        """Return what the robot believes."""
         return self.platform.belief
 
     @property
     def resolver(self) -> Resolver:
-        """What turns locations into places."""
+        """Return what turns locations into places."""
         return self.platform.resolver
 
     def run(self, plan: Callable[[], Awaitable[Any]], *, steps: int = 6000, trace: Trace | None = None) -> Any:

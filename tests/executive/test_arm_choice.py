@@ -1,4 +1,4 @@
-"""What a run chooses: the arm, one of several alternatives, where the robot stands when it begins."""
+"""Choices of a run: the arm, one of several alternatives, where the robot stands when it begins."""
 
 from __future__ import annotations
 

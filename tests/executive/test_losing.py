@@ -78,7 +78,7 @@ def holding_stage(make_stage: MakeStage) -> Stage:
 
 
 def lost(stage: Stage, doing: Any, monkeypatch: pytest.MonkeyPatch, when: float = 1.0) -> ObjectLost:
-    """What comes of something that the robot does while the bottle slips at a time [s]."""
+    """Return what comes of something that the robot does while the bottle slips at a time [s]."""
     drop(monkeypatch, "bottle", stage.truth.steps / stage.truth.rate + when)
 
     async def plan() -> float:

@@ -100,7 +100,7 @@ def room(tmp_path_factory: pytest.TempPathFactory) -> SemanticMap:
 
 
 def bound(folder: Path, room: SemanticMap, **bindings: str) -> tuple[dict[str, str], list[Diagnostic]]:
-    """What the parameters are bound to, and warnings."""
+    """Return what the parameters are bound to, and warnings."""
     path = folder / "serve.py"
     path.write_text(PARAMETERS, encoding="utf-8")
     found: list[Diagnostic] = []
@@ -212,7 +212,7 @@ async def look() -> None:
 
 
 def needs(folder: Path, *body: str, before: str = "") -> Needs:
-    """What a plan with these lines needs."""
+    """Return what a plan with these lines needs."""
     path = folder / "kitchen.py"
     lines = "".join(f"    {line}\n" for line in body)
     path.write_text(f"{HEAD}{before}\n@plan\nasync def serve() -> None:\n{lines}", encoding="utf-8")
@@ -221,7 +221,7 @@ def needs(folder: Path, *body: str, before: str = "") -> Needs:
 
 
 def told(found: Needs, *unable: str) -> tuple[list[str], list[tuple[str, str]]]:
-    """What a robot lacks that cannot do some classes of actions, and the alternatives that it cannot do."""
+    """Return what a robot lacks that cannot do some classes of actions, and the alternatives that it cannot do."""
 
     def lacking(actions: Iterable[str]) -> tuple[Missing, ...]:
         return tuple(

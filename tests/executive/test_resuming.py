@@ -51,7 +51,7 @@ OPTIONS = ("--robot", "amigo", "--environment", "hospital_room")
 
 
 def answer(*arguments: object) -> dict[str, Any]:
-    """What the command answers, as JSON."""
+    """Return what the command answers, as JSON."""
     result = CliRunner().invoke(app, [*map(str, arguments), "--json"])
     assert "Traceback" not in result.output, result.output
     found: dict[str, Any] = json.loads(result.stdout)
@@ -93,7 +93,7 @@ def completions(path: Path) -> list[int]:
 
 
 def killed(trace: Path, to: Path, records: int, *, torn: str = "") -> Path:
-    """What a run leaves that was killed after so many records."""
+    """Return what a run leaves that was killed after so many records."""
     to.write_text("\n".join(lines(trace)[:records]) + "\n" + torn)
     return to
 

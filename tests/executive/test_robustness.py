@@ -1,4 +1,4 @@
-"""What no user's files, streams and signals may do to the command: nothing is lost, nothing hangs, no traceback."""
+"""Files, streams and signals of users that the command survives: nothing is lost, nothing hangs, no traceback."""
 
 from __future__ import annotations
 

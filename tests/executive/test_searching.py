@@ -34,7 +34,7 @@ LOOK = action("LookingForSomething", object_acted_on=A_BOTTLE)
 
 
 def answer(*arguments: object) -> dict[str, Any]:
-    """What the command answers, as JSON."""
+    """Return what the command answers, as JSON."""
     result = CliRunner().invoke(app, [*map(str, arguments), "--json"])
     assert "Traceback" not in result.output, result.output
     found: dict[str, Any] = json.loads(result.stdout)

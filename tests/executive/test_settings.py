@@ -25,7 +25,7 @@ Class: Nap
 
 
 def rest(folder: Path, *arguments: str) -> dict[str, Any]:
-    """What a run of the recipe answers."""
+    """Return what a run of the recipe answers."""
     (folder / "rest.omn").write_text(RECIPE, encoding="utf-8")
     where = ("--robot", "amigo", "--environment", "hospital_room", "--json")
     result = CliRunner().invoke(app, ["run", str(folder / "rest.omn"), *where, *arguments])

@@ -1,4 +1,4 @@
-"""How to add a dialect of recipes: a reader of its own, registered, without a change of planlang.
+"""Add a dialect of recipes: a reader of its own, registered, without a change of planlang.
 
 The made-up dialect is a checklist: an individual whose facts ``hasItem`` name actions that are performed in the order
 of the numbers in the labels of the items. What a reader yields are statements; the model, the checks, the fixes and the

@@ -1,4 +1,4 @@
-"""How to add a process module without changing planlang: in a file, or in a package of one's own."""
+"""Add a process module without changing planlang: in a file, or in a package of one's own."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How to add a relation: one row of planlang/relations.py, and OWL, plans, phrases and `locate` have it."""
+"""Add a relation: one row of planlang/relations.py, and OWL, plans, phrases and `locate` have it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How to add a robot without changing planlang: a URDF with a robot file (TOML), and a self-model (OWL) if wanted."""
+"""Add a robot without changing planlang: a URDF with a robot file (TOML), and a self-model (OWL) if wanted."""
 
 from __future__ import annotations
 

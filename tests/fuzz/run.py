@@ -106,7 +106,7 @@ class Worker:
         )
 
     def problem_of(self, kind: str, content: bytes, seconds: float = SECONDS) -> str | None:
-        """What came of a file besides diagnostics; None is good."""
+        """Return what came of a file besides diagnostics; None is good."""
         self.path.write_bytes(content)
         if self._process is None or self._process.poll() is not None:
             self._process = self._start()
@@ -139,7 +139,7 @@ class Worker:
 
 
 def signature(problem: str) -> str:
-    """What two finds have in common that have one cause: the exception and the place that raised it."""
+    """Return what two finds have in common that have one cause: the exception and the place that raised it."""
     places = re.findall(r'File "[^"]*?([\w./-]+)", line (\d+), in (\S+)', problem)
     last = problem.strip().splitlines()[-1].partition(":")[0]
     return f"{last} in {places[-1][0].rpartition('/')[2]}:{places[-1][2]}" if places else last

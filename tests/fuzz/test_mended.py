@@ -1,4 +1,4 @@
-"""What make fuzz once found ends in diagnostics now."""
+"""Files that make fuzz once found end in diagnostics now."""
 
 import importlib.util
 from collections.abc import Callable
@@ -12,7 +12,7 @@ MENDED = sorted((HERE / "mended").glob("*.owl"))
 
 @pytest.fixture(scope="module")
 def problem_of() -> Callable[[str, Path], str | None]:
-    """What the worker says of a file besides diagnostics, here without its bounds."""
+    """Return what the worker says of a file besides diagnostics, here without its bounds."""
     spec = importlib.util.spec_from_file_location("fuzz_worker", HERE / "worker.py")
     assert spec is not None
     assert spec.loader is not None

@@ -38,7 +38,7 @@ def checked(found: Iterable[object], path: Path, lines: int) -> None:
 
 
 def refused(problem: BadInput, path: Path, lines: int) -> None:
-    """What is refused is refused for a reason."""
+    """Assert that what is refused is refused for a reason."""
     assert problem.diagnostics, "refused without a reason"
     checked(problem.diagnostics, path, lines)
 
@@ -120,7 +120,7 @@ def too_long(*_: object) -> None:
 
 
 def problem_of(kind: str, path: Path) -> str | None:
-    """What went wrong other than by a diagnostic, as text; None if nothing did."""
+    """Return what went wrong other than by a diagnostic, as text; None if nothing did."""
 
     content = path.read_bytes()
     lines = max(content.count(b"\n"), content.count(b"\r"), content.count(b"\n\0")) + 1

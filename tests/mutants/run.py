@@ -155,7 +155,7 @@ UNBROKEN = ("nothing", "__init__.py", "", "")
 
 
 def caught(mutant: tuple[str, str, str, str]) -> tuple[bool, str]:
-    """Whether a mutant is caught, and what tells."""
+    """Return whether a mutant is caught, and what tells."""
     _, name, before, after = mutant
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder)

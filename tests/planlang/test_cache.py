@@ -24,7 +24,7 @@ CONTENT = bytes(range(256)) * 8
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Where entries are kept."""
+    """Return the folder where entries are kept."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "home"))
     return tmp_path / "home" / "planlang" / "kind"
 

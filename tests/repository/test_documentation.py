@@ -34,7 +34,7 @@ ROW = re.compile(r"^\| `([A-Z]\d{3})` \| (.+?) \|$", flags=re.MULTILINE)
 
 
 def output(command: str, folder: Path) -> str:
-    """What ``planlang`` with these arguments prints in a folder, stdout and stderr in the order of writing."""
+    """Return what ``planlang`` with these arguments prints in a folder, stdout and stderr in the order of writing."""
     with chdir(folder):
         ended = CliRunner().invoke(app, shlex.split(command), prog_name="planlang")
     lines = ended.output.splitlines(keepends=True)
@@ -42,7 +42,7 @@ def output(command: str, folder: Path) -> str:
 
 
 def agrees(shown: str, real: str) -> bool:
-    """Whether an output is as a page shows it, ``...`` standing for any lines."""
+    """Return whether an output is as a page shows it, ``...`` standing for any lines."""
     parts = [re.escape(part) for part in shown.split(ELISION)]
     return re.fullmatch(r"(?:.*\n)*?".join(parts), real) is not None
 
@@ -109,7 +109,7 @@ def shown_outputs() -> dict[str, list[str]]:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Where all commands run: what one writes another reads."""
+    """Return the folder where all commands run: what one writes another reads."""
     return tmp_path_factory.mktemp("commands")
 
 

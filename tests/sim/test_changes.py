@@ -1,4 +1,4 @@
-"""What actions, heat, tilting and blades change in the true world."""
+"""Changes that actions, heat, tilting and blades make in the true world."""
 
 from __future__ import annotations
 

@@ -248,7 +248,7 @@ def alone(make_world: MakeWorld) -> PyBulletWorld:
 
 
 def pushed(world: PyBulletWorld, number: int) -> float:
-    """How far a solid link reaches from the vertical through the origin, by a wall that meets it from all sides."""
+    """Return how far a solid link reaches from the vertical through the origin, by a wall that meets it from around."""
     robot, away = world.robot, 3.0
     shape = pybullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=[0.01, 5.0, 5.0], physicsClientId=robot.client)
     wall = pybullet.createMultiBody(0, shape, physicsClientId=robot.client)

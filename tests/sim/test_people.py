@@ -112,7 +112,7 @@ def test_robot_that_withdraws_the_object_has_it_again(offering: PyBulletWorld) -
 
 
 def _at_the_left_hand(world: PyBulletWorld) -> Configuration:
-    """Where the grip point is in the middle of the patient's left palm."""
+    """Return where the grip point is in the middle of the patient's left palm."""
     hand, grip = world.hand("patient", "left"), world.link_pose("grippoint_right").position
     x, y, yaw = world.configuration().base
     lift = world.configuration().joints["spindle_joint"] + hand[2] - grip[2]

@@ -98,7 +98,7 @@ def value_of(constraint: MotionConstraint, tool: Matrix, world: Matrix, frame: M
 
 
 def beyond(constraint: MotionConstraint, value: float) -> float:
-    """How far a value is outside of the stated limits, in tolerances (1 mm, 0.005): at most 1 where it is inside."""
+    """Return how far a value is outside of the stated limits, in tolerances (1 mm, 0.005): at most 1 inside."""
     lower = -math.inf if constraint.lower is None else constraint.lower
     upper = math.inf if constraint.upper is None else constraint.upper
     return max(lower - value, value - upper, 0.0) / (0.001 if constraint.kind.value.unit == "m" else 0.005)

@@ -53,7 +53,7 @@ class Arms:
         return value_of(constraint, self.tip(q, arm) @ in_tip, problem.where.things[constraint.world.of], frame)
 
     def worst(self, problem: MotionProblem, constraints: Sequence[MotionConstraint], q: Matrix) -> float:
-        """How far the function of any constraint is outside, in tolerances."""
+        """Return how far the function of any constraint is outside, in tolerances."""
         return max((beyond(one, self.value(problem, one, q)) for one in constraints), default=0.0)
 
     def objection(
@@ -63,7 +63,7 @@ class Arms:
         phases: Sequence[Sequence[MotionConstraint]],
         motions: Sequence[PhaseMotion],
     ) -> str | None:
-        """What is wrong with motions; None if nothing is."""
+        """Return what is wrong with motions; None if nothing is."""
         here = start
         for number, (phase, motion) in enumerate(zip(phases, motions, strict=True)):
             rows = motion.trajectory.positions

@@ -1,4 +1,4 @@
-"""How many random examples tests try: two fifths in the suite, all of them by ``make test-long``."""
+"""Numbers of random examples that tests try: two fifths in the suite, all of them by ``make test-long``."""
 
 import os
 

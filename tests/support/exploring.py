@@ -1,4 +1,4 @@
-"""How much of a room a robot's camera has shown, by rays in the true world: shares no code with exploring."""
+"""Measure how much of a room a robot's camera has shown, by rays in the true world: shares no code with exploring."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is installed beyond what planlang needs."""
+"""Packages that are installed beyond what planlang needs."""
 
 from importlib.metadata import distributions
 

@@ -33,7 +33,7 @@ OLD = re.compile(r"http://ias\.cs\.tum\.edu/kb/(?=(?:knowrob|srdl2[a-z-]*)\.owl)
 
 
 def read(file: Path) -> Graph:
-    """What a file says, the older namespaces of the vocabularies read as the later ones."""
+    """Return what a file says, the older namespaces of the vocabularies read as the later ones."""
     text = re.sub(r"<!-(?!-)", "<!--", file.read_text(encoding="utf-8", errors="replace"))  # exploration-recipe
     text = re.sub(r"(?s)(\sxmlns:[\w-]+=)\S+(?=[^<>]*\1)", "", text)  # acat-adt_example_pipetting declares one twice
     graph = Graph()
@@ -87,7 +87,7 @@ class OriginalMatcher:
         return found
 
     def values(self, cls: Node, prop: Node) -> list[Node]:
-        """What the restrictions above a class say of a property, or of one below it, by some or value."""
+        """Return what the restrictions above a class say of a property, or of one below it, by some or value."""
         found = []
         for restriction in self.supers(cls):
             if any(prop in self.above(stated) for stated in self.graph.objects(restriction, OWL.onProperty)):
@@ -135,7 +135,7 @@ class OriginalMatcher:
         )
 
     def parts(self, robot: Node, robot_graph: Graph) -> set[Node]:
-        """What the robot has directly and along its chains, and the compositions that span a stretch of them."""
+        """Return what the robot has directly and along its chains, and the compositions that span a stretch of them."""
         found = [robot]
         for one in found:
             found += [part for part in self.facts(one, COMP.subComponent) if part not in found]

@@ -133,7 +133,7 @@ def outcome_of(
     schedule: int | None = None,
     trace: Trace | None = None,
 ) -> tuple[float, Outcome]:
-    """When the plan of a tree ends, and how, if ``beside`` runs beside it. What ``beside`` raises is raised.
+    """Return when the plan of a tree ends, and how, if ``beside`` runs beside it. What ``beside`` raises is raised.
 
     A plan that cannot go on ends in a deadlock, at no moment (-1).
     """

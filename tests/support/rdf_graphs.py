@@ -46,7 +46,7 @@ def word_of(term: rdflib.term.Node) -> str:
 
 
 def same(found: Graph, expected: Graph) -> bool:
-    """Whether two graphs say the same, whatever their nameless nodes are called."""
+    """Return whether two graphs say the same, whatever their nameless nodes are called."""
     known: dict[tuple[tuple[str, str], ...], str] = {}
     one, other = outline(found, known), outline(expected, known)
     if one is not None and other is not None:
@@ -57,7 +57,7 @@ def same(found: Graph, expected: Graph) -> bool:
 def outline(
     graph: Graph, known: dict[tuple[tuple[str, str], ...], str]
 ) -> list[tuple[str, tuple[tuple[str, str], ...]]] | None:
-    """What is said of each subject, nameless nodes being called by what is said of them, which ``known`` numbers.
+    """Return what is said of each subject, nameless nodes called by what is said of them, which ``known`` numbers.
 
     None if that does not tell them apart, since some are objects of several triples, or in a circle.
     """

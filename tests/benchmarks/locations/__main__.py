@@ -1,4 +1,4 @@
-"""How places are found: in one run beside samplers and other inverse kinematics, judged by PyBullet.
+"""Measure how places are found: in one run beside samplers and other inverse kinematics, judged by PyBullet.
 
     python -m tests.benchmarks.locations                          all of it, 200 rooms of each promised kind
     python -m tests.benchmarks.locations --rooms 20               less of it
@@ -135,7 +135,7 @@ class _Kept:
                 print(f"{path} is of other options or other code: all parts are measured anew", file=sys.stderr)
 
     def report(self, name: str) -> Report | None:
-        """What a part came to, None if it is not finished."""
+        """Return what a part came to, None if it is not finished."""
         known = self._parts.get(name)
         return Report.read(known) if isinstance(known, dict) else None
 

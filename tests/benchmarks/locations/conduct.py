@@ -1,4 +1,4 @@
-"""How finding places behaves whatever is asked: the whole command, what it leaves alone, two processes, tests."""
+"""Conduct of finding places, whatever is asked: the whole command, what it leaves alone, two processes, tests."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def properties() -> Report:
 
 
 def _counts(output: str) -> tuple[int, int]:
-    """How many tests passed, and how many did not."""
+    """Return how many tests passed, and how many did not."""
     found = {"passed": 0, "failed": 0, "error": 0}
     for number, word in re.findall(r"(\d+) (passed|failed|error)", output):
         found[word] += int(number)

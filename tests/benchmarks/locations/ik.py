@@ -26,7 +26,7 @@ TIMEOUT = 0.05
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """How one solver did: share of targets solved within the tolerance, microseconds for each."""
+    """The results of one solver: share of targets solved within the tolerance, microseconds for each."""
 
     robot: str
     solver: str

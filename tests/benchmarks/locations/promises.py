@@ -1,4 +1,4 @@
-"""What is promised about finding places, beside what was measured."""
+"""Promises about finding places, beside what was measured."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Promise:
 
 @dataclass(slots=True)
 class Report:
-    """What one part of the measurements came to: promises, and how many answers were wrong."""
+    """The results of one part of the measurements: promises, and how many answers were wrong."""
 
     promises: list[Promise] = field(default_factory=list)
     wrong: int = 0

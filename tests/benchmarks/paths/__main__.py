@@ -1,4 +1,4 @@
-"""How arms find their way, beside an RRT that asks PyBullet about every step, in the same rooms and the same run.
+"""Measure how arms find their way, beside an RRT that asks PyBullet about every step, in the same rooms and run.
 
     python -m tests.benchmarks.paths                 Amigo, PR2 and Panda, 12 rooms of each kind, two questions in each
     python -m tests.benchmarks.paths --rooms 3 --robots amigo

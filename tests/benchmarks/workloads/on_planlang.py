@@ -102,7 +102,7 @@ class Still:
 
 
 def bare() -> float:
-    """What calling the world alone costs; it is no overhead."""
+    """Return what calling the world alone costs; it is no overhead."""
     step = Still().step
     begin = clock()
     for _ in range(STEPS):

@@ -1,4 +1,4 @@
-"""What of the work py_trees has: it knows no tasks, and ticks all its nodes in each step."""
+"""The part of the work that py_trees has: it knows no tasks, and ticks all its nodes in each step."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the robot believes: bound, seen, bumped into, held, let go; and a planning world made equal to it."""
+"""The robot's belief: bound, seen, bumped into, held, let go; and a planning world made equal to it."""
 
 import json
 from collections.abc import Callable, Iterator, Mapping

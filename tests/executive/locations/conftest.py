@@ -100,7 +100,7 @@ class Judge:
         return found - allowed
 
     def _neighbours(self, one: int, other: int) -> bool:
-        """Whether two links are at most four joints apart along the robot."""
+        """Return whether two links are at most four joints apart along the robot."""
         up, down = self._up(one), self._up(other)
         shared = next(link for link in up if link in down)
         return up.index(shared) + down.index(shared) <= 4
@@ -117,7 +117,7 @@ class Judge:
         return min(float(low[2]) for low, _ in boxes)
 
     def sees(self, name: str, base: tuple[float, float, float], joints: Mapping[str, float]) -> bool:
-        """Whether with some posture of the neck the camera's picture has at least 4 pixels of a body."""
+        """Return whether with some posture of the neck the camera's picture has at least 4 pixels of a body."""
         camera = self.robot.camera
         assert camera is not None
         self.place(base, joints)

@@ -119,7 +119,7 @@ def test_fingers_never_close_across_more_than_they_open(block: Block, headings: 
 
 
 def zone_facing(heading: float) -> ComfortZone:
-    """Where a person with this heading takes things."""
+    """Return where a person with this heading takes things."""
     return ComfortZone(((0.0, -0.2, 1.2), (0.0, 0.2, 1.2)), 0.6, (math.cos(heading), math.sin(heading), 0.0))
 
 
@@ -133,7 +133,7 @@ def test_what_is_held_stays_upright_in_every_way_that_is_tried(
     for ways in (
         held_above("box", block, FRAME, held, held.lowest_of, (0.02, 0.15), inset=0.05, fine=False),
         offering("patient", zone, FRAME, held, fine=False),
-        *(placing("box", [spot], FRAME, held, symmetric=turns, fine=False) for turns in (False, True)),
+        *(placing("box", [spot], FRAME, held, is_round=is_round, fine=False) for is_round in (True, False)),
     ):
         assert len(ways) == 0 or np.linalg.det(ways.rotations) == pytest.approx(1.0)
         assert (ways.rotations @ upright)[:, 2, 2] == pytest.approx(1.0)
@@ -178,7 +178,7 @@ def ways(stage: Stage, most: int) -> list[HandSolution]:
 
 
 def closed_on(stage: Stage, way: HandSolution) -> str | None:
-    """What the hand has between its fingers when it closes them at the grasp of a way."""
+    """Return what the hand has between its fingers when it closes them at the grasp of a way."""
     gripper = stage.platform.hands.gripper(way.arm)
     assert gripper is not None
     now = stage.truth.configuration()

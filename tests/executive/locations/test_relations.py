@@ -1,4 +1,4 @@
-"""What relations mean, checked by arithmetic of their own; and what is said of those that mean nothing."""
+"""Meanings of relations, checked by arithmetic of their own; and what is said of those that mean nothing."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What holds for every resolution: it changes nothing, moves with the scene, is kept while it is true, and goes on."""
+"""Properties of every resolution: it changes nothing, moves with the scene, is kept while it is true, and goes on."""
 
 from __future__ import annotations
 

@@ -73,13 +73,13 @@ def first(answers: Iterator[T], most: int) -> list[T]:
 
 
 def distance(point: Array, body: Body) -> float:
-    """How far a point (2,) is from the outline of a body whose axes are those of the map [m]."""
+    """Return how far a point (2,) is from the outline of a body whose axes are those of the map [m]."""
     out = np.maximum(np.abs(point - np.array(body.pose.position[:2])) - np.array(body.size[:2]) / 2, 0.0)
     return float(np.hypot(*out))
 
 
 def in_comfort(stage: Stage, point: Array) -> bool:
-    """Whether a point (3,) is where the patient takes things: before a shoulder, within the arm's length."""
+    """Return whether a point (3,) is where the patient takes things: before a shoulder, within the arm's length."""
     person = stage.truth.person("patient")
     arrows = [point - np.array(shoulder) for shoulder in person.shoulders]
     return any(
@@ -134,7 +134,7 @@ def test_nothing_is_at_where_something_is_seen_from(room: Stage) -> None:
 
 
 def base_keeps(relation: Relation, base: tuple[float, float, float], viewer: tuple[float, float]) -> bool:
-    """Whether a base keeps a relation about the floor."""
+    """Return whether a base keeps a relation about the floor."""
     body = next(body for body in ALL if relation.reference == an_object(body.type, PLACE + body.name))
     if relation.name == "clear_of":
         x, y = base[0] + 0.45, base[1] + 2.5  # from the hinge, the left end of the door
@@ -208,7 +208,7 @@ HANDS: dict[str, Location] = {
 
 
 def hand_keeps(stage: Stage, relation: Relation, tip: Array, held: Array | None, low: float, axes: Array) -> bool:
-    """Whether a hand keeps a relation: its tip (4, 4), the middle of what it holds, the lowest point, its axes."""
+    """Return whether a hand keeps a relation: tip (4, 4), the middle of what it holds, the lowest point, its axes."""
     middle = tip[:3, 3] if held is None else held
     match relation.name:
         case "in_reach_of":
@@ -300,7 +300,7 @@ MORE_THINGS = (
 
 
 def thing_keeps(stage: Stage, relation: Relation, at: Array, size: tuple[float, float, float]) -> bool:
-    """Whether a round thing with its middle at a point (3,) keeps a relation."""
+    """Return whether a round thing with its middle at a point (3,) keeps a relation."""
     radius, low = size[0] / 2, at[2] - size[2] / 2
     body = next(
         body
@@ -353,7 +353,7 @@ FOUND = [match.groups() for match in BLOCK.finditer(PAGE)]
 
 
 def relations() -> str:
-    """What each relation denotes."""
+    """Return what each relation denotes."""
     lines = ["| relation | OWL property | for a base | for a hand | for an object |", "|---|---|---|---|---|"]
     for name, relation in RELATIONS.items():
         cells = [meaning.text if meaning else "-" for meaning in (relation.base, relation.hand, relation.thing)]
@@ -362,7 +362,7 @@ def relations() -> str:
 
 
 def forms() -> str:
-    """How each relation and each grasp is said."""
+    """Return how each relation and each grasp is said."""
     lines = ["| relation, grasp | said | also |", "|---|---|---|"]
     for name, (first, *others) in {
         **{name: relation.forms for name, relation in RELATIONS.items()},
@@ -376,14 +376,14 @@ TABLES = {"table of relations": relations, "table of forms": forms}
 
 
 def shown(title: str) -> str:
-    """What stands between the marks of a table."""
+    """Return what stands between the marks of a table."""
     found = re.search(rf"<!-- {title} -->\n(.*?)<!-- end -->", PAGE, re.DOTALL)
     assert found, f"docs/locations.md has no {title}"
     return found[1].strip()
 
 
 def output(command: str) -> str:
-    """What the command prints, stderr too, but for what only a first run prints."""
+    """Return what the command prints, stderr too, but for what only a first run prints."""
     lines = CliRunner().invoke(app, shlex.split(command)).output.splitlines(keepends=True)
     return "".join(line for line in lines if not line.startswith("building the reachability map"))
 

@@ -1,4 +1,4 @@
-"""What has to stay upright is carried upright, whichever way a hand has it."""
+"""Things that have to stay upright are carried upright, whichever way a hand has it."""
 
 import math
 from dataclasses import replace

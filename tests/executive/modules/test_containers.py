@@ -22,7 +22,7 @@ DOOR, DRAWER = 0, 2
 
 @pytest.fixture
 def stack() -> Iterator[ExitStack]:
-    """What ends the worlds of a test."""
+    """Yield what ends the worlds of a test."""
     with ExitStack() as stack:
         yield stack
 

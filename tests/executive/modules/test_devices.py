@@ -28,7 +28,7 @@ def button(y: float = 0.0) -> MapObject:
 
 @pytest.fixture
 def stack() -> Iterator[ExitStack]:
-    """What ends the worlds of a test."""
+    """Yield what ends the worlds of a test."""
     with ExitStack() as stack:
         yield stack
 

@@ -37,7 +37,7 @@ def reach(location: Location, **more: object) -> Action:
 
 
 def tips(stage: Stage) -> list[Pose]:
-    """Where the grip points of the hands are."""
+    """Return where the grip points of the hands are."""
     return [stage.truth.link_pose(f"grippoint_{side}") for side in ("left", "right")]
 
 

@@ -65,7 +65,7 @@ def touching(is_free: IsFree) -> Callable[[Array], list[tuple[str, str]]]:
 
 
 def crosses(path: Array, is_free: IsFree) -> bool:
-    """Whether any point of a polyline, looked at much finer than it was planned, is not free."""
+    """Return whether any point of a polyline, looked at much finer than it was planned, is not free."""
     return not all(
         is_free(a + share * (b - a))
         for a, b in pairwise(path)

@@ -63,7 +63,7 @@ def plan(
 
 
 def touching(is_free: Check) -> Touching:
-    """What touches where a check says that it is not free."""
+    """Return what touches where a check says that it is not free."""
     return lambda x, y, yaw: [] if is_free(x, y, yaw) else [("robot", "bed")]
 
 

@@ -47,7 +47,7 @@ class PlanReader:
         }
 
     def orders(self, name: str) -> Happening:
-        """What a plan function does, with the functions that it calls."""
+        """Return what a plan function does, with the functions that it calls."""
         return self._body(self.functions[name].body, {})
 
     def _body(self, statements: list[ast.stmt], scope: Scope) -> Happening:

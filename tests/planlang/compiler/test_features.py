@@ -1,4 +1,4 @@
-"""What the compiler makes of nested recipes, parameters, devices, scopes and recoveries, on small recipes."""
+"""Plans that the compiler makes of nested recipes, parameters, devices, scopes and recoveries, on small recipes."""
 
 from pathlib import Path
 from typing import Any

@@ -42,7 +42,7 @@ from planlang.recipe import (
 
 
 def formatted(source: str) -> str:
-    """What ruff makes of a source."""
+    """Return what ruff makes of a source."""
     command = [sys.executable, "-m", "ruff", "format", "--isolated", f"--line-length={WIDTH}", "-"]
     return subprocess.run(command, input=source, capture_output=True, text=True, check=True).stdout
 
@@ -154,7 +154,7 @@ class Writer:
 
 
 def changes(folder: Path) -> str:
-    """What ruff would change in the sources of a folder."""
+    """Return what ruff would change in the sources of a folder."""
     command = [
         sys.executable,
         "-m",

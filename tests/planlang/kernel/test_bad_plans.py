@@ -24,7 +24,7 @@ from planlang.testing.scripted import ScriptedExecutive
 
 @pytest.fixture
 def younger_things() -> Iterator[Callable[[], list[object]]]:
-    """What has come into being in the test and is not garbage; nothing else is looked through for it."""
+    """Yield what has come into being in the test and is not garbage; nothing else is looked through for it."""
     gc.freeze()
     yield lambda: (gc.collect(), gc.get_objects())[1]
     gc.unfreeze()
@@ -427,7 +427,7 @@ def test_whenever_goes_on_in_the_next_step_so_a_body_without_waits_is_no_endless
 
 
 def broken(belief: Belief, action: Action) -> Any:
-    """What a process module with a mistake does."""
+    """Return what a process module with a mistake does."""
     return belief.what_is_not_there  # type: ignore[attr-defined]
 
 

@@ -71,7 +71,7 @@ class Plan:
         return pressed
 
     def rest(self) -> list[str]:
-        """What it says until its end; nothing may be printed about things left open."""
+        """Return what it says until its end; nothing may be printed about things left open."""
         lines = self.out.read().splitlines()
         assert self.process.stderr is not None
         assert self.process.stderr.read() == ""

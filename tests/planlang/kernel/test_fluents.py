@@ -1,4 +1,4 @@
-"""What CRAM's own tests of fluents say, F1-F19, and the rules of waiting, expressions and world fluents."""
+"""Facts of CRAM's own tests of fluents, F1-F19, and the rules of waiting, expressions and world fluents."""
 
 from __future__ import annotations
 

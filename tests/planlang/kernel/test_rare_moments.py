@@ -1,4 +1,4 @@
-"""What happens in moments that are rare: in a drain, while held, when two things come at once."""
+"""Moments that are rare: in a drain, while held, when two things come at once."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""When what runs: time counts world steps, choices are drawn or listed, and the same ones give the same trace."""
+"""The schedule of tasks: time counts world steps, choices are drawn or listed, the same ones give the same trace."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How a run ends: values, failures, deadlock, step limit, no progress, stuck tasks, Ctrl-C. Nothing is left open."""
+"""Endings of a run: values, failures, deadlock, step limit, no progress, stuck tasks, Ctrl-C. Nothing is left open."""
 
 from __future__ import annotations
 

@@ -302,7 +302,7 @@ async def at_once(function: Callable[[Any], object], argument: Any) -> None:
 
 
 def complaint(use: Callable[[Any], Any], make: Callable[[], Any], inside: bool, executive: Any) -> BaseException | None:
-    """What is raised when something is used wrongly, None if nothing is."""
+    """Return what is raised when something is used wrongly, None if nothing is."""
     try:
         if inside:
             argument = make()

@@ -309,7 +309,7 @@ class Stopped:
 
 
 class Handlers:
-    """What a recovery, or an alternative, is that must not be used; ``used`` says when it was."""
+    """Recoveries and alternatives that must not be used; ``used`` says when one was."""
 
     def __init__(self) -> None:
         self.used: list[float] = []

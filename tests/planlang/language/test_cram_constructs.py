@@ -1,4 +1,4 @@
-"""What CRAM's own tests of the language say, L1-L32; where we decide differently, the name of the test says what."""
+"""Facts of CRAM's own tests of the language, L1-L32; where we decide differently, the name of the test says what."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What CRAM's own tests of task trees say, K1-K11, and the rules of suspension by count."""
+"""Facts of CRAM's own tests of task trees, K1-K11, and the rules of suspension by count."""
 
 from __future__ import annotations
 

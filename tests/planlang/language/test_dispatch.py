@@ -1,4 +1,4 @@
-"""Who performs an action: the module or the plan of the nearest class, in replays as in runs."""
+"""Dispatch of actions to performers: the module or the plan of the nearest class, in replays as in runs."""
 
 from __future__ import annotations
 

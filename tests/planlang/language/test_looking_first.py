@@ -1,4 +1,4 @@
-"""What is looked at before a place is gone to, and what modules are told of where they run."""
+"""Places that are looked at before they are gone to, and what modules are told of where they run."""
 
 from __future__ import annotations
 

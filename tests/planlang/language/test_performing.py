@@ -1,4 +1,4 @@
-"""What CRAM's own tests of process modules say, P1-P8 and P13-P15; and resources. The others: test_requests."""
+"""Facts of CRAM's own tests of process modules, P1-P8 and P13-P15; and resources. The others: test_requests."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ from planlang.testing import PlanRun, Script, replay, run_plan
 
 
 def cut(run: PlanRun[Any], records: int) -> RecordedRun:
-    """What is left of a run that was killed after so many records."""
+    """Return what is left of a run that was killed after so many records."""
     return RecordedRun.of(run.trace.events[:records])
 
 

@@ -27,7 +27,7 @@ def at_every_cut(top: Branch, run: PlanRun[Any]) -> list[int]:
 
 
 def difference(top: Branch, run: PlanRun[Any]) -> tuple[Any, Any]:
-    """What was recorded and what was found at the first difference."""
+    """Return what was recorded and what was found at the first difference."""
     found = replay(top, run).difference
     assert found is not None
     return found.recorded, found.found

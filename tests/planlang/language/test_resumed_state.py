@@ -1,4 +1,4 @@
-"""What a resumed run takes over from the completed steps, and the traces that cannot be resumed."""
+"""State that a resumed run takes over from the completed steps, and the traces that cannot be resumed."""
 
 from __future__ import annotations
 

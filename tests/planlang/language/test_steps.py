@@ -43,7 +43,7 @@ def grasping(executive: Any, ends: list[str]) -> Branch:
 
 
 def told(plan: Branch, executive: Any) -> list[dict[str, Any]]:
-    """What the trace says of a plan, but for the lines of the plan that it names."""
+    """Return what the trace says of a plan, but for the lines of the plan that it names."""
     trace = Trace()
     try:
         go(plan, executive, trace=trace)

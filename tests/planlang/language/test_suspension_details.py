@@ -271,7 +271,7 @@ def test_a_suspended_holder_of_a_resource_keeps_it() -> None:
 
 
 class Refused(PlanFailure):
-    """What a hook raises."""
+    """The error that a hook raises."""
 
 
 def refuse() -> None:

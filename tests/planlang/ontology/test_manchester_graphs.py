@@ -57,7 +57,7 @@ def typed(triples: list[Triple]) -> list[Triple]:
 
 
 def axioms(text: str) -> set[str]:
-    """What horned-owl finds: each axiom with its annotations in an order of their own, nameless nodes without label."""
+    """Return what horned-owl finds: axioms with annotations in an order of their own, nameless nodes without label."""
     found: dict[str, set[str]] = {}
     for axiom in pyhornedowl.open_ontology_from_string(text, "omn").get_axioms():
         component = re.sub(r"_:[\w.]+", "_:", str(axiom.component))

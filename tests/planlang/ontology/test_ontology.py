@@ -1,4 +1,4 @@
-"""What the facade answers: names, classes, individuals, restrictions, hierarchies."""
+"""Answers of the facade: names, classes, individuals, restrictions, hierarchies."""
 
 import json
 import subprocess

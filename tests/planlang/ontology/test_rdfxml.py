@@ -216,7 +216,7 @@ def said(term: Term) -> str:
 
 
 def stated(value: object) -> str | None:
-    """What the truth has as the value of a parameter; None for what is no name and no literal."""
+    """Return what the truth has as the value of a parameter; None for what is no name and no literal."""
     if isinstance(value, dict):
         return value.get("literal") or (canonical(value["iri"]) if "iri" in value else None)
     return canonical(value) if isinstance(value, str) and value.startswith("http") else None

@@ -1,4 +1,4 @@
-"""Where imports are found, that nothing else is read, and how files that mean harm or are no ontologies are refused."""
+"""Places where imports are found and nothing else is read, and how harmful files and no ontologies are refused."""
 
 import socket
 from collections.abc import Sequence

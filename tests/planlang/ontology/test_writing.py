@@ -1,4 +1,4 @@
-"""What is written is read as it was, in every syntax, whatever the order and the labels of the triples."""
+"""Ontologies that are written are read as they were, in every syntax, whatever order and labels the triples have."""
 
 import json
 import random

@@ -135,7 +135,7 @@ def pairs(found: list[list[str]]) -> set[tuple[str, str]]:
 
 
 def linear_extensions(graph: nx.DiGraph) -> int:
-    """How many orders a graph of at most some ten nodes allows."""
+    """Return how many orders a graph of at most some ten nodes allows."""
 
     @cache
     def count(done: frozenset[str]) -> int:
@@ -167,7 +167,7 @@ def undefined_in(task: dict[str, Any]) -> set[str]:
 
 
 def stated(ontology: Ontology, iri: str, actions: Actions, task: str) -> set[tuple[str, str]]:
-    """What a class states itself about the properties of its actions, and where a recipe mentions it."""
+    """Return what a class states itself about the properties of its actions, and where a recipe mentions it."""
     statements = actions.statements(task)
     more = [sub.fillings for sub in statements.sub_actions if sub.iri == iri] if statements is not None else []
     found = [*fillings_of(ontology, iri), *(filling for one in more for filling in one)]

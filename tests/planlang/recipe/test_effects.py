@@ -1,4 +1,4 @@
-"""What classes of actions change, as the vocabulary and files of users declare it."""
+"""Changes that classes of actions make, as the vocabulary and files of users declare it."""
 
 from collections.abc import Callable
 from pathlib import Path

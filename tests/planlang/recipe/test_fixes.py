@@ -321,7 +321,7 @@ def test_what_is_fixed_is_not_said_again_and_nothing_gets_worse(folder: Path, na
 
 
 def said(folder: Path, text: str) -> list[tuple[str, str]]:
-    """What there is to say about a text: codes and severities."""
+    """Return what there is to say about a text: codes and severities."""
     path = folder / "said.owl"
     path.write_text(text, encoding="utf-8")
     try:

@@ -176,7 +176,7 @@ Class: Look
 
 @pytest.fixture
 def said(tmp_path: Path, request: pytest.FixtureRequest) -> Diagnostic:
-    """What is said of one requirement that nothing defines."""
+    """Return what is said of one requirement that nothing defines."""
     kind = "cap:dependsOnCapability" if "Capab" in request.param else "comp:dependsOnComponent"
     space = kind.partition(":")[0]
     path = tmp_path / "watch.omn"

@@ -180,7 +180,7 @@ def with_head(text: str) -> str:
 
 
 def places(text: str, syntax: Target) -> list[tuple[int, int]]:
-    """Where names stand in a text (start, end)."""
+    """Return where names stand in a text (start, end)."""
     hidden = _NO_NAMES if syntax is Target.MANCHESTER else _OF_LANGUAGES
     shown = hidden.sub(lambda found: " " * len(found[0]), text)
     found = (match.span("name") for match in _NAME[syntax].finditer(shown))
@@ -205,7 +205,7 @@ def misspelt(text: str, syntax: Target, chance: random.Random) -> Iterator[tuple
 
 
 def plan_of(text: str, path: Path) -> str:
-    """What the plan does; raises BadInput."""
+    """Return what the plan does; raises BadInput."""
     path.write_text(text, encoding="utf-8")
     source = compile_recipe(path).source
     return re.sub(r"#[^\n]*", "", source[source.index("@plan") :])
@@ -218,7 +218,7 @@ def right_plan(recipe: str, syntax: Target) -> str:
 
 
 def not_told(recipe: str, syntax: Target, name: str, wrong: str, text: str, path: Path) -> str | None:
-    """What is wrong with what is said about a misspelling; None if all is well."""
+    """Return what is wrong with what is said about a misspelling; None if all is well."""
     try:
         plan = plan_of(text, path)
     except BadInput as problem:

@@ -1,4 +1,4 @@
-"""What a room without answer is: searched through on a finer grid than any resolver would, or found possible after all.
+"""Rooms without answer: each is searched through on a finer grid than any resolver would, or found possible after all.
 
 Grasps first: those whose hand alone, in the air, touches nothing at pre-grasp, grasp and lift and in between. Then for
 each of them every base of a grid around the target, several solutions of inverse kinematics for each, and the oracle's
@@ -36,7 +36,7 @@ LONGEST = 90.0
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What the search came to: ``claim`` is a way that was found; else the stage at which nothing was left."""
+    """The verdict of the search: ``claim`` is a way that was found; else the stage at which nothing was left."""
 
     claim: Claim | None
     grasps: int
@@ -108,7 +108,7 @@ def search(oracle: Oracle, chains: Chains, target: str) -> Verdict:
 
 
 def _pressed(oracle: Oracle, claim: Claim, hand: frozenset[int], opened: dict[str, float]) -> tuple[str, str] | None:
-    """What is pressed into what on a way on which nothing penetrates deeper than the oracle lets pass."""
+    """Return what is pressed into what on a way on which nothing penetrates deeper than the oracle lets pass."""
     oracle.place(claim.base, oracle.posture)
     pairs = [oracle.touched(itself=False, depth=PRESSED)]
     for values in claim.values:
@@ -129,7 +129,7 @@ class _Space:
             self.cells[tuple((cells + np.array(offset) - 1).T)] = True
 
     def has(self, points: Array) -> NDArray[np.bool_]:
-        """Which points (n, 3) lie in them."""
+        """Return which points (n, 3) lie in them."""
         cells = np.floor((points - self.low) / VOXEL).astype(int)
         inside = np.all((cells >= 0) & (cells < self.cells.shape), axis=1)
         found = np.zeros(len(points), bool)
@@ -158,7 +158,7 @@ def _bases(oracle: Oracle, chains: Chains, centre: Array) -> list[BasePose]:
 
 
 def _hopeless(oracle: Oracle, base: BasePose) -> bool:
-    """Whether what stands still when the robot turns, its base, is in something."""
+    """Return whether what stands still when the robot turns, its base, is in something."""
     touching = oracle.touched(itself=False)
     return touching is not None and touching[0] == oracle.robot.base_link
 

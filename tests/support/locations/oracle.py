@@ -47,7 +47,7 @@ BasePose = tuple[float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class Claim:
-    """What an answer says: from this base the joints (k, d) bring an arm's tip to poses (k, 4, 4), touching nothing.
+    """The claim of an answer: from this base the joints (k, d) bring an arm's tip to poses (k, 4, 4), touching nothing.
 
     The hand may touch ``target``; ``opened`` says whether the fingers are open meanwhile. From pose to pose it goes
     straight; ``motions`` are the joints (n, d) with which, k - 1 of them, or none if that is not told.
@@ -233,7 +233,7 @@ class Oracle:
         return None
 
     def hand_alone_is_free(self, arm: str, joints: Mapping[str, float], base: Array, target: str) -> bool:
-        """Whether a hand touches nothing but its target while the robot hangs in the air at a pose (4, 4)."""
+        """Return whether a hand touches nothing but its target while the robot hangs in the air at a pose (4, 4)."""
         pose = Pose.from_matrix(base)
         self._put((pose.position, pose.orientation), joints)
         fingers = self.fingers(arm)
@@ -249,7 +249,7 @@ class Oracle:
         return True
 
     def comes_straight(self, claim: Claim) -> bool:
-        """Whether the hand alone, on straight lines from pose to pose, touches nothing but its target."""
+        """Return whether the hand alone, on straight lines from pose to pose, touches nothing but its target."""
         arm = self.robot.arm(claim.arm)
         joints = dict(zip(claim.joints, map(float, claim.values[0]), strict=True))
         joints |= arm.gripper.opened if claim.opened and arm.gripper is not None else {}
@@ -259,7 +259,7 @@ class Oracle:
         return all(self.hand_alone_is_free(claim.arm, joints, pose @ back, target) for pose in straight(claim.poses))
 
     def sees(self, base: BasePose, target: str) -> bool:
-        """Whether with some posture of the neck the camera's picture has 30 % of a body, as its size and distance say.
+        """Return whether some posture of the neck shows the camera 30 % of a body, as its size and distance say.
 
         True for a robot without camera.
         """
@@ -303,7 +303,7 @@ class Oracle:
             yield self.link(link)
 
     def objection(self, claim: Claim) -> str | None:
-        """What is wrong with a claim; None if all of it is true."""
+        """Return what is wrong with a claim; None if all of it is true."""
         arm = self.robot.arm(claim.arm)
         hand = self.fingers(claim.arm) if claim.target is not None else frozenset()
         fingers = arm.gripper.opened if claim.opened and arm.gripper is not None else {}
@@ -342,7 +342,7 @@ class Oracle:
         return None
 
     def rests(self, name: str, at: Pose, support: str) -> str | None:
-        """What keeps a body at a pose from resting whole on another, touching nothing else; None if nothing does."""
+        """Return what keeps a body at a pose from resting whole on another, touching nothing else; None if it rests."""
         body, below = self.room.body(name), self.room.body(support)
         top = below.pose.position[2] + below.size[2] / 2
         if abs(at.position[2] - body.size[2] / 2 - top) > 5e-3:
@@ -366,7 +366,7 @@ class Oracle:
         return None
 
     def is_grasp(self, claim: Claim) -> str | None:
-        """What keeps a claim from being the grasp of its target: pre-grasp, grasp, then up."""
+        """Return what keeps a claim from being the grasp of its target: pre-grasp, grasp, then up."""
         body = self.room.body(claim.target or "")
         arm = self.robot.arm(claim.arm)
         centre = np.array(body.pose.position)
@@ -406,7 +406,7 @@ def followers(urdf: Path) -> Followers:
 
 
 def led(joints: Mapping[str, float], by: Followers) -> dict[str, float]:
-    """Where joints go that mimic some of these."""
+    """Return where joints go that mimic some of these."""
     return {name: joints[to] * factor + offset for name, (to, factor, offset) in by.items() if to in joints}
 
 
@@ -424,7 +424,7 @@ def straight(poses: Array) -> Array:
 
 
 def strays(tips: Array, start: Array, end: Array) -> str | None:
-    """How tips (n, 4, 4) leave the straight way between two poses of one rotation (4, 4); None if they are on it."""
+    """Return how tips (n, 4, 4) leave the straight way between two poses of one rotation (4, 4); None if none do."""
     way = end[:3, 3] - start[:3, 3]
     along = (tips[:, :3, 3] - start[:3, 3]) @ way / (way @ way)
     off = np.linalg.norm(tips[:, :3, 3] - start[:3, 3] - np.clip(along, 0.0, 1.0)[:, None] * way, axis=1)

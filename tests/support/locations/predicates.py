@@ -1,4 +1,4 @@
-"""What relations about the floor promise of a place, checked without the resolver: from the words of the table."""
+"""Promises that relations about the floor make of a place, checked without the resolver, by the table of words."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ FACING = math.radians(30)
 
 @dataclass(frozen=True, slots=True)
 class Distances:
-    """What relations mean for a kind of place where nothing bounds them [m]."""
+    """Distances that relations mean for a kind of place where nothing bounds them [m]."""
 
     near: float
     far: float
@@ -38,7 +38,7 @@ CHECKED = (*SIDES, "next_to", "near", "far_from", "facing", "clear_of")
 def objections(
     room: Room, robot: Robot, base: BasePose, location: Location, viewer: tuple[float, float]
 ) -> Iterator[str]:
-    """What of a location a place does not keep; ``viewer``: where the robot was when it asked."""
+    """Yield what of a location a place does not keep; ``viewer``: where the robot was when it asked."""
     for relation in location.relations:
         if relation.name in CHECKED and isinstance(relation.reference, Object):
             body = _body(room, relation.reference)
@@ -61,7 +61,7 @@ def keeps(
     *,
     hair: float = HAIR,
 ) -> bool:
-    """Whether something round of a radius [m] keeps a relation to a body, its negation left aside."""
+    """Return whether something round of a radius [m] keeps a relation to a body, its negation left aside."""
     gap = outline_distance(body, base[0], base[1]) - radius
     least, most = relation.beyond, relation.within
     match relation.name:
@@ -138,7 +138,7 @@ def _ahead(body: Body) -> float:
 
 
 def _extent(body: Body, heading: float) -> float:
-    """How far the outline reaches from its middle in a direction [m]."""
+    """Return how far the outline reaches from its middle in a direction [m]."""
     if body.shape == "cylinder":
         return max(body.size[:2]) / 2
     turn = heading - body.pose.yaw

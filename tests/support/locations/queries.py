@@ -137,7 +137,7 @@ def snapshot(stage: Stage) -> tuple[object, ...]:
 
 
 def physics(client: int) -> tuple[object, ...]:
-    """Where all bodies of a physics client are, and how all their joints stand."""
+    """Return where all bodies of a physics client are, and how all their joints stand."""
     found = []
     for index in range(bullet.getNumBodies(physicsClientId=client)):
         uid = bullet.getBodyUniqueId(index, physicsClientId=client)
@@ -170,7 +170,7 @@ class Interrupter:
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """How questions ended, and which of them changed something."""
+    """Endings of questions, and those that changed something."""
 
     endings: Counter[str]
     changed: tuple[str, ...]

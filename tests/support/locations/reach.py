@@ -31,12 +31,12 @@ class Case:
 
     @property
     def solved(self) -> bool:
-        """Whether there is an answer that the judge accepts."""
+        """Return whether there is an answer that the judge accepts."""
         return self.answer.solved and self.objection is None
 
     @property
     def missed(self) -> bool:
-        """Whether it is not solved although somebody found a way."""
+        """Return whether it is not solved although somebody found a way."""
         sampled = any(one.claim is not None for one in self.sampled.values())
         return not self.solved and (sampled or (self.verdict is not None and self.verdict.claim is not None))
 
@@ -74,7 +74,7 @@ def reach(
 
 
 def judged(stage: Stage, oracle: Oracle, answer: Answer, location: Location) -> str | None:
-    """What is wrong with the first place of an answer, by the oracle; None if nothing is."""
+    """Return what is wrong with the first place of an answer, by the oracle; None if nothing is."""
     what = location.relations[0].reference
     assert isinstance(what, Object)
     try:

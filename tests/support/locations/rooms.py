@@ -41,7 +41,7 @@ class Room:
         return f"{self.kind} {self.seed}"
 
     def scene(self) -> Scene:
-        """What a simulated world is made from."""
+        """Return what a simulated world is made from."""
         return Scene(self.bodies, BOUNDS, self.start)
 
     def body(self, name: str) -> Body:
@@ -135,7 +135,7 @@ class Furnisher:
                     break
 
     def _is_free(self, x: float, y: float, keep: float) -> bool:
-        """Whether a square of half side ``keep`` meets no box around the bodies, turned boxes taken as not turned."""
+        """Return whether a square of half side ``keep`` meets no box around the bodies, boxes taken as not turned."""
         return all(
             max(
                 abs(x - body.pose.position[0]) - body.size[0] / 2,
@@ -264,6 +264,6 @@ def rooms(kind: str, number: int, first: int = 0) -> Iterator[Room]:
 
 
 def asked(room: Room) -> Location:
-    """What is asked in a room: reach the person where the room is about them, else the bottle."""
+    """Return what is asked in a room: reach the person where the room is about them, else the bottle."""
     what: Object = THE_PATIENT if room.kind.startswith("person") else THE_BOTTLE
     return a_location(in_reach_of=what)

@@ -38,7 +38,7 @@ Ik = Callable[[Arm, Array, np.random.Generator], "Iterator[Array]"]
 
 @dataclass(frozen=True, slots=True)
 class Sampled:
-    """How sampling ended."""
+    """The ending of sampling."""
 
     claim: Claim | None
     samples: int

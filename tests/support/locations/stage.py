@@ -40,7 +40,7 @@ def robot_of(name: str) -> Robot:
 
 @dataclass(slots=True)
 class Answer:
-    """What a resolution came to."""
+    """The result of a resolution."""
 
     solutions: list[Solution]
     seconds: float
@@ -51,7 +51,7 @@ class Answer:
 
     @property
     def solved(self) -> bool:
-        """Whether there is a place."""
+        """Return whether there is a place."""
         return bool(self.solutions)
 
 

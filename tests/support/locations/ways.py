@@ -1,4 +1,4 @@
-"""Where a base can drive to, by the judge: a flood fill over places and headings that touch nothing, from both ends.
+"""Places that a base can drive to, by the judge: a flood fill over places and headings without contact, from both ends.
 
 Whether two places are joined is found by floods that grow in turn from either: the smaller of two rooms that are not
 joined is soon full. Nothing of it is the product's.
@@ -34,7 +34,7 @@ class Ways:
         """Nodes that are not."""
 
     def lead_to(self, base: BasePose) -> bool:
-        """Whether the base can get to a place; True for a robot that stands in something or cannot drive."""
+        """Return whether the base can get to a place; True for a robot that stands in something or cannot drive."""
         if self._stuck is None:
             self._oracle.place(self._start, self._oracle.posture)
             self._stuck = self._oracle.robot.base.fixed or self._oracle.touched(itself=False) is not None

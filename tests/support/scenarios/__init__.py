@@ -83,7 +83,7 @@ class Scenario:
 
 @dataclass(frozen=True)
 class Judged:
-    """How a run of a scenario ended, and what of its goal does not hold."""
+    """The ending of a scenario's run, and what of its goal does not hold."""
 
     result: RunResult
     unmet: tuple[str, ...]
