@@ -342,6 +342,13 @@ def a_location(
     return Location(tuple(dict.fromkeys(conjuncts)), name, using, grasp)
 
 
+def resting_on(where: Location | Object) -> Location:
+    """Return where something is put that is brought to a place, onto a thing, or to a person."""
+    if isinstance(where, Location):
+        return where
+    return a_location(in_reach_of=where) if isinstance(where, Person) else a_location(on=where)
+
+
 def _bounded(relations: list[Relation], within: float | str | None, beyond: float | str | None) -> list[Relation]:
     bounded = [relation for relation in relations if RELATIONS[relation.name].measured]
     if len(bounded) != 1:

@@ -235,14 +235,14 @@ def offering(name: str, zone: ComfortZone, frame: HandFrame, held: Held | None, 
 
 
 def placing(
-    name: str, spots: Array, scores: Array, frame: HandFrame, held: Held, *, symmetric: bool, fine: bool
+    name: str, spots: Array, scores: Array, frame: HandFrame, held: Held, *, is_round: bool, fine: bool
 ) -> GraspCandidates:
     """Return candidates down onto a place for what is held, and back from it: as a whole upright at one of ``spots``.
 
     These (n, 4) are its places and yaws. The better the score of one (n,), the more natural it is. What is
-    ``symmetric`` may be turned round by half a turn, anything else as it likes.
+    round may be turned as one likes, anything else only by half a turn.
     """
-    count = 2 if symmetric else HEADINGS if fine else HEADINGS // 2
+    count = 2 if not is_round else HEADINGS if fine else HEADINGS // 2
     at, turn = (grid.ravel() for grid in np.meshgrid(np.arange(len(spots)), np.arange(count), indexing="ij"))
     yaws = spots[at, 3] + turn * (2 * math.pi / count)
     base, grasp, heading, roll = _held_upright(frame, held)

@@ -202,8 +202,8 @@ def _made(
     # the same wherever the base is: where it can reach one of them is asked next
     spots, scores = Placement(held.name, put_demand(reach, held.name, scene), scene, near=False).spots(rejections)
     chosen = _spread(spots, MOST_SPOTS[stage])
-    turns = not scene.bodies.is_round(held.name)
-    return placing(reach.body, spots[chosen], scores[chosen], arm.frame, held, symmetric=turns, fine=fine)
+    is_round = scene.bodies.is_round(held.name)
+    return placing(reach.body, spots[chosen], scores[chosen], arm.frame, held, is_round=is_round, fine=fine)
 
 
 def _spread(spots: Array, most: int) -> list[int]:

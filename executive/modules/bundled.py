@@ -74,6 +74,7 @@ ON_DEMAND = (
         "ITaSCMotion",
         failures=(ManipulationFailure, NavigationFailure, PerceptionFailure, LookingFailure, DesignatorFailure),
     ),
+    _on_demand("stepping_back:SteppingBack", "stepping_back", "SteppingBack", failures=(NavigationFailure,)),
     _on_demand("mapping:Mapping", "mapping", "UploadMapToRoboEarth"),
 )
 

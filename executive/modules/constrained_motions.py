@@ -19,7 +19,7 @@ import numpy as np
 from executive.belief.scene_collisions import BasePose
 from executive.modules.motion_grounding import UP, GroundedMotion, Grounding
 from executive.modules.phases import Phase
-from executive.modules.platform import Platform
+from executive.modules.platform import PlatformModule
 from executive.modules.pouring import Pouring
 from executive.modules.process_modules import Navigation
 from executive.modules.stances import stances
@@ -52,15 +52,12 @@ PLACES = 4
 
 
 @process_module
-class ConstrainedMotions:
+class ConstrainedMotions(PlatformModule):
     """Moves one or more arms until constraints between features of tools and of the world hold."""
 
     name = "constrained_motion"
     actions = ("ITaSCMotion",)
     failures = (ManipulationFailure, NavigationFailure, PerceptionFailure, LookingFailure, DesignatorFailure)
-
-    def __init__(self, platform: Platform) -> None:
-        self.platform = platform
 
     def resources(self, action: Action) -> tuple[str, ...]:
         """Return the base, the torso and the arms of tools; the head is asked for by looking."""

@@ -7,7 +7,7 @@ from contextlib import suppress
 from typing import Any
 
 from executive.belief.recognition import EXPLORATION
-from executive.modules.platform import Platform
+from executive.modules.platform import Platform, PlatformModule
 from planlang import checkpoint, sleep
 from planlang.designators import Action, Location, Object, a_posture
 from planlang.failures import DesignatorFailure, LookingFailure, LookingGoalUnreachable, PerceptionFailure
@@ -18,15 +18,12 @@ EXPOSURE = 0.1
 
 
 @process_module
-class Exploring:
+class Exploring(PlatformModule):
     """Looks around, and works out from where to look next."""
 
     name = "exploration"
     actions = ("EnvironmentExploration",)
     failures = (PerceptionFailure, LookingFailure, DesignatorFailure)
-
-    def __init__(self, platform: Platform) -> None:
-        self.platform = platform
 
     def resources(self, action: Action) -> tuple[str, ...]:
         """Return the head."""

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 
 from executive.belief.scene_collisions import BasePose
-from executive.modules.platform import Platform
+from executive.modules.platform import PlatformModule
 from executive.modules.process_modules import Navigation
 from executive.motion import MotionError
 from executive.robots import CARRYING
@@ -23,11 +23,8 @@ BACK = 0.2
 """Least distance that the base drives back from a leaf before the arm is tucked: beside it there is little room [m]."""
 
 
-class HandWork:
+class HandWork(PlatformModule):
     """Motions that process modules for handles and controls have in common; hands may touch the body ``what``."""
-
-    def __init__(self, platform: Platform) -> None:
-        self.platform = platform
 
     def whole_robot(self) -> tuple[str, ...]:
         """Return base, head, torso and all arms: what of them is needed is found out on the way."""

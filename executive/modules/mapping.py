@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from executive.belief.map_writing import map_text
-from executive.modules.platform import Platform
+from executive.modules.platform import PlatformModule
 from planlang import checkpoint
 from planlang.designators import Action
 from planlang.modules import process_module
@@ -13,19 +13,12 @@ from planlang.outputs import write_text
 
 
 @process_module
-class Mapping:
+class Mapping(PlatformModule):
     """Uploads maps: they are written to the file that the user named."""
 
     name = "mapping"
     actions = ("UploadMapToRoboEarth",)
     failures = ()
-
-    def __init__(self, platform: Platform) -> None:
-        self.platform = platform
-
-    def resources(self, action: Action) -> tuple[str, ...]:
-        """Return nothing: no part of the body moves."""
-        return ()
 
     async def execute(self, action: Action) -> str | None:
         """Write the map; return the file's name, None if the user named none."""

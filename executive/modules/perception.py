@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from executive.belief.recognition import VISION
-from executive.modules.platform import Platform
+from executive.modules.platform import PlatformModule
 from planlang.designators import Action, Object
 from planlang.failures import (
     ActionUnresolvable,
@@ -25,15 +25,12 @@ from planlang.modules import process_module
 
 
 @process_module
-class Head:
+class Head(PlatformModule):
     """Turns the neck so that an object is in the middle of the picture."""
 
     name = "head"
     actions = ("LookingAtSomething",)
     failures = (LookingFailure, ObjectLost, DesignatorFailure)
-
-    def __init__(self, platform: Platform) -> None:
-        self.platform = platform
 
     def resources(self, action: Action) -> tuple[str, ...]:
         """Return the head."""
@@ -54,15 +51,12 @@ MOST_GAZES = 6
 
 
 @process_module
-class Perception:
+class Perception(PlatformModule):
     """Turns the head and asks the camera; everything seen changes the belief."""
 
     name = "perception"
     actions = ("Perceiving",)
     failures = (PerceptionFailure, LookingFailure, DesignatorFailure, NavigationFailure, ObjectNowhereToBeFound)
-
-    def __init__(self, platform: Platform) -> None:
-        self.platform = platform
 
     def resources(self, action: Action) -> tuple[str, ...]:
         """Return the head, and the base if places have to be gone to."""

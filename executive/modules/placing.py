@@ -12,7 +12,7 @@ from executive.locations import HandSolution
 from executive.modules.process_modules import Reaching
 from executive.motion import cartesian_path
 from executive.robots.arms import ArmModel
-from planlang.designators import Action, Location, Object, a_location
+from planlang.designators import Action, Location, Object, resting_on
 from planlang.failures import ActionUnresolvable, LookingFailure, PerceptionFailure
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import rotated
@@ -36,7 +36,7 @@ class Lowering(Reaching):
     def _target(self, action: Action) -> Location | None:
         """Return where the thing is to rest; for a thing on that."""
         where = action.get("to_location")
-        return a_location(on=where) if isinstance(where, Object) else where if isinstance(where, Location) else None
+        return resting_on(where) if isinstance(where, (Object, Location)) else None
 
     def _arms(self, action: Action) -> list[ArmModel]:
         """Return the arm that holds what is to be put down, else those that hold something."""

@@ -24,7 +24,7 @@ from executive.motion import JointSpace, MotionError, cartesian_path, keeps_line
 from executive.motion.upright import Upright
 from executive.robots import CARRYING
 from executive.robots.arms import ArmModel
-from planlang.designators import FixedPose, Location, Object
+from planlang.designators import Action, FixedPose, Location, Object
 from planlang.failures import ActionUnresolvable
 from planlang.geometry import Array, Pose, matrices
 from planlang.kernel import Task
@@ -437,3 +437,14 @@ class Platform(Control):
     def __post_init__(self) -> None:
         self.drive, self.hands, self.sensing = Drive(self), Hands(self), Sensing(self)
         self.arms, self.phases = Arms(self, self.resolver, self.rng), Phases()
+
+
+class PlatformModule:
+    """A process module that works on a platform; it needs no part of the body unless it says which."""
+
+    def __init__(self, platform: Platform) -> None:
+        self.platform = platform
+
+    def resources(self, action: Action) -> tuple[str, ...]:
+        """Return the parts of the body that an action needs."""
+        return ()

@@ -17,7 +17,7 @@ import numpy as np
 from executive.belief.scene_collisions import BasePose
 from executive.locations import HandSolution, ReachKind
 from executive.locations.demands import asks_for
-from executive.modules.platform import ITERATIONS, Platform
+from executive.modules.platform import ITERATIONS, PlatformModule
 from executive.motion import GoalInCollision, MotionError, NoPath, StartInCollision
 from executive.robots.arms import ArmModel
 from planlang import checkpoint, perform, using
@@ -66,15 +66,12 @@ REPLANS = 3
 
 
 @process_module
-class Navigation:
+class Navigation(PlatformModule):
     """Moves the base to a pose, or to the best base pose of a location."""
 
     name = "navigation"
     actions = ("Translation-LocationChange",)
     failures = (NavigationFailure, ObjectLost, DesignatorFailure, ObjectNowhereToBeFound)
-
-    def __init__(self, platform: Platform) -> None:
-        self.platform = platform
 
     def resources(self, action: Action) -> tuple[str, ...]:
         """Return the base."""
@@ -157,15 +154,12 @@ MOST_SOLUTIONS = 6
 
 
 @process_module
-class Reaching:
+class Reaching(PlatformModule):
     """Brings a hand to a location, after a look at things not seen since the base last moved."""
 
     name = "arm"
     actions = ("Reaching",)
     failures = (ManipulationFailure, PerceptionFailure, LookingFailure, DesignatorFailure)
-
-    def __init__(self, platform: Platform) -> None:
-        self.platform = platform
 
     def resources(self, action: Action) -> tuple[str, ...]:
         """Return the arms that the action may mean, and the torso if it moves with them."""
@@ -248,15 +242,15 @@ class Reaching:
         postures = self.platform.arms.postures(arm, name)
         if not postures:
             raise ManipulationPoseUnreachable("what the hand holds cannot be upright there", arm=arm.name, what=name)
-        held = self.platform.scene.arms.held(arm.name)
-        for least in (0.0, *BACKING) if held is None or held.largest_tilt is not None else ():
+        for least in (0.0, *BACKING):
             try:
                 await self._joint_path(arm, postures[0], beside, name, postures[1:], FEW)
                 return
-            except ManipulationPoseUnreachable as failure:
-                if not isinstance(failure.__cause__, (NoPath, GoalInCollision)):
+            except (ManipulationPoseUnreachable, ManipulationGoalInCollision) as failure:
+                has_room = isinstance(failure, ManipulationGoalInCollision) or isinstance(failure.__cause__, NoPath)
+                if not has_room and not isinstance(failure.__cause__, GoalInCollision):
                     raise
-                if not least and isinstance(failure.__cause__, NoPath) and await self._draw_out(arm, name):
+                if not least and has_room and await self._draw_out(arm, name):
                     continue
                 if not await self._back_off(arm, postures, least or BACKING[0]):
                     raise
@@ -365,15 +359,12 @@ class Reaching:
 
 
 @process_module
-class Grasping:
+class Grasping(PlatformModule):
     """Opens and closes grippers: one module for both, so that requests to one gripper queue up."""
 
     name = "gripper"
     actions = ("OpeningAGripper", "ClosingAGripper")
     failures = (GripperFailure, ObjectLost, DesignatorFailure)
-
-    def __init__(self, platform: Platform) -> None:
-        self.platform = platform
 
     def resources(self, action: Action) -> tuple[str, ...]:
         """Return the arm that carries the gripper: it must not move meanwhile."""
@@ -434,15 +425,12 @@ PATIENCE = 15.0
 
 
 @process_module
-class Handover:
+class Handover(PlatformModule):
     """Offers what an arm holds until somebody takes it."""
 
     name = "handover"
     actions = ("HandingOverAnObject",)
     failures = (CommunicationFailure, GripperFailure, ObjectLost, DesignatorFailure)
-
-    def __init__(self, platform: Platform) -> None:
-        self.platform = platform
 
     def resources(self, action: Action) -> tuple[str, ...]:
         """Return the arm that holds the object."""

@@ -11,7 +11,7 @@ from executive.belief.recognition import EXPLORATION, VISION
 from executive.belief.scene_collisions import BasePose
 from executive.locations.likely_places import Search
 from executive.modules.exploring import look_around
-from executive.modules.platform import Platform
+from executive.modules.platform import Platform, PlatformModule
 from planlang import checkpoint, perform
 from planlang.designators import Action, Location, Object, Situation, action, local_name
 from planlang.failures import (
@@ -35,19 +35,12 @@ HEIGHTS = (1.0, 0.3)
 
 
 @process_module
-class Software:
+class Software(PlatformModule):
     """Starts and stops software parts, and loads models of what is to be recognised."""
 
     name = "software"
     actions = ("StartSoftwareModules", "StopSoftwareModules", "LoadTypicalObjectModels")
     failures = (DesignatorFailure,)
-
-    def __init__(self, platform: Platform) -> None:
-        self.platform = platform
-
-    def resources(self, action: Action) -> tuple[str, ...]:
-        """Return nothing: no part of the body moves."""
-        return ()
 
     async def execute(self, action: Action) -> None:
         """Believe that the part that the class names runs, or not; or that things typical of a place are recognised."""
@@ -69,19 +62,12 @@ def _place(action: Action) -> str | None:
 
 
 @process_module
-class Inference:
+class Inference(PlatformModule):
     """Works out where something is likely to be."""
 
     name = "inference"
     actions = ("InferLikelyObjectLocations",)
     failures = (DesignatorFailure,)
-
-    def __init__(self, platform: Platform) -> None:
-        self.platform = platform
-
-    def resources(self, action: Action) -> tuple[str, ...]:
-        """Return nothing: no part of the body moves."""
-        return ()
 
     async def execute(self, action: Action) -> Location | None:
         """Begin a search for ``object_acted_on``; what ``outputs_created`` names is its next place at each use."""
@@ -103,15 +89,12 @@ def _searched(action: Action) -> Object | None:
 
 
 @process_module
-class Checking:
+class Checking(PlatformModule):
     """Finds out whether a condition holds."""
 
     name = "checking"
     actions = ("CheckingWhetherConditionObtains",)
     failures = (PerceptionFailure, LookingFailure, DesignatorFailure)
-
-    def __init__(self, platform: Platform) -> None:
-        self.platform = platform
 
     def resources(self, action: Action) -> tuple[str, ...]:
         """Return the head."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from executive.modules.platform import Platform
+from executive.modules.platform import PlatformModule
 from planlang import sleep
 from planlang.designators import Action
 from planlang.failures import ActionUnresolvable, DesignatorFailure
@@ -10,19 +10,12 @@ from planlang.modules import process_module
 
 
 @process_module
-class Waiting:
+class Waiting(PlatformModule):
     """Waits as long as the action says; meanwhile heat and whatever else goes on does its work."""
 
     name = "waiting"
     actions = ("Waiting",)
     failures = (DesignatorFailure,)
-
-    def __init__(self, platform: Platform) -> None:
-        self.platform = platform
-
-    def resources(self, action: Action) -> tuple[str, ...]:
-        """Return nothing: the robot can do something else meanwhile."""
-        return ()
 
     async def execute(self, action: Action) -> None:
         """Wait for ``duration`` [s]; raises ActionUnresolvable without one."""

@@ -71,7 +71,7 @@ def _hints(plan: Plan[Any, Any]) -> dict[str, Any]:
     """Return the types of a plan's parameters; nothing for an author's that cannot be evaluated."""
     try:
         return get_type_hints(plan.function, include_extras=True)
-    except Exception:
+    except (AttributeError, NameError, SyntaxError, TypeError):
         return {}
 
 

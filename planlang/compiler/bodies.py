@@ -298,7 +298,7 @@ class BodyWriter:
         where = scope.place.otherwise if isinstance(scope.place, Passed) else scope.place
         assert isinstance(where, PlaceUse)
         name = self._local_name(f"at_{self._write.place(where)}".lower())
-        reaching = [self._write.value(where) for where in scope.reaching]
+        reaching = [self._write.goal(where) for where in scope.reaching]
         more: dict[str, Expression | str] = {}
         if scope.attempts != ATTEMPTS:
             more["attempts"] = str(scope.attempts)

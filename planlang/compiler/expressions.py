@@ -23,6 +23,7 @@ from planlang.compiler.tree import (
     PlaceUse,
     PlanTree,
     Recover,
+    Resting,
     Value,
 )
 from planlang.designators import local_name, snake_case
@@ -41,7 +42,7 @@ PLANLANG = frozenset(
 DESIGNATORS = frozenset(
     (
         *("Location", "Object", "Person", "a_device", "a_location", "a_person", "a_pose", "a_posture"),
-        *("a_situation", "an_object"),
+        *("a_situation", "an_object", "resting_on"),
     )
 )
 """Names for the things and places that a plan is about, which it imports from ``planlang.designators``."""
@@ -273,6 +274,12 @@ class Expressions:
     def action(self, term: ActionTerm) -> CallExpression:
         """Return an action designator."""
         return self._described("action", term.type, term.properties)
+
+    def goal(self, where: PlaceUse | Thing | Resting) -> Expression:
+        """Return the expression of a goal of a hand."""
+        if isinstance(where, Resting):
+            return call(self._symbols.use("resting_on"), self.value(where.support))
+        return self.value(where)
 
     def value(self, value: Value) -> Expression:
         """Return the expression of a filler."""

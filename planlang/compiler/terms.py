@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from keyword import kwlist
 
-from planlang.compiler.tree import ActionTerm, Described, Kept, Passed, PlaceUse, Value
+from planlang.compiler.tree import ActionTerm, Described, Kept, Passed, PlaceUse, Resting, Value
 from planlang.designators import local_name, snake_case
 from planlang.ontology import Ontology, shorten
 from planlang.recipe.actions import Actions
@@ -42,7 +42,7 @@ Given = Thing | PlaceUse
 Renaming = dict[Thing, Given]
 """Parameter of a called function -> what its caller passes."""
 
-HandUse = tuple[PlaceUse | Thing, Thing | None]
+HandUse = tuple[PlaceUse | Thing | Resting, Thing | None]
 """A goal of a hand, and the device that it reaches with, if that is known."""
 
 SEEN = "detectedObject"
@@ -213,10 +213,16 @@ class Terms:
         """Yield the goals of the hand in some steps and in the recipes that they call, each once for a step."""
         for step in steps:
             for goal in self._actions.hand_goals(step):
-                yield goal if isinstance(goal, Thing) else self.use(goal), self.device(recipe, step)
+                yield self._goal(step, goal), self.device(recipe, step)
             for callee in step.recipes:
                 renaming = self.renaming(recipe, step, callee)
                 yield from ((renamed(where, renaming), device) for where, device in self._uses[callee])
+
+    def _goal(self, step: Step, goal: Place | Thing) -> PlaceUse | Thing | Resting:
+        """Return where a step takes the hand; a thing that something is lowered onto stands for the place on it."""
+        if isinstance(goal, Place):
+            return self.use(goal)
+        return Resting(goal) if self._actions.is_a(step, "LoweringAnObject") else goal
 
     def devices_of_places(self, scopes: Iterable[tuple[PlaceUse, list[HandUse]]]) -> tuple[tuple[str, Thing], ...]:
         """Return the places that are always reached with the same device: of hands, and of bases in their scopes."""
@@ -287,10 +293,13 @@ class Terms:
         return devices
 
 
-def renamed(where: PlaceUse | Thing, renaming: Renaming) -> PlaceUse | Thing:
+def renamed(where: PlaceUse | Thing | Resting, renaming: Renaming) -> PlaceUse | Thing | Resting:
     """Return a place or thing of a called function in terms of its caller."""
     if isinstance(where, Thing):
         return renaming.get(where, where)
+    if isinstance(where, Resting):
+        given = renaming.get(where.support, where.support)
+        return Resting(given) if isinstance(given, Thing) else given
     return PlaceUse(where.place, tuple(renamed_thing(thing, renaming) for thing in where.arguments))
 
 

@@ -19,6 +19,13 @@ class PlaceUse:
 
 
 @dataclass(frozen=True, slots=True)
+class Resting:
+    """The place on a thing, or the place that the thing stands for if the plan's caller gives one instead."""
+
+    support: Thing
+
+
+@dataclass(frozen=True, slots=True)
 class Described:
     """A situation of a class (IRI, local name if of the vocabulary) in which properties are filled, in snake case."""
 
@@ -155,7 +162,7 @@ class Scope:
     name: str
     motion: str
     place: PlaceUse | Passed
-    reaching: tuple[PlaceUse | Thing, ...]
+    reaching: tuple[PlaceUse | Thing | Resting, ...]
     attempts: int
     body: Series
     label: str | None = None

@@ -92,7 +92,8 @@ MOST_DOCUMENTS = 200
 """Files that one ontology may be made of."""
 
 VOCABULARY = (
-    "knowrob", "srdl", "roboearth", "dul", "motion_constraints", "object_change", "primitives", "recovery", "searching",
+    "knowrob", "srdl", "roboearth", "dul", "soma", "motion_constraints", "object_change", "primitives", "recovery",
+    "searching",
 )  # fmt: skip
 """Bundled files that every ontology has, then objects/, and the library of recipes."""
 

@@ -67,7 +67,11 @@ class Actions:
 
     def is_standard(self, step: Step) -> bool:
         """Return True unless a recipe of the file performs the step: then it needs what its class does."""
-        return self._standard.issuperset(step.recipes)
+        return self.is_of_library(step.recipes)
+
+    def is_of_library(self, recipes: Iterable[str]) -> bool:
+        """Return True for recipes (IRIs) that all stand in the library."""
+        return self._standard.issuperset(recipes)
 
     def is_base_motion(self, step: Step) -> bool:
         """Return True for a primitive step that depends on BaseMotionCapability and states a destination."""

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
-from planlang.ontology import Ontology
+from planlang.ontology import Ontology, shorten
 from planlang.recipe.actions import Actions
-from planlang.recipe.fillers import action_class
+from planlang.recipe.fillers import action_class, fillings, read_filler
+from planlang.recipe.model import Parameter, Place
 from planlang.recipe.statements import Statements
 
 
@@ -19,6 +20,29 @@ def recipes_for(actions: Actions, iri: str) -> tuple[tuple[str, ...], str | None
     if iri not in actions.performers:
         actions.performers[iri] = _performers(actions, iri)
     return actions.performers[iri]
+
+
+def meant(actions: Actions, recipes: tuple[str, ...], parameters: Sequence[Parameter]) -> tuple[str, ...]:
+    """Return those recipes that an action with these parameters means: of several of the library the best one.
+
+    Least of what that states is not stated by the action, and most of what the action states.
+    """
+    if len(recipes) < 2 or not actions.is_of_library(recipes):
+        return recipes
+    stated = {(one.property, isinstance(one.filler, Place)) for one in parameters}
+
+    def misfit(recipe: str) -> tuple[int, int]:
+        own = _stated(actions.ontology, recipe)
+        return len(own - stated), -len(own & stated)
+
+    return (min(recipes, key=misfit),)
+
+
+def _stated(ontology: Ontology, recipe: str) -> set[tuple[str, bool]]:
+    """Return the properties, except of what is acted on, that a recipe states, and whether a place fills each."""
+    levels = [filling for level in fillings(ontology, recipe) for filling in level]
+    read = ((shorten(one.property), read_filler(ontology, one.term, one.property)) for one in levels)
+    return {(name, isinstance(filler, Place)) for name, filler in read if name != "objectActedOn"}
 
 
 def recipes_of_task(actions: Actions, iri: str) -> tuple[str, ...]:

@@ -32,7 +32,7 @@ from planlang.recipe.fillers import action_class, nearest_in_vocabulary, read_fi
 from planlang.recipe.inheritance import supplied
 from planlang.recipe.model import Description, Ordering, Parameter, Reason, Recipe, RecipeSet, Source, Step
 from planlang.recipe.order import implied_by_overlaps
-from planlang.recipe.performers import recipes_for, recipes_of_task, statements_for
+from planlang.recipe.performers import meant, recipes_for, recipes_of_task, statements_for
 from planlang.recipe.readers import loose_parts, made, tasks_of
 from planlang.recipe.statements import KINDS, Statements, SubAction, facts, is_word
 
@@ -169,11 +169,12 @@ def read_step(actions: Actions, sub_action: SubAction, known: frozenset[str] = f
         return None
     cls = None if ontology.is_class(iri) else action_class(ontology, iri)
     recipes, primitive = recipes_for(actions, iri)
+    parameters = read_constraints(ontology, read_parameters(ontology, iri, sub_action.fillings, known))
     return Step(
         iri,
         nearest_in_vocabulary(ontology, cls or iri, primitive),
-        read_constraints(ontology, read_parameters(ontology, iri, sub_action.fillings, known)),
-        recipes,
+        parameters,
+        meant(actions, recipes, parameters),
         primitive,
         _label(ontology, iri) if shorten(iri) == iri else None,
         sub_action.span,

@@ -25,6 +25,8 @@ ORDINARY: Mapping[str, tuple[str, ...]] = {
     "head": ("LookingAtSomething",),
     "perception": ("LookingForSomething", "Perceiving"),
     "handover": ("HandingOverAnObject",),
+    "lowering": ("LoweringAnObject",),
+    "stepping_back": ("SteppingBack",),
     "container": ("OpeningAContainerArtifact", "ClosingAContainerArtifact"),
 }
 """Process modules that every scripted robot has, with their classes of actions."""
@@ -32,6 +34,7 @@ NEEDS: Mapping[str, tuple[str, ...]] = {
     "navigation": ("base",),
     "head": ("head",),
     "perception": ("head",),
+    "stepping_back": ("base",),
     "container": ("base", "head"),
 }
 RELEASING = ("OpeningAGripper", "HandingOverAnObject", "PuttingDownAnObject")
@@ -50,7 +53,7 @@ class ScriptedModule:
         """Return the base, the head, or the device of the action: what the ordinary module for it needs."""
         above = self.executive.ancestors(action.type)
         ordinary = next((name for cls in above for name, classes in ORDINARY.items() if cls in classes), self.name)
-        if ordinary in ("arm", "gripper", "handover"):
+        if ordinary in ("arm", "gripper", "handover", "lowering"):
             device = action.get("device_used")
             return (str(device) if device is not None else "arm",)
         return NEEDS.get(ordinary, ())

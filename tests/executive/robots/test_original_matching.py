@@ -18,26 +18,10 @@ from executive.robots.tasks import Match
 from planlang.ontology import Ontology, load
 from planlang.recipe import Actions
 from planlang.recipe.reading import stated_tasks
+from tests.support.corpus_recipes import RECIPES
 from tests.support.original_matcher import Answer, OriginalMatcher, read
 
 ROBOTS = ("PR2@hydro.owl", "amigo@hydro.owl", "amigo@re_stack.owl.in", "baxter@hydro.owl", "pioneer@hydro.owl")
-RECIPES = (
-    "ChocolateCakeBaking@2011-03.owl",
-    "GetFromRefrigerator@2010-11.owl",
-    "TableSetting@2011-10.owl.in",
-    "acat-adt_example_pipetting@master.owl",
-    "exploration-recipe@hydro.owl",
-    "make_pancakes@hydro.owl",
-    "object-search-recipe@hydro.owl",
-    "pancake-making-constr@hydro.owl",
-    "pancake-making@groovy_2011-08.owl.in",
-    "pancake-making@hydro.owl",
-    "pancake@kinetic.owl",
-    "pouring@hydro.owl",
-    "serve_drink@knowrob_hydro_2014-11.owl",
-    "serve_drink@re_stack.owl",
-    "serve_drink_new@re_stack.owl",
-)
 VOCABULARIES = ("knowrob", "srdl2", "srdl2-cap", "srdl2-comp", "srdl2-action", "srdl2-dl")
 
 

@@ -197,6 +197,7 @@ def test_every_primitive_names_a_class_a_module_and_a_resource(vocabulary: Ontol
         "PreheatOven",
         "OperateOven",
         "CheckingWhetherConditionObtains",
+        "SteppingBack",
         "EnvironmentExploration",
         "ITaSCMotion",
         *SOFTWARE,

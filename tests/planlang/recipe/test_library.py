@@ -1,5 +1,6 @@
 """Recipes of the library perform actions for which a file states no recipe."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -67,8 +68,51 @@ def test_steps_that_are_performed_by_the_library_need_no_order_among_base_motion
     assert not any(one.code == "R021" for one in plan.diagnostics)
 
 
-@pytest.mark.parametrize("file", sorted((bundled("recipes") / "library").glob("*.omn")), ids=lambda file: file.stem)
-def test_every_recipe_of_the_library_compiles_by_itself(file: Path) -> None:
-    if "subAction" in file.read_text(encoding="utf-8"):
-        found = {one.code for one in compile_recipe(file).diagnostics}
-        assert found <= {"R062"}, "what is wanted, and where, is for whoever performs it to say"
+STANDARD = re.compile(r"^Class: (\S+)\n    Annotations: [^\n]*standardRecipeOf", re.MULTILINE)
+LIBRARY = sorted((bundled("recipes") / "library").glob("*.omn"))
+TASKS = [(file, task) for file in LIBRARY for task in STANDARD.findall(file.read_text(encoding="utf-8"))]
+
+
+@pytest.mark.parametrize(("file", "task"), TASKS, ids=[task for _, task in TASKS])
+def test_every_recipe_of_the_library_compiles_by_itself(file: Path, task: str) -> None:
+    found = {one.code for one in compile_recipe(file, task=task).diagnostics}
+    assert found <= {"R062"}, "what is wanted, and where, is for whoever performs it to say"
+
+
+@pytest.mark.parametrize(
+    ("stated", "expected"),
+    [
+        ("toLocation value bed1", {"transport", "fetch", "deliver_to_place"}),
+        ("recipient value patient1", {"bring", "fetch", "deliver_to_person"}),
+        ("toLocation value bed1, knowrob:recipient value patient1", {"bring_within_reach", "set_down_within_reach"}),
+    ],
+)
+def test_what_is_stated_of_transporting_says_which_recipe_is_meant(
+    tmp_path: Path, stated: str, expected: set[str]
+) -> None:
+    text = FETCH.replace("PickingUpAnObject", "TransportingAnObject").replace(
+        "value bottle1", f"value bottle1, knowrob:{stated}"
+    )
+    text += (
+        "Individual: bed1\n    Types: knowrob:Bed-PieceOfFurniture\nIndividual: patient1\n    Types: knowrob:Patient\n"
+    )
+    made = compile_recipe(recipe(tmp_path, text))
+    assert expected <= set(made.functions)
+    others = {"transport", "bring", "bring_within_reach", "deliver_to_place", "deliver_to_person"} - expected
+    assert not others & set(made.functions)
+    assert run_plan(compiled(recipe(tmp_path, text)), script=Script()).failure is None
+
+
+def test_what_is_put_on_a_thing_is_reached_where_it_is_put(tmp_path: Path) -> None:
+    text = FETCH.replace("PickingUpAnObject", "TransportingAnObject").replace(
+        "value bottle1", "value bottle1, knowrob:toLocation value bed1"
+    )
+    text += "Individual: bed1\n    Types: knowrob:Bed-PieceOfFurniture\n"
+    assert "reaching=(resting_on(put_down_to_location), pre_grasp)" in compile_recipe(recipe(tmp_path, text)).source
+
+
+def test_actions_of_soma_are_performed_as_those_of_knowrob(tmp_path: Path) -> None:
+    text = FETCH.replace("knowrob:PickingUpAnObject", "<http://www.ease-crc.org/ont/SOMA.owl#Fetching>")
+    made = compile_recipe(recipe(tmp_path, text))
+    assert "fetch" in made.functions
+    assert not any(one.code == "R021" for one in made.diagnostics)

@@ -18,6 +18,7 @@ from planlang.ontology import BNode, Literal, Term, Triple, load
 from planlang.recipe import Actions, read_recipe, stated_tasks
 from planlang.recipe.order import recipe_order
 from planlang.recipe.reading import read_recipe_of
+from tests.support.corpus_recipes import RECIPES
 
 TASK = "http://knowrob.org/kb/knowrob.owl#PuttingSomethingSomewhere"
 
@@ -104,25 +105,7 @@ def without_spans(value: object) -> object:
     return value
 
 
-REAL = (
-    "ChocolateCakeBaking@2011-03.owl",
-    "GetFromRefrigerator@2010-11.owl",
-    "acat-adt_example_pipetting@master.owl",
-    "exploration-recipe@hydro.owl",
-    "make_pancakes@hydro.owl",
-    "object-search-recipe@hydro.owl",
-    "pancake-making-constr@hydro.owl",
-    "pancake-making@groovy_2011-08.owl.in",
-    "pancake-making@hydro.owl",
-    "pancake@kinetic.owl",
-    "pouring@hydro.owl",
-    "serve_drink@knowrob_hydro_2014-11.owl",
-    "serve_drink@re_stack.owl",
-    "serve_drink_new@re_stack.owl",
-)
-
-
-@pytest.mark.parametrize("name", REAL)
+@pytest.mark.parametrize("name", RECIPES)
 def test_a_real_recipe_is_the_same_in_any_order_of_its_triples(corpus: Path, tmp_path: Path, name: str) -> None:
     triples = list(load(corpus / "recipes" / name, builtin=False).triples())
     triples = [one for one in triples if not one.predicate.endswith("#imports")]
