@@ -22,8 +22,8 @@ from planlang.geometry import Array, Pose
 
 SPACING = 0.04
 """Distance of neighbouring places on a surface [m]."""
-FINE_SPACING = 0.01
-"""The same where relations to other things leave only a part of the surface [m]."""
+COARSE_SPACING, FINE_SPACING = 0.02, 0.005
+"""The same where relations to other things leave only a part of the surface [m], to find that and within it."""
 MOST_PLACES = 4000
 """Places on one surface: on a large one they are farther apart."""
 FREE = 0.005
@@ -40,7 +40,7 @@ SMALL = 0.6
 """Distance from the middle of a surface up to which a place is the better the nearer it is [m]."""
 CENTRED = 0.4
 """Share of its worth that a place loses up to there, or as far from the middle as a thing fits on what is small."""
-NATURAL = 3
+NATURAL = 2
 """Power of the score of an area: well in front of a chair is far better than still so."""
 HAIR = 1e-6
 """Length that rounding may add [m]."""
@@ -84,13 +84,14 @@ class Placement:
     def _free(self, upright: Block, log: Rejections) -> tuple[Array, Array]:
         """Return places (m, 3) for the object's centre, turned as ``upright``, a prism at the origin, and scores."""
         demand, bodies = self.demand, self.scene.bodies
-        centres = self._centres(upright)
-        if not len(centres):
+        before = log.counts.total()
+        centres = self._centres(upright, log)
+        if not len(centres) and log.counts.total() == before:
             log.add("too small for the object")
         areas = _areas(demand, upright)
         for area in areas:
             wanted = area.score(centres[:, :2]) > 0
-            log.refuse(f"not {area.words}".replace("not not ", ""), centres[~wanted])
+            log.refuse(_unmet(area), centres[~wanted])
             centres = centres[wanted]
         for person, inside in demand.people:
             zone = bodies.zone(person)
@@ -113,7 +114,7 @@ class Placement:
         if where := demand.on or demand.inside:  # rather not at the very edge
             outer = bodies.block(where)
             spare = -_overhang(upright, centres[:, :2], outer)
-            score = score * (0.3 + 0.7 * np.clip(spare, 0.0, border) / border)
+            score = score * (0.1 + 0.9 * np.clip(spare, 0.0, border) / border)
             if not areas and not self.near:  # rather in the middle of what is small
                 aside = np.hypot(centres[:, 0] - outer.x, centres[:, 1] - outer.y)
                 score = score * (1.0 - CENTRED * np.clip(aside / np.clip(aside.max(), HAIR, SMALL), 0.0, 1.0))
@@ -169,8 +170,8 @@ class Placement:
             return level
         return np.asarray(level & (_overhang(block, centres[:, :2], outer) <= HAIR))
 
-    def _centres(self, upright: Block) -> Array:
-        """Return places (m, 3) for the object's centre."""
+    def _centres(self, upright: Block, log: Rejections) -> Array:
+        """Return places (m, 3) for the object's centre; those that areas refuse are counted."""
         demand, bodies = self.demand, self.scene.bodies
         where, height = demand.on or demand.inside, upright.high - upright.low
         if where is None:
@@ -178,11 +179,13 @@ class Placement:
             return np.concatenate([np.zeros((0, 3)), *zones])
         if demand.on is None:
             rooms = [
-                self._on_floor(upright, room, room.low) for room in self._rooms(where) if height <= room.high - room.low
+                self._on_floor(upright, room, room.low, log)
+                for room in self._rooms(where)
+                if height <= room.high - room.low
             ]
             return np.concatenate([np.zeros((0, 3)), *rooms])
         floor = bodies.rests_at(where)
-        return np.zeros((0, 3)) if floor is None else self._on_floor(upright, bodies.block(where), floor)
+        return np.zeros((0, 3)) if floor is None else self._on_floor(upright, bodies.block(where), floor, log)
 
     def _rooms(self, where: str) -> list[Block]:
         """Return the rooms inside a body: those over its floor and its shelves if it is hollow, else all of it."""
@@ -196,23 +199,31 @@ class Placement:
                 rooms.append(Block.of(pose @ Pose(tuple(((low + high) / 2).tolist())), tuple((high - low).tolist())))
         return rooms or [bodies.block(where)]
 
-    def _on_floor(self, upright: Block, block: Block, floor: float) -> Array:
-        """Return places (m, 3) for the object's centre on a floor at a height, over a block's outline."""
+    def _on_floor(self, upright: Block, block: Block, floor: float, log: Rejections) -> Array:
+        """Return places (m, 3) for the object's centre on a floor at a height, over a block's outline.
+
+        Where areas leave a part of it they are closer to each other.
+        """
         demand, height = self.demand, upright.high - upright.low
         half_x = block.half_x - upright.support(block.yaw)
         half_y = block.half_y - upright.support(block.yaw + math.pi / 2)
         if half_x < -HAIR or half_y < -HAIR:
             return np.zeros((0, 3))
-        ends = np.array([[-half_x, -half_y], [half_x, half_y]]).clip([[-np.inf], [0.0]], [[0.0], [np.inf]])
-        for x, y, _, radius in (area.anchor() for area in demand.areas if not area.negated):
-            (middle,) = block.to_local(np.array([[x, y]]))
-            ends = np.array([np.maximum(ends[0], middle - radius), np.minimum(ends[1], middle + radius)])
-        if (ends[0] > ends[1]).any():
-            return np.zeros((0, 3))
-        half = (ends[1] - ends[0]) / 2
-        spacing = max(FINE_SPACING if demand.areas else SPACING, 2 * math.sqrt(half[0] * half[1] / MOST_PLACES))
-        axes = [np.linspace(low, high, 2 * math.ceil((high - low) / 2 / spacing) + 1) for low, high in ends.T.tolist()]
-        places = block.to_map(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2))
+        half_x, half_y = max(half_x, 0.0), max(half_y, 0.0)
+        spacing = max(COARSE_SPACING if demand.areas else SPACING, 2 * math.sqrt(half_x * half_y / MOST_PLACES))
+        axes = [np.linspace(-half, half, 2 * math.ceil(half / spacing) + 1) for half in (half_x, half_y)]
+        local = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
+        for area in _areas(demand, upright):
+            near = area.nearly(block.to_map(local), spacing)
+            log.refuse(_unmet(area), block.to_map(local[~near]))
+            local = local[near]
+        if demand.areas and len(local):
+            count = min(math.isqrt(max(MOST_PLACES // len(local), 1)), math.ceil(spacing / FINE_SPACING))
+            shifts = ((np.arange(count) + 0.5) / count - 0.5) * spacing
+            between = np.stack(np.meshgrid(shifts, shifts, indexing="ij"), axis=-1).reshape(-1, 2)
+            local = (local[:, None] + between).reshape(-1, 2)
+            local = local[(np.abs(local) <= np.array([half_x, half_y]) + HAIR).all(axis=1)]
+        places = block.to_map(local)
         if block.round:
             places = places[_overhang(upright, places, block) <= HAIR]
         return np.column_stack([places, np.full(len(places), floor + ABOVE_SURFACE + height / 2)])
@@ -251,6 +262,11 @@ def _areas(demand: ThingDemand, block: Block) -> tuple[Area, ...]:
     return tuple(
         replace(area, radius=block.support(area.directions[0])) if area.directions else area for area in demand.areas
     )
+
+
+def _unmet(area: Area) -> str:
+    """Return what is said of places that an area refuses."""
+    return f"not {area.words}".replace("not not ", "")
 
 
 def _points_at(block: Block, area: Area) -> bool:
