@@ -360,8 +360,14 @@ class SceneCollisions:
         if isinstance(stopped, str):
             return None
         point = pinched(self._world.touches(gripper.finger_links, Configuration(base, joints)))
-        there = Block.of(self._world.pose(around), self._world.size(around))
-        return stopped if point is not None and there.away(point) <= MEANT else None
+        if point is None or (away := self._away(around, point)) > MEANT:
+            return None
+        others = (body.name for body in self._world.scene.bodies if body.graspable and body.name != around)
+        return None if any(self._away(name, point) < away for name in others) else stopped
+
+    def _away(self, name: str, point: Array) -> float:
+        """Return how far a point (3,) of the map is from a body [m]."""
+        return Block.of(self._world.pose(name), self._world.size(name)).away(point)
 
     def _close(
         self, base: BasePose, joints: dict[str, float], steps: Sequence[Mapping[str, float]], around: str

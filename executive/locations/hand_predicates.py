@@ -42,6 +42,7 @@ from executive.locations.grasps_from_above import FROM_ABOVE, from_above, grips,
 from executive.locations.placement import HAIR, Placement
 from executive.locations.reachability import GraspClass
 from executive.locations.rejections import Rejections
+from executive.motion import clearance_at
 from executive.robots.arms import ArmModel, Held
 from planlang.designators import Location
 from planlang.geometry import Array, Pose
@@ -54,6 +55,8 @@ FINGERS = 0.05
 """Length of fingers beyond the grip point, at most [m]."""
 AT_POSE = 0.02
 """Largest distance of the hand from its pose before a thing [m]."""
+OVER = 0.02
+"""Height over a thing to which something else on its grip points makes these useless [m]."""
 LEVEL = 0.2
 """Largest lean of a level hand, or of an upright thing in it [rad]."""
 
@@ -232,13 +235,16 @@ def _grasps(
     if is_low(block) and above:
         below = tuple(-float(arm.lowest(one.rotations([0.0], [1], arm.frame), None)[0]) for one in FROM_ABOVE)
         low = from_above(reach.body, block, arm.frame, arm.max_opening, above, headings, below)
+        boxes, _ = scene.collisions.boxes_but((reach.body,))
+        covered = clearance_at(low.points[:, :2], boxes, ((block.high, block.high + OVER, 0.0),)) < 0
+        rejections.add("under something else", int(covered.sum()))
+        low = low.chosen(~covered)
         candidates = GraspCandidates.joined([candidates, low])
     if not len(candidates) and reach.grasp is not None and is_flat(block):
         rejections.add("too low for a grasp but from above")
         return None
-    if not len(candidates):
+    if not len(candidates) and not rejections.counts["under something else"]:
         rejections.add("no gripper" if arm.max_opening <= 0 else "too wide for the gripper")
-        return None
     return candidates
 
 
