@@ -40,6 +40,10 @@ ARM_ROOM = 0.45
 """Largest reach of a hand over the edge of a surface for a place over it [m]."""
 COMFORTABLE = 0.2
 """Distance inside a comfort zone from which a place is as good as can be (see :meth:`ComfortZone.margins`)."""
+FOREARM = 0.07
+"""Height over a surface at which there is room for a level forearm [m]."""
+OVER_EDGE = 0.4
+"""Weight of a level grasp lower than that, which is possible only at the edge of a surface."""
 GRIPPED = 0.01
 """Least height of a thing above the grip point [m]."""
 UP = np.array([0.0, 0.0, 1.0])
@@ -133,6 +137,7 @@ def grasping(
     They grip the middle, or as much higher as the ``palm``, corners in the tip's frame, has to be to stay off the body.
     """
     grasps, yaws, rolls, weights = [], [], [], []
+    level = 1.0 if block.centre[2] - block.low >= FOREARM else OVER_EDGE
     for grasp in classes:
         for number in range(headings):
             turn = number * 2 * math.pi / headings
@@ -145,7 +150,7 @@ def grasping(
                 grasps.append(CLASSES.index(grasp))
                 yaws.append(yaw)
                 rolls.append(roll)
-                weights.append((1.0 if grasp is GraspClass.SIDE else 0.8) * (1.0 if flat else OBLIQUE))
+                weights.append((level if grasp is GraspClass.SIDE else 0.8) * (1.0 if flat else OBLIQUE))
     count, ways = len(yaws), directions(grasps, yaws)
     points, offsets = np.tile(block.centre, (count, 1)), grasp_series(ways)
     found = oriented(

@@ -28,6 +28,7 @@ from executive.locations.demands import (
 from executive.locations.grasp_candidates import (
     APPROACH,
     CLASSES,
+    FOREARM,
     HEADINGS,
     LIFTS,
     GraspCandidates,
@@ -153,6 +154,8 @@ NATURAL = (GraspClass.SIDE,)
 """Classes of grasps that are tried first."""
 MOST_SPOTS = (24, 48, 48)
 """Places on a surface that a hand is asked to put something on, at each stage."""
+GOOD = 0.7
+"""Share of the best place's score from which others are natural, too: worse ones are for when these lead to nothing."""
 SPREAD = (0.3, 0.08)
 """Distances of these places from each other, as long as there is room [m]: the best ones alone are in one spot.
 
@@ -204,7 +207,8 @@ def _made(
         return None
     # the same wherever the base is: where it can reach one of them is asked next
     spots, scores = Placement(held.name, put_demand(reach, held.name, scene), scene, near=False).spots(rejections)
-    chosen = _spread(spots, MOST_SPOTS[stage])
+    good = len(spots) if fine else int((scores >= GOOD * scores.max(initial=0.0)).sum())
+    chosen = _spread(spots[:good], MOST_SPOTS[stage])
     is_round = scene.bodies.is_round(held.name)
     return placing(reach.body, spots[chosen], scores[chosen], arm.frame, held, is_round=is_round, fine=fine)
 
@@ -227,7 +231,9 @@ def _grasps(
     reach: Reach, arm: ArmModel, scene: PlanningScene, rejections: Rejections, stage: Stage
 ) -> GraspCandidates | None:
     block = scene.bodies.block(reach.body)
-    classes = (GraspClass(reach.grasp),) if reach.grasp is not None else CLASSES if stage else NATURAL
+    # where a level hand has no room over a surface, things are put down deep on it only from above
+    natural = NATURAL if block.centre[2] - block.low >= FOREARM else CLASSES
+    classes = (GraspClass(reach.grasp),) if reach.grasp is not None else CLASSES if stage else natural
     headings = HEADINGS * 2**stage
     middle = () if is_flat(block) else tuple(one for one in classes if not (is_low(block) and one in FROM_ABOVE))
     candidates = grasping(reach.body, block, arm.frame, arm.max_opening, middle, headings, arm.palm)
