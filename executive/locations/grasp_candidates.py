@@ -7,7 +7,7 @@ reachability maps can be inverted for many at once. The *key* pose of a series i
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import NamedTuple
@@ -20,7 +20,7 @@ from executive.locations.columns import Columns
 from executive.locations.reachability import GraspClass
 from executive.motion import QuickCheck
 from executive.robots.arms import ArmModel, HandFrame, Held
-from planlang.geometry import Array, Pose
+from planlang.geometry import Array
 from planlang.geometry.matrices import product, rotated
 from sim import ComfortZone
 
@@ -43,6 +43,8 @@ COMFORTABLE = 0.2
 GRIPPED = 0.01
 """Least height of a thing above the grip point [m]."""
 UP = np.array([0.0, 0.0, 1.0])
+PARTICULAR, POOREST = 4, 0.02
+"""Power of a spot's score, beside that of the best one, that is the weight of what is put there, and the least one."""
 OBLIQUE = 0.4
 """Weight of a grasp across the edges of a box, beside one across its faces."""
 
@@ -233,18 +235,19 @@ def offering(name: str, zone: ComfortZone, frame: HandFrame, held: Held | None, 
 
 
 def placing(
-    name: str, spots: Sequence[Pose], frame: HandFrame, held: Held, *, is_round: bool, fine: bool
+    name: str, spots: Array, scores: Array, frame: HandFrame, held: Held, *, is_round: bool, fine: bool
 ) -> GraspCandidates:
     """Return candidates down onto a place for what is held, and back from it: as a whole upright at one of ``spots``.
 
-    What is round may be turned as one likes, anything else only by half a turn.
+    These (n, 4) are its places and yaws. The better the score of one (n,), the more natural it is. What is
+    round may be turned as one likes, anything else only by half a turn.
     """
     count = 2 if not is_round else HEADINGS if fine else HEADINGS // 2
     at, turn = (grid.ravel() for grid in np.meshgrid(np.arange(len(spots)), np.arange(count), indexing="ij"))
-    yaws = np.array([spot.yaw for spot in spots])[at] + turn * (2 * math.pi / count)
+    yaws = spots[at, 3] + turn * (2 * math.pi / count)
     base, grasp, heading, roll = _held_upright(frame, held)
     rotations = product(upright(yaws), base)
-    points = np.array([spot.position for spot in spots])[at] - held.offsets(rotations)
+    points = spots[at, :3] - held.offsets(rotations)
     back = -APPROACH * rotated(rotations, np.asarray(frame.approach))
     still = np.zeros((len(at), 3))
     return GraspCandidates(
@@ -256,7 +259,7 @@ def placing(
         np.full(len(at), grasp, np.intp),
         yaws + heading,
         np.full(len(at), roll, np.intp),
-        1.0 - 0.5 * at / max(len(spots), 1),
+        np.clip((scores / scores.max(initial=0.0)) ** PARTICULAR, POOREST, 1.0)[at],
     ).best(1200 if fine else 64)
 
 

@@ -6,7 +6,6 @@ Things are on and in things and before people.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from enum import IntEnum
 from functools import partial
 
@@ -149,10 +148,12 @@ class Stage(IntEnum):
 
 NATURAL = (GraspClass.SIDE,)
 """Classes of grasps that are tried first."""
-MOST_SPOTS = 24
-"""Places on a surface that a hand is asked to put something on."""
-SPREAD = 0.08
-"""Distance of these places from each other, as long as there is room [m]: the best ones alone are in one spot."""
+MOST_SPOTS = (24, 48, 48)
+"""Places on a surface that a hand is asked to put something on, at each stage."""
+SPREAD = (0.3, 0.08)
+"""Distances of these places from each other, as long as there is room [m]: the best ones alone are in one spot.
+
+Half of them are far apart, as the middle of what is large may be out of reach."""
 
 
 def candidates_of(
@@ -199,22 +200,24 @@ def _made(
         rejections.add("nothing rests on itself")
         return None
     # the same wherever the base is: where it can reach one of them is asked next
-    spots = _spread(Placement(held.name, put_demand(reach, held.name, scene), scene, near=False).poses(rejections))
-    if not spots:
-        return None
-    return placing(reach.body, spots, arm.frame, held, is_round=scene.bodies.is_round(held.name), fine=fine)
+    spots, scores = Placement(held.name, put_demand(reach, held.name, scene), scene, near=False).spots(rejections)
+    chosen = _spread(spots, MOST_SPOTS[stage])
+    is_round = scene.bodies.is_round(held.name)
+    return placing(reach.body, spots[chosen], scores[chosen], arm.frame, held, is_round=is_round, fine=fine)
 
 
-def _spread(spots: Iterable[Pose]) -> list[Pose]:
-    """Return the best spots that are apart from each other, then the best of those in between."""
-    apart: list[Pose] = []
-    between: list[Pose] = []
-    for spot in spots:
-        if len(apart) == MOST_SPOTS:
-            break
-        near = any(math.dist(spot.position, other.position) < SPREAD for other in apart)
-        (between if near else apart).append(spot)
-    return (apart + between)[:MOST_SPOTS]
+def _spread(spots: Array, most: int) -> list[int]:
+    """Return the best of spots (n, 4), best first: some far apart from each other, some less so, some in between."""
+    chosen: list[int] = []
+    for number, spread in enumerate(SPREAD, 1):
+        free = np.ones(len(spots), bool)
+        for index in chosen:
+            free &= np.hypot(*(spots - spots[index])[:, :2].T) >= spread
+        while free.any() and len(chosen) < most * number // len(SPREAD):
+            chosen.append(int(free.argmax()))
+            free &= np.hypot(*(spots - spots[chosen[-1]])[:, :2].T) >= spread
+    rest = np.setdiff1d(np.arange(len(spots)), chosen)
+    return sorted([*chosen, *rest[: most - len(chosen)].tolist()])
 
 
 def _grasps(

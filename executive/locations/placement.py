@@ -22,8 +22,8 @@ from planlang.geometry import Array, Pose
 
 SPACING = 0.04
 """Distance of neighbouring places on a surface [m]."""
-FINE_SPACING = 0.02
-"""The same where relations to other things leave only a part of the surface [m]."""
+COARSE_SPACING, FINE_SPACING = 0.02, 0.005
+"""The same where relations to other things leave only a part of the surface [m], to find that and within it."""
 MOST_PLACES = 4000
 """Places on one surface: on a large one they are farther apart."""
 FREE = 0.005
@@ -34,17 +34,23 @@ ABOVE_SURFACE = 0.002
 """Height above the surface at which an object is put [m]."""
 FLAT = 0.001
 """Height above the surface up to which something may lie under an object [m]: no more than rounding."""
-EDGE = 0.03
-"""Distance from the edge of a surface from which a place is as good as can be [m]."""
-SMALL = 0.3
+EDGE, EDGE_BESIDE = 0.03, 0.15
+"""Distance from the edge of a surface from which a place is as good as can be [m]; where more may come, too."""
+SMALL = 0.6
 """Distance from the middle of a surface up to which a place is the better the nearer it is [m]."""
+CENTRED = 0.4
+"""Share of its worth that a place loses up to there, or as far from the middle as a thing fits on what is small."""
+NATURAL = 2
+"""Power of the score of an area: well in front of a chair is far better than still so."""
 HAIR = 1e-6
 """Length that rounding may add [m]."""
 TRAVEL = 4.0
 """Distance of the base over which a place loses most of its worth [m]."""
-ROOMY = 0.1
-"""More room around an object than this is not better [m]."""
-MOST_CELLS = 12
+ROOMY, ROOMY_BESIDE = 0.1, 0.01
+"""More room around an object than this is not better [m]; beside something less, as more may come there."""
+ACROSS = 0.5
+"""Weight of a long thing that points at what it is beside: things lie along each other."""
+MOST_CELLS = 24
 """Circles in a row that cover the outline of a long object."""
 
 
@@ -58,28 +64,34 @@ class Placement:
     near: bool = True
     """True if places near to where the base is now are better."""
 
+    def spots(self, log: Rejections) -> tuple[Array, Array]:
+        """Return places and yaws (n, 4) of the object's box centre, upright, and scores (n,), best first.
+
+        Reasons of others are counted.
+        """
+        found = [self._free(upright, log) for upright in self._turned()]
+        yaws = [np.full((len(places), 1), one.yaw) for one, (places, _) in zip(self._turned(), found, strict=True)]
+        spots = np.hstack([np.concatenate([places for places, _ in found]), np.concatenate(yaws)])
+        scores = np.concatenate([scores for _, scores in found])
+        order = np.argsort(-scores.round(9), kind="stable")
+        return spots[order], scores[order]
+
     def poses(self, log: Rejections) -> Iterator[Pose]:
         """Yield poses of the object's box centre, upright, best first; reasons of others are counted."""
-        found = [self._free(upright, log) for upright in self._turned()]
-        centres = np.concatenate([places for places, _ in found])
-        score = np.concatenate([scores for _, scores in found])
-        yaws = np.concatenate(
-            [np.full(len(places), upright.yaw) for upright, (places, _) in zip(self._turned(), found, strict=True)]
-        )
-        for index in np.argsort(-score.round(9), kind="stable"):
-            x, y, z = centres[index].tolist()
-            yield Pose.planar(x, y, float(yaws[index]), z)
+        for x, y, z, yaw in self.spots(log)[0].tolist():
+            yield Pose.planar(x, y, yaw, z)
 
     def _free(self, upright: Block, log: Rejections) -> tuple[Array, Array]:
         """Return places (m, 3) for the object's centre, turned as ``upright``, a prism at the origin, and scores."""
         demand, bodies = self.demand, self.scene.bodies
-        centres = self._centres(upright)
-        if not len(centres):
+        before = log.counts.total()
+        centres = self._centres(upright, log)
+        if not len(centres) and log.counts.total() == before:
             log.add("too small for the object")
         areas = _areas(demand, upright)
         for area in areas:
             wanted = area.score(centres[:, :2]) > 0
-            log.refuse(f"not {area.words}".replace("not not ", ""), centres[~wanted])
+            log.refuse(_unmet(area), centres[~wanted])
             centres = centres[wanted]
         for person, inside in demand.people:
             zone = bodies.zone(person)
@@ -97,16 +109,17 @@ class Placement:
         log.refuse("no room for the object", centres[crowded])
         for body in self._crowding(centres[crowded]):
             log.blocking[body] += 1
-        score = np.clip(room, 0.0, ROOMY) / ROOMY
+        roomy, border = (ROOMY_BESIDE, EDGE_BESIDE) if any(area.directions for area in areas) else (ROOMY, EDGE)
+        score = np.clip(room, 0.0, roomy) / roomy
         if where := demand.on or demand.inside:  # rather not at the very edge
             outer = bodies.block(where)
             spare = -_overhang(upright, centres[:, :2], outer)
-            score = score * (0.3 + 0.7 * np.clip(spare, 0.0, EDGE) / EDGE)
+            score = score * (0.1 + 0.9 * np.clip(spare, 0.0, border) / border)
             if not areas and not self.near:  # rather in the middle of what is small
                 aside = np.hypot(centres[:, 0] - outer.x, centres[:, 1] - outer.y)
-                score = score * (1.0 - 0.2 * np.clip(aside / SMALL, 0.0, 1.0))
+                score = score * (1.0 - CENTRED * np.clip(aside / np.clip(aside.max(), HAIR, SMALL), 0.0, 1.0))
         for area in areas:
-            score = score * area.score(centres[:, :2])
+            score = score * area.score(centres[:, :2]) ** NATURAL * (ACROSS if _points_at(upright, area) else 1.0)
         if self.near:
             x, y, _ = self.scene.base()
             score = score * np.exp(-np.hypot(centres[:, 0] - x, centres[:, 1] - y) / TRAVEL)
@@ -157,8 +170,8 @@ class Placement:
             return level
         return np.asarray(level & (_overhang(block, centres[:, :2], outer) <= HAIR))
 
-    def _centres(self, upright: Block) -> Array:
-        """Return places (m, 3) for the object's centre."""
+    def _centres(self, upright: Block, log: Rejections) -> Array:
+        """Return places (m, 3) for the object's centre; those that areas refuse are counted."""
         demand, bodies = self.demand, self.scene.bodies
         where, height = demand.on or demand.inside, upright.high - upright.low
         if where is None:
@@ -166,11 +179,13 @@ class Placement:
             return np.concatenate([np.zeros((0, 3)), *zones])
         if demand.on is None:
             rooms = [
-                self._on_floor(upright, room, room.low) for room in self._rooms(where) if height <= room.high - room.low
+                self._on_floor(upright, room, room.low, log)
+                for room in self._rooms(where)
+                if height <= room.high - room.low
             ]
             return np.concatenate([np.zeros((0, 3)), *rooms])
         floor = bodies.rests_at(where)
-        return np.zeros((0, 3)) if floor is None else self._on_floor(upright, bodies.block(where), floor)
+        return np.zeros((0, 3)) if floor is None else self._on_floor(upright, bodies.block(where), floor, log)
 
     def _rooms(self, where: str) -> list[Block]:
         """Return the rooms inside a body: those over its floor and its shelves if it is hollow, else all of it."""
@@ -184,17 +199,31 @@ class Placement:
                 rooms.append(Block.of(pose @ Pose(tuple(((low + high) / 2).tolist())), tuple((high - low).tolist())))
         return rooms or [bodies.block(where)]
 
-    def _on_floor(self, upright: Block, block: Block, floor: float) -> Array:
-        """Return places (m, 3) for the object's centre on a floor at a height, over a block's outline."""
+    def _on_floor(self, upright: Block, block: Block, floor: float, log: Rejections) -> Array:
+        """Return places (m, 3) for the object's centre on a floor at a height, over a block's outline.
+
+        Where areas leave a part of it they are closer to each other.
+        """
         demand, height = self.demand, upright.high - upright.low
         half_x = block.half_x - upright.support(block.yaw)
         half_y = block.half_y - upright.support(block.yaw + math.pi / 2)
         if half_x < -HAIR or half_y < -HAIR:
             return np.zeros((0, 3))
         half_x, half_y = max(half_x, 0.0), max(half_y, 0.0)
-        spacing = max(FINE_SPACING if demand.areas else SPACING, 2 * math.sqrt(half_x * half_y / MOST_PLACES))
+        spacing = max(COARSE_SPACING if demand.areas else SPACING, 2 * math.sqrt(half_x * half_y / MOST_PLACES))
         axes = [np.linspace(-half, half, 2 * math.ceil(half / spacing) + 1) for half in (half_x, half_y)]
-        places = block.to_map(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2))
+        local = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
+        for area in _areas(demand, upright):
+            near = area.nearly(block.to_map(local), spacing)
+            log.refuse(_unmet(area), block.to_map(local[~near]))
+            local = local[near]
+        if demand.areas and len(local):
+            count = min(math.isqrt(max(MOST_PLACES // len(local), 1)), math.ceil(spacing / FINE_SPACING))
+            shifts = ((np.arange(count) + 0.5) / count - 0.5) * spacing
+            between = np.stack(np.meshgrid(shifts, shifts, indexing="ij"), axis=-1).reshape(-1, 2)
+            local = (local[:, None] + between).reshape(-1, 2)
+            local = local[(np.abs(local) <= np.array([half_x, half_y]) + HAIR).all(axis=1)]
+        places = block.to_map(local)
         if block.round:
             places = places[_overhang(upright, places, block) <= HAIR]
         return np.column_stack([places, np.full(len(places), floor + ABOVE_SURFACE + height / 2)])
@@ -235,12 +264,24 @@ def _areas(demand: ThingDemand, block: Block) -> tuple[Area, ...]:
     )
 
 
+def _unmet(area: Area) -> str:
+    """Return what is said of places that an area refuses."""
+    return f"not {area.words}".replace("not not ", "")
+
+
+def _points_at(block: Block, area: Area) -> bool:
+    """Return whether a block is longer towards the body that it is on a side of than along that side."""
+    if not area.directions or block.round:
+        return False
+    return block.support(area.directions[0]) > block.support(area.directions[0] + math.pi / 2) + HAIR
+
+
 def _covering(block: Block) -> tuple[Array, float]:
     """Return centres (n, 2), relative to the middle of a block, and the radius of circles that cover its outline."""
     if block.round:
         return np.zeros((1, 2)), max(block.half_x, block.half_y)
     wide, long = sorted((block.half_x, block.half_y))
-    count = min(math.ceil(long / max(wide, 1e-3) - HAIR), MOST_CELLS)
+    count = min(math.ceil(2 * long / max(wide, 1e-3) - HAIR), MOST_CELLS)
     along = (np.arange(count) + 0.5) * (2 * long / count) - long
     across = np.zeros(count)
     local = np.column_stack([along, across] if block.half_x >= block.half_y else [across, along])

@@ -46,7 +46,7 @@ HAIR = 1e-6
 """More than rounding [rad]."""
 AT_PLACE = 0.01
 """Difference of the tip's pose from that at which it puts something down, up to which it retreats from there [m, 1]."""
-CLOSE = 0.25
+CLOSE = 0.05
 """Share of the resolution of checks by which an arm moves from one exact check in time to the next: a torso is slow."""
 MOST = 256
 """Choices that are remembered; branches that have ended are forgotten first."""

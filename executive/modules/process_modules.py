@@ -242,15 +242,15 @@ class Reaching(PlatformModule):
         postures = self.platform.arms.postures(arm, name)
         if not postures:
             raise ManipulationPoseUnreachable("what the hand holds cannot be upright there", arm=arm.name, what=name)
-        held = self.platform.scene.arms.held(arm.name)
-        for least in (0.0, *BACKING) if held is None or held.largest_tilt is not None else ():
+        for least in (0.0, *BACKING):
             try:
                 await self._joint_path(arm, postures[0], beside, name, postures[1:], FEW)
                 return
-            except ManipulationPoseUnreachable as failure:
-                if not isinstance(failure.__cause__, (NoPath, GoalInCollision)):
+            except (ManipulationPoseUnreachable, ManipulationGoalInCollision) as failure:
+                has_room = isinstance(failure, ManipulationGoalInCollision) or isinstance(failure.__cause__, NoPath)
+                if not has_room and not isinstance(failure.__cause__, GoalInCollision):
                     raise
-                if not least and isinstance(failure.__cause__, NoPath) and await self._draw_out(arm, name):
+                if not least and has_room and await self._draw_out(arm, name):
                     continue
                 if not await self._back_off(arm, postures, least or BACKING[0]):
                     raise

@@ -128,12 +128,12 @@ def test_what_is_held_stays_upright_in_every_way_that_is_tried(
     block: Block, turn: tuple[float, float, float, float], facing: float
 ) -> None:
     held = Held("cup", Pose((0.02, 0.0, 0.05), turn), (0.07, 0.07, 0.1))
-    zone, spot = zone_facing(facing), Pose.planar(block.x, block.y, facing, block.high)
+    zone, spots = zone_facing(facing), np.array([[block.x, block.y, block.high, facing]])
     upright = held.pose.matrix()[:3, :3]
     for ways in (
         held_above("box", block, FRAME, held, held.lowest_of, (0.02, 0.15), inset=0.05, fine=False),
         offering("patient", zone, FRAME, held, fine=False),
-        *(placing("box", [spot], FRAME, held, is_round=is_round, fine=False) for is_round in (True, False)),
+        *(placing("box", spots, np.ones(1), FRAME, held, is_round=is_round, fine=False) for is_round in (True, False)),
     ):
         assert len(ways) == 0 or np.linalg.det(ways.rotations) == pytest.approx(1.0)
         assert (ways.rotations @ upright)[:, 2, 2] == pytest.approx(1.0)
