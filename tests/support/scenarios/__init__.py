@@ -35,6 +35,8 @@ class Watched:
     world: PyBulletWorld = field(init=False)
     start: dict[str, Pose] = field(default_factory=dict)
     """Poses of all bodies before the plan ran."""
+    base: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Where the robot stood then: x, y [m] and yaw [rad] in the map."""
     tilts: dict[str, float] = field(default_factory=dict)
     """Largest angle between up and the z axis of each body while the robot held it [rad]."""
     notes: dict[str, object] = field(default_factory=dict)
@@ -44,6 +46,7 @@ class Watched:
         """Take note of the world after one more step."""
         if not self.start:
             self.world, self.start = world, {name: world.pose(name) for name in world.names()}
+            self.base = world.configuration().base
         for name in world.attached():
             self.tilts[name] = max(self.tilts.get(name, 0.0), tilt(world.pose(name)))
 
