@@ -236,8 +236,10 @@ class Resolver:
         if known is not None and self._validator.still_reaches(known, reach, base):
             yield known  # what it is about has not moved since
         begun = seed if known is None else known.joints[min(1, len(known.joints) - 1)]
-        for stage in Stage if reach.kind is ReachKind.GRASP else (Stage.NATURAL, Stage.ALL):
-            counted = Rejections() if stage else log
+        # of good places for a thing a few may be in reach, and none of these may have a way for the arm
+        first = Stage.ALL if reach.kind is ReachKind.PLACE else Stage.NATURAL
+        for stage in Stage if reach.kind is ReachKind.GRASP else (Stage.NATURAL, Stage.ALL)[first:]:
+            counted = log if stage is first else Rejections()
             candidates = candidates_of(reach, arm, scene, counted, stage)
             found = False
             if candidates is not None:
