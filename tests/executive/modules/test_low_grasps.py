@@ -81,3 +81,21 @@ def test_what_is_heavier_than_the_hand_carries_is_refused_before_anything_moves(
     with pytest.raises(TooHeavy, match=r"bottle weighs 40 kg, the hand carries 1\.5 kg") as caught:
         next(stage.resolver.bases(a_location(in_reach_of=THE_BOTTLE)))
     assert (caught.value.mass, caught.value.payload) == (40.0, 1.5)
+
+
+@pytest.mark.parametrize("covered", [False, True])
+def test_a_cloth_is_taken_where_nothing_lies_on_it(make_stage: MakeStage, covered: bool) -> None:
+    cloth = lying("cloth", "PlaceMat", (0.28, 0.36, 0.004), soft=True)
+    size = (0.3, 0.4, 0.012) if covered else (0.1, 0.16, 0.012)
+    over = Body("over", Pose((1.45, 0.0, TOP + 0.0101)), size, type="Napkin", movable=True, soft=True)
+    stage = make_stage(CABINET, cloth, over, BED)
+    bases = stage.resolver.bases(a_location(in_reach_of=an_object("PlaceMat", PLACE + "cloth")))
+    if not covered:
+        grasp = next(iter(stage.resolver.reached_from(next(bases).base).values()))
+        for one in grasp.values():
+            x, y, _ = one.plan.poses[1][:3, 3]
+            assert max(abs(x - 1.45) - 0.05, abs(y) - 0.08) > 0.0
+        return
+    with pytest.raises(LocationUnresolvable) as caught:
+        next(bases)
+    assert "under something else" in caught.value.counts

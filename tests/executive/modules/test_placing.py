@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from itertools import islice
 
 import numpy as np
@@ -12,6 +13,7 @@ from planlang import perform
 from planlang.designators import Location, a_location, a_posture, action, an_object
 from planlang.failures import ActionUnresolvable, ManipulationFailure
 from planlang.geometry import Pose
+from planlang.protocols import Detection
 from sim import Body
 from sim.world import at_rest_on
 from tests.executive.conftest import (
@@ -83,6 +85,21 @@ def test_a_fork_is_turned_so_that_it_fits_beside_the_mat(make_stage: MakeStage) 
     pose = next(stage.resolver.things(where, THE_FORK))
     assert np.isclose(abs(math.cos(pose.yaw)), 1.0), "10 cm are left, and it is 20 cm long"
     assert stage.resolver.holds(where, THE_FORK) is False, "it still lies elsewhere"
+
+
+def test_things_beside_the_mat_lie_along_it_and_leave_room_for_each_other(make_stage: MakeStage) -> None:
+    """In 15 cm beside the mat there is room for four forks of 2 cm."""
+    laid = [replace(FORK, name=f"fork{number}") for number in range(4)]
+    stage = make_stage(BED, BOTTLE, CABINET, TABLE, MAT, *laid)
+    where = a_location(on=THE_TABLE, seen_from=THE_CABINET) & a_location(left_of=THE_MAT, within=0.15)
+    gaps = []
+    for fork in laid:
+        pose = next(stage.resolver.things(where, an_object(fork.type, PLACE + fork.name)))
+        assert np.isclose(abs(math.cos(pose.yaw)), 1.0), "its long side is turned to the mat"
+        gaps.append(abs(pose.position[1]) - 0.2 - 0.01)
+        stage.belief.see([Detection(fork.name, pose, 1.0)])
+        stage.platform.sync()
+    assert max(gaps) <= 0.15 + 1e-6
 
 
 def test_an_empty_hand_puts_nothing_down(make_stage: MakeStage) -> None:
