@@ -152,7 +152,7 @@ class Stage(IntEnum):
 
 NATURAL = (GraspClass.SIDE,)
 """Classes of grasps that are tried first."""
-MOST_SPOTS = (24, 48, 48)
+MOST_SPOTS = (24, 48, 96)
 """Places on a surface that a hand is asked to put something on, at each stage."""
 GOOD = 0.7
 """Share of the best place's score from which others are natural, too: worse ones are for when these lead to nothing."""
@@ -206,7 +206,8 @@ def _made(
         rejections.add("nothing rests on itself")
         return None
     # the same wherever the base is: where it can reach one of them is asked next
-    spots, scores = Placement(held.name, put_demand(reach, held.name, scene), scene, near=False).spots(rejections)
+    demand, oblique = put_demand(reach, held.name, scene), stage is Stage.CLOSEST
+    spots, scores = Placement(held.name, demand, scene, near=False, oblique=oblique).spots(rejections)
     good = len(spots) if fine else int((scores >= GOOD * scores.max(initial=0.0)).sum())
     chosen = _spread(spots[:good], MOST_SPOTS[stage])
     is_round = scene.bodies.is_round(held.name)

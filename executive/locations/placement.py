@@ -1,6 +1,6 @@
 """Poses of things at locations: on and in other things and before people, upright, with free room around.
 
-A round thing may be turned as it likes; any other one stands along the edges of what it is on.
+A round thing may be turned as it likes; any other one stands along the edges of what it is on, or else aslant.
 """
 
 from __future__ import annotations
@@ -63,6 +63,8 @@ class Placement:
     scene: PlanningScene
     near: bool = True
     """True if places near to where the base is now are better."""
+    oblique: bool = False
+    """True if what is not round may also stand at 45 degrees to the edges of what it is on."""
 
     def spots(self, log: Rejections) -> tuple[Array, Array]:
         """Return places and yaws (n, 4) of the object's box centre, upright, and scores (n,), best first.
@@ -154,8 +156,9 @@ class Placement:
         where = self.demand.on or self.demand.inside
         yaw = 0.0 if where is None else self.scene.bodies.block(where).yaw
         one = self._block(Pose.planar(0.0, 0.0, yaw))
-        alike = one.round or where is None or abs(one.half_x - one.half_y) < HAIR
-        return (one,) if alike else (one, self._block(Pose.planar(0.0, 0.0, yaw + math.pi / 2)))
+        alike = abs(one.half_x - one.half_y) < HAIR
+        others = () if one.round or where is None else (1, 2, 3) if self.oblique else () if alike else (2,)
+        return (one, *(self._block(Pose.planar(0.0, 0.0, yaw + turn * math.pi / 4)) for turn in others))
 
     def _rests(self, block: Block, centres: Array, body: str, *, inside: bool) -> NDArray[np.bool_]:
         """Return whether a block, centred at places (m, 3), rests on a body, or is ``inside`` it, as a whole (m,)."""
