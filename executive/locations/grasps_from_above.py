@@ -78,7 +78,7 @@ def _of_class(
     name: str, block: Block, frame: HandFrame, max_opening: float, grasp: GraspClass, headings: int, below: float
 ) -> GraspCandidates:
     floor = block.low + block.wall
-    natural = 0.8 if grasp is GraspClass.TOP else 0.7
+    natural = 0.7 if grasp is GraspClass.TOP else 0.8  # what is held tilted can be put deeper on a table
     rows = []
     for x, y, yaw in _places(block, headings):
         across = block.wall or 2 * block.support(yaw + math.pi / 2)
