@@ -30,6 +30,8 @@ T = TypeVar("T")
 
 HEIGHTS = (0.0, 0.3, 0.6, 0.9)
 """Heights above a touch at which the camera looks for what was touched [m]: a base touches things below the neck."""
+ASIDE, FARTHER = 0.01, 8
+"""Steps in which a body that was felt is moved out of the robot [m], and how many of them."""
 
 
 @dataclass
@@ -429,8 +431,20 @@ class Sensing:
         if explained is None:
             belief.obstacle(behind(touch), motion.blocked_by)
         elif not (belief.seen(explained[0]) or control.scene.bodies.is_person(explained[0])):
-            belief.bump(*explained)
+            self._felt(*explained, np.array(touch.normal) * [1.0, 1.0, 0.0])
         control.sync()
+
+    def _felt(self, name: str, pose: Pose, normal: Array) -> None:
+        """Believe a body at a pose, or as much farther against a normal (3,) that no arm is inside of it."""
+        control, collisions = self._control, self._control.scene.collisions
+        for number in range(FARTHER):
+            x, y, z = (np.array(pose.position) - number * ASIDE * normal).tolist()
+            control.belief.bump(name, Pose((x, y, z), pose.orientation))
+            control.sync()
+            arms = [(arm, control.arm_joints(arm)) for arm in control.scene.arms.all]
+            met = (contact for arm, q in arms for contact in collisions.contacts(control.base(), arm, q))
+            if all(contact.body != name for contact in met):
+                return
 
     def support_of(self, name: str) -> Block | None:
         """Return the shape of the body that something is believed to stand on."""
