@@ -16,6 +16,7 @@ import pytest
 from typer.testing import CliRunner
 
 from executive.cli.app import app
+from executive.runs.plan_run import RunOptions, RunResult
 from planlang.diagnostics import CODES
 
 CHECKOUT = Path(__file__).resolve().parents[2]
@@ -113,18 +114,31 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("commands")
 
 
-@pytest.mark.parametrize("command", shown_outputs())
+@pytest.mark.parametrize("command", shown_outputs(), ids=str)
 def test_an_output_in_the_documentation_is_what_its_command_prints(
-    command: str, folder: Path, request: pytest.FixtureRequest
+    command: str, folder: Path, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Where the command is that of a scenario, its goal is reached as well: the run is the same."""
     from tests.support.extras import skip_without_pr2  # as a script this file sees no other tests
+    from tests.support.scenarios import Judged, judged_run, scenarios
 
     skip_without_pr2(command)
+    scenario = next((one for one in scenarios().values() if one.is_run_by(shlex.split(command))), None)
+    ended: list[Judged] = []
+
+    def run(options: RunOptions) -> RunResult:
+        assert scenario is not None
+        ended.append(judged_run(scenario, options))
+        return ended[0].result
+
+    if scenario is not None:
+        monkeypatch.setattr("executive.cli.run.run_plan_file", run)
     corpus = request.getfixturevalue("corpus") if "@" in command or "corpus/" in command else folder
     assert prepare(command, folder, corpus), "the corpus lacks a file that the documentation uses"
     real = output(command, folder)
     for shown in shown_outputs()[command]:
         assert agrees(shape(shown), shape(real)), f"planlang {command} prints:\n{real}"
+    assert scenario is None or [one.reached for one in ended] == [True], ended
 
 
 def test_a_new_output_keeps_what_was_shown_of_the_old_one() -> None:

@@ -20,7 +20,7 @@ import typer
 from executive.cli.app import app
 from executive.cli.arguments import RunArguments
 from executive.cli.run import options_of
-from executive.runs.plan_run import Outcome, Run, RunResult
+from executive.runs.plan_run import Outcome, Run, RunOptions, RunResult
 from planlang.geometry import Pose
 from sim import PyBulletWorld
 
@@ -78,6 +78,14 @@ class Scenario:
         """The command as a user types it."""
         return " ".join(("planlang run", *(f'"{one}"' if " " in one else one for one in self.arguments)))
 
+    def is_run_by(self, words: Sequence[str]) -> bool:
+        """Return whether the words of a command, wherever its files are, run this and write the trace or a picture."""
+        bare = [Path(word).name for word in words]
+        for option in ("--trace", "--picture"):
+            if option in bare:
+                del bare[bare.index(option) : bare.index(option) + 2]
+        return sorted(bare) == sorted(["run", *(Path(one).name for one in self.arguments)])
+
     @property
     def needs_corpus(self) -> bool:
         """Return whether files of the corpus are used."""
@@ -101,6 +109,12 @@ class Judged:
 def judged(scenario: Scenario, seed: int = 0) -> Judged:
     """Run a scenario in this process, in a folder of its own; raises BadInput as the command does."""
     texts = [_at_home(one) for one in scenario.arguments]
+    with TemporaryDirectory() as folder, chdir(folder):
+        return judged_run(scenario, options_of(_parsed([*texts, "--seed", str(seed), "--json"])))
+
+
+def judged_run(scenario: Scenario, options: RunOptions) -> Judged:
+    """Run what options say, which are those of the scenario's command; raises BadInput as the command does."""
     watched = Watched()
 
     def watch(world: PyBulletWorld) -> None:
@@ -108,11 +122,9 @@ def judged(scenario: Scenario, seed: int = 0) -> Judged:
         for watcher in scenario.watchers:
             watcher(watched)
 
-    with TemporaryDirectory() as folder, chdir(folder):
-        options = options_of(_parsed([*texts, "--seed", str(seed), "--json"]))
-        with Run(replace(options, watchers=(watch,))) as run:
-            result = run.execute()
-            unmet = tuple(scenario.goal(watched)) if watched.start else ("the run did not begin",)
+    with Run(replace(options, watchers=(watch,))) as run:
+        result = run.execute()
+        unmet = tuple(scenario.goal(watched)) if watched.start else ("the run did not begin",)
     return Judged(result, unmet, watched.tilts)
 
 
