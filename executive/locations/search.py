@@ -30,7 +30,7 @@ from executive.locations.hand_solutions import (
     solve,
     unblocked,
 )
-from executive.locations.rejections import NO_ROOM, NO_WAY, OUT_OF_REACH, Rejections
+from executive.locations.rejections import NO_HOLD, NO_ROOM, NO_WAY, OUT_OF_REACH, Rejections
 from executive.locations.validation import PLACES, BaseValidator, SelfOcclusion, scored, unmet
 from executive.motion import QuickCheck
 from executive.robots.arms import ArmModel
@@ -284,7 +284,7 @@ class ReachSearch:
                 continue
             validated += 1
             failed.add(number, base, heading)
-            if answer in bodies_around:
+            if answer in bodies_around or answer == NO_HOLD.text:  # from other bases the hand is as it is here
                 failures.setdefault((number, candidate), (solution, place))
             elif isinstance(answer, str) and budget is not BETWEEN:  # where postures are those of the maps
                 clumsy.add(posture(row))

@@ -18,6 +18,7 @@ from executive.locations.hand_predicates import Stage, candidates_of
 from executive.locations.hand_solutions import HandSolution, Trial, from_base
 from executive.locations.rejections import (
     COLLISION,
+    NO_HOLD,
     NO_ROOM,
     NO_WAY,
     NOT_VISIBLE,
@@ -163,7 +164,7 @@ class BaseValidator:
     ) -> Solution | str | None:
         """Validate exactly a base pose whose first reach is solved as far as spheres tell, by a check of the arm.
 
-        If it will not do because the arm meets something, the name of that.
+        If it will not do because the arm meets something, the name of that; if the fingers have no hold, that.
         """
         # the arm first, where it takes hold: it is what most often meets something
         trial = Trial(solution, base, self.scene, check)
@@ -177,7 +178,7 @@ class BaseValidator:
         if reason is not None:
             log.count([reason])
             log.remember(base, score, reason.text, reason.body)
-            return reason.body
+            return NO_HOLD.text if reason is NO_HOLD else reason.body
         reached = {wanted[0]: solution}
         for reach in wanted[1:]:
             options = self.arms_for(reach, [solution.arm])
