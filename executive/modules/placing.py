@@ -22,7 +22,7 @@ from sim import Body
 CLEAR = 0.05
 """Distance that a thing has from a compartment before it goes in [m]."""
 
-FEW = 100
+FEW = 300
 """Branches that the search of a path over a place grows: there are other hand poses to try, and other base poses."""
 
 
