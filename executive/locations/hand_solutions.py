@@ -74,9 +74,10 @@ def arms_have_room(bases: Array, check: QuickCheck, rejections: Rejections) -> N
 
     Others are counted.
     """
-    each, which = np.unique(bases, axis=0, return_inverse=True)
-    hit = check.hit(base_matrices(each))
-    bodies = [hit[number] for number in which.ravel().tolist()]
+    places, known = list(map(tuple, bases.tolist())), rejections.stances
+    new = [place for place in dict.fromkeys(places) if place not in known]
+    known.update(zip(new, check.hit(base_matrices(np.array(new).reshape(-1, 3))), strict=True))
+    bodies = [known[place] for place in places]
     rejections.count(None if body is None else Reason(NO_ROOM, body) for body in bodies)
     return np.array([body is None for body in bodies], bool)
 
