@@ -129,11 +129,12 @@ class ReachabilityMap:
 
     def _exact(self, rows: Index) -> Array:
         """Joint values (m, d) that take the tip to the poses of rows (m,), the lift left out; each is solved once."""
-        new = np.unique(rows[np.isnan(self._solved[rows, 0])])
+        new = np.unique(rows[~self._is_solved[rows]])
         if len(new):
             lowest, near = 0.0 if self.lift is None else self.lift.lowest, self.postures[self.rows["posture"][new]]
             # each has converged when the map was built
             self._solved[new], _ = self._solver.solve(self.poses(new, lowest), near[:, None])
+            self._is_solved[new] = True
         return self._solved[rows]
 
     def poses(self, rows: ArrayLike, torso: ArrayLike = 0.0) -> Array:
@@ -187,7 +188,11 @@ class ReachabilityMap:
 
     @cached_property
     def _solved(self) -> Array:
-        return np.full((len(self), self.postures.shape[1]), np.nan)
+        return np.zeros((len(self), self.postures.shape[1]))
+
+    @cached_property
+    def _is_solved(self) -> NDArray[np.bool_]:
+        return np.zeros(len(self), bool)
 
     @cached_property
     def _sorted(self) -> NDArray[np.int64]:

@@ -27,6 +27,7 @@ from executive.locations.hand_solutions import (
     HandSolution,
     Trial,
     arms_have_room,
+    once,
     solve,
     unblocked,
 )
@@ -239,7 +240,7 @@ class ReachSearch:
             while first < len(found):
                 rows = np.arange(first, min(first + size, len(found)))
                 first, size = first + size, min(2 * size, AT_ONCE)
-                roomy = floor.holds(bases[rows])
+                roomy = np.array(once(log.rooms, bases[rows], lambda new: floor.holds(new).tolist()), bool)
                 log.add(NO_ROOM, int((~roomy).sum()))
                 undecided[rows] = roomy
                 rows = rows[roomy]
