@@ -6,9 +6,10 @@ Spheres rule out what would surely collide before anything is checked exactly in
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -97,14 +98,23 @@ def _with_between(poses: Array) -> Array:
     return np.concatenate([poses, *moved_to_room], axis=1)
 
 
+T = TypeVar("T")
+
+
+def once(known: dict[tuple[float, ...], T], bases: Array, find: Callable[[Array], Sequence[T]]) -> list[T]:
+    """Return what is ``known`` of bases (n, 3); of those of which nothing is known it is found."""
+    places: list[tuple[float, ...]] = list(map(tuple, bases.tolist()))
+    new = [place for place in dict.fromkeys(places) if place not in known]
+    known.update(zip(new, find(np.array(new).reshape(-1, 3)), strict=True))
+    return [known[place] for place in places]
+
+
 def arms_have_room(bases: Array, check: QuickCheck, rejections: Rejections) -> NDArray[np.bool_]:
     """Return at which bases (n, 3) no arm, in its present posture, is inside something as far as spheres tell.
 
     Others are counted.
     """
-    each, which = np.unique(bases, axis=0, return_inverse=True)
-    hit = check.hit(base_matrices(each))
-    bodies = [hit[number] for number in which.ravel().tolist()]
+    bodies = once(rejections.stances, bases, lambda new: check.hit(base_matrices(new)))
     rejections.count(None if body is None else Reason(NO_ROOM, body) for body in bodies)
     return np.array([body is None for body in bodies], bool)
 

@@ -124,11 +124,18 @@ class ReachabilityMap:
     def seeds(self, rows: ArrayLike, torso: ArrayLike = 0.0) -> Array:
         """Joint values (m, d) of rows (m,), in the order of the arm's joints, with the torso at a position, or (m,)."""
         chosen = np.asarray(rows, np.intp)
-        q = self.postures[self.rows["posture"][chosen]]
-        if not is_bound(self.arm) and len(q):
-            lowest = 0.0 if self.lift is None else self.lift.lowest
-            q, _ = self._solver.solve(self.poses(chosen, lowest), q[:, None])  # each has converged when it was built
+        q = self.postures[self.rows["posture"][chosen]] if is_bound(self.arm) else self._exact(chosen)
         return q if self.lift is None else np.insert(q, self.lift.column, np.asarray(torso, float), axis=1)
+
+    def _exact(self, rows: Index) -> Array:
+        """Joint values (m, d) that take the tip to the poses of rows (m,), the lift left out; each is solved once."""
+        new = np.unique(rows[~self._is_solved[rows]])
+        if len(new):
+            lowest, near = 0.0 if self.lift is None else self.lift.lowest, self.postures[self.rows["posture"][new]]
+            # each has converged when the map was built
+            self._solved[new], _ = self._solver.solve(self.poses(new, lowest), near[:, None])
+            self._is_solved[new] = True
+        return self._solved[rows]
 
     def poses(self, rows: ArrayLike, torso: ArrayLike = 0.0) -> Array:
         """Tip poses (m, 4, 4) of rows (m,) in the base link's frame."""
@@ -178,6 +185,14 @@ class ReachabilityMap:
     @cached_property
     def _solver(self) -> InverseKinematics:
         return InverseKinematics(carried(self.arm))
+
+    @cached_property
+    def _solved(self) -> Array:
+        return np.zeros((len(self), self.postures.shape[1]))
+
+    @cached_property
+    def _is_solved(self) -> NDArray[np.bool_]:
+        return np.zeros(len(self), bool)
 
     @cached_property
     def _sorted(self) -> NDArray[np.int64]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from executive.belief.scene_collisions import BasePose
 from planlang.failures import LocationUnresolvable
@@ -58,6 +58,14 @@ class Rejections:
     """True if no base pose will do, however many are looked at: a larger search is spared."""
     refused: list[tuple[str, Array]] = field(default_factory=list)
     """Candidates (m, 2 or more) that were refused before they were looked at, with the reason."""
+    met: set[tuple[float, ...]] = field(default_factory=set)
+    """Candidates that an arm cannot do, whatever is to be seen from there."""
+    rooms: dict[tuple[float, ...], bool] = field(default_factory=dict)
+    """Base poses, and whether there is room for the base."""
+    stances: dict[tuple[float, ...], str | None] = field(default_factory=dict)
+    """Base poses, and what an arm in its present posture is inside of there, None if nothing."""
+    again: bool = False
+    """True if the same is looked at once more, without what has to be seen: nothing is told of it."""
 
     def refuse(self, reason: str, candidates: Array) -> None:
         """Count candidates (m, 2 or more) rejected for a reason, and remember where they are."""
@@ -89,6 +97,14 @@ class Rejections:
         self.places.extend(other.places[: max(0, MOST_PLACES - len(self.places))])
         self.scored.extend(other.scored)
         self.refused.extend(other.refused)
+
+    def uncounted(self, *, again: bool = False) -> Rejections:
+        """Return where to count candidates that have been counted already; what is remembered is shared.
+
+        If the same is looked at ``again``, candidates in collision are left out of it, and stay counted.
+        """
+        counts = Counter({COLLISION: self.counts[COLLISION]} if again else ())
+        return replace(self, counts=counts, blocking=Counter(), walled=False, hopeless=False, again=again)
 
     def copy(self) -> Rejections:
         """Return the same, to go on from twice."""

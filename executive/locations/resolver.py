@@ -109,9 +109,7 @@ class Resolver:
         views = [self._view(name) for name in unseen]
         if handled and None not in views:
             blind = replace(demand, remembered=handled)
-            # the same candidates were looked at already: they are not counted again
-            uncounted = Rejections(log.explained, places=log.places, scored=log.scored, refused=log.refused)
-            for solution in self._searched(blind, wanted, uncounted, found):
+            for solution in self._searched(blind, wanted, log.uncounted(again=True), found):
                 yield self._after(dict(zip(unseen, views, strict=True)), solution)
 
     def _unsure(self, wanted: Sequence[Reach]) -> list[str]:

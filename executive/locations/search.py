@@ -27,6 +27,7 @@ from executive.locations.hand_solutions import (
     HandSolution,
     Trial,
     arms_have_room,
+    once,
     solve,
     unblocked,
 )
@@ -153,8 +154,7 @@ class ReachSearch:
                 yield solution
             if budget.then is not None and not some and self.is_taken is None:
                 moved = moved_to_room(found, floor, middle[:2], room.yaw, budget.most)
-                # the same candidates were looked at already: they are not counted again
-                uncounted = Rejections(log.explained, places=log.places, scored=log.scored, refused=log.refused)
+                uncounted = log.uncounted(again=log.again)
                 then = ReachSearch(validator, self.wanted, self.demand, self.arms, budget.then, uncounted)
                 yield from then._in_blocks(moved, hands, middle, stance, self._unseen()) if len(moved) else ()
         if not log.explained:
@@ -200,6 +200,16 @@ class ReachSearch:
         postponed: list[tuple[int, HandSolution]] = []
         clumsy: set[tuple[float, ...]] = set()
 
+        def known(rows: NDArray[np.intp]) -> list[tuple[float, ...]]:
+            """Return what candidates are known by when the same is looked at again."""
+            columns = (found.arms[rows], found.candidates[rows], found.torsos[rows], *bases[rows].T)
+            return [(budget.stage, *key) for key in zip(*(column.tolist() for column in columns), strict=True)]
+
+        def remember(rows: NDArray[np.intp]) -> None:
+            """Remember those of some candidates that arms cannot do."""
+            if not log.again:
+                log.met.update(known(rows[~undecided[rows]]))
+
         def is_stopped(number: int, candidate: int) -> bool:
             """Return whether the hand itself is in something: then no base pose of a candidate that failed will do."""
             key = (number, candidate)
@@ -226,13 +236,17 @@ class ReachSearch:
             while first < len(found):
                 rows = np.arange(first, min(first + size, len(found)))
                 first, size = first + size, min(2 * size, AT_ONCE)
-                roomy = floor.holds(bases[rows])
+                roomy = np.array(once(log.rooms, bases[rows], lambda new: floor.holds(new).tolist()), bool)
                 log.add(NO_ROOM, int((~roomy).sum()))
                 undecided[rows] = roomy
                 rows = rows[roomy]
                 undecided[rows] = validator.has_way(bases[rows], log)
                 rows = rows[undecided[rows]]
+                if log.again:
+                    undecided[rows] = [key not in log.met for key in known(rows)]
+                    rows = rows[undecided[rows]]
                 undecided[rows] = arms_have_room(bases[rows], stance, log)
+                remember(rows)
                 waiting = np.append(waiting, rows[undecided[rows]])
                 while len(waiting) >= budget.block or (len(waiting) and first >= len(found)):
                     yield waiting[: budget.block]
@@ -244,6 +258,7 @@ class ReachSearch:
                 undecided[rows] = [not is_hopeless(row) for row in rows.tolist()]
                 rows = rows[undecided[rows]]
                 undecided[rows], joints = self._solved(found, rows, bases, hands)
+                remember(rows)
                 rows = rows[undecided[rows]]
                 if misses is not None and len(rows):
                     undecided[rows] = ~misses(bases[rows])
@@ -279,6 +294,8 @@ class ReachSearch:
                 yield answer
                 continue
             validated += 1
+            if isinstance(answer, str):
+                remember(np.array([row]))
             failed.add(number, base, heading)
             if answer in bodies_around or answer == NO_HOLD.text:  # from other bases the hand is as it is here
                 failures.setdefault((number, candidate), (solution, place))

@@ -95,7 +95,7 @@ class QuickCheck:
         ``deeper``: how much deeper in something than elsewhere spheres have to be [m]. Without configurations only
         what moves with the base may be among the movers.
         """
-        return self._first(self._within(self._limit - deeper, bases, q), len(bases))
+        return self._first(self._limit - deeper, self._frames(bases, q), self._pairs)
 
     def hand_hit(self, tips: Array) -> list[str | None]:
         """Return the first obstacle in the map that the hand alone hits with the tip at each pose (n, 4, 4), or None.
@@ -105,7 +105,7 @@ class QuickCheck:
         frames = np.zeros((FIRST_JOINT + len(self._chain.carriers), 3, 4, len(tips)))
         frames[MAP] = np.eye(3, 4)[..., None]
         frames[self._hand] = np.moveaxis(product(tips[:, :3], self._to_hand), 0, -1)
-        return self._first(self._near(self._limit, frames, self._hand_pairs), len(tips))
+        return self._first(self._limit, frames, self._hand_pairs)
 
     @cached_property
     def _hand_pairs(self) -> _Pairs:
@@ -118,9 +118,10 @@ class QuickCheck:
         which, pieces = _members(self._obstacles.first, self._obstacle[standing])
         return _Pairs(standing[which], pieces, pairs[moves])
 
-    def _first(self, found: Found, count: int) -> list[str | None]:
-        """Return the obstacle of the first pair of each row, None for a row without."""
-        names: list[str | None] = [None] * count
+    def _first(self, width: Array, frames: Array, pairs: _Pairs) -> list[str | None]:
+        """Return the obstacle of the first pair that is hit in each of frames (f, 3, 4, n), None where none is."""
+        found = self._near(width, frames, pairs, only_first=True)
+        names: list[str | None] = [None] * frames.shape[3]
         for pair, row in zip(found[0][::-1].tolist(), found[1][::-1].tolist(), strict=True):
             names[row] = self._obstacles.names[self._obstacle[pair]]
         return names
@@ -163,7 +164,7 @@ class QuickCheck:
     def free(self, q: Array) -> NDArray[np.bool_]:
         """Return at which configurations (n, d) no sphere is inside something (n,)."""
         free = np.ones(len(q), bool)
-        free[self._within(self._limit, self._here(len(q)), q)[1]] = False
+        free[self._near(self._limit, self._frames(self._here(len(q)), q), self._pairs, only_first=True)[1]] = False
         return free
 
     def gaps(self, q: Array, within: float = np.inf) -> Array:
@@ -251,14 +252,15 @@ class QuickCheck:
             apart[apart] = are_apart(mine, points, turns[apart], shifts[apart], beyond + further + BEYOND)
         return np.asarray(apart)
 
-    def _near(self, width: Array, frames: Array, pairs: _Pairs) -> Found:
-        """Return which of some pairs are nearer than their width (w,) in frames (f, 3, 4, n)."""
+    def _near(self, width: Array, frames: Array, pairs: _Pairs, *, only_first: bool = False) -> Found:
+        """Return which of some pairs are nearer than their width (w,) in frames (f, 3, 4, n); some after the first."""
         count, size = frames.shape[3], len(pairs.standing) + len(pairs.moving)
         if not count or not size:
             none = np.zeros(0, np.intp)
             return none, none, np.zeros(0), none
         size = max(1, AT_ONCE // size)
-        parts = [self._near_in(width, frames[..., k : k + size], pairs) for k in range(0, count, size)]
+        find = self._first_in if only_first else self._near_in
+        parts = [find(width, frames[..., k : k + size], pairs) for k in range(0, count, size)]
         if len(parts) == 1:
             return parts[0]
         starts = np.repeat(np.arange(len(parts)) * size, [len(part[0]) for part in parts])
@@ -267,16 +269,40 @@ class QuickCheck:
         return pair[order], (row + starts)[order], gap[order], piece[order]
 
     def _near_in(self, width: Array, frames: Array, pairs: _Pairs) -> Found:
-        movers, obstacles, solids = self._movers, self._obstacles, self._obstacles.solids
-        spheres = movers.solids
-        middles = _placed(self._balls, movers.frames, frames)
+        return self._near_by_spheres(width, frames, *self._near_by_balls(width, frames, pairs))
+
+    def _first_in(self, width: Array, frames: Array, pairs: _Pairs) -> Found:
+        """Return the first pair of each row that is near, and some more; as few as possible are looked at."""
+        pair, piece, row = self._near_by_balls(width, frames, pairs)
+        order = np.argsort(row, kind="stable")
+        rank = np.empty(len(row), np.intp)
+        rank[order] = np.arange(len(row)) - np.searchsorted(row[order], row[order])
+        found, left, most = [], np.arange(len(row)), 1
+        while len(left):
+            now = left[rank[left] < most]
+            found.append(self._near_by_spheres(width, frames, pair[now], piece[now], row[now]))
+            hit = np.zeros(frames.shape[3], bool)
+            hit[found[-1][1]] = True
+            left, most = left[(rank[left] >= most) & ~hit[row[left]]], 3 * most
+        if len(found) < 2:
+            return found[0] if found else (pair, row, np.zeros(0), piece)
+        several = [np.concatenate(column) for column in zip(*found, strict=True)]
+        inside = np.argsort(several[0], kind="stable")
+        return several[0][inside], several[1][inside], several[2][inside], several[3][inside]
+
+    def _near_by_balls(self, width: Array, frames: Array, pairs: _Pairs) -> tuple[Index, Index, Index]:
+        """Return pairs, pieces of their obstacles and rows where the ball around the mover is near, in order."""
+        middles = _placed(self._balls, self._movers.frames, frames)
         standing, moving = self._near_standing(width, middles, pairs), self._near_moving(width, middles, frames, pairs)
         pair, piece, row, middle = (np.concatenate(several) for several in zip(standing, moving, strict=True))
-        # the ball of the mover and each piece
-        left = np.flatnonzero(_gaps(middle, self._balls[self._mover[pair], 3], solids, piece) < width[pair])
-        pair, piece, row = pair[left], piece[left], row[left]
-        # each sphere of the mover and each piece that is left
-        mover = self._mover[pair]
+        gap = _gaps(middle, self._balls[self._mover[pair], 3], self._obstacles.solids, piece)
+        left = np.flatnonzero(gap < width[pair])
+        return pair[left], piece[left], row[left]
+
+    def _near_by_spheres(self, width: Array, frames: Array, pair: Index, piece: Index, row: Index) -> Found:
+        """Return which of pairs, pieces of their obstacles and rows (k,) are near by a sphere of the mover."""
+        movers, obstacles, solids = self._movers, self._obstacles, self._obstacles.solids
+        spheres, mover = movers.solids, self._mover[pair]
         mine = frames[movers.frames[mover], :, :, row]
         theirs = frames[obstacles.frames[self._obstacle[pair]], :, :, row]
         turn, shift = _relative(theirs, mine)
