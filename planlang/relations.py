@@ -182,8 +182,8 @@ _TABLE = (
         ("in the center of", "in the centre of", "in the middle of"),
         hand=Meaning(
             Sense.GRASP_POINT,
-            "the grip point within 1 cm of X's centre or of the line from there up, or of where else X is gripped: "
-            "the grasp",
+            "the grip point within 1 cm of X's centre or of the line through it from halfway down up, "
+            "or where else X is gripped: the grasp",
         ),
         of_solids=True,
         of_rooms=False,

@@ -21,6 +21,7 @@ from executive.motion.clearance import TOUCHING, Band, Outline, clearances_at, c
 from executive.motion.drivable import Drivable, drivable
 from executive.robots import Gripper, Robot
 from executive.robots.arms import ArmModel
+from executive.robots.openings import Fingers
 from planlang.geometry import Array
 from planlang.geometry.matrices import moved
 from planlang.protocols import Configuration, Contact, Touch
@@ -178,10 +179,10 @@ def pinched(touches: Iterable[Touch]) -> Array | None:
     return np.add(one.point, other.point) / 2
 
 
-def _closing(gripper: Gripper) -> list[dict[str, float]]:
-    """Return the joint values of fingers on their way from open to closed."""
+def _closing(gripper: Gripper, fingers: Fingers) -> list[dict[str, float]]:
+    """Return the joint values of fingers on their way from where they are to closed."""
     return [
-        {name: (1.0 - share) * gripper.opened[name] + share * gripper.closed[name] for name in gripper.joints}
+        {name: (1.0 - share) * value + share * gripper.closed[name] for name, value in fingers}
         for share in np.linspace(0.0, 1.0, CLOSING_STEPS + 1)[1:].tolist()
     ]
 
@@ -208,7 +209,7 @@ class SceneCollisions:
         self._touched: Latest[tuple[Contact, ...]] = Latest()
         self._lifts: Latest[dict[tuple[str, float], list[tuple[str, str]]]] = Latest()
         self._groups: dict[tuple[str, ...], ArmShapes] = {}
-        self._arm_bodies: dict[tuple[str, bool], Latest[ArmBodies]] = {}
+        self._arm_bodies: dict[tuple[str, Fingers], Latest[ArmBodies]] = {}
 
     # Room
 
@@ -306,23 +307,20 @@ class SceneCollisions:
         arm: ArmModel | None = None,
         q: Array | None = None,
         touches: str | None = None,
-        opened: bool = False,
+        fingers: Fingers = (),
         among: Collection[tuple[str, str]] | None = None,
     ) -> tuple[Contact, ...]:
         """Return penetrations with an arm at ``q``, all else as it is; its fingers may touch the body ``touches``.
 
-        ``opened``: with the fingers of the arm open. ``among``: the only pairs that can touch, if that is known.
+        ``fingers``: where those of the arm are, if not as they are. ``among``: the only pairs that can touch, if known.
         """
         now = self._world.configuration().joints
         if arm is None or q is None:
             found = self._world.contacts(Configuration(base, now), ("base",), among=among)
             return found if among is not None else (*found, *self._own_contacts(now))
-        joints = dict(now)
-        gripper = self._robot.arm(arm.name).gripper
-        joints |= gripper.opened if opened and gripper is not None else {}
-        joints |= zip(arm.joints, map(float, q), strict=True)
+        joints = {**now, **dict(fingers), **dict(zip(arm.joints, map(float, q), strict=True))}
         ignore = [(link, touches) for link in sorted(self._touching(arm))] if touches is not None else []
-        moving = (*arm.joints, *(gripper.opened if opened and gripper is not None else ()))
+        moving = (*arm.joints, *(name for name, _ in fingers))
         return self._world.contacts(Configuration(base, joints), moving, ignore=ignore, among=among)
 
     def _own_contacts(self, joints: Mapping[str, float]) -> tuple[Contact, ...]:
@@ -331,8 +329,8 @@ class SceneCollisions:
         there = Configuration(self._world.configuration().base, joints)
         return self._touched.of(state, lambda: self._world.self_contacts(there))
 
-    def stops_closing(self, base: BasePose, arm: ArmModel, q: Array, around: str) -> str | None:
-        """Return the body that a finger, closing from open, meets before it meets ``around``; None if there is none.
+    def stops_closing(self, base: BasePose, arm: ArmModel, q: Array, around: str, fingers: Fingers) -> str | None:
+        """Return the body that a finger, closing, meets before it meets ``around``; None if there is none.
 
         Fingers on hinges go forward while they close: what is behind a thing may keep them from it.
         """
@@ -340,8 +338,8 @@ class SceneCollisions:
         if gripper is None:
             return None
         joints = dict(self._world.configuration().joints) | dict(zip(arm.joints, map(float, q), strict=True))
-        joints |= gripper.opened
-        steps = _closing(gripper)
+        joints |= fingers
+        steps = _closing(gripper, fingers)
         links = [self._world.robot.moved_by(name) for name in gripper.joints]
         apart = len(frozenset[int]().union(*links)) == sum(map(len, links))
         if apart and self._world.passed(Configuration(base, joints), steps) <= {around}:
@@ -349,14 +347,20 @@ class SceneCollisions:
         stopped = self._close(base, joints, steps, around)
         return stopped if isinstance(stopped, str) else None
 
-    def closed_on(self, base: BasePose, arm: ArmModel, q: Array, around: str) -> Mapping[str, float] | None:
-        """Return where the fingers of an arm come to rest with a body between them, as joint values; None elsewhere."""
+    def closed_on(
+        self, base: BasePose, arm: ArmModel, q: Array, around: str, fingers: Fingers | None = None
+    ) -> Mapping[str, float] | None:
+        """Return where the fingers of an arm come to rest with a body between them, as joint values; None elsewhere.
+
+        ``fingers``: where they begin, if not opened as far as they go.
+        """
+        fingers = arm.openings.widest if fingers is None else fingers
         gripper = self._robot.arm(arm.name).gripper
         if gripper is None:
             return None
         joints = dict(self._world.configuration().joints) | dict(zip(arm.joints, map(float, q), strict=True))
-        joints |= gripper.opened
-        stopped = self._close(base, joints, _closing(gripper), around)
+        joints |= fingers
+        stopped = self._close(base, joints, _closing(gripper, fingers), around)
         if isinstance(stopped, str):
             return None
         point = pinched(self._world.touches(gripper.finger_links, Configuration(base, joints)))
@@ -408,7 +412,7 @@ class SceneCollisions:
 
     def quick_check(self, arm: ArmModel, touches: str | None) -> QuickCheck:
         """Return a check, without PyBullet, of how an arm may move here; ``touches`` as in :meth:`contacts`."""
-        bodies = self._bodies_of(arm, opened=False)
+        bodies = self._bodies_of(arm, ())
         base = self._world.link_pose(self._robot.base_link).matrix()
         middle = moved(base, bodies.centre)
         return bodies.against(base, self._room().near(middle, bodies.reach), (self._touching(arm), touches))
@@ -433,11 +437,11 @@ class SceneCollisions:
         return [(contact.part, contact.body) for contact in self._world.contacts(there, tuple(joints))]
 
     def arm_check(
-        self, arm: ArmModel, touches: str | None, *, opened: bool, near: tuple[Array, float] | None = None
+        self, arm: ArmModel, touches: str | None, fingers: Fingers, near: tuple[Array, float] | None = None
     ) -> QuickCheck:
         """Return a check that rules out postures of an arm from any base, and poses of its hand."""
-        key, ignored = ("arm", arm.name, touches, opened), (self._touching(arm), touches)
-        return self._check(key, near, lambda: self._bodies_of(arm, opened=opened), ignored)
+        key, ignored = ("arm", arm.name, touches, fingers), (self._touching(arm), touches)
+        return self._check(key, near, lambda: self._bodies_of(arm, fingers), ignored)
 
     def stance_check(self, near: tuple[Array, float] | None = None) -> QuickCheck:
         """Return a check that rules out bases from which an arm, in its present posture, would stick into something."""
@@ -465,14 +469,13 @@ class SceneCollisions:
         rooms = (body.name for body in self._world.scene.bodies if body.shape is BodyShape.ROOM)
         return self._obstacles.of(solids, lambda: Room.of(solids, next(rooms, FLOOR)))
 
-    def _bodies_of(self, arm: ArmModel, *, opened: bool) -> ArmBodies:
+    def _bodies_of(self, arm: ArmModel, fingers: Fingers) -> ArmBodies:
         """Return an arm with all that its joints move and may meet of the robot; its own joints may be anywhere."""
         joints = self._world.configuration().joints
         rest = tuple(item for item in joints.items() if item[0] not in arm.joints)
-        opened = opened and any(joints.get(name) != value for name, value in self._fingers(arm).items())
-        chain, fingers = self._chains[arm.name], self._fingers(arm) if opened else None
-        kept = self._arm_bodies.setdefault((arm.name, opened), Latest())
-        return kept.of((rest, self._in_hands()), lambda: chain.now(self._world, fingers))
+        chain, there = self._chains[arm.name], {name: value for name, value in fingers if joints.get(name) != value}
+        kept = self._arm_bodies.setdefault((arm.name, fingers if there else ()), Latest())
+        return kept.of((rest, self._in_hands()), lambda: chain.now(self._world, there))
 
     def _in_hands(self) -> object:
         """Return what the bodies of arms depend on beside joints: with empty hands nothing."""
@@ -483,11 +486,6 @@ class SceneCollisions:
         """Return the links that may touch what an arm takes: its fingers, as its palm would push that away."""
         gripper = self._robot.arm(arm.name).gripper
         return frozenset(gripper.finger_links) if gripper is not None else arm.hand_links
-
-    def _fingers(self, arm: ArmModel) -> Mapping[str, float]:
-        """Return the joints of an arm's fingers where they are open."""
-        gripper = self._robot.arm(arm.name).gripper
-        return gripper.opened if gripper is not None else {}
 
     def _own_links(self, arm: ArmModel) -> frozenset[str]:
         """Return links that other joints of an arm than the torso's move."""

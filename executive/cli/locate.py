@@ -182,7 +182,6 @@ def _hands(base: BasePose, platform: Platform) -> Iterator[dict[str, Any]]:
     for (_, _), reached in platform.resolver.reached_from(base).items():
         for hand in reached.values():
             arm, values = hand.arm, hand.joints.tolist()
-            gripper = platform.robot.arm(arm.name).gripper
             poses = [
                 {"position": list(pose.position), "orientation": list(pose.orientation)}
                 for pose in map(Pose.from_matrix, hand.plan.poses[: len(values)])
@@ -191,7 +190,7 @@ def _hands(base: BasePose, platform: Platform) -> Iterator[dict[str, Any]]:
                 "arm": arm.name,
                 "reach": hand.plan.label,
                 "link": platform.robot.arm(arm.name).tip,
-                "fingers": dict(gripper.opened) if hand.plan.opened and gripper is not None else None,
+                "fingers": dict(hand.plan.fingers) or None,
                 "torso": values[0][arm.joints.index(torso)] if torso in arm.joints else None,
                 "postures": [
                     {"joints": dict(zip(arm.joints, row, strict=True)), **pose}

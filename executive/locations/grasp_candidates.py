@@ -20,6 +20,7 @@ from executive.locations.columns import Columns
 from executive.locations.reachability import GraspClass
 from executive.motion import QuickCheck
 from executive.robots.arms import ArmModel, HandFrame, Held
+from executive.robots.openings import TIGHT, Fingers, Openings
 from planlang.geometry import Array
 from planlang.geometry.matrices import product, rotated
 from sim import ComfortZone
@@ -47,6 +48,10 @@ OVER_EDGE = 0.4
 GRIPPED = 0.01
 """Least height of a thing above the grip point [m]."""
 UP = np.array([0.0, 0.0, 1.0])
+FARTHER_BACK = 0.008
+"""How much nearer to the ends of the fingers a thing may be gripped [m]."""
+AWRY, TIGHTER = 0.9, 0.8
+"""Weights of grasps elsewhere than in the middle, and with hardly room for the fingers, beside others."""
 PARTICULAR, POOREST = 4, 0.02
 """Power of a spot's score, beside that of the best one, that is the weight of what is put there, and the least one."""
 OBLIQUE = 0.4
@@ -63,8 +68,8 @@ class HandPoses:
     label: str
     poses: Array
     touches: str | None = None
-    opened: bool = False
-    """True if the fingers are open meanwhile."""
+    fingers: Fingers = ()
+    """Where the fingers are meanwhile, if not as they are."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,7 +94,14 @@ class GraspCandidates(Columns):
     weights: Array
     """The weights, higher for more natural ones, in (0, 1], (n,)."""
     touches: str | None = None
-    opened: bool = False
+    fingers: Fingers = ()
+    spans: Array | None = None
+    """How wide what is grasped is between the fingers, and how far it comes behind the grip point [m], (n, 2)."""
+
+    heights: tuple[float, ...] = ()
+    """How much higher, or lower, what is grasped can be gripped from the side as well [m]."""
+    step: float = 0.0
+    """Angle between headings, if any in between would do as well [rad]."""
 
     def __len__(self) -> int:
         return len(self.points)
@@ -107,11 +119,44 @@ class GraspCandidates(Columns):
         """Return one candidate by itself."""
         grasp = CLASSES[int(self.grasps[index])].value
         label = f"{self.text}, {grasp}, heading {math.remainder(float(self.headings[index]), 2 * math.pi):.2f}"
-        return HandPoses(label, self.poses([index])[0], self.touches, self.opened)
+        return HandPoses(label, self.poses([index])[0], self.touches, self.fingers)
 
     def best(self, most: int) -> GraspCandidates:
         """Return the most natural ones, in that order."""
         return self.chosen(np.argsort(-self.weights.round(6), kind="stable")[:most])
+
+    def variants(self, openings: Openings) -> list[GraspCandidates]:
+        """Return them, and what may do where a hand is in something: gripped elsewhere, then with less room as well."""
+        if self.spans is None or not openings.fingers or not len(self):
+            return [self]
+        tight = openings.fingers[int(openings.around(self.spans, TIGHT).max())]
+        narrow = [] if tight == self.fingers else [replace(self, fingers=tight, weights=TIGHTER * self.weights)]
+        return [moved for one in (self, *narrow) for moved in (one, *one._turned(), *one._elsewhere())]
+
+    def _turned(self) -> list[GraspCandidates]:
+        """Return them with directions in between, for what can be gripped from any."""
+        found = []
+        for angle in (self.step / 3, -self.step / 3) if self.step else ():
+            turn = upright(np.array([angle]))[0]
+            ways = product(turn, self.rotations), self.offsets @ turn.T, self.headings + angle
+            found.append(replace(self, rotations=ways[0], offsets=ways[1], headings=ways[2]))
+        return found
+
+    def _elsewhere(self) -> list[GraspCandidates]:
+        """Return them gripped nearer to the ends of the fingers, and higher or lower; not those from above."""
+        back, side = self.offsets[:, 0] - self.offsets[:, self.key], CLASSES.index(GraspClass.SIDE)
+        moves = [np.outer(self.grasps == side, UP) * height for height in self.heights]
+        if moves:
+            moves.insert(0, back * (FARTHER_BACK / APPROACH))
+        return [replace(self, points=self.points + move, weights=AWRY * self.weights) for move in moves]
+
+    def by_opening(self, openings: Openings) -> list[GraspCandidates]:
+        """Return those that grasp with the fingers no wider open than what is between them asks for, the best first."""
+        if self.spans is None or not openings.fingers or not len(self):
+            return [self] if len(self) else []
+        numbers = openings.around(self.spans)
+        first = dict.fromkeys(numbers[np.argsort(-self.weights.round(6), kind="stable")].tolist())
+        return [replace(self.chosen(numbers == number), fingers=openings.fingers[number]) for number in first]
 
 
 class Hand(NamedTuple):
@@ -136,14 +181,19 @@ def grasping(
 
     They grip the middle, or as much higher as the ``palm``, corners in the tip's frame, has to be to stay off the body.
     """
-    grasps, yaws, rolls, weights = [], [], [], []
+    grasps, yaws, rolls, weights, spans = [], [], [], [], []
     level = 1.0 if block.centre[2] - block.low >= FOREARM else OVER_EDGE
     for grasp in classes:
         for number in range(headings):
             turn = number * 2 * math.pi / headings
             yaw = block.yaw + turn
-            if 2 * block.support(yaw + math.pi / 2) > max_opening:
+            across = 2 * block.support(yaw + math.pi / 2)
+            if across > max_opening:
                 continue
+            flatly, steep = math.cos(grasp.pitch), math.sin(grasp.pitch)
+            # what is round is widest in its middle
+            ahead = 0.0 if block.round else flatly * block.support(yaw)
+            behind = ahead + steep * (block.high - block.low) / 2
             # across two faces the fingers lie flat
             flat = block.round or abs(math.sin(2 * turn)) < 1e-6
             for roll in grasp.rolls:
@@ -151,11 +201,13 @@ def grasping(
                 yaws.append(yaw)
                 rolls.append(roll)
                 weights.append((level if grasp is GraspClass.SIDE else 0.8) * (1.0 if flat else OBLIQUE))
+                spans.append((across, behind))
     count, ways = len(yaws), directions(grasps, yaws)
     points, offsets = np.tile(block.centre, (count, 1)), grasp_series(ways)
-    found = oriented(
-        f"grasp {name}", points, offsets, 1, grasps, yaws, rolls, weights, frame, touches=name, opened=True
-    )
+    found = oriented(f"grasp {name}", points, offsets, 1, grasps, yaws, rolls, weights, frame, touches=name)
+    ends = (block.high - block.centre[2]) / 2, (block.low - block.centre[2]) / 2
+    found = replace(found, spans=np.array(spans).reshape(-1, 2), heights=ends)
+    found = replace(found, step=2 * math.pi / headings if block.round else 0.0)
     if not count or not palm:
         return found
     raised = _raised_over(block, found, ways, np.array(palm))
@@ -392,7 +444,6 @@ def oriented(
     frame: HandFrame,
     *,
     touches: str | None = None,
-    opened: bool = False,
 ) -> GraspCandidates:
     """Return candidates whose hands are turned as classes of grasps, headings and rolls (1 or -1) say."""
     kinds, heading, roll = np.array(grasps, np.intp), np.array(yaws, float), np.array(rolls, np.intp)
@@ -401,4 +452,4 @@ def oriented(
         mine = np.flatnonzero(kinds == index)
         rotations[mine] = grasp.rotations(heading[mine], roll[mine], frame)
     natural = np.array(weights, float)
-    return GraspCandidates(text, points, rotations, offsets, key, kinds, heading, roll, natural, touches, opened)
+    return GraspCandidates(text, points, rotations, offsets, key, kinds, heading, roll, natural, touches)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -86,11 +87,12 @@ def _of_class(
         weight = 1.0 if block.round or block.wall or abs(math.sin(2 * turn)) < 1e-6 else OBLIQUE
         for tips in _depths(block, floor, CLEARANCES[grasp]) if block.soft or across <= max_opening else ():
             for roll in grasp.rolls:
-                rows.append((x, y, tips + below, yaw, natural * weight, roll))
-    table = np.array(rows).reshape(-1, 6)
+                span = math.inf if block.soft else across, max(block.high - tips - below, 0.0)
+                rows.append((x, y, tips + below, yaw, natural * weight, roll, *span))
+    table = np.array(rows).reshape(-1, 8)
     count = len(table)
     kinds, rolls = [CLASSES.index(grasp)] * count, table[:, 5].astype(int).tolist()
-    return oriented(
+    found = oriented(
         f"grasp {name}",
         table[:, :3],
         grasp_series(directions(kinds, table[:, 3].tolist())),
@@ -101,8 +103,8 @@ def _of_class(
         table[:, 4].tolist(),
         frame,
         touches=name,
-        opened=True,
     )
+    return replace(found, spans=table[:, 6:])
 
 
 def _places(block: Block, headings: int) -> Iterator[tuple[float, float, float]]:

@@ -110,21 +110,22 @@ def _holds(term: HandTerm, points: Array, rotations: Array, arm: ArmModel, scene
             ahead = points + APPROACH * rotated(rotations, np.asarray(arm.frame.approach)) - block.centre
             raised = max(LIFTS) if scene.arms.is_held(term.body) else 0.0
             near = _beside(ahead + block.centre, block) <= AT_POSE
-            highest = max(raised, block.high - block.centre[2])
-            return np.asarray(near & (ahead[:, 2] >= -AT_POSE) & (ahead[:, 2] <= highest + AT_POSE))
+            highest, lowest = max(raised, block.high - block.centre[2]), (block.low - block.centre[2]) / 2
+            return np.asarray(near & (ahead[:, 2] >= lowest - AT_POSE) & (ahead[:, 2] <= highest + AT_POSE))
     assert meaning.bounds is not None, f"{term.name} is no area for a hand"
     area = area_of_term(term._replace(negated=False), meaning.bounds, scene)
     return np.asarray(area.score(middles[:, :2]) > 0)
 
 
 def _is_at(points: Array, block: Block) -> Mask:
-    """Return which grip points (n, 3) are where a block is gripped: in the middle, or over that as far as it reaches.
+    """Return which grip points (n, 3) are where a block is gripped: in the middle, or over or below it.
 
-    Over what is low that is as far as fingers reach down.
+    That is as high as it reaches, and half as low. Over what is low that is as far as fingers reach down.
     """
     away = points[:, 2] - block.centre[2]
     highest = block.high - block.centre[2] + (FINGERS if is_low(block) else 0.0)
-    return np.asarray(np.hypot(_beside(points, block), away - np.clip(away, 0.0, highest)) <= AT_CENTRE)
+    lowest = (block.low - block.centre[2]) / 2
+    return np.asarray(np.hypot(_beside(points, block), away - np.clip(away, lowest, highest)) <= AT_CENTRE)
 
 
 def _beside(points: Array, block: Block) -> Array:
@@ -164,11 +165,20 @@ Half of them are far apart, as the middle of what is large may be out of reach."
 
 def candidates_of(
     reach: Reach, arm: ArmModel, scene: PlanningScene, rejections: Rejections, stage: Stage
-) -> GraspCandidates | None:
-    """Return candidates to satisfy a reach with an arm; None, with the reason counted, if there are none."""
-    candidates = _made(reach, arm, scene, rejections, stage)
-    if candidates is None or not len(candidates):
-        return None
+) -> list[GraspCandidates]:
+    """Return candidates to satisfy a reach with an arm, one table for each opening of the hand.
+
+    Where there are none the reason is counted.
+    """
+    tables = [table for table in _made(reach, arm, scene, rejections, stage) if len(table)]
+    kept = [_among(table, reach, arm, scene, rejections) for table in tables]
+    return [part for table in kept for part in table.by_opening(arm.openings)]
+
+
+def _among(
+    candidates: GraspCandidates, reach: Reach, arm: ArmModel, scene: PlanningScene, rejections: Rejections
+) -> GraspCandidates:
+    """Return those of some candidates for which the reach's other conjuncts hold."""
     step = candidates.key if not reach.before else 0 if reach.kind is ReachKind.GRASP else -1
     # what is put down is where the other conjuncts want it already
     for term in (term for term in reach.also if reach.kind is not ReachKind.PLACE or not RELATIONS[term.name].thing):
@@ -177,41 +187,40 @@ def candidates_of(
             unmet = in_words(term.name, term.body, negated=not term.negated)
             rejections.add(unmet, int((~kept).sum()))
         candidates = candidates.chosen(kept)
-    return candidates if len(candidates) else None
+    return candidates
 
 
 def _made(
     reach: Reach, arm: ArmModel, scene: PlanningScene, rejections: Rejections, stage: Stage
-) -> GraspCandidates | None:
+) -> list[GraspCandidates]:
     held, fine = scene.arms.held(arm.name), stage > Stage.NATURAL
     match reach.kind:
         case ReachKind.GRASP:
             return _grasps(reach, arm, scene, rejections, stage)
         case ReachKind.RETREAT:
-            return retreating(reach.body, scene.arms.grasped_at(reach.body), arm.frame)
+            return [retreating(reach.body, scene.arms.grasped_at(reach.body), arm.frame)]
         case ReachKind.ABOVE:
             block, lowest = scene.bodies.block(reach.body), partial(arm.lowest, held=held)
             candidates = held_above(
                 reach.body, block, arm.frame, held, lowest, reach.heights, inset=arm.hand_radius, fine=fine
             )
-            return _of_class(candidates, reach, rejections)
+            return [_of_class(candidates, reach, rejections)]
         case ReachKind.OFFER:
-            return _of_class(
-                offering(reach.body, scene.bodies.zone(reach.body), arm.frame, held, fine=fine), reach, rejections
-            )
+            candidates = offering(reach.body, scene.bodies.zone(reach.body), arm.frame, held, fine=fine)
+            return [_of_class(candidates, reach, rejections)]
     if held is None:
         rejections.add("nothing in the hand to put down")
-        return None
+        return []
     if held.name == reach.body:
         rejections.add("nothing rests on itself")
-        return None
+        return []
     # the same wherever the base is: where it can reach one of them is asked next
     demand, oblique = put_demand(reach, held.name, scene), stage is Stage.CLOSEST
     spots, scores = Placement(held.name, demand, scene, near=False, oblique=oblique).spots(rejections)
     good = len(spots) if fine else int((scores >= GOOD * scores.max(initial=0.0)).sum())
     chosen = _spread(spots[:good], MOST_SPOTS[stage])
     is_round = scene.bodies.is_round(held.name)
-    return placing(reach.body, spots[chosen], scores[chosen], arm.frame, held, is_round=is_round, fine=fine)
+    return [placing(reach.body, spots[chosen], scores[chosen], arm.frame, held, is_round=is_round, fine=fine)]
 
 
 def _spread(spots: Array, most: int) -> list[int]:
@@ -230,14 +239,14 @@ def _spread(spots: Array, most: int) -> list[int]:
 
 def _grasps(
     reach: Reach, arm: ArmModel, scene: PlanningScene, rejections: Rejections, stage: Stage
-) -> GraspCandidates | None:
+) -> list[GraspCandidates]:
     block = scene.bodies.block(reach.body)
     # where a level hand has no room over a surface, things are put down deep on it only from above
     natural = NATURAL if block.centre[2] - block.low >= FOREARM else CLASSES
     classes = (GraspClass(reach.grasp),) if reach.grasp is not None else CLASSES if stage else natural
     headings = HEADINGS * 2**stage
     middle = () if is_flat(block) else tuple(one for one in classes if not (is_low(block) and one in FROM_ABOVE))
-    candidates = grasping(reach.body, block, arm.frame, arm.max_opening, middle, headings, arm.palm)
+    tables = [grasping(reach.body, block, arm.frame, arm.max_opening, middle, headings, arm.palm)]
     above = FROM_ABOVE if is_flat(block) and reach.grasp is None else tuple(one for one in FROM_ABOVE if one in classes)
     if is_low(block) and above:
         below = tuple(-float(arm.lowest(one.rotations([0.0], [1], arm.frame), None)[0]) for one in FROM_ABOVE)
@@ -246,13 +255,12 @@ def _grasps(
         covered = clearance_at(low.points[:, :2], boxes, ((block.high, block.high + OVER, 0.0),)) < 0
         rejections.add("under something else", int(covered.sum()))
         low = low.chosen(~covered)
-        candidates = GraspCandidates.joined([candidates, low])
-    if not len(candidates) and reach.grasp is not None and is_flat(block):
+        tables.append(low)
+    if not any(map(len, tables)) and reach.grasp is not None and is_flat(block):
         rejections.add("too low for a grasp but from above")
-        return None
-    if not len(candidates) and not rejections.counts["under something else"]:
+    elif not any(map(len, tables)) and not rejections.counts["under something else"]:
         rejections.add("no gripper" if arm.max_opening <= 0 else "too wide for the gripper")
-    return candidates
+    return tables
 
 
 def _of_class(candidates: GraspCandidates, reach: Reach, rejections: Rejections) -> GraspCandidates:

@@ -18,11 +18,12 @@ from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
 from executive.locations.base_candidates import InverseMaps, blocks
 from executive.locations.demands import Reach, ReachKind
-from executive.locations.grasp_candidates import CLASSES, GraspCandidates, HandPoses, upright
+from executive.locations.grasp_candidates import CLASSES, GraspCandidates, Hand, HandPoses, upright
 from executive.locations.grasps_from_above import is_low
 from executive.locations.rejections import COLLISION, NO_HOLD, NO_ROOM, OUT_OF_REACH, Reason, Rejections, first_body
 from executive.motion import QuickCheck, cartesian_path
 from executive.robots.arms import ArmModel
+from executive.robots.openings import Fingers
 from planlang.geometry import Array
 from planlang.geometry.matrices import inverse, product, rigid, rotated
 from planlang.protocols import Contact
@@ -50,17 +51,44 @@ def base_matrices(bases: Array) -> Array:
     return rigid(upright(bases[:, 2]), np.column_stack([bases[:, :2], np.zeros(len(bases))]))
 
 
-def unblocked(candidates: GraspCandidates, check: QuickCheck, rejections: Rejections) -> GraspCandidates:
+def unblocked(
+    arm: ArmModel,
+    tables: Sequence[GraspCandidates],
+    scene: PlanningScene,
+    rejections: Rejections,
+    near: tuple[Array, float] | None = None,
+) -> list[Hand]:
     """Return candidates in which the hand itself, wherever the base stands, is inside nothing; others are counted.
 
-    It goes straight from pose to pose, so that what is in between counts as well.
+    It goes straight from pose to pose, so that what is in between counts as well. Where it is inside something,
+    variants of the grasp are tried.
     """
-    if not len(candidates):
-        return candidates
+    found: list[Hand] = []
+    for table in tables:
+        left, reasons = np.arange(len(table)), dict[int, str | None]()
+        free: dict[Fingers, list[GraspCandidates]] = {}
+        for variant in table.variants(arm.openings):
+            check = scene.collisions.arm_check(arm, variant.touches, variant.fingers, near)
+            tried = variant.chosen(left)
+            met = _stopped(tried, check)
+            reasons = dict(zip(left.tolist(), met, strict=True)) if variant is table else reasons
+            good = np.array([body is None for body in met], bool)
+            free.setdefault(variant.fingers, []).append(tried.chosen(good))
+            left = left[~good]
+            if not len(left):
+                break
+        rejections.count(_in_the_way(reasons[row] for row in left.tolist()))
+        for fingers, parts in free.items():
+            check = scene.collisions.arm_check(arm, table.touches, fingers, near)
+            if len(joined := GraspCandidates.joined(parts)):
+                found.append(Hand(arm, joined, check))
+    return found
+
+
+def _stopped(candidates: GraspCandidates, check: QuickCheck) -> list[str | None]:
+    """Return for each candidate what its hand is inside of, None if it is inside nothing."""
     poses = _with_between(candidates.poses(np.arange(len(candidates))))
-    bodies = _met(check.hand_hit(poses.reshape(-1, 4, 4)), len(candidates))
-    rejections.count(_in_the_way(bodies))
-    return candidates.chosen([body is None for body in bodies])
+    return _met(check.hand_hit(poses.reshape(-1, 4, 4)), len(candidates))
 
 
 def _with_between(poses: Array) -> Array:
@@ -168,8 +196,11 @@ class HandSolution:
 
     def is_among(self, candidates: GraspCandidates) -> bool:
         """Return True if its poses are the poses of one of some candidates."""
+        return any(map(self._is_one_of, candidates.variants(self.arm.openings)))
+
+    def _is_one_of(self, candidates: GraspCandidates) -> bool:
         poses = candidates.poses(np.arange(len(candidates)))
-        if poses.shape[1:] != self.plan.poses.shape:
+        if poses.shape[1:] != self.plan.poses.shape or candidates.fingers != self.plan.fingers:
             return False
         return bool((np.abs(poses - self.plan.poses).max(axis=(1, 2, 3)) < 1e-6).any())
 
@@ -216,7 +247,7 @@ class Trial:
             placed = base_matrices(np.array([self.base]))
             rows = rows[~self.check.clear(np.repeat(placed, len(rows), axis=0), rows)]
         for q in rows:
-            if contacts := self.scene.collisions.contacts(self.base, arm, q, plan.touches, plan.opened):
+            if contacts := self.scene.collisions.contacts(self.base, arm, q, plan.touches, plan.fingers):
                 yield contacts
 
     def _stops_closing(self) -> str | None:
@@ -224,7 +255,7 @@ class Trial:
         one = self.solution
         if one.reach.kind is not ReachKind.GRASP:
             return None
-        return self.scene.collisions.stops_closing(self.base, one.arm, one.joints[1], one.reach.body)
+        return self.scene.collisions.stops_closing(self.base, one.arm, one.joints[1], one.reach.body, one.plan.fingers)
 
     def _stops_opening(self) -> str | None:
         """Return what keeps the fingers from opening around what is put down, or then from drawing back from it."""
@@ -232,7 +263,8 @@ class Trial:
         held = self.scene.arms.held(one.arm.name) if one.reach.kind is ReachKind.PLACE else None
         if held is None:
             return None
-        found = (self.scene.collisions.contacts(self.base, one.arm, q, held.name, opened=True) for q in one.joints[1:])
+        fingers = one.arm.openings.beyond(self.scene.world.configuration().joints)
+        found = (self.scene.collisions.contacts(self.base, one.arm, q, held.name, fingers) for q in one.joints[1:])
         return next((contact.body for some in found for contact in some if contact.part != held.name), None)
 
     def _slips(self) -> Reason | None:
@@ -240,7 +272,7 @@ class Trial:
         one = self.solution
         if one.reach.kind is not ReachKind.GRASP or not is_low(self.scene.bodies.block(one.reach.body)):
             return None
-        held = self.scene.collisions.closed_on(self.base, one.arm, one.joints[1], one.reach.body)
+        held = self.scene.collisions.closed_on(self.base, one.arm, one.joints[1], one.reach.body, one.plan.fingers)
         return NO_HOLD if held is None else None
 
     def _straight(self) -> Array | None:
@@ -268,7 +300,7 @@ def from_base(
     reach: Reach,
     base: BasePose,
     arm: ArmModel,
-    candidates: GraspCandidates,
+    tables: Sequence[GraspCandidates],
     scene: PlanningScene,
     inverse: InverseMaps,
     rejections: Rejections,
@@ -281,10 +313,27 @@ def from_base(
     Postures of the maps are the seeds; if ``generous``, candidates beyond them are tried from the arm's own
     postures at last. ``seed`` (d,) is tried before: with it, solutions near it are preferred.
     """
+    for _, candidates, check in unblocked(arm, tables, scene, rejections):
+        yield from _from_base(
+            reach, base, arm, candidates, check, scene, inverse, rejections, seed=seed, generous=generous
+        )
+
+
+def _from_base(
+    reach: Reach,
+    base: BasePose,
+    arm: ArmModel,
+    candidates: GraspCandidates,
+    check: QuickCheck,
+    scene: PlanningScene,
+    inverse: InverseMaps,
+    rejections: Rejections,
+    *,
+    seed: Array | None,
+    generous: bool,
+) -> Iterator[HandSolution]:
     there = np.array(base)
     placed = base_matrices(there[None])[0]
-    check = scene.collisions.arm_check(arm, candidates.touches, opened=candidates.opened)
-    candidates = unblocked(candidates, check, rejections)
     index, scores, seeds = _looked_up(candidates, there, arm, inverse)
     order = np.argsort(-(scores * candidates.weights[index]).round(6), kind="stable")
     index, seeds = index[order], seeds[order]

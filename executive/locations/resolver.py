@@ -238,13 +238,11 @@ class Resolver:
         first = Stage.ALL if reach.kind is ReachKind.PLACE else Stage.NATURAL
         for stage in Stage if reach.kind is ReachKind.GRASP else (Stage.NATURAL, Stage.ALL)[first:]:
             counted = log if stage is first else Rejections()
-            candidates = candidates_of(reach, arm, scene, counted, stage)
             found = False
-            if candidates is not None:
-                hands = from_base(reach, base, arm, candidates, scene, self.maps, counted, seed=begun, generous=True)
-                for candidate in hands:
-                    found = True
-                    yield candidate
+            tables = candidates_of(reach, arm, scene, counted, stage)
+            for candidate in from_base(reach, base, arm, tables, scene, self.maps, counted, seed=begun, generous=True):
+                found = True
+                yield candidate
             if found:
                 break
         raise log.failure(location, after=int(found))

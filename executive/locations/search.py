@@ -109,21 +109,17 @@ class ReachSearch:
         """Yield base poses from which the first reach is possible by the maps, validated block by block."""
         scene, validator, budget, log = self.scene, self.validator, self.budget, self.log
         first = self.wanted[0]
-        asked = [
-            (arm, candidates_of(first, arm, scene, log, budget.stage)) for arm in validator.arms_for(first, self.arms)
-        ]
-        possible = [(arm, candidates) for arm, candidates in asked if candidates is not None]
-        if not possible:
+        possible = {
+            arm.name: (arm, candidates_of(first, arm, scene, log, budget.stage))
+            for arm in validator.arms_for(first, self.arms)
+        }
+        tables = [(arm, table) for arm, found in possible.values() for table in found]
+        if not tables:
             return
-        reach = max(
-            self.inverse(arm, CLASSES[g]).reach for arm, candidates in possible for g in set(candidates.grasps.tolist())
-        )
-        near = _sphere([candidates.points for _, candidates in possible], reach)
-        hands: list[Hand] = []
-        for arm, candidates in possible:
-            check = scene.collisions.arm_check(arm, candidates.touches, opened=candidates.opened, near=near)
-            if len(free := unblocked(candidates, check, log)):
-                hands.append(Hand(arm, free, check))
+        reach = max(self.inverse(arm, CLASSES[g]).reach for arm, table in tables for g in set(table.grasps.tolist()))
+        points = [variant.points for arm, table in tables for variant in table.variants(arm.openings)]
+        near = _sphere(points, reach)
+        hands = [hand for arm, found in possible.values() for hand in unblocked(arm, found, scene, log, near)]
         if not hands:
             return
         middle = np.mean([hand.candidates.points.mean(axis=0) for hand in hands], axis=0)

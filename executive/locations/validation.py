@@ -275,10 +275,10 @@ class BaseValidator:
         for arm in arms:
             for stage in (Stage.NATURAL, Stage.ALL):
                 counted = Rejections()
-                candidates = candidates_of(reach, arm, self.scene, counted, stage)
-                if candidates is None:
+                tables = candidates_of(reach, arm, self.scene, counted, stage)
+                if not tables:
                     continue
-                candidate = next(from_base(reach, base, arm, candidates, self.scene, self.inverse, counted), None)
+                candidate = next(from_base(reach, base, arm, tables, self.scene, self.inverse, counted), None)
                 known = self.known(reach, arm, base) if candidate is None else None
                 if known is not None and self.still_reaches(known, reach, base):  # it can do little else from there
                     candidate = known
@@ -295,10 +295,8 @@ class BaseValidator:
 
     def still_reaches(self, known: HandSolution, reach: Reach, base: BasePose) -> bool:
         """Return whether a solution still is one of a reach from a base pose, validated exactly."""
-        candidates = candidates_of(reach, known.arm, self.scene, Rejections(), Stage.CLOSEST)
-        return (
-            candidates is not None and known.is_among(candidates) and Trial(known, base, self.scene).stopped() is None
-        )
+        tables = candidates_of(reach, known.arm, self.scene, Rejections(), Stage.CLOSEST)
+        return any(map(known.is_among, tables)) and Trial(known, base, self.scene).stopped() is None
 
     def band(self, reach: Reach, arms: Sequence[ArmModel]) -> tuple[tuple[float, float], float, float]:
         """Return a circle around what a reach is about, outside of which no base can satisfy it: middle, radii [m]."""

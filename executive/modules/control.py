@@ -20,6 +20,7 @@ from executive.belief.scene_collisions import BasePose, pinched
 from executive.motion import Grid, MotionError, NoPath, clearance_at, clearance_field, plan_base_path, time_path
 from executive.robots import Gripper, Robot
 from executive.robots.arms import ArmModel
+from executive.robots.openings import Fingers
 from planlang import Fluent, checkpoint, using, wait_for
 from planlang.designators import Object
 from planlang.failures import GraspSlipped, LookingGoalUnreachable, ObjectLost, ObjectUnresolvable
@@ -27,6 +28,9 @@ from planlang.geometry import Array, Pose, matrices
 from planlang.protocols import Motion, MotionState, Touch, Trajectory, World
 
 T = TypeVar("T")
+
+SAME = 0.01
+"""Share of the opening of a hand by which two are the same."""
 
 HEIGHTS = (0.0, 0.3, 0.6, 0.9)
 """Heights above a touch at which the camera looks for what was touched [m]: a base touches things below the neck."""
@@ -277,15 +281,23 @@ class Hands:
         except ObjectUnresolvable:
             return False
 
-    async def move(self, arm: ArmModel, *, closed: bool) -> Motion:
-        """Open or close the fingers as far as they go; fingers that open let go of a handle."""
+    async def move(self, arm: ArmModel, *, closed: bool, fingers: Fingers = ()) -> Motion:
+        """Close the fingers, or open them: as far as they go, or to ``fingers``. Those that open let go of a handle."""
         gripper = self.gripper(arm)
         assert gripper is not None
         if not closed:
             self._leave(arm)
-        wanted = gripper.closed if closed else gripper.opened
+        wanted = gripper.closed if closed else dict(fingers) or gripper.opened
         path = np.stack([self._control.joints(gripper.joints), [wanted[name] for name in gripper.joints]])
         return await self._control.follow(f"gripper of {arm.name}", self._control.timed(gripper.joints, path))
+
+    async def shape(self, arm: ArmModel, fingers: Fingers, *, widen: bool) -> None:
+        """Bring fingers that are open to an opening, from a narrower one if they may ``widen``; not a closed hand."""
+        now = dict(zip(arm.openings.joints, self._control.joints(arm.openings.joints), strict=True))
+        share = arm.openings.share(now) if fingers else 0.0
+        wanted = arm.openings.share(dict(fingers)) if fingers else 0.0
+        if share > wanted + SAME or (widen and SAME < share < wanted - SAME):
+            await self.move(arm, closed=False, fingers=fingers)
 
     def lead(self, arm: ArmModel, leaf: str) -> None:
         """Let a door or drawer, on the handle of which the fingers have closed, move with the hand from now on."""

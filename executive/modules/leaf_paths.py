@@ -234,7 +234,7 @@ class LeafPaths:
         assert handle is not None
 
         def is_free(q: Array) -> bool:
-            return not scene.collisions.contacts(base, arm, q, handle, True)
+            return not scene.collisions.contacts(base, arm, q, handle, arm.openings.widest)
 
         if scene.collisions.contacts(base) or not (is_free(joints[0]) and is_free(joints[1])):
             return None

@@ -24,6 +24,7 @@ from executive.motion import JointSpace, MotionError, cartesian_path, keeps_line
 from executive.motion.upright import Upright
 from executive.robots import CARRYING
 from executive.robots.arms import ArmModel
+from executive.robots.openings import Fingers
 from planlang.designators import Action, FixedPose, Location, Object
 from planlang.failures import ActionUnresolvable
 from planlang.geometry import Array, Pose, matrices
@@ -182,6 +183,16 @@ class Arms:
         current = revision == self._control.belief.revision and base == self._control.base()
         return solution if current and solution.reach.body in meant else None
 
+    def opening(self, arm: ArmModel) -> Fingers:
+        """Return how far a hand opens: as what it holds, or is about to grasp, asks for; else as far as it goes."""
+        control = self._control
+        if control.scene.arms.held(arm.name) is not None:
+            return arm.openings.beyond(control.scene.world.configuration().joints)
+        revision, base, solution = self.begun.get(arm.name, (-1, None, None))
+        if solution is None or (revision, base) != (control.belief.revision, control.base()):
+            return arm.openings.widest
+        return solution.plan.fingers or arm.openings.widest
+
     def put_down(self, arm: ArmModel, what: str) -> None:
         """Begin to retreat from what the arm has just put down."""
         _, base, solution = self.begun.get(arm.name, (0, (0.0, 0.0, 0.0), None))
@@ -189,7 +200,7 @@ class Arms:
             return
         if np.abs(self._control.scene.arms.tip(arm) - solution.plan.poses[1]).max() > AT_PLACE:
             return
-        plan = HandPoses(f"retreat from {what}", solution.plan.poses[2:], what, opened=True)
+        plan = HandPoses(f"retreat from {what}", solution.plan.poses[2:], what)
         retreat = HandSolution(Reach(ReachKind.RETREAT, what), arm, plan, solution.joints[2:])
         self.begun[arm.name] = (self._control.belief.revision, base, retreat)
 

@@ -303,10 +303,12 @@ class Reaching(PlatformModule):
         yield from self.platform.resolver.hands(location, arm, self.platform.arm_joints(arm))
 
     async def _go(self, solution: HandSolution, location: Location) -> None:
+        grasps = asks_for(location, "hand", Sense.GRASP_POINT)
+        await self.platform.hands.shape(solution.arm, solution.plan.fingers, widen=grasps)
         match solution.reach.kind:
             case ReachKind.RETREAT:
                 await self._straight(solution, solution.joints)
-            case ReachKind.GRASP if asks_for(location, "hand", Sense.GRASP_POINT):
+            case ReachKind.GRASP if grasps:
                 if not self.platform.arms.is_at(solution.arm, solution.joints[0]):
                     await self._joint_path(solution.arm, solution.joints[0], None, solution.plan.label)
                 await self._straight(solution, solution.joints[1:2])
@@ -406,10 +408,11 @@ class Grasping(PlatformModule):
 
     async def _open(self, arm: ArmModel) -> str | None:
         hands, held = self.platform.hands, self.platform.scene.arms.held(arm.name)
+        fingers = self.platform.arms.opening(arm)
         if held is not None:
             self.platform.check_hold([arm.name])
             hands.let_go(held.name)
-        motion = await hands.move(arm, closed=False)
+        motion = await hands.move(arm, closed=False, fingers=fingers)
         if held is None:
             if motion.state is not MotionState.DONE:
                 raise GripperGoalNotReached(arm=arm.name, blocked_by=motion.blocked_by)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from executive.motion import Chain, Gaze, InverseKinematics
+from executive.robots.openings import Openings, openings_of
 from executive.robots.robot import CARRYING, Arm, Robot
 from planlang.diagnostics import note
 from planlang.geometry import Array, Pose
@@ -118,6 +119,8 @@ class ArmModel:
     """The torso that lifts it straight up."""
     payload: float = math.inf
     """Largest mass that the hand carries [kg]."""
+    openings: Openings = field(default_factory=Openings)
+    """How far the hand opens."""
     hand_corners: Array = field(default_factory=lambda: np.zeros((1, 3)))
     """Corners of boxes around the hand's pieces in the tip frame, (n, 3)."""
     palm: tuple[tuple[float, ...], ...] = ()
@@ -178,6 +181,7 @@ def _model(robot: Robot, arm: Arm, world: PlanningWorld) -> ArmModel:
         frame=HandFrame(arm.approach, arm.closing),
         payload=arm.payload,
         max_opening=arm.gripper.max_opening if arm.gripper is not None else 0.0,
+        openings=openings_of(arm, world),
         hand_links=world.robot.hand_links(arm.tip),
         hand_radius=world.robot.hand_radius(arm.tip, arm.approach),
         hand_corners=world.robot.hand_corners(arm.tip),

@@ -331,7 +331,7 @@ class RobotExecutive:
 
 def _solution_json(solution: HandSolution) -> list[Any]:
     plan = solution.plan
-    hand = [plan.label, plan.poses.tolist(), plan.touches, plan.opened]
+    hand = [plan.label, plan.poses.tolist(), plan.touches, _listed(plan.fingers)]
     return [_listed(astuple(solution.reach)), solution.arm.name, hand, solution.joints.tolist()]
 
 
@@ -343,8 +343,9 @@ def _listed(value: Any) -> Any:
 
 
 def _solution(state: Any, arms: Mapping[str, ArmModel]) -> HandSolution:
-    reach, arm, (label, poses, touches, opened), joints = state
-    plan = HandPoses(str(label), _array(poses, (-1, 4, 4)), touches, bool(opened))
+    reach, arm, (label, poses, touches, fingers), joints = state
+    opening = tuple((str(name), float(value)) for name, value in fingers)
+    plan = HandPoses(str(label), _array(poses, (-1, 4, 4)), touches, opening)
     return HandSolution(_reach(*reach), arms[arm], plan, _array(joints, (-1, len(arms[arm].joints))))
 
 

@@ -161,9 +161,7 @@ class Judge:
     def assert_possible(self, way: HandSolution, base: tuple[float, float, float], stage: Stage) -> None:
         """The joint values of a way put the tip where its poses say, within the limits, and nothing touches."""
         arm = self.robot.arm(way.arm.name)
-        joints = dict(stage.planning.configuration().joints)
-        if way.plan.opened and arm.gripper is not None:
-            joints |= arm.gripper.opened
+        joints = {**stage.planning.configuration().joints, **dict(way.plan.fingers)}
         hand = [name for name in self.links if self.links[arm.hand_link] in self._up(self.links[name])]
         allowed = frozenset((link, way.plan.touches) for link in hand if way.plan.touches is not None)
         for pose, q in zip(way.plan.poses, way.joints, strict=True):

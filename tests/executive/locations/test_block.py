@@ -179,10 +179,8 @@ def ways(stage: Stage, most: int) -> list[HandSolution]:
 
 def closed_on(stage: Stage, way: HandSolution) -> str | None:
     """Return what the hand has between its fingers when it closes them at the grasp of a way."""
-    gripper = stage.platform.hands.gripper(way.arm)
-    assert gripper is not None
     now = stage.truth.configuration()
-    joints = dict(now.joints) | dict(gripper.opened) | dict(zip(way.arm.joints, way.joints[1].tolist(), strict=True))
+    joints = dict(now.joints) | dict(way.plan.fingers) | dict(zip(way.arm.joints, way.joints[1].tolist(), strict=True))
     stage.truth.set_configuration(Configuration(now.base, joints))
 
     async def close() -> str | None:

@@ -108,8 +108,8 @@ def test_a_bottle_between_screens_cannot_be_seen(refused: Refused) -> None:
 
 def test_a_bottle_in_a_box_would_have_its_sides_touched_by_the_hand(make_stage: MakeStage) -> None:
     sides = [
-        box("left", 1.5, 0.075, (0.2, 0.02, 0.3), 0.8),
-        box("right", 1.5, -0.075, (0.2, 0.02, 0.3), 0.8),
+        box("left", 1.5, 0.055, (0.2, 0.02, 0.3), 0.8),
+        box("right", 1.5, -0.055, (0.2, 0.02, 0.3), 0.8),
         box("behind", 1.61, 0.0, (0.02, 0.2, 0.3), 0.8),
         box("roof", 1.5, 0.0, (0.24, 0.2, 0.02), 1.1),
     ]

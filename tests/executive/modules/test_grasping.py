@@ -70,6 +70,22 @@ def test_a_bottle_is_grasped_lifted_and_carried(before_bottle: Stage) -> None:
     assert stage.planning.pose("bottle").distance(stage.truth.pose("bottle")) < 1e-6
 
 
+@pytest.mark.parametrize("apart", [0.025, 0.03])
+def test_a_bottle_between_neighbours_a_fingers_breadth_away_is_grasped_and_they_stay(
+    apart: float, make_stage: MakeStage
+) -> None:
+    x, y, z = BOTTLE.pose.position
+    step = BOTTLE.size[0] + apart
+    spots = {"left": (x, y + step, z), "right": (x, y - step, z), "behind": (x + step, y, z)}
+    others = [replace(BOTTLE, name=name, iri=None, pose=Pose(spot)) for name, spot in spots.items()]
+    stage = make_stage(CABINET, BOTTLE, *others)
+    stand(stage, next(stage.resolver.bases(a_location(in_reach_of=(THE_BOTTLE, BEFORE, AROUND)))).base)
+    do(stage, reach(BEFORE), OPEN, reach(AROUND), CLOSE, reach(BEFORE))
+    assert held_by(stage.truth, "bottle") == "robot"
+    for name, spot in spots.items():
+        assert stage.truth.pose(name).position == pytest.approx(spot, abs=1e-6)
+
+
 def test_a_thing_stands_for_where_it_is_grasped(before_bottle: Stage) -> None:
     do(before_bottle, reach(BEFORE), OPEN, action("Reaching", to_location=THE_BOTTLE), CLOSE)
     assert held_by(before_bottle.truth, "bottle") == "robot"
@@ -198,8 +214,8 @@ def test_what_is_in_the_way_of_the_hand_is_named(make_stage: MakeStage) -> None:
     lid = [
         Body(name, Pose(position), size, type="Cupboard")
         for name, position, size in (
-            ("left side", (1.5, 0.075, 0.95), (0.2, 0.02, 0.3)),
-            ("right side", (1.5, -0.075, 0.95), (0.2, 0.02, 0.3)),
+            ("left side", (1.5, 0.055, 0.95), (0.2, 0.02, 0.3)),
+            ("right side", (1.5, -0.055, 0.95), (0.2, 0.02, 0.3)),
         )
     ]
     stage = make_stage(CABINET, BOTTLE, *lid, start=(0.827, 0.0, -0.35))

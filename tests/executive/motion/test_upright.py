@@ -3,10 +3,11 @@
 import itertools
 import math
 from collections.abc import Callable
+from contextlib import suppress
 
 import numpy as np
 import pytest
-from hypothesis import given, reject
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from executive.motion import Chain, JointSpace, plan_path
@@ -46,20 +47,30 @@ def test_projection_leaves_what_is_upright_and_mostly_rights_what_is_not(
 def test_a_path_that_is_found_between_upright_postures_keeps_upright_all_the_way(
     chain_of: Callable[[str], Chain], robot: str, seed: int
 ) -> None:
-    constraint, rng = upright(chain_of(robot), seed)
-    chain = constraint.chain
-    q = constraint.projected(chain.sample(rng, 100))
-    start, goal = q[constraint.holds(q)][:2]
-    try:
-        path = plan_path(
-            start, goal, space(chain), Rough(), touching(lambda q: True), rng, constraint=constraint, iterations=3000
-        )
-    except NoPath:
-        reject()  # the search is bounded, and not any two postures have a way
+    constraint, start, goal, path = a_path(chain_of(robot), seed)
+    assume(path is not None)  # the search is bounded, and not any two postures have a way
     assert np.array_equal(path[0], start)
     assert np.abs(path[-1] - goal).max() < 1e-9
     fine = np.concatenate([a + (b - a) * np.linspace(0, 1, 60)[:, None] for a, b in itertools.pairwise(path)])
     assert constraint.tilts(fine).max() < math.radians(15.0)
+
+
+@pytest.mark.parametrize("robot", ["amigo", "panda"])
+def test_between_nearly_any_two_upright_postures_a_path_is_found(chain_of: Callable[[str], Chain], robot: str) -> None:
+    found = [a_path(chain_of(robot), seed)[-1] is not None for seed in range(50)]
+    assert sum(found) >= 49
+
+
+def a_path(chain: Chain, seed: int) -> tuple[Upright, Array, Array, Array | None]:
+    """A constraint, two random postures that keep it, and a path between them, None if none was found."""
+    constraint, rng = upright(chain, seed)
+    q = constraint.projected(chain.sample(rng, 100))
+    start, goal = q[constraint.holds(q)][:2]
+    free = touching(lambda q: True)
+    with suppress(NoPath):
+        path = plan_path(start, goal, space(chain), Rough(), free, rng, constraint=constraint, iterations=3000)
+        return constraint, start, goal, path
+    return constraint, start, goal, None
 
 
 def space(chain: Chain) -> JointSpace:

@@ -210,7 +210,7 @@ def _complete(
     values = np.stack([others[0], q, others[1]])
     if not all(map(is_free, on_the_way(values))):
         return None
-    return Claim(base, name, chain.names, values, poses, target, True)
+    return Claim(base, name, chain.names, values, poses, target, opened)
 
 
 def _inverse(base: BasePose) -> Array:

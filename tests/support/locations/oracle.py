@@ -49,7 +49,7 @@ BasePose = tuple[float, float, float]
 class Claim:
     """The claim of an answer: from this base the joints (k, d) bring an arm's tip to poses (k, 4, 4), touching nothing.
 
-    The hand may touch ``target``; ``opened`` says whether the fingers are open meanwhile. From pose to pose it goes
+    The hand may touch ``target``; ``fingers`` says where its own are meanwhile. From pose to pose it goes
     straight; ``motions`` are the joints (n, d) with which, k - 1 of them, or none if that is not told.
     """
 
@@ -59,7 +59,7 @@ class Claim:
     values: Array
     poses: Array
     target: str | None
-    opened: bool
+    fingers: Mapping[str, float]
     motions: tuple[Array, ...] = ()
 
 
@@ -252,7 +252,7 @@ class Oracle:
         """Return whether the hand alone, on straight lines from pose to pose, touches nothing but its target."""
         arm = self.robot.arm(claim.arm)
         joints = dict(zip(claim.joints, map(float, claim.values[0]), strict=True))
-        joints |= arm.gripper.opened if claim.opened and arm.gripper is not None else {}
+        joints |= claim.fingers
         self.place((0.0, 0.0, 0.0), joints)
         back = np.linalg.inv(self.link(arm.tip))
         target = claim.target or ""
@@ -306,7 +306,6 @@ class Oracle:
         """Return what is wrong with a claim; None if all of it is true."""
         arm = self.robot.arm(claim.arm)
         hand = self.fingers(claim.arm) if claim.target is not None else frozenset()
-        fingers = arm.gripper.opened if claim.opened and arm.gripper is not None else {}
         x_min, y_min, x_max, y_max = (-3.0, -2.5, 3.0, 2.5)
         if not (x_min < claim.base[0] < x_max and y_min < claim.base[1] < y_max):
             return f"the base {claim.base} is outside of the room"
@@ -319,7 +318,7 @@ class Oracle:
                 low, high = self.limits[name]
                 if not low - 2e-3 <= value <= high + 2e-3:
                     return f"pose {number}: {name} is {value:.4f}, outside of {low:.4f} to {high:.4f}"
-            self.place(claim.base, {**self.posture, **fingers, **joints})
+            self.place(claim.base, {**self.posture, **claim.fingers, **joints})
             reached = self.link(arm.tip)
             away, turned = np.linalg.norm(reached[:3, 3] - pose[:3, 3]), angle(reached[:3, :3], pose[:3, :3])
             if away > TIP or turned > TURN:
@@ -333,7 +332,8 @@ class Oracle:
         for number, rows in enumerate(claim.motions or [on_the_way(claim.values)]):
             tips, touching = [], _spread(len(rows)) if claim.motions else range(len(rows))
             for row, values in enumerate(rows.tolist()):
-                self.place(claim.base, {**self.posture, **fingers, **dict(zip(claim.joints, values, strict=True))})
+                joints = dict(zip(claim.joints, values, strict=True))
+                self.place(claim.base, {**self.posture, **claim.fingers, **joints})
                 tips.append(self.link(arm.tip))
                 if row in touching and (pair := self.touched(hand, claim.target)):
                     return f"between its poses {pair[0]} touches {pair[1]}"

@@ -149,7 +149,8 @@ def sample(oracle: Oracle, chains: Chains, ik: Ik, target: str, *, samples: int,
             for grasp in GRASPS:
                 poses = grasp_poses(arm, centre + np.array([0.0, 0.0, GRIP]), facing + grasp)
                 for values in ik(arm, _inverse(base) @ poses, rng):
-                    claim = Claim(base, arm.name, chains.chains[arm.name].names, values, poses, target, True)
+                    opened = arm.gripper.opened if arm.gripper is not None else {}
+                    claim = Claim(base, arm.name, chains.chains[arm.name].names, values, poses, target, opened)
                     if _is_free(oracle, claim, hands[arm.name]):
                         seconds = time.process_time() - began - looked
                         if ways.lead_to(base) and oracle.sees(base, target):
@@ -186,11 +187,9 @@ def _quaternion(pose: Array) -> list[float]:
 
 
 def _is_free(oracle: Oracle, claim: Claim, hand: frozenset[int]) -> bool:
-    arm = oracle.robot.arm(claim.arm)
-    opened = arm.gripper.opened if arm.gripper is not None else {}
     for values in (*claim.values, *on_the_way(claim.values)):
         oracle.place(
-            claim.base, {**oracle.posture, **opened, **dict(zip(claim.joints, map(float, values), strict=True))}
+            claim.base, {**oracle.posture, **claim.fingers, **dict(zip(claim.joints, map(float, values), strict=True))}
         )
         if oracle.touched(hand, claim.target):
             return False

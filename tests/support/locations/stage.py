@@ -114,8 +114,7 @@ class Stage:
 
     def _claim(self, way: HandSolution, solution: Solution) -> Claim:
         plan, arm, platform = way.plan, way.arm, self.platform
-        gripper = platform.hands.gripper(arm)
-        fingers = gripper.opened if plan.opened and gripper is not None else {}
+        fingers = dict(plan.fingers)
         motions, q = list[Array](), way.joints[0]
         for pose, end in zip(plan.poses[1:], way.joints[1:], strict=True):
             joints = {**self.world.configuration().joints, **fingers, **dict(zip(arm.joints, q.tolist(), strict=True))}
@@ -123,7 +122,7 @@ class Stage:
             motions.append(platform.arms.straight_path(arm, pose, end, plan.touches).positions)
             q = motions[-1][-1]
         names, target = tuple(arm.joints), plan.touches
-        return Claim(solution.base, arm.name, names, way.joints, plan.poses, target, plan.opened, tuple(motions))
+        return Claim(solution.base, arm.name, names, way.joints, plan.poses, target, fingers, tuple(motions))
 
 
 def _thing(body: Body) -> MapObject:
