@@ -257,6 +257,8 @@ class ReachSearch:
             for rows in standing():
                 undecided[rows] = [not is_hopeless(row) for row in rows.tolist()]
                 rows = rows[undecided[rows]]
+                undecided[rows] = validator.has_way(bases[rows], log)
+                rows = rows[undecided[rows]]
                 undecided[rows], joints = self._solved(found, rows, bases, hands)
                 remember(rows)
                 rows = rows[undecided[rows]]
@@ -277,6 +279,9 @@ class ReachSearch:
             place = (float(base[0]), float(base[1]), float(base[2]))
             heading = float(hands[number].candidates.headings[candidate])
             if (self.is_taken is not None and self.is_taken(place)) or is_hopeless(row):
+                undecided[row] = False
+                continue
+            if not validator.has_way(base[None], log)[0]:
                 undecided[row] = False
                 continue
             if first and (failed.near(number, base, heading) or occlusion.covers(base)):
