@@ -301,6 +301,7 @@ CODES: dict[str, str] = {
     "X026": "the last line of a trace is incomplete and ignored",
     "X027": "a resumed plan does something else than before",
     "X028": "a parameter that is not set is the only thing of the class that its step names",
+    "X029": "an individual of the recipe is not in the map; a thing of its class is meant",
     # C: command line
     "C001": "a named file or folder does not exist or cannot be read",
     "C002": "the file is neither a recipe nor a plan",

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from typing import Any, get_args, get_type_hints
 
 from executive.belief import MapObject, SemanticMap
+from executive.belief.class_names import is_kind
 from executive.belief.contents import is_content
 from executive.belief.environments import environments_with
 from planlang.designators import Location, Object, Person, local_name
@@ -105,6 +106,38 @@ def bound_parameters(
     if problems:
         raise BadInput(problems)
     return {name: bound[name] for name in parameters}
+
+
+def not_in_map(bound: Mapping[str, Bound], semantic_map: SemanticMap, made: Collection[str]) -> Iterator[Diagnostic]:
+    """Yield a diagnostic for each individual that the map lacks, where things of its class are meant instead.
+
+    It is a warning where there are several: the nearest need not be the right one. Parameters that are ``made`` by the
+    plan itself are left out.
+    """
+    there = {thing.iri for thing in semantic_map.objects}
+    things = [what for name, value in bound.items() if name not in made for what in things_of(value)]
+    for what in dict.fromkeys(one for one in things if one.iri is not None and one.iri not in there):
+        fitting = [
+            thing
+            for thing in semantic_map.objects
+            if thing.pose is not None and any(is_kind(semantic_map.ontology, cls, what.type) for cls in thing.types)
+        ]
+        if not fitting:
+            continue
+        message = f"{local_name(what.iri or '')} of the recipe ({what.iri}) is not in the map"
+        if len(fitting) == 1:
+            yield note("X029", f"{message}: {fitting[0].name} is meant, its only {what.type}")
+            continue
+        known = _listed([thing.name for thing in fitting])
+        names = [name for name, value in bound.items() if value == what]
+        advice = f"--set {names[0]}=NAME says which" if names else "the recipe may name it by its IRI in the map"
+        yield warning("X029", f"{message}: the nearest {what.type} to the robot is meant, of {known}", help=advice)
+
+
+def things_of(value: Bound) -> Iterator[Object]:
+    """Yield the things that a value is, or is about."""
+    if not isinstance(value, float):
+        yield from value.things() if isinstance(value, Location) else (value,)
 
 
 def _named(

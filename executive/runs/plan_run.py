@@ -19,7 +19,7 @@ from executive.robots import FindingKind, Missing, bind_robot, missing_capabilit
 from executive.robots.arms import with_carrying
 from executive.runs.assembly import RobotExecutive, platform_of, real_scene, world_at_start
 from executive.runs.in_hands import in_hands, take
-from executive.runs.parameters import Bound, bound_parameters, plan_parameters, unknown_things
+from executive.runs.parameters import Bound, bound_parameters, not_in_map, plan_parameters, things_of, unknown_things
 from executive.runs.plan_files import (
     Requirements,
     assess,
@@ -40,7 +40,6 @@ from executive.runs.plan_files import (
 from executive.runs.tilts import Tilts
 from executive.runs.traces import ListenedTrace, check_same_run, lines_of, past_of, recorded_parameters, sha256
 from planlang import PlanFailure, RunError, SimulationHost, budget, explain, run
-from planlang.designators import Location, Object
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
 from planlang.failures import ActionUnresolvable, MissingCapability, ObjectUnresolvable
 from planlang.language.plans import Plan
@@ -207,6 +206,8 @@ class Run:
             bound = recorded_parameters(options.resume, plan_parameters(self.plan))
         else:
             bound = bound_parameters(self.plan, options.bindings or {}, semantic_map, found)
+        made = outputs_of(self.source)
+        found += not_in_map(bound, semantic_map, made)
         needs = needs_of(self.source, self.plan)
         # a run is resumed with the modules of its trace, which are compared later
         performed = self.registry.actions if options.resume is None else None
@@ -285,9 +286,8 @@ class Run:
 
             A run that is resumed may have destroyed what one means.
             """
-            made = outputs_of(self.source)
             for name, value in bound.items():
-                for what in _things({name: value}):
+                for what in things_of(value):
                     try:
                         platform.scene.bodies.bind(what)
                     except ObjectUnresolvable:
@@ -454,16 +454,9 @@ def _state_lines(truth: PyBulletWorld, bound: Mapping[str, Bound], belief: Belie
             yield f"{name}: at rest on {support}" if support is not None else f"{name}: not at rest"
 
 
-def _things(bound: Mapping[str, Bound]) -> Iterator[Object]:
-    """Yield the things that the plan's parameters are, or are about."""
-    for value in bound.values():
-        if not isinstance(value, float):
-            yield from value.things() if isinstance(value, Location) else (value,)
-
-
 def _bodies_of(bound: Mapping[str, Bound], belief: Belief, truth: PyBulletWorld) -> Iterator[str]:
     """Yield the bodies that the plan's parameters mean, as far as there are any."""
-    for what in _things(bound):
+    for what in (one for value in bound.values() for one in things_of(value)):
         try:
             name = belief.bind(what, truth.configuration().base)
         except PlanFailure:

@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 
 from executive.belief import SemanticMap, read_map
-from executive.runs.parameters import bound_parameters, plan_parameters
+from executive.runs.parameters import bound_parameters, not_in_map, plan_parameters
 from executive.runs.plan_files import import_plan, main_plan
 from executive.runs.plan_run import Outcome, Run, RunOptions, run_plan_file
 from executive.runs.traces import read_trace
-from planlang.designators import Location
+from planlang.designators import Location, Object
 from planlang.diagnostics import BadInput, Diagnostic
 from planlang.files import bundled
 from planlang.language.plans import Plan
@@ -144,6 +144,30 @@ def test_all_that_is_not_set_is_told_with_what_of_the_map_fits(put: Plan[..., ob
         ("X014", "the plan does not run without --set Tell.recipient=X", "Tell.recipient may be patient1"),
         ("X014", "the plan does not run without --set thing=X", f"thing may be {PLACED}"),
     ]
+
+
+@pytest.mark.parametrize(
+    ("cls", "said"),
+    [
+        ("DrinkingBottle", ("note", "bottle1 is meant, its only DrinkingBottle", None)),
+        ("Cabinet-PieceOfFurniture", ("warning", "is meant, of cabinet1, cabinet2", "--set thing=NAME says which")),
+        ("Refrigerator", None),
+    ],
+)
+def test_what_stands_for_an_individual_that_the_map_lacks_is_told(
+    room: SemanticMap, cls: str, said: tuple[str, str, str | None] | None
+) -> None:
+    thing = Object(cls, "http://test/elsewhere#bottle1")
+    found = list(not_in_map({"thing": thing}, room, ()))
+    assert len(found) == (said is not None)
+    if said is not None:
+        assert (found[0].severity.value, found[0].help) == (said[0], said[2])
+        assert found[0].message.startswith("bottle1 of the recipe (http://test/elsewhere#bottle1) is not in the map")
+        assert found[0].message.endswith(said[1])
+    assert not list(not_in_map({"thing": thing}, room, ("thing",))), "the plan makes it"
+    there = room.find("bottle1")
+    assert there is not None
+    assert not list(not_in_map({"thing": Object("DrinkingBottle", there.iri), "time": 3.0}, room, ()))
 
 
 NAMED = """
