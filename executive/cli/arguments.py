@@ -123,11 +123,11 @@ class CompileArguments(TaskArguments, VerboseArguments):
 
 @dataclass(frozen=True, kw_only=True)
 class CheckArguments(TaskArguments):
-    """Check a recipe or a plan; nothing is run.
+    """Check a recipe, a plan or a map; nothing is run.
 
-    For a recipe, lists all problems; for a folder, tabulates its recipes. For a plan, tells whether its recipe
-    or the compiler has changed since it was compiled, whether it was edited, and how a fresh compilation differs from
-    it.
+    For a recipe, lists all problems; for a folder, tabulates its recipes; for a map, tells what it holds. For
+    a plan, tells whether its recipe or the compiler has changed since it was compiled, whether it was edited, and how
+    a fresh compilation differs from it.
     """
 
     file: RecipeOrPlan

@@ -1,4 +1,4 @@
-"""``planlang check``: everything wrong with a recipe, fixes of it, and whether a plan is still up to date.
+"""``planlang check``: everything wrong with a recipe or map, fixes of a recipe, whether a plan is still up to date.
 
 Nothing of a plan is executed.
 """
@@ -17,7 +17,7 @@ from executive.cli.arguments import CheckArguments
 from executive.cli.console import Answer, ExitCode
 from executive.cli.inputs import PlanFile, RecipeFile, read, read_recipe_file, unacceptable
 from planlang.compiler import compile_recipe
-from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors, note, warning
+from planlang.diagnostics import BadInput, Diagnostic, Severity, Span, error, has_errors, note, warning
 from planlang.files import SUFFIXES
 from planlang.outputs import NO_DATA_FLOW, NO_SCOPES, PlanHeader, check_outputs, header, replace
 from planlang.recipe.fixes import Fix
@@ -25,7 +25,7 @@ from planlang.recipe.fixes.fixing import Fixed, fix_recipe
 
 
 def command(arguments: CheckArguments) -> Answer:
-    """Check a recipe or a plan, or fix a recipe; raises BadInput."""
+    """Check a recipe, a plan or a map, or fix a recipe; raises BadInput."""
     if not arguments.fix and (arguments.accept or arguments.output):
         raise typer.BadParameter("--accept and --output need --fix")
     if arguments.fix:
@@ -36,7 +36,14 @@ def command(arguments: CheckArguments) -> Answer:
         return check_folder(Path(arguments.file), arguments.folders)
     found = read(arguments.file)
     if isinstance(found, RecipeFile):
-        plan = compile_recipe(found.path, task=arguments.task, folders=arguments.folders)
+        try:
+            plan = compile_recipe(found.path, task=arguments.task, folders=arguments.folders)
+        except BadInput as problem:
+            if arguments.task is not None or not _lacks_task(problem):
+                raise
+            from executive.cli.map_check import check_map  # most files are recipes
+
+            return check_map(found.path, arguments.folders, problem)
         text = f"{found.path}: {plan.task} compiles"
         return Answer(diagnostics=plan.diagnostics, text=text, data={"kind": "recipe", "task": plan.task})
     fresh = freshness(found, folders=arguments.folders)
@@ -44,6 +51,10 @@ def command(arguments: CheckArguments) -> Answer:
     text = "\n".join(filter(None, (f"{found.path}: {fresh.state}", fresh.difference)))
     data = {"kind": "plan", "state": fresh.state, "difference": fresh.difference}
     return Answer(code, fresh.diagnostics, text, data)
+
+
+def _lacks_task(problem: BadInput) -> bool:
+    return [one.code for one in problem.diagnostics if one.severity is Severity.ERROR] == ["R001"]
 
 
 # Fixes of a recipe

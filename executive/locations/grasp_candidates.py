@@ -49,7 +49,7 @@ GRIPPED = 0.01
 """Least height of a thing above the grip point [m]."""
 UP = np.array([0.0, 0.0, 1.0])
 FARTHER_BACK = 0.008
-"""How much nearer to the ends of the fingers a thing may be gripped [m]."""
+"""Distance by which a thing may be gripped nearer to the ends of the fingers [m]."""
 AWRY, TIGHTER = 0.9, 0.8
 """Weights of grasps elsewhere than in the middle, and with hardly room for the fingers, beside others."""
 PARTICULAR, POOREST = 4, 0.02
@@ -69,7 +69,7 @@ class HandPoses:
     poses: Array
     touches: str | None = None
     fingers: Fingers = ()
-    """Where the fingers are meanwhile, if not as they are."""
+    """Positions of the fingers meanwhile, if not as they are."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -96,10 +96,10 @@ class GraspCandidates(Columns):
     touches: str | None = None
     fingers: Fingers = ()
     spans: Array | None = None
-    """How wide what is grasped is between the fingers, and how far it comes behind the grip point [m], (n, 2)."""
+    """Width of what is grasped between the fingers, and its extent behind the grip point [m], (n, 2)."""
 
     heights: tuple[float, ...] = ()
-    """How much higher, or lower, what is grasped can be gripped from the side as well [m]."""
+    """Distances by which what is grasped can be gripped higher or lower from the side as well [m]."""
     step: float = 0.0
     """Angle between headings, if any in between would do as well [rad]."""
 

@@ -120,7 +120,7 @@ class ArmModel:
     payload: float = math.inf
     """Largest mass that the hand carries [kg]."""
     openings: Openings = field(default_factory=Openings)
-    """How far the hand opens."""
+    """Openings of the hand."""
     hand_corners: Array = field(default_factory=lambda: np.zeros((1, 3)))
     """Corners of boxes around the hand's pieces in the tip frame, (n, 3)."""
     palm: tuple[tuple[float, ...], ...] = ()

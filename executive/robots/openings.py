@@ -1,4 +1,4 @@
-"""How far a hand opens: so wide that what it takes fits, and no wider, so that fingers pass between close neighbours.
+"""Openings of a hand: so wide that what it takes fits, and no wider, so that fingers pass between close neighbours.
 
 Measured on the shapes of the fingers at a few openings from closed to opened, at sections across the approach.
 """
@@ -25,7 +25,7 @@ TIGHT = 0.008
 STEPS = 21
 """Openings that are measured, from closed to opened."""
 SECTIONS = np.linspace(-0.1, 0.1, 21)
-"""Where along the approach, from the grip point on, fingers are measured [m]."""
+"""Places along the approach, from the grip point on, at which fingers are measured [m]."""
 _TURNS = np.arange(16) * (np.pi / 8)
 AROUND = np.stack([np.cos(_TURNS), np.sin(_TURNS)])
 """Directions in which an outline has its corners (2, 16)."""

@@ -270,3 +270,31 @@ def test_a_folder_of_recipes_is_tabulated_task_by_task(tmp_path: Path, recipe: P
 def test_a_folder_without_recipes_is_an_error(tmp_path: Path) -> None:
     result = CliRunner().invoke(app, ["check", str(tmp_path)])
     assert (result.exit_code, "no recipes in the folder" in result.stderr) == (2, True)
+
+
+def test_a_map_is_told_as_what_it_holds() -> None:
+    path = str(bundled("ontologies") / "environments" / "hospital_room.omn")
+    answer = json.loads(CliRunner().invoke(app, ["check", path, "--json"]).stdout)
+    assert (answer["exit_code"], answer["kind"]) == (0, "map")
+    assert {kind: answer[kind] for kind in ("graspable", "persons", "rooms")} == {
+        "graspable": 1,
+        "persons": 1,
+        "rooms": 1,
+    }
+    assert "a map of 7 things, 1 that a hand takes" in CliRunner().invoke(app, ["check", path]).stdout
+
+
+def test_an_error_in_a_map_is_told_and_not_that_it_is_no_recipe(tmp_path: Path) -> None:
+    path = tmp_path / "room.omn"
+    path.write_text(
+        (bundled("ontologies") / "environments" / "hospital_room.omn").read_text(encoding="utf-8"), encoding="utf-8"
+    )
+    change(path, "knowrob:m00 ", "knowrob:m01 ")
+    result = CliRunner().invoke(app, ["check", str(path)])
+    assert (result.exit_code, "M003" in result.stderr, "R001" in result.stderr) == (2, True, False)
+
+
+def test_a_file_without_recipe_and_without_places_states_no_recipe(tmp_path: Path) -> None:
+    path = tmp_path / "classes.omn"
+    path.write_text("Ontology: <http://test/classes>\nClass: <http://test/classes#Thing>\n", encoding="utf-8")
+    assert "R001" in CliRunner().invoke(app, ["check", str(path)]).stderr

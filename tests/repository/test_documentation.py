@@ -118,7 +118,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_an_output_in_the_documentation_is_what_its_command_prints(
     command: str, folder: Path, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Where the command is that of a scenario, its goal is reached as well: the run is the same."""
+    """The goal of a scenario with the same command is reached as well: the run is the same."""
     from tests.support.extras import skip_without_pr2  # as a script this file sees no other tests
     from tests.support.scenarios import Judged, judged_run, scenarios
 

@@ -1,0 +1,49 @@
+"""A map given to ``planlang check``: what it holds, and what its reader found."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from executive.belief import read_map, scene_of
+from executive.cli.console import Answer
+from planlang.diagnostics import BadInput
+from planlang.ontology import load
+from sim import Scene
+from sim.scene import BodyShape
+
+UNPLACED = "M009"
+"""The code of a file in which nothing has a place."""
+
+
+def check_map(path: Path, folders: Sequence[Path], no_recipe: BadInput) -> Answer:
+    """Read the map of a file that states no recipe; raises BadInput, ``no_recipe`` if it is no map either."""
+    ontology = load(path, folders=folders)
+    try:
+        semantic_map = read_map(ontology)
+    except BadInput as problem:
+        if any(one.code == UNPLACED for one in problem.diagnostics):
+            raise no_recipe from None
+        raise BadInput((*ontology.diagnostics, *problem.diagnostics)) from None
+    found = [*ontology.diagnostics, *semantic_map.diagnostics]
+    counts = _counts(scene_of(semantic_map, found))
+    held = ", ".join(f"{number} {one if number == 1 else many}" for one, many, number in counts.values() if number)
+    text = f"{path}: a map of {held}\nplanlang run RECIPE --environment {path} runs a recipe in it"
+    data = {"kind": "map", **{kind: number for kind, (_, _, number) in counts.items()}}
+    return Answer(diagnostics=tuple(found), text=text, data=data)
+
+
+def _counts(scene: Scene) -> dict[str, tuple[str, str, int]]:
+    """Return how many bodies of each kind a map has, with the words for one and for several."""
+    shapes = [body.shape for body in scene.bodies]
+    solid = sum(shape in (BodyShape.BOX, BodyShape.CYLINDER) for shape in shapes)
+    leaves = sum(not joint.is_knob for joint in scene.joints)
+    return {
+        "things": ("thing", "things", solid),
+        "graspable": ("that a hand takes", "that a hand takes", sum(body.graspable for body in scene.bodies)),
+        "leaves": ("door, drawer or lid", "doors, drawers and lids", leaves),
+        "devices": ("device with a switch", "devices with switches", len({one.device for one in scene.controls})),
+        "persons": ("person", "persons", shapes.count(BodyShape.PERSON)),
+        "rooms": ("room", "rooms", shapes.count(BodyShape.ROOM)),
+        "places": ("mere place", "mere places", shapes.count(BodyShape.MARKER)),
+    }
