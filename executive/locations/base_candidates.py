@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -199,10 +199,19 @@ class BaseCandidates(Columns):
 
     def order(self, weigh: Weigh, most: int) -> Indices:
         """Return indices round-robin over the candidates, the best of each first, at most ``most``."""
-        whole = np.flatnonzero(np.cumsum(np.bincount(self.ranks, minlength=1)) >= most)
-        some = np.flatnonzero(self.ranks <= whole[0]) if len(whole) else np.arange(len(self))
+        some = np.flatnonzero(self.ranks <= last_rank([self], most))
         worth = self.scores[some] * weigh(self.bases[some])
         return some[np.lexsort((-worth.round(6), self.ranks[some]))[:most]]
+
+
+def last_rank(parts: Iterable[BaseCandidates], most: int) -> int:
+    """Return the rank up to which there are ``most`` candidates in some tables, or all."""
+    number = np.zeros(1, np.intp)
+    for part in parts:
+        more = np.bincount(part.ranks, minlength=len(number))
+        more[: len(number)] += number
+        number = more
+    return int(np.searchsorted(np.cumsum(number), most))
 
 
 @dataclass(slots=True, eq=False)
@@ -216,6 +225,8 @@ class Inversion:
     """From where the robot would not see what it has to."""
     each: int
     """Base poses of one grasp candidate that are kept: those with the best score, well spread."""
+    most: int
+    """Base poses that are wanted in all: more are kept only of the rank of the last, among those of its candidate."""
     refused: Counter[str] = field(default_factory=Counter)
     """Base poses that will not do, by reason: up to :data:`COUNTED` for each reason and grasp candidate."""
     _crowded: list[tuple[int, int, float, Array]] = field(default_factory=list)
@@ -255,7 +266,8 @@ class Inversion:
                     parts.append(self._inverted(number, candidates, index, chosen, first, same))
         if not parts:
             return BaseCandidates()
-        found = BaseCandidates.joined(parts)
+        last = last_rank(parts, self.most)
+        found = BaseCandidates.joined([part.chosen(part.ranks <= last) for part in parts])
         return found.chosen(np.lexsort((found.candidates, found.arms)))
 
     def _inverted(

@@ -101,11 +101,11 @@ def _with_between(poses: Array) -> Array:
 T = TypeVar("T")
 
 
-def once(known: dict[tuple[float, ...], T], bases: Array, find: Callable[[Array], Sequence[T]]) -> list[T]:
+def once(known: dict[bytes, T], bases: Array, find: Callable[[Array], Sequence[T]]) -> list[T]:
     """Return what is ``known`` of bases (n, 3); of those of which nothing is known it is found."""
-    places: list[tuple[float, ...]] = list(map(tuple, bases.tolist()))
-    new = [place for place in dict.fromkeys(places) if place not in known]
-    known.update(zip(new, find(np.array(new).reshape(-1, 3)), strict=True))
+    places: list[bytes] = np.ascontiguousarray(bases).view(f"V{bases.itemsize * 3}").ravel().tolist()
+    new = {place: number for number, place in enumerate(places) if place not in known}
+    known.update(zip(new, find(bases[list(new.values())]), strict=True))
     return [known[place] for place in places]
 
 

@@ -60,9 +60,9 @@ class Rejections:
     """Candidates (m, 2 or more) that were refused before they were looked at, with the reason."""
     met: set[tuple[float, ...]] = field(default_factory=set)
     """Candidates that an arm cannot do, whatever is to be seen from there."""
-    rooms: dict[tuple[float, ...], bool] = field(default_factory=dict)
+    rooms: dict[bytes, bool] = field(default_factory=dict)
     """Base poses, and whether there is room for the base."""
-    stances: dict[tuple[float, ...], str | None] = field(default_factory=dict)
+    stances: dict[bytes, str | None] = field(default_factory=dict)
     """Base poses, and what an arm in its present posture is inside of there, None if nothing."""
     again: bool = False
     """True if the same is looked at once more, without what has to be seen: nothing is told of it."""

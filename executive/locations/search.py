@@ -136,7 +136,7 @@ class ReachSearch:
                 log.add(NO_WAY, sum(len(hand.candidates) for hand in hands))
                 return
             conjuncts.append((NO_WAY, lambda bases: drivable(bases).astype(float)))
-        inversion = Inversion(room, conjuncts, self._unseen() if budget.fine else None, budget.each)
+        inversion = Inversion(room, conjuncts, self._unseen() if budget.fine else None, budget.each, budget.most)
         lifted = scene.collisions.lifted
         found = inversion.of(hands, self.inverse, lifted, least=budget.least, rows=budget.rows)
         log.scored.append((found.bases, found.scores))
