@@ -57,17 +57,19 @@ def unblocked(
     scene: PlanningScene,
     rejections: Rejections,
     near: tuple[Array, float] | None = None,
+    *,
+    varied: bool = True,
 ) -> list[Hand]:
     """Return candidates in which the hand itself, wherever the base stands, is inside nothing; others are counted.
 
     It goes straight from pose to pose, so that what is in between counts as well. Where it is inside something,
-    variants of the grasp are tried.
+    variants of the grasp are tried, if it may be ``varied``.
     """
     found: list[Hand] = []
     for table in tables:
         left, reasons = np.arange(len(table)), dict[int, str | None]()
         free: dict[Fingers, list[GraspCandidates]] = {}
-        for variant in table.variants(arm.openings):
+        for variant in table.variants(arm.openings) if varied else (table,):
             check = scene.collisions.arm_check(arm, variant.touches, variant.fingers, near)
             tried = variant.chosen(left)
             met = _stopped(tried, check)

@@ -117,9 +117,12 @@ class ReachSearch:
         if not tables:
             return
         reach = max(self.inverse(arm, CLASSES[g]).reach for arm, table in tables for g in set(table.grasps.tolist()))
-        points = [variant.points for arm, table in tables for variant in table.variants(arm.openings)]
+        varied = budget.stage is Stage.CLOSEST
+        points = [one.points for arm, table in tables for one in (table.variants(arm.openings) if varied else [table])]
         near = _sphere(points, reach)
-        hands = [hand for arm, found in possible.values() for hand in unblocked(arm, found, scene, log, near)]
+        hands = [
+            hand for arm, found in possible.values() for hand in unblocked(arm, found, scene, log, near, varied=varied)
+        ]
         if not hands:
             return
         middle = np.mean([hand.candidates.points.mean(axis=0) for hand in hands], axis=0)
