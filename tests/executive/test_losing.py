@@ -47,7 +47,7 @@ def drop(monkeypatch: pytest.MonkeyPatch, name: str, when: float) -> list[float]
         pytest.param(27.0, False, SOON, id="on the way"),
         pytest.param(31.0, False, SOON, id="at a turn"),
         pytest.param(36.0, False, 3.5, id="before the patient"),  # while the head looks for the patient
-        pytest.param(39.5, True, SOON, id="as it is offered"),
+        pytest.param(42.0, True, SOON, id="as it is offered"),
     ],
 )
 def test_a_bottle_that_is_dropped_is_served_in_the_end_or_truthfully_given_up(

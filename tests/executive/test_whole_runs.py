@@ -151,7 +151,7 @@ def test_a_patient_who_does_not_take_it_leaves_the_bottle_in_the_gripper(run_in:
         """A doll in the patient's place."""
         bodies = (replace(body, shape="box") if body.name == "patient1" else body for body in scene.bodies)
         doll = replace(scene, bodies=tuple(bodies))
-        low = replace(doll.body("patient1"), size=(1.5, 0.5, 0.3), pose=Pose((2.15, 0.6, 0.7), (0.0, 0.0, 1.0, 0.0)))
+        low = replace(doll.body("patient1"), size=(1.5, 0.4, 0.3), pose=Pose((2.15, 0.6, 0.7), (0.0, 0.0, 1.0, 0.0)))
         return replace(doll, bodies=tuple(low if body.name == "patient1" else body for body in doll.bodies))
 
     result, _ = run_in(asleep)
