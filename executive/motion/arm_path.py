@@ -21,7 +21,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from executive.motion.errors import GoalInCollision, NoPath, OutsideLimits, StartInCollision
+from executive.motion.effort import Effort
+from executive.motion.errors import GoalInCollision, NoPath, OutOfEffort, OutsideLimits, StartInCollision
 from planlang.geometry import Array
 
 Touching = Callable[[Array], Sequence[tuple[str, str]]]
@@ -34,6 +35,8 @@ KEPT_APART = (0.015, 0.0)
 """Distance by which everything is kept apart where the ends allow it [m]; less when no path is found like that."""
 EXACT_CHECKS = 3.0
 """Exact checks, per iteration, that a search may ask for in all, once spheres are not asked any more."""
+CHECKS = 35
+"""Checks of straight ways, and exact ones of configurations, per iteration, that a search may ask for in all."""
 CONSTRAINED = 0.3
 """Length of a branch that keeps to a constraint, as a share of the usual one."""
 LEAST_PROGRESS = 0.2
@@ -203,6 +206,7 @@ class _Search:
     moments: Callable[[Array], Array]
     rng: np.random.Generator
     shortcuts: int
+    effort: Effort
     constraint: Constraint | None = None
     exactly: bool = False
     """True if edges are checked exactly at once."""
@@ -221,6 +225,7 @@ class _Search:
         found = self.known.get(key)
         if found is None:
             self.counts["exact checks"] += 1
+            self.effort.spend(1)
             found = self.known[key] = tuple(self.touching(q.copy()))
         return found
 
@@ -230,6 +235,7 @@ class _Search:
             return False
         pieces = self.space.pieces(a, b)
         rows = np.vstack([*ends, a + (b - a) * (bisection(pieces) / pieces)[:, None]])
+        self.effort.spend(1)
         if self.constraint is not None and not self.constraint.holds(rows).all():
             return False
         if self.exactly:
@@ -243,6 +249,7 @@ class _Search:
         if self.constraint is None:
             return None
         pieces = self.space.pieces(a, b)
+        self.effort.spend(1)
         rows = self.constraint.projected(a + (b - a) * (np.arange(pieces + 1) / pieces)[:, None])
         rows[0], rows[-1] = a, b
         if any(self.space.pieces(*pair) > LARGEST_JUMP for pair in pairwise(rows)):
@@ -301,7 +308,7 @@ def plan_path(
     resolution: add there where the arm will be at each instant. All of a path keeps to the ``constraint``, to which
     start and goal have to keep. Raises :class:`StartInCollision` and
     :class:`GoalInCollision` with the bodies that touch, :class:`OutsideLimits` for the goal, :class:`NoPath` with
-    counts after so many ``iterations`` at each of the distances to keep.
+    counts after so many ``iterations`` at each of the distances to keep, or so many :data:`CHECKS` in all.
     """
     a, b = np.array(start, float), np.array(goal, float)
     if a.shape != space.lower.shape or b.shape != a.shape:
@@ -309,25 +316,37 @@ def plan_path(
     outside = ((b < space.lower - 1e-6) | (b > space.upper + 1e-6)) & ~space.continuous
     if outside.any() or not np.isfinite(b).all():
         raise OutsideLimits("the goal", b.tolist(), space.lower.tolist(), space.upper.tolist())
-    search = _Search(space, quick, touching, moments or space.points, rng, shortcuts, constraint)
+    effort = Effort(CHECKS * iterations, "checks")
+    search = _Search(space, quick, touching, moments or space.points, rng, shortcuts, effort, constraint)
     if pairs := search.pairs(a):
         raise StartInCollision(a.tolist(), pairs)
     goals = [a + space.move(a, goal) for goal in (b, *others) if not search.pairs(goal)]
     if not goals:
         raise GoalInCollision(b.tolist(), search.pairs(b))
+    try:
+        path = _free_path(search, a, goals, iterations)
+    except OutOfEffort as end:
+        raise NoPath(a.tolist(), b.tolist(), search.counts) from end
+    if path is None:
+        raise NoPath(a.tolist(), b.tolist(), search.counts)
+    return path
+
+
+def _free_path(search: _Search, start: Array, goals: Sequence[Array], iterations: int) -> Array | None:
+    """Return the waypoints of a path, kept apart from everything as far as there is one."""
     for distance in (*KEPT_APART, None):
         search.exactly = distance is None
         if distance is not None:
-            quick.keep(distance, (a, *goals))
-        for path in _paths(search, a, goals, iterations):
+            search.quick.keep(distance, (start, *goals))
+        for path in _paths(search, start, goals, iterations):
             found = np.array(_shortened(search, path))
             hit = search.first_hit(found)
             if hit is None:
                 return found
-            search.forbid(hit, (a, *goals))
+            search.forbid(hit, (start, *goals))
             if search.counts["exact hits"] % max(1, round(HITS * iterations)) == 0:
                 break
-    raise NoPath(a.tolist(), b.tolist(), search.counts)
+    return None
 
 
 def _paths(search: _Search, start: Array, goals: Sequence[Array], iterations: int) -> Iterator[list[Array]]:
@@ -370,6 +389,7 @@ def _grow(search: _Search, tree: _Tree, node: int, target: Array, reach: Array) 
     move = search.space.move(begin, target)
     end = begin + move / max(1.0, float((np.abs(move) / reach).max()))
     if search.constraint is not None:
+        search.effort.spend(1)
         end = search.constraint.projected(end[None])[0]
         left = search.space.move(end, target)
         nearer = (np.abs(move) / reach).max() - (np.abs(left) / reach).max()

@@ -10,6 +10,7 @@ problem has no solution.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from typing import Protocol
@@ -21,7 +22,8 @@ from executive.motion.arm_group import ArmGroup
 from executive.motion.arm_path import bisection
 from executive.motion.constraint_functions import Bound, ConstraintFunctions, Surroundings
 from executive.motion.constraint_optimisation import Index, Optimiser, Optimum, Rows
-from executive.motion.errors import ConstraintsContradict
+from executive.motion.effort import Effort
+from executive.motion.errors import ConstraintsContradict, OutOfEffort
 from planlang.geometry import Array
 from planlang.motion_constraints import MotionConstraint
 
@@ -42,6 +44,10 @@ GIVEN_UP = 1e-4
 MOST_UNEQUAL = 50.0
 """Largest ratio of the price of a joint's moves to the median."""
 
+
+MOST = 200_000
+"""Variables of quadratic programs of one search; an exact check counts as :data:`EXACT` of them."""
+EXACT = 20
 
 Hits = list[tuple[Array, Sequence[tuple[str, str]]]]
 """Configurations (n,), each with the bodies that touch there."""
@@ -100,6 +106,8 @@ class MotionProblem:
     """The exact check of a configuration (n,): which two bodies touch, wrongly."""
     seed: int = 0
     """Of the configurations at random from which it is searched."""
+    effort: Effort = field(default_factory=lambda: Effort(MOST, "variables of quadratic programs"))
+    """What may be computed for it."""
 
     def hits(self, q: Array) -> Hits:
         """Return some of configurations (m, n) where something touches, exactly, each with the pairs; all if few do.
@@ -107,8 +115,17 @@ class MotionProblem:
         Those in the middle of what has not been looked at come first.
         """
         rows = q if self.obstacles is None else q[~self.obstacles.sure(q)]
-        found = ((row, self.touching(row.copy())) for row in rows[bisection(len(rows) + 1) - 1])
+        found = ((row, self.touches(row)) for row in rows[bisection(len(rows) + 1) - 1])
         return list(islice((hit for hit in found if hit[1]), MOST_HITS))
+
+    def touches(self, q: Array) -> Sequence[tuple[str, str]]:
+        """Return which two bodies touch at a configuration (n,), exactly."""
+        self.effort.spend(EXACT)
+        return self.touching(q.copy())
+
+    def afresh(self) -> MotionProblem:
+        """Return the same problem, for which nothing was computed yet."""
+        return replace(self, effort=replace(self.effort, spent=0))
 
     def learn(self, hits: Hits, times: int) -> None:
         """Keep what touches farther apart from now on, for the so many-th time in a row."""
@@ -166,12 +183,16 @@ class Ends:
             yield self._by_phase(optimum.q if optimum.holds else alone)
 
     def reached(self, tries: int) -> Iterator[Array]:
-        """Yield configurations (n,) at which the last phase ends, from so many beginnings, whatever is in the way."""
+        """Yield configurations (n,) at which the last phase ends, from so many beginnings, whatever is in the way.
+
+        Those are all that are known when the effort of the problem is spent.
+        """
         every = list(self.phases.items())
-        for beginning in islice(self._beginnings(len(every), tries), tries):
-            optimum = self._optimum(beginning, every, blocked=False)
-            if optimum.holds:
-                yield np.asarray(optimum.q[-1])
+        with suppress(OutOfEffort):
+            for beginning in islice(self._beginnings(len(every), tries), tries):
+                optimum = self._optimum(beginning, every, blocked=False)
+                if optimum.holds:
+                    yield np.asarray(optimum.q[-1])
 
     def _by_phase(self, q: Array) -> dict[int, Array]:
         return dict(zip(self.phases, q, strict=True))
@@ -224,6 +245,7 @@ class Ends:
             None,
             self.problem.rates.prices(),
             np.where(soft, GIVEN_UP, 1.0),
+            self.problem.effort,
             self.problem.clearances if blocked else None,
         )
 

@@ -17,7 +17,7 @@ from executive.motion.arm_path import JointSpace, plan_path
 from executive.motion.constrained_ends import CORRECTIONS, Ends, Hits, MotionProblem
 from executive.motion.constraint_functions import ConstraintFunctions
 from executive.motion.constraint_optimisation import Optimiser, Rows
-from executive.motion.errors import MotionError, NoConstrainedPath, OutsideLimits, StartInCollision
+from executive.motion.errors import MotionError, NoConstrainedPath, OutOfEffort, OutsideLimits, StartInCollision
 from executive.motion.trajectories import time_curve, time_path
 from planlang.geometry import Array
 from planlang.geometry.matrices import moved
@@ -34,6 +34,8 @@ MOST_ENDS = 4
 """Ends to which ways are looked for."""
 SEARCHED = 300
 """Branches of a search for a way around what is in the way."""
+AROUND = 10_000
+"""Variables of quadratic programs that such a search, which has a bound of its own, counts as."""
 TURN_STEP, SLIDE_STEP = 0.08, 0.02
 """Steps in which such a way is checked [rad], [m]."""
 HASTE = 1.002
@@ -67,11 +69,12 @@ def solve_motion(
     Unless it ``explains``, nothing is given up, and all constraints are named where they cannot all hold.
 
     Raises :class:`StartInCollision`, :class:`OutsideLimits`, :class:`ConstraintsContradict` with a smallest set of
-    constraints of equal weight that cannot all hold, :class:`NoConstrainedPath`, and :class:`MotionError` for features,
-    tools or frames of which nothing is known.
+    constraints of equal weight that cannot all hold, :class:`NoConstrainedPath`, :class:`OutOfEffort` where nothing was
+    found out before as much was computed as may be, and :class:`MotionError` for features, tools or frames of which
+    nothing is known.
     """
     begin = np.array(start, float)
-    group = problem.group
+    group, problem = problem.group, problem.afresh()
     if begin.shape != (group.dof,) or not np.isfinite(begin).all():
         raise ValueError(f"expected finite values of {group.names}, got shape {begin.shape}")
     if not group.within(begin, 1e-3).all():
@@ -82,13 +85,16 @@ def solve_motion(
     ends = Ends.of(problem, begin, asked)
     ends.explains = explains
     tried: list[NoConstrainedPath] = []
-    for found in ends.found():
-        try:
-            return list(_moved(ends, found, asked, tuple(one for one in before if one.is_active)))
-        except NoConstrainedPath as failure:
-            tried.append(failure)
-            if len(tried) == MOST_ENDS:
-                break
+    try:
+        for found in ends.found():
+            try:
+                return list(_moved(ends, found, asked, tuple(one for one in before if one.is_active)))
+            except NoConstrainedPath as failure:
+                tried.append(failure)
+                if len(tried) == MOST_ENDS:
+                    break
+    except OutOfEffort as end:
+        raise (tried[0] if tried else end) from None
     raise tried[0]
 
 
@@ -169,6 +175,7 @@ class _Way:
         resolution = np.where(group.prismatic, SLIDE_STEP, TURN_STEP)
         space = JointSpace.of(group.lower, group.upper, continuous=group.continuous, resolution=resolution)
         rng = np.random.default_rng(problem.seed)
+        problem.effort.spend(AROUND)
         try:
             found = plan_path(
                 self.start, self.end, space, problem.obstacles, problem.touching, rng, iterations=SEARCHED
@@ -191,6 +198,7 @@ class _Way:
             self.end,
             problem.rates.prices(),
             np.ones(len(pairs)),
+            problem.effort,
             None if problem.obstacles is None else problem.clearances,
         )
         for times in range(CORRECTIONS):

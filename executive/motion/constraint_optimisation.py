@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.motion.constraint_functions import ConstraintFunctions
+from executive.motion.effort import Effort
 from planlang.geometry import Array
 
 STEPS = 40
@@ -94,6 +95,8 @@ class Optimiser:
     """Price of squared moves of each joint (n,)."""
     penalties: Array
     """Price of squared excess of each row (r,): 1 for what has to hold."""
+    effort: Effort
+    """Variables of quadratic programs."""
     clearances: Clearances | None = None
     lower: Array = field(init=False)
     upper: Array = field(init=False)
@@ -179,6 +182,7 @@ class Optimiser:
         m, n = here.q.shape
         count, near = len(self.rows.constraints), len(here.room)
         slack, size = count + near, m * n
+        self.effort.spend(size + slack)
         hessian = np.zeros((size + slack, size + slack))
         hessian[:size, :size] = np.kron(self._coupling(m), np.diag(self.weights))
         penalties = np.append(self.penalties, np.ones(near))

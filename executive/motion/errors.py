@@ -13,6 +13,13 @@ class MotionError(Exception):
     """Root of everything that motion planning raises on purpose."""
 
 
+class OutOfEffort(MotionError):
+    """A search has computed as much as it may."""
+
+    def __init__(self, most: int, unit: str) -> None:
+        super().__init__(f"the search was given up after {most} {unit}")
+
+
 class StartInCollision(MotionError):
     """The start of a path is not free; ``pairs`` are names of what would be in each other, if known."""
 

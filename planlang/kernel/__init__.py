@@ -28,7 +28,7 @@ from planlang.kernel.primitives import node, now, record, rng, sleep
 from planlang.kernel.runner import run_plan, unwatched
 from planlang.kernel.scope import All, Scope, failure_of
 from planlang.kernel.signals import Signal
-from planlang.kernel.threads import in_thread
+from planlang.kernel.threads import in_thread, still_computing
 from planlang.kernel.tree import Status
 
 __all__ = [
@@ -67,6 +67,7 @@ __all__ = [
     "run_plan",
     "shield",
     "sleep",
+    "still_computing",
     "unwatched",
     "wait_for",
 ]

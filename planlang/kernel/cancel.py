@@ -54,6 +54,17 @@ def evaporate(scheduler: Scheduler, root: Task, through_shields: bool = False) -
     return changed
 
 
+def heed_interrupts(scheduler: Scheduler, root: Task) -> None:
+    """Evaporate the plan at the first Ctrl-C, so that its cleanups run; drain it at the second one."""
+    if scheduler.interrupts != scheduler.heeded and not scheduler.draining:
+        scheduler.heeded = scheduler.interrupts
+        if scheduler.interrupts > 1:
+            raise KeyboardInterrupt
+        if scheduler.observer is not None:
+            scheduler.observer.write(scheduler.now, "interrupted")
+        evaporate(scheduler, root)
+
+
 def _reach(scheduler: Scheduler, task: Task, stack: list[Task], through_shields: bool) -> None:
     """Raise evaporation where a task waits, or have its branches evaporated first."""
     scope = task.scope

@@ -245,6 +245,8 @@ class Scheduler:
 
         self.draining = False
         self.over = False
+        self.beats = 0
+        """How often code that computes long has said that it goes on."""
         self.interrupts = 0
         self.heeded = 0
         """Number of interrupts that were handled."""
@@ -335,7 +337,7 @@ class Scheduler:
 
     def progress(self) -> tuple[int, ...]:
         """Return another value whenever the run has moved; read by the watchdog."""
-        return self.timers.now, self.resumptions, self.births
+        return self.timers.now, self.resumptions, self.births, self.beats
 
 
 class _Running(threading.local):

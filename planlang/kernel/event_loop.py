@@ -13,7 +13,7 @@ from types import CoroutineType, FunctionType
 from typing import Any
 
 from planlang.failures import PlanFailure
-from planlang.kernel.cancel import MAX_DELIVERIES, STUCK, evaporate
+from planlang.kernel.cancel import MAX_DELIVERIES, STUCK, heed_interrupts
 from planlang.kernel.core import PARKED, BaseScope, Scheduler, Task
 from planlang.kernel.errors import (
     DeadlockError,
@@ -51,7 +51,7 @@ def loop(scheduler: Scheduler, root: Task) -> None:
         if root.dead:
             return
         if scheduler.interrupts != scheduler.heeded:
-            _heed_interrupts(scheduler, root)
+            heed_interrupts(scheduler, root)
         else:
             _advance(scheduler, root)
 
@@ -67,7 +67,7 @@ def rest(scheduler: Scheduler, root: Task) -> None:
         # The order is the contract: a deadline fires only when tasks, decisions and calls in threads have nothing left,
         # so what ends in the very step of its deadline is in time. While a run is drained no time is left to anybody.
         elif scheduler.awaits_threads and scheduler.service(Calls).collect(scheduler):
-            _heed_interrupts(scheduler, root)
+            heed_interrupts(scheduler, root)
         elif scheduler.draining or not scheduler.timers.expire():
             return
 
@@ -77,7 +77,7 @@ def _round(scheduler: Scheduler, root: Task) -> None:
     queue, choice = scheduler.queue, scheduler.choice
     while queue:
         if scheduler.interrupts != scheduler.heeded:
-            _heed_interrupts(scheduler, root)
+            heed_interrupts(scheduler, root)
         if scheduler.resumptions > MAX_RESUMPTIONS and not scheduler.draining:
             title = (
                 f"no progress: tasks had more than {MAX_RESUMPTIONS} turns within world step {scheduler.now}; a loop "
@@ -184,17 +184,6 @@ def _attend(scheduler: Scheduler) -> bool:
     for item in items:
         item()
     return bool(items)
-
-
-def _heed_interrupts(scheduler: Scheduler, root: Task) -> None:
-    """Evaporate the plan at the first Ctrl-C, so that its cleanups run; drain it at the second one."""
-    if scheduler.interrupts != scheduler.heeded and not scheduler.draining:
-        scheduler.heeded = scheduler.interrupts
-        if scheduler.interrupts > 1:
-            raise KeyboardInterrupt
-        if scheduler.observer is not None:
-            scheduler.observer.write(scheduler.now, "interrupted")
-        evaporate(scheduler, root)
 
 
 # -- one step of a task, from where it waits to its next wait, or to its end

@@ -1,4 +1,4 @@
-"""Calls in threads: blocking code that a task waits for without stopping the others.
+"""Code that takes long: calls in threads, for which a task waits without stopping the others, and signs of life.
 
 In simulation the world stands still until all calls in flight have returned, and their callers go on in order of
 submission, so threads do not make a run depend on timing. In real time callers go on as their calls return.
@@ -13,8 +13,9 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any, TypeVar
 
-from planlang.kernel.cancel import deliver, delivery
-from planlang.kernel.core import Scheduler, Task, here, park
+from planlang.kernel.cancel import deliver, delivery, heed_interrupts
+from planlang.kernel.core import Scheduler, Task, here, park, running
+from planlang.kernel.errors import Evaporated
 from planlang.kernel.signals import Wait
 from planlang.kernel.tree import name_of
 from planlang.misuse import Usage, WrongType, contrast, written
@@ -52,11 +53,17 @@ class Call(Wait):
         threading.Thread(target=self._work, name=f"planlang {self.name}", daemon=True).start()
 
     def _work(self) -> None:
+        _thread.call = self
         try:
             self._value = self._context.run(self._function)
         except BaseException as error:
             self._error = error
         self.scheduler.inbox.put(self._arrive)
+
+    @property
+    def is_wanted(self) -> bool:
+        """Return whether somebody still waits for what it gives."""
+        return self.waiting and not self.task.doomed
 
     def _arrive(self) -> None:
         """In the run's thread: the call has returned."""
@@ -97,6 +104,14 @@ class Call(Wait):
 
     def __str__(self) -> str:
         return f"the call of {self.name} in a thread"
+
+
+class _Thread(threading.local):
+    call: Call | None = None
+
+
+_thread = _Thread()
+"""The call that this thread executes."""
 
 
 class Calls:
@@ -216,3 +231,28 @@ async def in_thread(function: Callable[..., R], /, *arguments: Any, **named: Any
     finally:
         if call.waiting:
             calls.abandon(call)
+
+
+def still_computing() -> None:
+    """Say that code of a plan that computes long, and has an end, goes on; to be called now and then, in threads too.
+
+    The watchdog counts anew from here. Raises Evaporated where nobody waits for the result any more: after Ctrl-C, or
+    when the caller of :func:`in_thread` has been evaporated; a shielded task goes on. Nothing else happens, and outside
+    of a run nothing at all, so that results do not depend on when this is called.
+    """
+    scheduler, call = running.scheduler, _thread.call
+    if call is not None and not call.is_wanted:
+        raise Evaporated
+    if scheduler is None:
+        return
+    scheduler.beats += 1
+    task = scheduler.current
+    if task is None or scheduler.draining or not scheduler.interrupted:
+        return
+    root = task
+    while root.group is not None:
+        root = root.group.owner
+    heed_interrupts(scheduler, root)
+    if task.doomed:
+        task.thrown = True
+        raise Evaporated

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from executive.motion.arm_path import JointSpace, plan_path
+from executive.motion.arm_path import CHECKS, JointSpace, plan_path
 from executive.motion.errors import GoalInCollision, NoPath, OutsideLimits, StartInCollision
 from planlang.geometry import Array
 
@@ -100,6 +100,12 @@ def test_a_quick_check_that_allows_nothing_is_overruled_at_last() -> None:
     far = Rough(lambda q: bool(np.abs(q - START).max() < 0.1 or np.abs(q - GOAL).max() < 0.1))
     path = plan_path(START, GOAL, SQUARE, far, lambda q: [], np.random.default_rng(0), iterations=50)
     assert path.tolist() == [START.tolist(), GOAL.tolist()]
+
+
+def test_a_search_is_given_up_after_so_many_checks_and_says_so() -> None:
+    with pytest.raises(NoPath) as failed:
+        plan_path(START, GOAL, SQUARE, Rough(), touching(Maze(2)), np.random.default_rng(0), iterations=2)
+    assert str(failed.value.__cause__) == f"the search was given up after {2 * CHECKS} checks"
 
 
 def test_exact_checks_are_few_where_the_quick_check_is_right() -> None:

@@ -3,6 +3,9 @@ solver, and what cannot hold is named."""
 
 from __future__ import annotations
 
+import os
+import signal
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +15,9 @@ from constraint_problems import Arms, arms_of, at, random_problem
 from executive.motion.constrained_ends import MotionProblem
 from executive.motion.constrained_motion import solve_motion
 from executive.motion.constraint_functions import Bound, ConstraintFunctions
-from executive.motion.errors import ConstraintsContradict, MotionError
+from executive.motion.effort import Effort
+from executive.motion.errors import ConstraintsContradict, MotionError, OutOfEffort
+from planlang import VirtualHost, run
 from planlang.designators import an_object
 from planlang.diagnostics import BadInput
 from planlang.geometry import Array
@@ -205,3 +210,31 @@ def test_turning_by_half_a_turn_is_found_where_the_function_is_flat() -> None:
     phases = [[upside_down]]
     motions = solve_motion(problem, motion.trajectory.positions[-1], phases)
     assert robot.objection(problem, motion.trajectory.positions[-1], phases, motions) is None
+
+
+def test_a_search_ends_when_as_much_was_computed_as_may_be_and_says_so() -> None:
+    robot = arms("amigo")
+    problem, start = with_cup(robot)
+    phases = [[UPRIGHT, above(0.2, 0.25)]]
+    little = replace(problem, effort=Effort(20, "variables"))
+    for _ in range(2):  # each search has all of it
+        with pytest.raises(OutOfEffort, match="given up after 20 variables"):
+            solve_motion(little, start, phases)
+    assert solve_motion(problem, start, phases)
+
+
+def test_after_ctrl_c_no_motion_is_searched_any_further() -> None:
+    robot = arms("amigo")
+    problem, start = with_cup(robot)
+    solved: list[object] = []
+
+    def press(q: Array) -> list[tuple[str, str]]:
+        os.kill(os.getpid(), signal.SIGINT)
+        return []
+
+    async def plan() -> None:
+        solved.extend(solve_motion(replace(problem, touching=press), start, [[UPRIGHT, above(0.2, 0.25)]]))
+
+    with pytest.raises(KeyboardInterrupt):
+        run(plan, host=VirtualHost())
+    assert not solved

@@ -1,0 +1,25 @@
+"""Bounds on what searches compute, in units that are the same on every machine: the clock decides nothing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from executive.motion.errors import OutOfEffort
+from planlang.kernel import still_computing
+
+
+@dataclass(slots=True)
+class Effort:
+    """What a search has computed, and how much it may; a run that is interrupted ends it, too."""
+
+    most: int
+    unit: str
+    """What is counted."""
+    spent: int = 0
+
+    def spend(self, units: int) -> None:
+        """Count so many units more; raises :class:`OutOfEffort`, and Evaporated when the run was interrupted."""
+        still_computing()
+        self.spent += units
+        if self.spent > self.most:
+            raise OutOfEffort(self.most, self.unit)
