@@ -107,7 +107,7 @@ class MotionProblem:
     seed: int = 0
     """Of the configurations at random from which it is searched."""
     effort: Effort = field(default_factory=lambda: Effort(MOST, "variables of quadratic programs"))
-    """What may be computed for it."""
+    """Bound on what is computed for it."""
 
     def hits(self, q: Array) -> Hits:
         """Return some of configurations (m, n) where something touches, exactly, each with the pairs; all if few do.

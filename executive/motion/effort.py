@@ -10,11 +10,11 @@ from planlang.kernel import still_computing
 
 @dataclass(slots=True)
 class Effort:
-    """What a search has computed, and how much it may; a run that is interrupted ends it, too."""
+    """Count of what a search has computed, and its bound; a run that is interrupted ends it, too."""
 
     most: int
     unit: str
-    """What is counted."""
+    """Name of what is counted."""
     spent: int = 0
 
     def spend(self, units: int) -> None:

@@ -246,7 +246,7 @@ class Scheduler:
         self.draining = False
         self.over = False
         self.beats = 0
-        """How often code that computes long has said that it goes on."""
+        """Number of times that code that computes long has said that it goes on."""
         self.interrupts = 0
         self.heeded = 0
         """Number of interrupts that were handled."""
