@@ -72,7 +72,7 @@ def _hints(plan: Plan[Any, Any]) -> dict[str, Any]:
     """Return the types of a plan's parameters; nothing for an author's that cannot be evaluated."""
     try:
         return get_type_hints(plan.function, include_extras=True)
-    except (AttributeError, NameError, SyntaxError, TypeError):
+    except Exception:  # an annotation is any expression, which may raise anything
         return {}
 
 

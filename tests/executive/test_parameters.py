@@ -211,6 +211,16 @@ def test_a_parameter_that_no_thing_can_fill_needs_a_number_or_a_default(
     assert [(one.code, one.help) for one in caught.value.diagnostics] == [("X014", needed)]
 
 
+@pytest.mark.parametrize("annotation", ["1 / 0", "unknown.Type", "[][0]", "int("])
+def test_an_annotation_that_cannot_be_evaluated_says_nothing_of_a_parameter(tmp_path: Path, annotation: str) -> None:
+    file = tmp_path / "plan.py"
+    source = PLAN.replace("thing: Object", f"thing: {annotation!r}")
+    file.write_text(source, encoding="utf-8")
+    found = plan_parameters(main_plan(import_plan(file), None))
+    assert "thing" in found
+    assert found["thing"].types == ()
+
+
 def test_a_recipe_without_places_is_refused_before_the_robot_is_read(tmp_path: Path) -> None:
     absent = options(tmp_path, {})
     with pytest.raises(BadInput) as caught:

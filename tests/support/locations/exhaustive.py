@@ -44,7 +44,7 @@ class Verdict:
     reachable: int
     finished: bool = True
     pressed: tuple[str, str] | None = None
-    """Where there was a way only with something pressed in by up to 2 mm: one link and what it is in."""
+    """One link and what it is in, if there was a way only with something pressed in by up to 2 mm."""
 
     @property
     def text(self) -> str:

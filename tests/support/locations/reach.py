@@ -25,7 +25,7 @@ class Case:
     room: Room
     answer: Answer
     objection: str | None = None
-    """What is wrong with the answer; None when it is right, or when there is none."""
+    """The error in the answer; None when it is right, or when there is none."""
     sampled: dict[str, Sampled] = field(default_factory=dict)
     verdict: Verdict | None = None
 

@@ -36,11 +36,11 @@ class Watched:
     start: dict[str, Pose] = field(default_factory=dict)
     """Poses of all bodies before the plan ran."""
     base: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Where the robot stood then: x, y [m] and yaw [rad] in the map."""
+    """Pose of the robot's base then: x, y [m] and yaw [rad] in the map."""
     tilts: dict[str, float] = field(default_factory=dict)
     """Largest angle between up and the z axis of each body while the robot held it [rad]."""
     notes: dict[str, object] = field(default_factory=dict)
-    """What the scenario's own watchers keep."""
+    """Notes of the scenario's own watchers."""
 
     def __call__(self, world: PyBulletWorld) -> None:
         """Take note of the world after one more step."""
