@@ -1,7 +1,7 @@
 """Serve a drink.
 
 Compiled by planlang 0.1.0 from serve_a_drink.omn (sha256 7b3a485023f303a1), task ServeADrink.
-What follows has sha256 fd898e5606a69cced9d30bacf253281e74263fd318ea1936f5f03de4383f6c1b unless it was edited.
+What follows has sha256 4d2e93d8084a22a2bc58a81a4be46f63168eff19a72050e0074deb1724d1bc28 unless it was edited.
 """
 
 from functools import partial
@@ -64,13 +64,11 @@ async def serve_a_drink(*, bottle: Object = BOTTLE, patient: Person = PATIENT) -
         at_location,
         a_location("graspingPlace", in_reach_of=bottle, using=GRIPPER),  # where the base stands to grasp
         at_grasping_place,
+        Recovery(ObjectUnreachable, open_what_is_in_the_way(bottle), attempts=2),
+        Recovery(ObjectNotFound, look_from_another_place(bottle), attempts=3, otherwise=ObjectNowhereToBeFound),
+        Recovery(ObjectLost, fetch_again(bottle), attempts=2, otherwise=ObjectUnfetchable),
         reaching=(approach_pose, grasp_pose),
         by=action_class(RECIPE + "MoveBaseToGraspPose", below="Translation-LocationChange"),
-        recoveries=[
-            Recovery(ObjectUnreachable, open_what_is_in_the_way(bottle), attempts=2),
-            Recovery(ObjectNotFound, look_from_another_place(bottle), attempts=3, otherwise=ObjectNowhereToBeFound),
-            Recovery(ObjectLost, fetch_again(bottle), attempts=2, otherwise=ObjectUnfetchable),
-        ],
     )
     await fetch_bottle()
 
@@ -88,10 +86,8 @@ async def serve_a_drink(*, bottle: Object = BOTTLE, patient: Person = PATIENT) -
     await at_location(
         a_location("handoverPlace", in_reach_of=patient, using=GRIPPER),  # where the base stands to hand over
         at_handover_place,
+        Recovery(ObjectNotFound, look_from_another_place(patient), attempts=3, otherwise=ObjectNowhereToBeFound),
+        Recovery(ObjectLost, fetch_again(bottle, fetch_bottle), attempts=2, otherwise=ObjectUnfetchable),
         reaching=(handover_pose,),
         by=action_class(RECIPE + "MoveBaseToHandoverPose", below="Translation-LocationChange"),
-        recoveries=[
-            Recovery(ObjectNotFound, look_from_another_place(patient), attempts=3, otherwise=ObjectNowhereToBeFound),
-            Recovery(ObjectLost, fetch_again(bottle, fetch_bottle), attempts=2, otherwise=ObjectUnfetchable),
-        ],
     )
