@@ -18,7 +18,7 @@ from typing import Any
 
 from executive.robots import Availability, FindingKind, Missing, Robot, match, possessions_of
 from planlang.action_classes import ancestors_of, nearest_unstated
-from planlang.designators import local_name
+from planlang.designators import action_class, local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
 from planlang.language.plans import Plan
 from planlang.ontology import Ontology, expand, load, shorten
@@ -281,7 +281,7 @@ class _Source:
                     return Needs()
                 needs = []
             case ast.Call(func=function, args=[first, *_]) if self._name(function) in ("action", "Action"):
-                own = self._text(first)
+                own = self._class(first, node.keywords)
                 needs = [Needs(nearest_unstated(own), modular=(own,))] if own is not None else []
             case ast.Call(func=function, args=[described, *_]) if self._name(function) == "perform":
                 return self._performed(described, node, scope)
@@ -325,7 +325,15 @@ class _Source:
                 return name
         return None
 
-    def _text(self, node: ast.expr) -> str | None:
+    def _class(self, named: ast.expr, keywords: Iterable[ast.keyword]) -> str | None:
+        """Return the class of an action that is described, with those above it if they are stated there."""
+        own = self._text(named)
+        stated = next((keyword.value for keyword in keywords if keyword.arg == "below"), None)
+        above = [self._text(one) for one in (stated.elts if isinstance(stated, ast.Tuple | ast.List) else (stated,))]
+        known = [one for one in above if one is not None]
+        return action_class(own, below=known) if own and known else own
+
+    def _text(self, node: ast.expr | None) -> str | None:
         """Return the text that an expression stands for: a literal, a constant of the module, or a sum of these."""
         match node:
             case ast.Constant(value=str(text)):

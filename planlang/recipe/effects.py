@@ -34,6 +34,11 @@ class Effects:
         """Return True if the action changes anything."""
         return self != Effects()
 
+    @property
+    def lasts(self) -> bool:
+        """True if doing it a second time changes something a second time; a device is merely on again."""
+        return bool(self.destroyed or self.created or self.turned or self.flow_rate)
+
 
 @dataclass(frozen=True, slots=True)
 class HeatEffect:

@@ -232,6 +232,7 @@ OUTSIDE: list[Case] = [
     ("action", action, TEXT),
     ("action_class", lambda x: action_class(x, below="Reaching"), TEXT),
     ("action_class below", lambda x: action_class("Sweeping", below=x), TEXT),
+    ("action below", lambda x: action("Sweeping", below=x), TEXT | OPTIONAL),
     ("action name", lambda x: action("Reaching", name=x), TEXT | OPTIONAL),
     ("action filler", lambda x: action("Reaching", of=x), FILLERS),
     ("Action properties", lambda x: Action("Reaching", x), set()),
