@@ -12,9 +12,6 @@ from dataclasses import dataclass, field
 
 from planlang.knowledge.axioms import NOTHING, THING, And, Axioms, Concept, Some
 
-MOST_NODES = 20_000
-"""Nodes that the completion of one entry may have."""
-
 
 class TooLarge(Exception):
     """The axioms about a concept reach more than is completed."""
@@ -37,9 +34,10 @@ class Node:
 class Completion:
     """Nodes of concepts under some axioms; more are made as they are asked for."""
 
-    def __init__(self, axioms: Axioms, own: Axioms | None = None) -> None:
-        """``own``: axioms of one entry, beside those of the vocabulary."""
+    def __init__(self, axioms: Axioms, own: Axioms | None = None, *, most: int | None = None) -> None:
+        """``own``: axioms of one entry, beside those of the vocabulary; ``most``: nodes that are made at most."""
         self.nodes: list[Node] = []
+        self._most = most
         self._axioms = (axioms, own or Axioms())
         self._numbers: dict[Concept, int] = {}
         self._agenda: list[tuple[int, Concept]] = []
@@ -80,8 +78,8 @@ class Completion:
     def _node(self, concept: Concept) -> int:
         number = self._numbers.get(concept)
         if number is None:
-            if len(self.nodes) >= MOST_NODES:
-                raise TooLarge(f"more than {MOST_NODES} concepts follow from each other")
+            if self._most is not None and len(self.nodes) >= self._most:
+                raise TooLarge(f"more than {self._most} concepts follow from each other")
             number = self._numbers[concept] = len(self.nodes)
             self.nodes.append(Node(concept))
             self._add(number, concept)

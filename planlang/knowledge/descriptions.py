@@ -13,6 +13,9 @@ from dataclasses import asdict, dataclass
 from planlang.knowledge.axioms import Axioms, One
 from planlang.knowledge.completion import Completion, Node
 
+MOST_NODES = 20_000
+"""Nodes that the completion of one entry may have."""
+
 Label = str
 """A named class, or ``{IRI}``: the class of one individual."""
 
@@ -62,7 +65,7 @@ def described(
     place: Iterable[tuple[str, str]] = (),
 ) -> Description:
     """Return the description of a class or individual by axioms of the vocabulary and of its entry. Raises TooLarge."""
-    completion = Completion(vocabulary, own)
+    completion = Completion(vocabulary, own, most=MOST_NODES)
     root = completion.number(One(about) if is_individual else about)
     nodes = completion.nodes
     _spread_ownership(nodes)

@@ -32,6 +32,7 @@ class Index:
     """The rows of all descriptions. Threads may share it."""
 
     def __init__(self, vocabulary: Axioms) -> None:
+        self._vocabulary = vocabulary
         self._completion = Completion(vocabulary)
         self._lock = threading.RLock()
         self._rows = 0
@@ -71,6 +72,8 @@ class Index:
 
     def _above(self, label: Label) -> tuple[Label, ...]:
         """Return a label and those that the vocabulary states above it."""
+        if _concept(label) not in self._vocabulary.above:
+            return (label,)
         found = self._labels.get(label)
         if found is None:
             node = self._completion.nodes[self._completion.number(_concept(label))]
