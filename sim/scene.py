@@ -54,6 +54,14 @@ class Cavity:
 
 
 @dataclass(frozen=True, slots=True)
+class Handle:
+    """A box that sticks out of a body, by which a hand takes it: its pose in the body's frame and its extents [m]."""
+
+    pose: Pose
+    size: tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
 class Body:
     """A body of the map: a box of ``size`` (along its own axes) whose centre is at ``pose``."""
 
@@ -82,6 +90,8 @@ class Body:
     """Thickness of the walls of what is hollow and open above, such as a plate or a bowl [m]; 0 for what is solid."""
     soft: bool = False
     """True for cloth and the like: between two fingers that close on it from above it makes a fold."""
+    handles: tuple[Handle, ...] = ()
+    """Handles of a thing that is taken by them."""
     centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Centre of its box in its own frame [m]: elsewhere than at 0 only for a tool, whose frame is in its blade."""
     mass: float = 0.0
@@ -105,8 +115,8 @@ class Body:
 
     @property
     def graspable(self) -> bool:
-        """Return True if a hand could take it: a movable box or cylinder that is narrow enough, by a rim, or soft."""
-        narrow = min(self.size[:2]) <= GRASPABLE_WIDTH or self.wall > 0 or self.soft
+        """Return True if a hand could take it: a movable box or cylinder, narrow enough or soft, by a rim, a handle."""
+        narrow = min(self.size[:2]) <= GRASPABLE_WIDTH or self.wall > 0 or self.soft or bool(self.handles)
         return self.movable and self.shape in (BodyShape.BOX, BodyShape.CYLINDER) and narrow
 
 

@@ -270,9 +270,12 @@ class Trial:
         return next((contact.body for some in found for contact in some if contact.part != held.name), None)
 
     def _slips(self) -> Reason | None:
-        """Return why the fingers would have no hold of something low, which they grip by an edge; None if they have."""
+        """Return why the fingers would have no hold of what they grip by an edge or a handle; None if they have."""
         one = self.solution
-        if one.reach.kind is not ReachKind.GRASP or not is_low(self.scene.bodies.block(one.reach.body)):
+        if one.reach.kind is not ReachKind.GRASP:
+            return None
+        block, *handles = self.scene.bodies.grips(one.reach.body)
+        if not handles and not is_low(block):
             return None
         held = self.scene.collisions.closed_on(self.base, one.arm, one.joints[1], one.reach.body, one.plan.fingers)
         return NO_HOLD if held is None else None
