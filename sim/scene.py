@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -309,17 +310,26 @@ class _Room:
     def _is_free(self, body: Body, pose: Pose, group: Sequence[str]) -> bool:
         """Return whether a body at a pose keeps clear of all bodies outside its group, supports below it apart."""
         return not any(
-            _overlap(body, pose, other, self.poses[other.name])
+            _overlap(one, one.pose, another, another.pose)
             for other in self._around(body, pose)
             if other.name not in group and other.name != body.name and other.shape is not BodyShape.MARKER
+            for one, another in product(_solids(body, pose), _solids(other, self.poses[other.name]))
         )
+
+
+def _solids(body: Body, pose: Pose) -> Iterator[Body]:
+    """Yield a body at a pose, and its handles as bodies of their own."""
+    yield replace(body, pose=pose)
+    for handle in body.handles:
+        yield Body(body.name, pose @ handle.pose, handle.size)
 
 
 def _reach(body: Body) -> float:
     """Return how far a body, with what it keeps clear, extends at most, however it is turned [m]; everywhere a room."""
     if body.shape is BodyShape.ROOM:
         return math.inf
-    return math.hypot(max(body.size[:2]), *body.size) / 2 + 2 * _CLEARANCE + _SUPPORTED
+    handles = (math.hypot(*one.pose.position) + math.hypot(*one.size) / 2 for one in body.handles)
+    return max((math.hypot(max(body.size[:2]), *body.size) / 2, *handles)) + 2 * _CLEARANCE + _SUPPORTED
 
 
 def _outline(body: Body, pose: Pose) -> Array:

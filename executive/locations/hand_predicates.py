@@ -6,6 +6,7 @@ Things are on and in things and before people.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from enum import IntEnum
 from functools import partial
 
@@ -40,7 +41,7 @@ from executive.locations.grasp_candidates import (
     placing,
     retreating,
 )
-from executive.locations.grasps_from_above import FROM_ABOVE, from_above, grips, is_flat, is_low
+from executive.locations.grasps_from_above import DEEPEST, FROM_ABOVE, from_above, grips, is_flat, is_low
 from executive.locations.placement import HAIR, Placement
 from executive.locations.reachability import GraspClass
 from executive.locations.rejections import Rejections
@@ -252,8 +253,10 @@ def _grasps(
     block, *handles = scene.bodies.grips(reach.body)
     tables = _around(block, reach, arm, scene, rejections, stage)
     for handle in handles:
-        found = _around(handle, reach, arm, scene, rejections, stage)
-        tables += [beside(one, block, handle, arm.hand_corners) for one in found]
+        # below a handle there is room for the tips of the fingers
+        for one in (handle, replace(handle, low=handle.low - DEEPEST)) if is_flat(handle) else (handle,):
+            found = _around(one, reach, arm, scene, rejections, stage)
+            tables += [beside(table, block, handle, arm.hand_corners) for table in found]
     if not any(map(len, tables)) and reach.grasp is not None and all(map(is_flat, (block, *handles))):
         rejections.add("too low for a grasp but from above")
     elif not any(map(len, tables)) and not rejections.counts["under something else"]:
