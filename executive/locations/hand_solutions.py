@@ -277,7 +277,10 @@ class Trial:
         block, *handles = self.scene.bodies.grips(one.reach.body)
         if not handles and not is_low(block):
             return None
-        held = self.scene.collisions.closed_on(self.base, one.arm, one.joints[1], one.reach.body, one.plan.fingers)
+        collisions, q, fingers = self.scene.collisions, one.joints[1], one.plan.fingers
+        if handles and collisions.contacts(self.base, one.arm, q, fingers=fingers):
+            return NO_HOLD  # an open finger would be in what it is to close on
+        held = collisions.closed_on(self.base, one.arm, q, one.reach.body, fingers)
         return NO_HOLD if held is None else None
 
     def _straight(self) -> Array | None:
