@@ -116,7 +116,7 @@ def arms_have_room(bases: Array, check: QuickCheck, rejections: Rejections) -> N
 
     Others are counted.
     """
-    bodies = once(rejections.stances, bases, lambda new: check.hit(base_matrices(new)))
+    bodies = once(rejections.findings.stances, bases, lambda new: check.hit(base_matrices(new)))
     rejections.count(None if body is None else Reason(NO_ROOM, body) for body in bodies)
     return np.array([body is None for body in bodies], bool)
 
