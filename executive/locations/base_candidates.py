@@ -379,13 +379,12 @@ HALF = 1 << 12
 
 
 def moved_to_room(found: BaseCandidates, floor: Floor, middle: Array, yaw: float, most: int) -> BaseCandidates:
-    """Return candidates without room moved to the nearest point that has some, of a lattice around ``middle`` (2,).
+    """Return candidates moved to the nearest point with room of a lattice around ``middle`` (2,), turned by ``yaw``.
 
-    It is turned by ``yaw`` [rad]. Of each grasp candidate the best are moved, among ``most`` in all. Those without room
-    nearby are left out, of those that become equal all but the best.
+    Of each grasp candidate the best are moved, no more than ``most`` in all. Those without room nearby are left out, of
+    those that become equal all but the best.
     """
     found = found.chosen(np.sort(np.lexsort((-found.scores.round(9), found.ranks))[:most]))
-    found = found.chosen(~floor.holds(found.bases))
     c, s = math.cos(yaw), math.sin(yaw)
     turn = np.array([[c, s], [-s, c]])
     angle = 2 * math.pi / (FINER * YAWS)

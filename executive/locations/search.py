@@ -144,7 +144,8 @@ class ReachSearch:
                 some = True
                 yield solution
             if budget.then is not None and not some and self.is_taken is None:
-                moved = moved_to_room(found, floor, middle[:2], room.yaw, budget.most)
+                crowded = found.chosen(~self._have_room(_as_told(found.bases)))
+                moved = moved_to_room(crowded, floor, middle[:2], room.yaw, budget.most)
                 then = ReachSearch(validator, self.wanted, self.demand, self.arms, budget.then, log.uncounted())
                 yield from then._in_blocks(moved, hands, middle, stance, self._unseen()) if len(moved) else ()
         if not log.explained:
@@ -186,6 +187,11 @@ class ReachSearch:
         each = [unseen for name in names if (unseen := visibility.unseen(name)) is not None]
         return (lambda bases: np.any([unseen(bases) for unseen in each], axis=0)) if each else None
 
+    def _have_room(self, bases: Array) -> NDArray[np.bool_]:
+        """Return at which bases (n, 3) there is room for the base, each looked at once for a location."""
+        floor = self.scene.collisions.floor()
+        return np.array(once(self.log.findings.rooms, bases, lambda new: floor.holds(new).tolist()), bool)
+
     def _in_blocks(
         self,
         found: BaseCandidates,
@@ -198,9 +204,7 @@ class ReachSearch:
         x, y, _ = scene.base()
         order = found.order(lambda bases: np.exp(-np.hypot(bases[:, 0] - x, bases[:, 1] - y) / TRAVEL), budget.most)
         found = found.chosen(order)
-        bases = np.column_stack([found.bases[:, :2], np.arctan2(np.sin(found.bases[:, 2]), np.cos(found.bases[:, 2]))])
-        bases = bases.round(PLACES)  # as they are told
-        floor, validated, undecided = scene.collisions.floor(), 0, np.ones(len(found), bool)
+        bases, validated, undecided = _as_told(found.bases), 0, np.ones(len(found), bool)
         occlusion = SelfOcclusion(middle[:2], strict=budget.fine)
         failed = _Failed()
         failures: dict[tuple[int, int], tuple[HandSolution, BasePose]] = {}
@@ -245,7 +249,7 @@ class ReachSearch:
             while first < len(found):
                 rows = np.arange(first, min(first + size, len(found)))
                 first, size = first + size, min(2 * size, AT_ONCE)
-                roomy = np.array(once(log.findings.rooms, bases[rows], lambda new: floor.holds(new).tolist()), bool)
+                roomy = self._have_room(bases[rows])
                 log.add(NO_ROOM, int((~roomy).sum()))
                 undecided[rows] = roomy
                 rows = rows[roomy]
@@ -336,6 +340,11 @@ class ReachSearch:
                 ok[mine] = [reason is None for reason in solved.reasons]
                 joints |= zip(chosen.tolist(), solved.joints, strict=True)
         return ok, joints
+
+
+def _as_told(bases: Array) -> Array:
+    """Return bases (n, 3) as solutions state them."""
+    return np.column_stack([bases[:, :2], np.arctan2(np.sin(bases[:, 2]), np.cos(bases[:, 2]))]).round(PLACES)
 
 
 def _within(centre: tuple[float, float], least: float, most: float, bases: Array) -> Array:
