@@ -360,9 +360,9 @@ def _overlap(a: Body, a_pose: Pose, b: Body, b_pose: Pose) -> bool:
     if b.shape is BodyShape.ROOM:
         local = rotated(b_pose.rotation[:2, :2].T, footprint(a_pose, a.size) - np.asarray(b_pose.position[:2]))
         return bool((np.abs(local) > np.asarray(b.size[:2]) / 2 - _CLEARANCE).any())
-    heights = _half_height(a_pose, a) + _half_height(b_pose, b)
-    standing = heights - min(0.02, heights / 2)  # on each other, or far apart
-    if abs(a_pose.position[2] - b_pose.position[2]) >= standing:
+    heights = _half_height(a_pose, a), _half_height(b_pose, b)
+    # on each other, or far apart: what stands beside something flat is deeper in its height than half of that
+    if abs(a_pose.position[2] - b_pose.position[2]) >= sum(heights) - min(0.02, *heights):
         return False
     first, second = _outline(a, a_pose), _outline(b, b_pose)
     return not _separated(first, second) and not _separated(second, first)

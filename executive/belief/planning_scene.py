@@ -21,6 +21,7 @@ from planlang.designators import Device
 from planlang.geometry import Array
 from planlang.geometry.matrices import rotated
 from planlang.geometry.shapes import SolidKind
+from planlang.kernel import still_computing
 from planlang.protocols import Configuration
 from sim import PlanningWorld
 
@@ -194,6 +195,7 @@ class Visibility:
         return self._belief.revision, tuple(self._world.configuration().joints.items())
 
     def _hides(self, base: BasePose, name: str) -> str | None:
+        still_computing()
         if self.gaze is None or self._robot.camera is None:
             return ""
         x, y, yaw = base

@@ -24,6 +24,7 @@ from executive.robots.arms import ArmModel
 from executive.robots.openings import Fingers
 from planlang.geometry import Array
 from planlang.geometry.matrices import moved
+from planlang.kernel import still_computing
 from planlang.protocols import Configuration, Contact, Touch
 from sim import PlanningWorld
 from sim.bodies import FLOOR
@@ -314,6 +315,7 @@ class SceneCollisions:
 
         ``fingers``: where those of the arm are, if not as they are. ``among``: the only pairs that can touch, if known.
         """
+        still_computing()
         now = self._world.configuration().joints
         if arm is None or q is None:
             found = self._world.contacts(Configuration(base, now), ("base",), among=among)
