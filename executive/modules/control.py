@@ -11,6 +11,7 @@ from itertools import product
 from typing import NoReturn, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from executive.belief import Belief
 from executive.belief.believed_bodies import MEANT, Block
@@ -189,11 +190,23 @@ class Drive:
         if scene.space is not None:
             seen = scene.space.room(grid, max(high for _, high, _ in silhouette), radius)
             with suppress(NoPath):
-                return self._path(goal, grid, np.where(seen, room, np.minimum(room, -radius)))
+                return self._timed(goal, grid, np.where(seen, room, np.minimum(room, -radius)))
         return self._path(goal, grid, room)
 
     def _path(self, goal: BasePose, grid: Grid, room: Array) -> Trajectory:
-        """Return a timed path where there is room on a grid (rows, columns) [m]."""
+        """Return a timed path where there is room on a grid (rows, columns) [m].
+
+        Where arms leave none to turn, it leads past with a heading in which they have room.
+        """
+        try:
+            return self._timed(goal, grid, room)
+        except NoPath:
+            reached = self._control.scene.collisions.drivable()
+            if reached.grid != grid:
+                raise
+            return self._timed(goal, grid, room, reached.cells)
+
+    def _timed(self, goal: BasePose, grid: Grid, room: Array, tight: NDArray[np.bool_] | None = None) -> Trajectory:
         control, scene, limits = self._control, self._control.scene, self._control.robot.base
         obstacles, silhouette, start = scene.collisions.obstacles(), scene.collisions.silhouette(), control.base()
 
@@ -203,7 +216,7 @@ class Drive:
         for factor in FINER:
             trajectory = time_path(
                 ("x", "y", "yaw"),
-                plan_base_path(start, goal, grid, room, touching, resolution=CHECKS * factor),
+                plan_base_path(start, goal, grid, room, touching, tight=tight, resolution=CHECKS * factor),
                 velocity=(limits.speed, limits.speed, limits.turn_speed),
                 acceleration=(limits.acceleration, limits.acceleration, limits.turn_acceleration),
                 jerk=limits.jerk,

@@ -13,6 +13,7 @@ from heapq import heappop, heappush
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from executive.motion.clearance import Grid
 from executive.motion.errors import GoalInCollision, NoPath, OutsideLimits, StartInCollision
@@ -42,13 +43,14 @@ class _Search:
     comfort: float
     escape: float
     resolution: float
+    tight: NDArray[np.bool_] | None = None
     costs: Array = field(init=False)
     known: dict[Planar, Sequence[tuple[str, str]]] = field(default_factory=dict)
     expanded: int = 0
 
     def __post_init__(self) -> None:
         """Cost per metre (rows, columns): inf where the base may not go."""
-        tight = np.zeros(self.room.shape, dtype=bool)
+        tight = np.zeros(self.room.shape, dtype=bool) if self.tight is None else self.tight.copy()
         centres = self.grid.centres()
         for x, y, _ in (self.start, self.goal):
             tight |= np.hypot(centres[..., 0] - x, centres[..., 1] - y) <= self.escape
@@ -81,6 +83,7 @@ def plan_base_path(
     clearance: Array,
     touching: Touching,
     *,
+    tight: NDArray[np.bool_] | None = None,
     comfort: float = 0.25,
     escape: float = ESCAPE,
     resolution: float = 0.08,
@@ -89,10 +92,11 @@ def plan_base_path(
     """Return waypoints (n, 3) of x, y [m] and yaw [rad] from start to goal; yaw is continuous, the shorter way.
 
     ``clearance`` (rows, columns) is the field over the grid. Where there is more room than ``comfort`` no more is
-    preferred; within ``escape`` of start and goal the field may be negative. ``touching(x, y, yaw)`` is asked at
-    steps of ``resolution`` [m, rad] along the path found; where something touches the path is planned anew around these
-    places, at most ``replans`` times. Raises :class:`StartInCollision` and :class:`GoalInCollision` with what touches
-    there, :class:`OutsideLimits` for places off the grid or that are none, and :class:`NoPath` with counts.
+    preferred; within ``escape`` of start and goal, and where a mask says ``tight`` (rows, columns), the field may be
+    negative. ``touching(x, y, yaw)`` is asked at steps of ``resolution`` [m, rad] along the path found; where something
+    touches the path is planned anew around these places, at most ``replans`` times. Raises :class:`StartInCollision`
+    and :class:`GoalInCollision` with what touches there, :class:`OutsideLimits` for places off the grid or that are
+    none, and :class:`NoPath` with counts.
     """
     if clearance.shape != (grid.rows, grid.columns):
         raise ValueError(f"expected a field of shape {(grid.rows, grid.columns)}, got {clearance.shape}")
@@ -105,7 +109,7 @@ def plan_base_path(
     for what, place in (("the start", start), ("the goal", goal)):
         if grid.cell(place[0], place[1]) is None:
             raise OutsideLimits(what, place[:2], low, high)
-    search = _Search(grid, clearance, touching, start, goal, comfort, escape, resolution)
+    search = _Search(grid, clearance, touching, start, goal, comfort, escape, resolution, tight)
     if pairs := search.pairs(start):
         raise StartInCollision(start, pairs)
     if pairs := search.pairs(goal):

@@ -299,6 +299,8 @@ def _best(robot: Robot, arm: Arm, fixed: Mapping[str, float], world: PlanningWor
             joints = dict(zip(chain.names, map(float, row), strict=True))
             world.set_configuration(Configuration(HERE, {**fixed, **joints, **free}))
             depth = round(sum(contact.depth for contact in world.contacts(moving=arm.joints)), 3)
+            if best is not None and depth > best[0][0]:
+                continue
             width = max(radius for _, _, radius in world.silhouette())
             height = world.link_pose(arm.tip).position[2] - shoulder
             rank = (depth, round(width / NARROWER), abs(height - HEIGHT))

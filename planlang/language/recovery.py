@@ -166,7 +166,7 @@ async def with_failure_handling(body: Callable[..., Awaitable[V]], *recoveries: 
 
 
 def recovering(body: Callable[[], Awaitable[V]], recoveries: tuple[Recovery, ...]) -> Awaitable[V]:
-    """Run a body, with recoveries if there are any: what the keyword ``recoveries`` of other constructs stands for."""
+    """Run a body, with recoveries if there are any: what the recoveries of other constructs stand for."""
     if not recoveries:
         return called(body)  # type: ignore[no-any-return]
     return with_failure_handling(body, *recoveries)
@@ -179,13 +179,21 @@ def recoveries_of(usage: Usage, recoveries: Iterable[Recovery]) -> tuple[Recover
     for recovery in found:
         if not isinstance(recovery, Recovery):
             raise usage.wrong("recoveries", [recovery], _RECOVERIES)
-        if recovery.alternatives is not None:
-            message = f"alternatives are keywords of a body, which {usage.name} calls without any"
-            wrong = usage.shown("recoveries", "[Recovery(..., alternatives=...)]")
-            raise WrongValue(
-                contrast(message, wrong, "await with_failure_handling(body, Recovery(..., alternatives=...))")
-            )
+        _check_keywords(usage, recovery, usage.shown("recoveries", "[Recovery(..., alternatives=...)]"))
     return found
+
+
+def check_further(usage: Usage, recoveries: Iterable[Recovery]) -> None:
+    """Refuse what a construct was given after its body if that is no recovery, or has alternatives."""
+    for recovery in recoveries:
+        usage.instance("recovery", recovery, Recovery, "a Recovery")
+        _check_keywords(usage, recovery, usage.shown("recovery", "Recovery(..., alternatives=...)"))
+
+
+def _check_keywords(usage: Usage, recovery: Recovery, wrong: str) -> None:
+    if recovery.alternatives is not None:
+        message = f"alternatives are keywords of a body, which {usage.name} calls without any"
+        raise WrongValue(contrast(message, wrong, "await with_failure_handling(body, Recovery(..., alternatives=...))"))
 
 
 async def _handled(body: Callable[..., Awaitable[Any]], recoveries: Iterable[Recovery]) -> Any:

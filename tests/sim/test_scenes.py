@@ -208,6 +208,17 @@ def test_object_with_no_room_to_move_stays() -> None:
         assert perturb(scene, seed).body("cup").pose.distance(cup.pose) < 0.01
 
 
+@pytest.mark.parametrize("height", [0.004, 0.015, 0.03, 0.1])
+def test_what_stands_beside_something_flat_is_not_moved_into_it(height: float) -> None:
+    table = Body("table", Pose((0.0, 0.0, 0.4)), (0.5, 0.5, 0.8))
+    cup = Body("cup", Pose((0.0, 0.15, 0.85)), (0.08, 0.08, 0.1), "cylinder", movable=True)
+    napkin = Body("napkin", Pose((0.0, -0.1, 0.8 + height / 2)), (0.12, 0.12, height), movable=True)
+    scene = Scene((table, cup, napkin), start=(3.0, 3.0, 0.0))
+    for seed in SEEDS:
+        moved = perturb(scene, seed)
+        assert moved.body("cup").pose.distance(moved.body("napkin").pose) > 0.1 / 2 + 0.08 / 2, seed
+
+
 def test_scene_refuses_unknown_shapes_empty_sizes_and_names_that_occur_twice() -> None:
     with pytest.raises(ValueError, match="shapes are box, cylinder"):
         Body("ball", Pose((0, 0, 0)), (1, 1, 1), "ball")

@@ -394,3 +394,14 @@ def test_a_base_can_drive_to_no_place_behind_a_wall_nor_off_the_grid() -> None:
     assert reached(bases).tolist() == [True, False, False]
     assert reached.comes_near(np.array([3.3, 1.0]), 0.9)
     assert not reached.comes_near(np.array([5.0, 1.0]), 0.9)
+
+
+def test_long_corridor_without_room_to_turn_is_driven_through_where_a_mask_says_tight() -> None:
+    walls = room((3.0, 1.3, 4.0, 2.7), (3.0, 4.7, 4.0, 2.7))
+    check = touching(square(walls, 0.3))  # its corners are 0.42 m from its middle, the walls 0.35 m
+    field = clearance_field(GRID, walls, [(0.0, 1.4, 0.43)])
+    start, goal = (0.5, 3.0, 0.0), (5.5, 3.0, math.pi / 2)
+    with pytest.raises(NoPath):
+        plan_base_path(start, goal, GRID, field, check, escape=0.4)
+    path = plan_base_path(start, goal, GRID, field, check, escape=0.4, tight=field > -0.2)
+    assert all(not check(*pose) for pose in finely(path).tolist())

@@ -30,16 +30,16 @@ Placed = tuple[str, Feature]
 
 
 def watch_phases(watched: Watched) -> None:
-    """Note the poses of all things whenever arms have come to rest."""
+    """Note the poses of all things whenever arms have come to rest, also after a motion of a single step."""
     world = watched.world
     for group in ("right", "left", "right and left"):
-        state = world.motion(group).state
-        if watched.notes.get(group) is MotionState.MOVING and state is MotionState.DONE:
+        motion = world._motions.get(group)
+        if motion is not watched.notes.get(group) and world.motion(group).state is MotionState.DONE:
             ends = watched.notes.setdefault("ends", [])
             assert isinstance(ends, list)
             yaw = world.configuration().base[2]
             ends.append(({name: world.pose(name).matrix() for name in world.names()}, yaw))
-        watched.notes[group] = state
+            watched.notes[group] = motion
 
 
 @cache
