@@ -120,7 +120,7 @@ def _moved(
             for number, one in zip(numbers, constraints, strict=True)
             if excess[number] <= 1.0 and any(one.asks_the_same(other) for other in before)
         ]
-        way = _Way(ends.problem, ends.functions, here, end, kept, numbers, phase)
+        way = Way(ends.problem, ends.functions, here, end, kept, numbers, phase)
         given_up = ends.given_up.get(phase, set()) - ends.wished.keys()
         of = [bound.constraint for bound in ends.functions.bounds]
         yield PhaseMotion(way.timed(), tuple(of[k] for k in kept), tuple(of[k] for k in numbers if k in given_up))
@@ -128,7 +128,7 @@ def _moved(
 
 
 @dataclass(slots=True)
-class _Way:
+class Way:
     """The way of one phase from a configuration (n,) to another."""
 
     problem: MotionProblem
@@ -160,6 +160,16 @@ class _Way:
                     found = self._checked(around, time_path)[0]
                 if found is not None:
                     return found
+        raise NoConstrainedPath(self.phase, self._of(self.kept), objection)
+
+    def through(self, rows: Array) -> Trajectory:
+        """Return the motion through configurations (m, n), of which the ends are two; raises NoConstrainedPath."""
+        objection: Sequence[tuple[str, str]] = ()
+        for timing in (time_curve, time_path):
+            timed, hits = self._checked(rows, timing)
+            if timed is not None:
+                return timed
+            objection = hits[0][1] if hits else objection
         raise NoConstrainedPath(self.phase, self._of(self.kept), objection)
 
     def _of(self, numbers: Sequence[int]) -> list[MotionConstraint]:

@@ -9,10 +9,11 @@ from __future__ import annotations
 import builtins
 import keyword
 import re
+from collections import Counter
 from collections.abc import Callable, Hashable, Iterable
 
+from planlang.compiler.layout import INDENT, WIDTH, Expression, Remark, Sum, Text, call, sequence
 from planlang.compiler.layout import Call as CallExpression
-from planlang.compiler.layout import Expression, Sum, Text, call, sequence
 from planlang.compiler.tree import (
     ActionTerm,
     Condition,
@@ -25,6 +26,7 @@ from planlang.compiler.tree import (
     Recover,
     Resting,
     Value,
+    uses_of_classes,
 )
 from planlang.designators import local_name, snake_case
 from planlang.recipe.model import Constraint, Kind, Name, Part, Place, RecipeSet, Thing
@@ -52,6 +54,10 @@ _GENERATED = re.compile(r"_[A-Za-z0-9]{8}$")
 """The end that ontology editors append to a name to make it unique."""
 
 
+LONGEST_ACTION = WIDTH - len(3 * INDENT + ",")
+"""Characters of an action in which its class is stated: so it fits on one line as an argument of a call."""
+
+
 class Symbols:
     """Gives every thing, place, function and namespace of a plan one name, and remembers what must be imported."""
 
@@ -69,6 +75,9 @@ class Symbols:
         self._classes: dict[str, str] = {}
         self.devices = dict(tree.devices)
         self.stated = dict(tree.classes)
+        uses = uses_of_classes(tree)
+        self.stated_in_place = {cls for cls in self.stated if uses[cls] == 1}
+        """The classes of actions that are stated where they are used, as that is one place."""
         self.functions = {
             function.iri: self._claim(snake_case(local_name(function.iri))) for function in tree.functions
         }
@@ -124,8 +133,23 @@ class Symbols:
 
     def stated_class(self, cls: str) -> Expression:
         """Return the expression for a class of actions: its constant, or else its name or IRI."""
+        if cls in self.stated_in_place:
+            return self.statement_of_class(cls)
         if cls in self.stated:
             return Text(self.action_class(cls))
+        return self.class_name(cls)
+
+    def statement_of_class(self, cls: str) -> CallExpression:
+        """Return the call that states a class of actions."""
+        return call(self.use("action_class"), self.class_name(cls), below=self.above(cls))
+
+    def above(self, cls: str) -> Expression:
+        """Return the classes directly above one that the plan states."""
+        above = [self.stated_class(one) for one in self.stated[cls]]
+        return above[0] if len(above) == 1 else sequence(above)
+
+    def class_name(self, cls: str) -> Expression:
+        """Return the expression for the IRI of a class, or for its name in the vocabulary."""
         return self.iri(cls) if is_iri(cls) else Text(quoted(cls))
 
     def local_names(self) -> Names:
@@ -227,7 +251,8 @@ class Expressions:
     """Writes expressions with the names of one module.
 
     ``variables`` hold the results of steps (IRIs), ``kept`` what states have made last, by name, and ``again`` runs
-    steps again, by name. ``claim`` gives out names inside of the function that the expressions stand in.
+    steps again, by name. ``places`` counts how often the function names a place (IRI). ``claim`` gives out names inside
+    of the function that the expressions stand in.
     """
 
     def __init__(
@@ -236,12 +261,14 @@ class Expressions:
         variables: dict[str, str],
         kept: dict[str, str],
         again: dict[str, str],
+        places: Counter[str],
         claim: Callable[[str], str],
     ) -> None:
         self._symbols = symbols
         self._variables = variables
         self._kept = kept
         self._again = again
+        self._places = places
         self._claim = claim
         self._held: dict[Hashable, str] = {}
         """The variables that hold places and constraints."""
@@ -312,6 +339,15 @@ class Expressions:
         key = use.place.iri, *use.arguments
         return self._variable(key, use.place.name, use.place, lambda: self._location(use))
 
+    def standing(self, use: PlaceUse) -> tuple[str, Expression]:
+        """Return a name for where the base stands, and the place: described there if nothing else names it."""
+        if use.place.is_posture or self._places[use.place.iri] > 1:
+            name = self.place(use)
+            return name, Text(name)
+        described, explanation = self._location(use), self._symbols.explanation(use.place)
+        name = without_digits(snake_case(use.place.name))
+        return name, described if explanation is None else Remark(described, explanation)
+
     def _variable(
         self, key: Hashable, wanted: str, what: Place | Constraint, described: Callable[[], CallExpression]
     ) -> str:
@@ -380,6 +416,12 @@ class Expressions:
         for name, fillers in properties:
             values = [self.value(filler) for filler in fillers]
             written[name] = values[0] if len(values) == 1 else sequence(values)
+        if type in self._symbols.stated_in_place:
+            own, below = self._symbols.class_name(type), self._symbols.above(type)
+            whole = call(self._symbols.use(maker), own, below=below, **written)
+            if len(whole.flat()) <= LONGEST_ACTION:
+                return whole
+            self._symbols.stated_in_place.remove(type)
         return call(self._symbols.use(maker), self._symbols.stated_class(type), **written)
 
     def condition(self, condition: Condition) -> Expression:
@@ -401,8 +443,9 @@ class Expressions:
             again = [] if recovery.again is None else [self._again[recovery.again]]
             arguments.append(call(do, *about, *again) if about else do)
         more: dict[str, Expression | str] = {"attempts": str(attempts)}
-        if recovery.otherwise is not None:
-            more["otherwise"] = use(recovery.otherwise, "planlang.failures")
+        declared = recovery.strategy.otherwise
+        if recovery.otherwise != (declared and declared.__name__):
+            more["otherwise"] = use(recovery.otherwise, "planlang.failures") if recovery.otherwise else "None"
         return call(use("Recovery"), *arguments, **more)
 
 

@@ -16,7 +16,7 @@ from tests.support.scenarios import CORPUS, Scenario, judged, scenarios
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "recipes.md"
 SHOWN = [shlex.split(command) for command in shown_outputs()]
-QUICK = [one for one in scenarios().values() if one.seconds <= 10.0 and not any(map(one.is_run_by, SHOWN))]
+QUICK = [one for one in scenarios().values() if one.is_quick and not any(map(one.is_run_by, SHOWN))]
 
 
 @pytest.mark.parametrize("scenario", QUICK, ids=lambda one: one.name)

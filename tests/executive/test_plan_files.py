@@ -211,6 +211,9 @@ async def look() -> None:
 """
 
 
+FILLING = "Pouring", "http://example.org/kitchen.owl#Care"
+
+
 def needs(folder: Path, *body: str, before: str = "") -> Needs:
     """Return what a plan with these lines needs."""
     path = folder / "kitchen.py"
@@ -242,6 +245,8 @@ def told(found: Needs, *unable: str) -> tuple[list[str], list[tuple[str, str]]]:
         (["await perform(planlang.action('Reaching'))"], ["Reaching"]),
         (["await perform(act('Reaching'))"], ["Reaching"]),
         (["await perform(action(KITCHEN + 'Pouring'))"], ["http://example.org/kitchen.owl#Pouring"]),
+        (["await perform(action(KITCHEN + 'Fill', below='Pouring'))"], ["Pouring"]),
+        (["await perform(action(KITCHEN + 'Fill', below=('Pouring', KITCHEN + 'Care')))"], [*FILLING]),
         (["await grasp()", "await look()"], ["ClosingAGripper", "LookingForSomething"]),
         (["await par(grasp, partial(look))"], ["ClosingAGripper", "LookingForSomething"]),
         (["await at_location(KITCHEN, reach)"], ["Translation-LocationChange", "Reaching"]),
@@ -365,7 +370,7 @@ Class: Look
 @pytest.mark.parametrize("is_plan", [False, True], ids=["recipe", "plan"])
 def test_a_step_without_process_module_is_refused_before_the_robot_is_bound(is_plan: bool, tmp_path: Path) -> None:
     recipe = tmp_path / "looking.omn"
-    plan = compiled(recipe, LOOKING.replace("LookingForSomething", "Stirring"))
+    plan = compiled(recipe, LOOKING.replace("LookingForSomething", "Mixing"))
     absent = tmp_path / "robot.omn"  # never read
     options = replace(AMIGO, robot=absent, plan=plan) if is_plan else replace(AMIGO, robot=absent, recipe=recipe)
     refused = run_plan_file(options)

@@ -60,20 +60,6 @@ def test_a_recipe_and_its_plan_serve_the_drink_alike_and_leave_their_files(tmp_p
     assert older == (tmp_path / "run.jsonl").read_bytes(), "the older trace is kept, and equal"
 
 
-def test_roboearths_own_recipe_robot_and_map_put_the_bottle_on_the_bed(corpus: Path, tmp_path: Path) -> None:
-    answer = planlang(
-        "run",
-        corpus / "recipes" / "serve_drink@knowrob_hydro_2014-11.owl",
-        "--robot",
-        corpus / "robots" / "amigo@hydro.owl",
-        "--environment",
-        corpus / "environments" / "map_hospital_room@re_stack.owl.in",
-        folder=tmp_path,
-    )
-    assert answer["exit_code"] == 0, answer["outcome"]
-    assert answer["final_state"] == ["bottle1: at rest on bed1"]
-
-
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)])
 def test_a_signal_ends_a_run_with_cleanup_a_complete_trace_and_valid_files(
     number: int, code: int, tmp_path: Path
