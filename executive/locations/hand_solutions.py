@@ -72,9 +72,11 @@ def unblocked(
         for variant in table.variants(arm.openings) if varied else (table,):
             check = scene.collisions.arm_check(arm, variant.touches, variant.fingers, near)
             tried = variant.chosen(left)
-            met = _stopped(tried, check)
-            reasons = dict(zip(left.tolist(), met, strict=True)) if variant is table else reasons
-            good = np.array([body is None for body in met], bool)
+            if variant is table:
+                reasons = dict(zip(left.tolist(), _stopped(tried, check), strict=True))
+                good = np.array([body is None for body in reasons.values()], bool)
+            else:
+                good = _is_free(tried, check)
             free.setdefault(variant.fingers, []).append(tried.chosen(good))
             left = left[~good]
             if not len(left):
@@ -91,6 +93,14 @@ def _stopped(candidates: GraspCandidates, check: QuickCheck) -> list[str | None]
     """Return for each candidate what its hand is inside of, None if it is inside nothing."""
     poses = _with_between(candidates.poses(np.arange(len(candidates))))
     return _met(check.hand_hit(poses.reshape(-1, 4, 4)), len(candidates))
+
+
+def _is_free(candidates: GraspCandidates, check: QuickCheck) -> NDArray[np.bool_]:
+    """Return in which candidates the hand is inside nothing (n,); first where it takes hold, where it mostly is."""
+    key = candidates.poses(np.arange(len(candidates)))[:, candidates.key]
+    free = np.array([body is None for body in check.hand_hit(key)], bool)
+    free[free] = [body is None for body in _stopped(candidates.chosen(free), check)]
+    return free
 
 
 def _with_between(poses: Array) -> Array:
@@ -116,7 +126,7 @@ def arms_have_room(bases: Array, check: QuickCheck, rejections: Rejections) -> N
 
     Others are counted.
     """
-    bodies = once(rejections.stances, bases, lambda new: check.hit(base_matrices(new)))
+    bodies = once(rejections.findings.stances, bases, lambda new: check.hit(base_matrices(new)))
     rejections.count(None if body is None else Reason(NO_ROOM, body) for body in bodies)
     return np.array([body is None for body in bodies], bool)
 
@@ -270,11 +280,17 @@ class Trial:
         return next((contact.body for some in found for contact in some if contact.part != held.name), None)
 
     def _slips(self) -> Reason | None:
-        """Return why the fingers would have no hold of something low, which they grip by an edge; None if they have."""
+        """Return why the fingers would have no hold of what they grip by an edge or a handle; None if they have."""
         one = self.solution
-        if one.reach.kind is not ReachKind.GRASP or not is_low(self.scene.bodies.block(one.reach.body)):
+        if one.reach.kind is not ReachKind.GRASP:
             return None
-        held = self.scene.collisions.closed_on(self.base, one.arm, one.joints[1], one.reach.body, one.plan.fingers)
+        block, *handles = self.scene.bodies.grips(one.reach.body)
+        if not handles and not is_low(block):
+            return None
+        collisions, q, fingers = self.scene.collisions, one.joints[1], one.plan.fingers
+        if handles and collisions.contacts(self.base, one.arm, q, fingers=fingers):
+            return NO_HOLD  # an open finger would be in what it is to close on
+        held = collisions.closed_on(self.base, one.arm, q, one.reach.body, fingers)
         return NO_HOLD if held is None else None
 
     def _straight(self) -> Array | None:

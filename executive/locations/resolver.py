@@ -109,7 +109,7 @@ class Resolver:
         views = [self._view(name) for name in unseen]
         if handled and None not in views:
             blind = replace(demand, remembered=handled)
-            for solution in self._searched(blind, wanted, log.uncounted(again=True), found):
+            for solution in self._searched(blind, wanted, log.uncounted(), found):
                 yield self._after(dict(zip(unseen, views, strict=True)), solution)
 
     def _unsure(self, wanted: Sequence[Reach]) -> list[str]:

@@ -202,10 +202,13 @@ class BodyWriter:
             case Achieve(condition, body):
                 before, branch = self._branch(body, depth)
                 return before, call(use("achieve"), self._write.condition(condition), branch)
-            case Handle(Perform() | Call() | Achieve() | Scope() as body, recoveries):
+            case Handle(Perform() | Call() | Achieve(body=Perform() | Call()) as body, recoveries):
                 before, handled = self._awaited(body, depth)
                 several = sequence([self._write.recovery(one) for one in recoveries], "[]")
                 return before, handled.extended(recoveries=several)
+            case Handle(Achieve() | Scope() as body, recoveries):
+                before, handled = self._awaited(body, depth)
+                return before, handled.further(*map(self._write.recovery, recoveries))
             case Handle(body, recoveries):
                 before, branch = self._branch(body, depth)
                 return before, call(use("with_failure_handling"), branch, *map(self._write.recovery, recoveries))

@@ -443,8 +443,9 @@ class Expressions:
             again = [] if recovery.again is None else [self._again[recovery.again]]
             arguments.append(call(do, *about, *again) if about else do)
         more: dict[str, Expression | str] = {"attempts": str(attempts)}
-        if recovery.otherwise is not None:
-            more["otherwise"] = use(recovery.otherwise, "planlang.failures")
+        declared = recovery.strategy.otherwise
+        if recovery.otherwise != (declared and declared.__name__):
+            more["otherwise"] = use(recovery.otherwise, "planlang.failures") if recovery.otherwise else "None"
         return call(use("Recovery"), *arguments, **more)
 
 

@@ -370,7 +370,7 @@ Class: Look
 @pytest.mark.parametrize("is_plan", [False, True], ids=["recipe", "plan"])
 def test_a_step_without_process_module_is_refused_before_the_robot_is_bound(is_plan: bool, tmp_path: Path) -> None:
     recipe = tmp_path / "looking.omn"
-    plan = compiled(recipe, LOOKING.replace("LookingForSomething", "Stirring"))
+    plan = compiled(recipe, LOOKING.replace("LookingForSomething", "Mixing"))
     absent = tmp_path / "robot.omn"  # never read
     options = replace(AMIGO, robot=absent, plan=plan) if is_plan else replace(AMIGO, robot=absent, recipe=recipe)
     refused = run_plan_file(options)
