@@ -29,6 +29,7 @@ from planlang.compiler.tree import (
     uses_of_classes,
     uses_of_features,
     uses_of_places,
+    uses_of_recoveries,
 )
 from planlang.designators import local_name, snake_case
 from planlang.recipe.model import Constraint, Kind, Name, Part, Place, RecipeSet, Thing
@@ -276,9 +277,11 @@ class Expressions:
         self._claim = claim
         self._held: dict[Hashable, str] = {}
         """The variables that hold places and constraints."""
-        self._undefined: list[tuple[str, str | None, CallExpression]] = []
+        self._shared = frozenset(several for several, uses in uses_of_recoveries(body).items() if uses > 1)
+        """The recoveries that several steps have; variables hold them if there is more than one."""
+        self._undefined: list[tuple[str, str | None, Expression]] = []
 
-    def take_variables(self) -> list[tuple[str, str | None, CallExpression]]:
+    def take_variables(self) -> list[tuple[str, str | None, Expression]]:
         """Return the variables that have been used since the last call, each with a comment and its value.
 
         One whose value refers to another stands after it.
@@ -353,7 +356,7 @@ class Expressions:
         return name, described if explanation is None else Remark(described, explanation)
 
     def _variable(
-        self, key: Hashable, wanted: str, what: Place | Constraint | None, described: Callable[[], CallExpression]
+        self, key: Hashable, wanted: str, what: Place | Constraint | None, described: Callable[[], Expression]
     ) -> str:
         """Return the variable that holds what is described; what that refers to is described before it."""
         if key not in self._held:
@@ -444,6 +447,16 @@ class Expressions:
         if condition.predicate == "holding":
             return call(self._symbols.use("holding"), *things)
         return call(self._symbols.use("Condition"), quoted(condition.predicate), sequence(things))
+
+    def recoveries(self, recoveries: tuple[Recover, ...], *, is_outermost: bool) -> Expression:
+        """Return recoveries as one argument; where they may name what only an inner function knows, a list."""
+
+        def written() -> Expression:
+            return sequence([self.recovery(one) for one in recoveries], "[]")
+
+        if recoveries in self._held or (is_outermost and len(recoveries) > 1 and recoveries in self._shared):
+            return Text(self._variable(recoveries, "recoveries", None, written))
+        return written()
 
     def recovery(self, recovery: Recover) -> Expression:
         """Return a recovery."""
