@@ -143,7 +143,7 @@ SCENARIOS = [
         (POURING, "--robot", "pr2", "--environment", "pouring_table", *MODELS),
         poured,
         (watch_phases,),
-        seconds=8.0,
+        seconds=4.0,
     ),
     Scenario(
         "flipping",
