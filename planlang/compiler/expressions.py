@@ -9,7 +9,6 @@ from __future__ import annotations
 import builtins
 import keyword
 import re
-from collections import Counter
 from collections.abc import Callable, Hashable, Iterable
 
 from planlang.compiler.layout import INDENT, WIDTH, Expression, Remark, Sum, Text, call, sequence
@@ -25,8 +24,11 @@ from planlang.compiler.tree import (
     PlanTree,
     Recover,
     Resting,
+    Series,
     Value,
     uses_of_classes,
+    uses_of_features,
+    uses_of_places,
 )
 from planlang.designators import local_name, snake_case
 from planlang.recipe.model import Constraint, Kind, Name, Part, Place, RecipeSet, Thing
@@ -251,8 +253,8 @@ class Expressions:
     """Writes expressions with the names of one module.
 
     ``variables`` hold the results of steps (IRIs), ``kept`` what states have made last, by name, and ``again`` runs
-    steps again, by name. ``places`` counts how often the function names a place (IRI). ``claim`` gives out names inside
-    of the function that the expressions stand in.
+    steps again, by name. ``claim`` gives out names inside of the function that the expressions stand in, whose body is
+    ``body``.
     """
 
     def __init__(
@@ -261,14 +263,16 @@ class Expressions:
         variables: dict[str, str],
         kept: dict[str, str],
         again: dict[str, str],
-        places: Counter[str],
+        body: Series,
         claim: Callable[[str], str],
     ) -> None:
         self._symbols = symbols
         self._variables = variables
         self._kept = kept
         self._again = again
-        self._places = places
+        self._places = uses_of_places(body)
+        self._features = frozenset(part for part, uses in uses_of_features(body).items() if uses > 1)
+        """The features that variables hold, as more than one value names them."""
         self._claim = claim
         self._held: dict[Hashable, str] = {}
         """The variables that hold places and constraints."""
@@ -349,13 +353,14 @@ class Expressions:
         return name, described if explanation is None else Remark(described, explanation)
 
     def _variable(
-        self, key: Hashable, wanted: str, what: Place | Constraint, described: Callable[[], CallExpression]
+        self, key: Hashable, wanted: str, what: Place | Constraint | None, described: Callable[[], CallExpression]
     ) -> str:
         """Return the variable that holds what is described; what that refers to is described before it."""
         if key not in self._held:
             description = described()
             self._held[key] = self._claim(without_digits(snake_case(wanted)))
-            self._undefined.append((self._held[key], self._symbols.explanation(what), description))
+            explanation = None if what is None else self._symbols.explanation(what)
+            self._undefined.append((self._held[key], explanation, description))
         return self._held[key]
 
     def _location(self, use: PlaceUse) -> CallExpression:
@@ -377,7 +382,16 @@ class Expressions:
         return call(self._symbols.use("a_location"), quoted(use.place.name), **written)
 
     def _feature(self, part: Part) -> Expression:
-        """Return a feature of a thing, which is a constant if it is found by the hand that holds it."""
+        """Return a feature, or the variable that holds it; ``front_side_in_left_arm`` if it is found by the hand."""
+        if part not in self._features:
+            return self._described_feature(part)
+        wanted = part.name if part.held_by is None else f"{part.name}_in_{part.held_by.name}"
+        if any(other.name == part.name and other.of != part.of for other in self._features):
+            wanted = f"{wanted}_of_{part.of.name}"
+        return Text(self._variable(part, wanted, None, lambda: self._described_feature(part)))
+
+    def _described_feature(self, part: Part) -> CallExpression:
+        """Return the call that describes a feature, of a constant if that is what the hand holds that finds it."""
         thing = self._symbols.constant(part.of) if part.held_by is not None else self._symbols.thing(part.of)
         more: dict[str, Expression | str] = {"of": thing}
         if part.path:

@@ -153,7 +153,7 @@ SCENARIOS = [
         (POURING, "--robot", "pr2", "--environment", "pouring_table", *MODELS),
         poured,
         (watch_phases, watch_leaning),
-        seconds=8.0,
+        seconds=4.0,
     ),
     Scenario(
         "flipping",
