@@ -113,9 +113,15 @@ def _with_between(poses: Array) -> Array:
 T = TypeVar("T")
 
 
+def as_keys(rows: Array) -> list[bytes]:
+    """Return rows (n, k) as values that can be looked up."""
+    keys: list[bytes] = np.ascontiguousarray(rows).view(f"V{rows.itemsize * rows.shape[1]}").ravel().tolist()
+    return keys
+
+
 def once(known: dict[bytes, T], bases: Array, find: Callable[[Array], Sequence[T]]) -> list[T]:
     """Return what is ``known`` of bases (n, 3); of those of which nothing is known it is found."""
-    places: list[bytes] = np.ascontiguousarray(bases).view(f"V{bases.itemsize * 3}").ravel().tolist()
+    places = as_keys(bases)
     new = {place: number for number, place in enumerate(places) if place not in known}
     known.update(zip(new, find(bases[list(new.values())]), strict=True))
     return [known[place] for place in places]

@@ -59,7 +59,7 @@ class Findings:
 
     walled: bool = False
     """True if a place was rejected because the base cannot drive there: others are asked for that first, then."""
-    met: set[tuple[float, ...]] = field(default_factory=set)
+    met: set[bytes] = field(default_factory=set)
     """Candidates that an arm cannot do."""
     rooms: dict[bytes, bool] = field(default_factory=dict)
     """Base poses, and whether there is room for the base."""

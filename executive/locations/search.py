@@ -26,6 +26,7 @@ from executive.locations.hand_solutions import (
     HandSolution,
     Trial,
     arms_have_room,
+    as_keys,
     once,
     solve,
     unblocked,
@@ -103,6 +104,8 @@ class ReachSearch:
         self.wanted, self.demand, self.arms, self.budget, self.log = wanted, demand, arms, budget, log
         self.again = bool(demand.remembered)
         """True if the same was looked at before with more to be seen: what an arm cannot do is left out."""
+        self.crowded: list[tuple[float, Array]] = []
+        """Scores and base poses of grasp candidates without any that has room: named if nothing is found at last."""
         self.inverted = False
         """True once maps have given a base pose."""
 
@@ -135,8 +138,9 @@ class ReachSearch:
             log.add(reason, number)
         if not len(found) and not inversion.refused.total():
             log.add(OUT_OF_REACH.text, sum(len(hand.candidates) for hand in hands))
+        self.crowded = inversion.crowded()
         if log.explained:
-            validator.name_crowding(inversion.crowded(), log)
+            validator.name_crowding(self.crowded, log)
         if len(found):
             self.inverted = True
             some, stance = False, scene.collisions.stance_check(near)
@@ -148,8 +152,6 @@ class ReachSearch:
                 moved = moved_to_room(crowded, floor, middle[:2], room.yaw, budget.most)
                 then = ReachSearch(validator, self.wanted, self.demand, self.arms, budget.then, log.uncounted())
                 yield from then._in_blocks(moved, hands, middle, stance, self._unseen()) if len(moved) else ()
-        if not log.explained:
-            validator.name_crowding(inversion.crowded(), log)
 
     def _free_hands(self) -> FreeHands:
         """Return the grasp candidates of the first reach in which the hand itself is inside nothing; count others."""
@@ -213,10 +215,10 @@ class ReachSearch:
         postponed: list[tuple[int, HandSolution]] = []
         clumsy: set[tuple[float, ...]] = set()
 
-        def known(rows: NDArray[np.intp]) -> list[tuple[float, ...]]:
+        def known(rows: NDArray[np.intp]) -> list[bytes]:
             """Return what candidates are known by when the same is looked at again."""
-            columns = (found.arms[rows], found.candidates[rows], found.torsos[rows], *bases[rows].T)
-            return [(budget.stage, *key) for key in zip(*(column.tolist() for column in columns), strict=True)]
+            numbers = np.full(len(rows), float(budget.stage)), found.arms[rows], found.candidates[rows]
+            return as_keys(np.column_stack([*numbers, found.torsos[rows], bases[rows]]))
 
         def remember(rows: NDArray[np.intp]) -> None:
             """Remember those of some candidates that arms cannot do."""
