@@ -329,18 +329,21 @@ class ReachSearch:
         ok = np.zeros(len(rows), bool)
         joints: dict[int, Array] = {}
         for number, (arm, candidates, check) in enumerate(hands):
-            of_arm = np.flatnonzero(found.arms[rows] == number)
-            grasps = candidates.grasps[found.candidates[rows[of_arm]]]
-            for grasp in np.unique(grasps):
-                mine = of_arm[grasps == grasp]
-                chosen = rows[mine]
-                index, forward = found.candidates[chosen], self.inverse(arm, CLASSES[int(grasp)]).forward
-                seeds = forward.seeds(found.rows[chosen], found.torsos[chosen])[:, None]
-                slack = OFF_LATTICE if arm.lift is None else ON_LATTICE
-                solved = solve(candidates, index, bases[chosen], arm, seeds, check, slack=slack)
-                self.log.count(solved.reasons)
-                ok[mine] = [reason is None for reason in solved.reasons]
-                joints |= zip(chosen.tolist(), solved.joints, strict=True)
+            mine = np.flatnonzero(found.arms[rows] == number)
+            if not len(mine):
+                continue
+            chosen = rows[mine]
+            index, seeds = found.candidates[chosen], np.zeros((len(chosen), 1, len(arm.joints)))
+            grasps = candidates.grasps[index]
+            for grasp in np.unique(grasps).tolist():
+                some = chosen[grasps == grasp]
+                forward = self.inverse(arm, CLASSES[grasp]).forward
+                seeds[grasps == grasp, 0] = forward.seeds(found.rows[some], found.torsos[some])
+            slack = OFF_LATTICE if arm.lift is None else ON_LATTICE
+            solved = solve(candidates, index, bases[chosen], arm, seeds, check, slack=slack)
+            self.log.count(solved.reasons)
+            ok[mine] = [reason is None for reason in solved.reasons]
+            joints |= zip(chosen.tolist(), solved.joints, strict=True)
         return ok, joints
 
 
