@@ -248,11 +248,16 @@ class Trial:
 
     def hand_is_stopped(self) -> bool:
         """Return whether the hand itself is in something on the way, or when it closes: wherever the base stands."""
-        hand, bodies, line = self.solution.arm.hand_links, self.scene.bodies.names(), self._straight()
-        rows = self.solution.joints if line is None else np.concatenate([self.solution.joints, line])
+        if self._hand_meets(self.solution.joints) or self._stops_closing() is not None or self._slips() is not None:
+            return True
+        line = self._straight()
+        return line is not None and self._hand_meets(line)
+
+    def _hand_meets(self, rows: Array) -> bool:
+        """Return whether the hand itself is in something at some joint values (m, d)."""
+        hand, bodies = self.solution.arm.hand_links, self.scene.bodies.names()
         met = (contact for contacts in self._contacts(rows) for contact in contacts)
-        stopped = any(one.part in hand and one.body in bodies for one in met) or self._stops_closing() is not None
-        return stopped or self._slips() is not None
+        return any(one.part in hand and one.body in bodies for one in met)
 
     def touched(self, rows: Array) -> str | None:
         """Return the body that is in the way at some joint values (m, d); None if all are free."""
