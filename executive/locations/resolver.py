@@ -160,6 +160,8 @@ class Resolver:
             yield () if here is None else (here,)
             if scene.robot.base.fixed:
                 return
+            if demand.remembered and not log.findings.unseen:
+                return  # only from here something could not be seen
             if not wanted:
                 yield FloorSearch(validator, demand, log).places()
                 return

@@ -31,7 +31,16 @@ from executive.locations.hand_solutions import (
     solve,
     unblocked,
 )
-from executive.locations.rejections import NO_HOLD, NO_ROOM, NO_WAY, OUT_OF_REACH, FreeHands, Rejections
+from executive.locations.rejections import (
+    NO_HOLD,
+    NO_ROOM,
+    NO_WAY,
+    NOT_LOOKED_AT,
+    NOT_VISIBLE,
+    OUT_OF_REACH,
+    FreeHands,
+    Rejections,
+)
 from executive.locations.validation import PLACES, BaseValidator, SelfOcclusion, scored, unmet
 from executive.motion import QuickCheck
 from executive.robots.arms import ArmModel
@@ -120,6 +129,7 @@ class ReachSearch:
         aside = [np.linalg.norm(hand.candidates.points[:, :2] - middle[:2], axis=1).max() for hand in hands]
         bands = [(reach.body, validator.band(reach, self.arms)) for reach in self.wanted[1:]]
         log.hopeless = self._is_hopeless(middle[:2], float(max(aside)) + reach, bands)
+        before = log.counts[NOT_VISIBLE]
         floor, block = scene.collisions.floor(), scene.bodies.block(self.wanted[0].body)
         room = floor.field((float(middle[0]), float(middle[1])), block.yaw, float(max(aside)) + reach)
         conjuncts: list[Conjunct] = [(f"not in reach of {body}", partial(_within, *band)) for body, band in bands]
@@ -152,6 +162,8 @@ class ReachSearch:
                 moved = moved_to_room(crowded, floor, middle[:2], room.yaw, budget.most)
                 then = ReachSearch(validator, self.wanted, self.demand, self.arms, budget.then, log.uncounted())
                 yield from then._in_blocks(moved, hands, middle, stance, self._unseen()) if len(moved) else ()
+                log.findings.unseen |= then.log.counts[NOT_VISIBLE] + then.log.counts[NOT_LOOKED_AT] > 0
+        log.findings.unseen |= log.counts[NOT_VISIBLE] > before or log.counts[NOT_LOOKED_AT] > 0
 
     def _free_hands(self) -> FreeHands:
         """Return the grasp candidates of the first reach in which the hand itself is inside nothing; count others."""
@@ -279,6 +291,7 @@ class ReachSearch:
                 rows = rows[undecided[rows]]
                 if misses is not None and len(rows):
                     undecided[rows] = ~misses(bases[rows])
+                    log.add(NOT_VISIBLE, int((~undecided[rows]).sum()))
                     rows = rows[undecided[rows]]
                 for row in rows.tolist():
                     arm, candidates, _ = hands[int(found.arms[row])]
@@ -303,7 +316,7 @@ class ReachSearch:
                 postponed.append((row, solution))
                 continue
             if validated >= budget.exact:
-                log.add("not looked at", int(undecided.sum()))
+                log.add(NOT_LOOKED_AT, int(undecided.sum()))
                 return
             undecided[row] = False
             score = float(found.scores[row])
