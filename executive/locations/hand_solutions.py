@@ -291,11 +291,17 @@ class Trial:
         return next((contact.body for some in found for contact in some if contact.part != held.name), None)
 
     def _slips(self) -> Reason | None:
-        """Return why the fingers would have no hold of something low, which they grip by an edge; None if they have."""
+        """Return why the fingers would have no hold of what they grip by an edge or a handle; None if they have."""
         one = self.solution
-        if one.reach.kind is not ReachKind.GRASP or not is_low(self.scene.bodies.block(one.reach.body)):
+        if one.reach.kind is not ReachKind.GRASP:
             return None
-        held = self.scene.collisions.closed_on(self.base, one.arm, one.joints[1], one.reach.body, one.plan.fingers)
+        block, *handles = self.scene.bodies.grips(one.reach.body)
+        if not handles and not is_low(block):
+            return None
+        collisions, q, fingers = self.scene.collisions, one.joints[1], one.plan.fingers
+        if handles and collisions.contacts(self.base, one.arm, q, fingers=fingers):
+            return NO_HOLD  # an open finger would be in what it is to close on
+        held = collisions.closed_on(self.base, one.arm, q, one.reach.body, fingers)
         return NO_HOLD if held is None else None
 
     def _straight(self) -> Array | None:

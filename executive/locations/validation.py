@@ -307,7 +307,9 @@ class BaseValidator:
             x, y, _ = np.mean(zone.shoulders, axis=0)
             return (float(x), float(y)), 0.0, longest + zone.arm_length + 0.5
         block = scene.bodies.block(reach.body)
-        stage = 0.0 if reach.kind is ReachKind.GRASP else math.hypot(block.half_x, block.half_y)
+        stage = math.hypot(block.half_x, block.half_y)
+        if reach.kind is ReachKind.GRASP:
+            stage = max(math.dist((one.x, one.y), (block.x, block.y)) for one in scene.bodies.grips(reach.body))
         return (block.x, block.y), 0.0, longest + stage + 0.2
 
     def name_crowding(self, crowded: Sequence[tuple[float, Array]], log: Rejections) -> None:

@@ -60,6 +60,8 @@ class Return(Generic[T]):
 Decision = _Decision | Return[Any]
 Do = Callable[[PlanFailure], Awaitable[Decision]]
 Otherwise = type[PlanFailure] | Callable[[PlanFailure], PlanFailure] | Return[Any]
+_AS_DO_SAYS: Any = object()
+"""Default of ``otherwise``, which no recovery keeps."""
 
 
 async def retry(failure: PlanFailure) -> Decision:
@@ -76,7 +78,9 @@ class Recovery:
     ``alternatives``: keyword -> function that makes an iterable; the body gets the first value of each as keyword
     argument, and with each retry by this recovery the next. When attempts, time or alternatives are used up, ``do``
     is not called and ``otherwise`` decides: None lets the failure go outward, a failure class or a function of the
-    failure gives what is raised from it, ``Return(value)`` leaves with a value.
+    failure gives what is raised from it, ``Return(value)`` leaves with a value. Left out, it is what ``do`` has as
+    an attribute ``otherwise``, as strategies have whose end means one thing whatever they recover from
+    (:func:`planlang.recoveries.recovery_strategy`); without that attribute it is None.
     """
 
     on: type[PlanFailure] | tuple[type[PlanFailure], ...]
@@ -84,10 +88,12 @@ class Recovery:
     attempts: int = field(default=1, kw_only=True)
     within: float | None = field(default=None, kw_only=True)
     alternatives: Mapping[str, Callable[[], Iterable[Any]]] | None = field(default=None, kw_only=True)
-    otherwise: Otherwise | None = field(default=None, kw_only=True)
+    otherwise: Otherwise | None = field(default=_AS_DO_SAYS, kw_only=True)
 
     def __post_init__(self) -> None:
         _RECOVERY.branch("do", self.do)
+        if self.otherwise is _AS_DO_SAYS:
+            object.__setattr__(self, "otherwise", getattr(self.do, "otherwise", None))
         for kind in self.on if isinstance(self.on, tuple) else (self.on,):
             if not (isinstance(kind, type) and issubclass(kind, PlanFailure)):
                 message = f"a recovery is for plan failures, which {written(kind)} is not; programming errors are fixed"
