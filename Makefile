@@ -1,6 +1,6 @@
 # make demo    compile the bundled recipe, show the plan, run it
 # make test    the test suite          make lint    ruff, mypy --strict, import contracts
-# make test-long   tests that take minutes each and tell more of what shorter ones tell; all random examples
+# make test-long   tests that take long, up to minutes, beside shorter ones of the same; all random examples
 # make mutants the kernel broken on purpose, and what notices            make coverage   branches that no test takes
 # make bench   measurements            make seeds   the bundled recipe in 30 worlds that are not as the map says
 # make maps    the reachability maps of the bundled robots, after a change of their URDF or of how maps are made
@@ -71,7 +71,7 @@ test: $(VENV)/.dev-stamp
 
 test-long: $(VENV)/.dev-stamp
 	$(BIN)/python -m pytest -m long $(PYTEST_ARGS)
-	PLANLANG_EXAMPLES=5000 $(BIN)/python -m pytest -m hypothesis tests/planlang $(PYTEST_ARGS)
+	PLANLANG_EXAMPLES=5000 $(BIN)/python -m pytest -m hypothesis $(PYTEST_ARGS)
 
 lint: $(VENV)/.dev-stamp
 	$(BIN)/ruff check .

@@ -3,7 +3,6 @@
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from planlang.action_classes import action_class
 from planlang.designators import (
     Action,
     Condition,
@@ -20,6 +19,7 @@ from planlang.designators import (
     a_posture,
     a_situation,
     action,
+    action_class,
     an_object,
     holding,
     located,

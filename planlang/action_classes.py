@@ -1,41 +1,11 @@
-"""Classes of actions that a plan states itself, as the vocabulary does not know them, and what is above a class."""
+"""What is above a class of actions, by what the plan states and what the vocabulary knows."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import zip_longest
 
-from planlang.designators import local_name
-from planlang.misuse import Usage
-
-_ACTION_CLASS = Usage("action_class", {"iri": '"http://example.org/soup#StirSoup"'}, {"below": '"Stirring"'})
-
-
-class ActionClass(str):
-    """The IRI of a class of actions, or its bare name, with the classes directly above it; see :func:`action_class`."""
-
-    __slots__ = ("below",)
-    below: tuple[str, ...]
-
-
-def action_class(iri: str, *, below: str | Iterable[str]) -> ActionClass:
-    """State a class of actions: ``STIR_SOUP = action_class(RECIPE + "StirSoup", below="Stirring")``.
-
-    ``below`` are its superclasses, the most telling first: names of the vocabulary, or classes stated like this. A
-    process module for the class or for one above it performs ``action(STIR_SOUP)``; the nearest is chosen.
-    """
-    _ACTION_CLASS.text("iri", iri)
-    if not isinstance(below, str):
-        _ACTION_CLASS.iterable("below", below, "classes of actions")
-    above = (below,) if isinstance(below, str) else tuple(below)
-    if not above:
-        raise _ACTION_CLASS.wrong("below", below, "the class above it, or several")
-    for one in above:
-        _ACTION_CLASS.text("below", one)
-    stated = ActionClass(iri)
-    stated.below = above
-    return stated
-
+from planlang.designators import ActionClass, local_name
 
 Known = Callable[[str], Sequence[str]]
 """Returns a class of the vocabulary itself, then what is above it, nearest first."""

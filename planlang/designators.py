@@ -11,9 +11,9 @@ import re
 import unicodedata
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
-from decimal import Decimal
 from numbers import Real
 
+from planlang.lengths import metres
 from planlang.misuse import Usage, WrongType, WrongValue, amount, contrast, written
 from planlang.relations import RELATIONS, measured, named
 
@@ -34,6 +34,7 @@ _LOCATION = Usage(
     },
 )
 _ACTION = Usage("action", {"type": '"Reaching"'}, {"name": '"reach"', "object_acted_on": "bottle"})
+_ACTION_CLASS = Usage("action_class", {"iri": '"http://example.org/soup#StirSoup"'}, {"below": '"Stirring"'})
 _SITUATION = Usage("a_situation", {"type": '"DoorOpen"'}, {"object_acted_on": "door"})
 _CONDITION = Usage("Condition", {"predicate": '"holding"', "arguments": "(bottle,)"})
 _HOLDING = Usage("holding", {"what": "bottle"})
@@ -389,9 +390,42 @@ def a_pose(name: str | None = None, *, x: float, y: float, z: float = 0.0, yaw: 
     return FixedPose((), name, None, None, float(x), float(y), float(z), float(yaw))
 
 
-def action(type: str, *, name: str | None = None, **properties: Value) -> Action:
-    """Describe an action: ``action("Reaching", to_location=approach_pose, device_used=RIGHT_GRIPPER)``."""
-    return Action(type, tuple(sorted(properties.items())), name)
+class ActionClass(str):
+    """The IRI of a class of actions, or its bare name, with the classes directly above it; see :func:`action_class`."""
+
+    __slots__ = ("below",)
+    below: tuple[str, ...]
+
+
+def action_class(iri: str, *, below: str | Iterable[str]) -> ActionClass:
+    """State a class of actions: ``STIR_SOUP = action_class(RECIPE + "StirSoup", below="Stirring")``.
+
+    ``below`` are its superclasses, the most telling first: names of the vocabulary, or classes stated like this. A
+    process module for the class or for one above it performs ``action(STIR_SOUP)``; the nearest is chosen.
+    """
+    _ACTION_CLASS.text("iri", iri)
+    if not isinstance(below, str):
+        _ACTION_CLASS.iterable("below", below, "classes of actions")
+    above = (below,) if isinstance(below, str) else tuple(below)
+    if not above:
+        raise _ACTION_CLASS.wrong("below", below, "the class above it, or several")
+    for one in above:
+        _ACTION_CLASS.text("below", one)
+    stated = ActionClass(iri)
+    stated.below = above
+    return stated
+
+
+def action(
+    type: str, *, name: str | None = None, below: str | Iterable[str] | None = None, **properties: Value
+) -> Action:
+    """Describe an action: ``action("Reaching", to_location=approach_pose, device_used=RIGHT_GRIPPER)``.
+
+    With ``below`` the class is one that the vocabulary does not know, stated here as by :func:`action_class`:
+    ``action(RECIPE + "ApproachBottle", below="Reaching", to_location=approach_pose)``.
+    """
+    cls = type if below is None else action_class(type, below=below)
+    return Action(cls, tuple(sorted(properties.items())), name)
 
 
 def a_situation(type: str, **properties: Value) -> Situation:
@@ -441,55 +475,3 @@ def told_apart(first: str, second: str) -> tuple[str, str]:
     """Return what two things (IRIs) are called beside each other: local names, or the whole IRIs if these are equal."""
     short = local_name(first), local_name(second)
     return short if short[0] != short[1] else (f"<{first}>", f"<{second}>")
-
-
-UNITS: dict[str, str] = {
-    "mm": "0.001",
-    "cm": "0.01",
-    "dm": "0.1",
-    "m": "1",
-    "in": "0.0254",
-    "ft": "0.3048",
-    "millimetre": "0.001",
-    "centimetre": "0.01",
-    "decimetre": "0.1",
-    "metre": "1",
-    "millimeter": "0.001",
-    "centimeter": "0.01",
-    "decimeter": "0.1",
-    "meter": "1",
-    "inch": "0.0254",
-    "foot": "0.3048",
-    "millimetres": "0.001",
-    "centimetres": "0.01",
-    "decimetres": "0.1",
-    "metres": "1",
-    "millimeters": "0.001",
-    "centimeters": "0.01",
-    "decimeters": "0.1",
-    "meters": "1",
-    "inches": "0.0254",
-    "feet": "0.3048",
-}
-"""Unit -> metres, as decimal fractions: a float of them would make 35 cm another number than 0.35 m."""
-
-_LENGTH = re.compile(r"\s*([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:e[+-]?\d{1,3})?)\s*([A-Za-z]+)\s*", re.ASCII)
-
-
-def metres(length: float | str) -> float:
-    """Return a length in metres, from metres or from a number with a unit: 0.3, "30 cm", "1 ft".
-
-    Raises ValueError for what is no length, is negative or not finite, telling the units there are.
-    """
-    if isinstance(length, str):
-        match = _LENGTH.fullmatch(length)
-        if match is None or match[2] not in UNITS:
-            raise ValueError(f'{length!r} is not a length; write "30 cm" with one of {", ".join(UNITS)}')
-        value = float(Decimal(match[1]) * Decimal(UNITS[match[2]]))
-    elif isinstance(length, bool) or not isinstance(length, int | float):
-        raise ValueError(f'a length is a number of metres or a text such as "30 cm", not {length!r}')
-    else:
-        value = float(length)
-    if not (math.isfinite(value) and value >= 0):
-        raise ValueError(f"a length must be finite and not negative, got {length!r}")
-    return value

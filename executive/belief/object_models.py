@@ -25,6 +25,8 @@ WHOLES = ("physicalPartOf", "properPhysicalPartOf", "partOf")
 """Properties from a part to what it is a part of."""
 UPWARDS = 0.9
 """Least cosine between up and the normal of a plane that things stand on."""
+IN_THE_MIDDLE = 0.01
+"""Distance from a tool's middle up to which it is held there [m]: then the front end of its box is its front."""
 _DEEPEST = 20
 
 
@@ -35,6 +37,10 @@ class Thing:
     iri: str
     size: Size | None
     up: Array
+    wall: float = 0.0
+    """Thickness of the walls of what is hollow and open above; 0 for what is solid [m]."""
+    grip: Array | None = None
+    """The place in its own frame (3,) at which a hand holds it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -161,6 +167,20 @@ class ObjectModels:
         normal[axis] = 1.0 if thing.up[axis] >= 0 else -1.0
         return Found(None, normal * (0.0 if thing.size is None else thing.size[axis] / 2), normal, FeatureKind.PLANE)
 
+    def _bottom_inside(self, of: Found, thing: Thing) -> Found:
+        """Return the floor of a vessel, as its upper side."""
+        height = 0.0 if thing.size is None else thing.size[2]
+        floor = thing.wall - height / 2 if thing.wall else height / 2
+        return Found(None, np.array([0.0, 0.0, floor]), np.array([0.0, 0.0, 1.0]), FeatureKind.PLANE)
+
+    def _tip(self, of: Found, thing: Thing) -> Found:
+        """Return the front end of the longest axis, as a line out of it; of what is held that far from the hand."""
+        size = np.ones(3) if thing.size is None else np.array(thing.size)
+        along = int(np.argmax(size))
+        sign = 1.0 if thing.grip is None or thing.grip[along] <= IN_THE_MIDDLE else -1.0
+        axis = sign * np.eye(3)[along]
+        return Found(None, axis * size[along] / 2, axis, FeatureKind.LINE)
+
     def _mouth(self, of: Found, thing: Thing) -> Found:
         """Return the cap of a bottle, else the middle of the upper rim with the axis through it."""
         caps = [one for one in self._along(("BottleCap",), of, thing) if one.direction is not None]
@@ -178,6 +198,8 @@ DERIVED: dict[str, Callable[[ObjectModels, Found, Thing], Found]] = {
     "CenterOfObject": ObjectModels._centre,
     "SupportingPlane": ObjectModels._supporting_plane,
     "TopSide": ObjectModels._upper_side,
+    "BottomInside": ObjectModels._bottom_inside,
+    "ToolTip": ObjectModels._tip,
     "MouthOfVessel": ObjectModels._mouth,
 }
 """Class of a feature that no part of a thing needs to be -> how it follows from the others, or from the thing's box."""

@@ -75,6 +75,12 @@ ON_DEMAND = (
         failures=(ManipulationFailure, NavigationFailure, PerceptionFailure, LookingFailure, DesignatorFailure),
     ),
     _on_demand("stepping_back:SteppingBack", "stepping_back", "SteppingBack", failures=(NavigationFailure,)),
+    _on_demand(
+        "strokes:Strokes",
+        "stroke",
+        "CirclingMotion",
+        failures=(ManipulationFailure, NavigationFailure, PerceptionFailure, LookingFailure, DesignatorFailure),
+    ),
     _on_demand("mapping:Mapping", "mapping", "UploadMapToRoboEarth"),
 )
 

@@ -22,7 +22,7 @@ from executive.modules.phases import Phase
 from executive.modules.platform import PlatformModule
 from executive.modules.pouring import Pouring
 from executive.modules.process_modules import Navigation
-from executive.modules.stances import stances
+from executive.modules.stances import is_at_ease, stances
 from executive.motion import MotionError
 from executive.motion.constrained_ends import Ends
 from executive.motion.constrained_motion import PhaseMotion, solve_motion
@@ -79,11 +79,7 @@ class ConstrainedMotions(PlatformModule):
         motion, solved = await self._solved(grounding, asked, phase)
         self.platform.arms.choices.choose(motion.arms[0].name)
         self.platform.leaning |= self._leaning(motion, solved)
-        done = await self.platform.follow(" and ".join(arm.name for arm in motion.arms), solved.trajectory)
-        if done.state is not MotionState.DONE:
-            await self.platform.sensing.bump(done)
-            name = motion.arms[0].name
-            raise ManipulationGoalInCollision(arm=name, what=action.type, blocked_by=done.blocked_by)
+        await self.gone(motion, solved.trajectory)
         self._check_end(grounding, motion, solved)
         await Pouring(self.platform).pour(action, motion, grounding.group(motion), solved.trajectory.positions)
         self._straightened()
@@ -100,18 +96,18 @@ class ConstrainedMotions(PlatformModule):
         await self._look(grounding, asked, phase)
         motion = grounding.grounded(asked, phase)
         now = self.platform.base()
-        if (
-            phase.before
-            or not self._is_mobile()
-            or await _apart(partial(self._end, grounding, motion, now)) is not None
+        here = phase.before or not self._is_mobile()
+        if here or (
+            is_at_ease(self.platform, _middle(motion), motion.arms)
+            and await apart(partial(self._end, grounding, motion, now)) is not None
         ):
             try:
-                return motion, await _apart(partial(self._way, grounding, motion, phase))
+                return motion, await apart(partial(self._way, grounding, motion, phase))
             except ConstraintsUnsatisfied as failure:
                 problem = failure
         tried = 0
         for place in self._places(motion) if self._is_mobile() else ():
-            end = await _apart(partial(self._end, grounding, motion, place))
+            end = await apart(partial(self._end, grounding, motion, place))
             if end is None:
                 continue
             try:
@@ -119,14 +115,14 @@ class ConstrainedMotions(PlatformModule):
                 await self._drive(place)
                 await self._look(grounding, asked, phase)
                 motion = grounding.grounded(asked, phase)
-                return motion, await _apart(partial(self._way, grounding, motion, phase))
+                return motion, await apart(partial(self._way, grounding, motion, phase))
             except (ConstraintsUnsatisfied, NavigationFailure) as failure:
                 problem = problem or failure
             if (tried := tried + 1) == PLACES:
                 break
         if problem is not None:
             raise problem
-        return motion, await _apart(partial(self._way, grounding, motion, phase))
+        return motion, await apart(partial(self._way, grounding, motion, phase))
 
     async def _get_ready(self, grounding: Grounding, motion: GroundedMotion, end: Array) -> None:
         """Bring the arms, one after another, to where they will be before the base goes there: here is more room."""
@@ -134,7 +130,7 @@ class ConstrainedMotions(PlatformModule):
         waiting = list(zip(motion.arms, columns, strict=True))
         for _ in range(len(waiting)):
             for arm, own in tuple(waiting):
-                found = await _apart(partial(self._path, arm, end[own]))
+                found = await apart(partial(self._path, arm, end[own]))
                 if found is not None:
                     await self.platform.follow(f"{arm.name} getting ready", found)
                     waiting = [one for one in waiting if one[0] is not arm]
@@ -166,12 +162,17 @@ class ConstrainedMotions(PlatformModule):
 
     def _places(self, motion: GroundedMotion) -> Iterator[BasePose]:
         """Yield free places of the base before what the constraints are about, near ones first."""
-        points = np.array([pose[:2, 3] for pose in motion.things.values()])
-        return stances(self.platform, points.mean(axis=0), motion.arms)
+        return stances(self.platform, _middle(motion), motion.arms)
 
     def _end(self, grounding: Grounding, motion: GroundedMotion, base: BasePose) -> Array | None:
-        """Return joint values (n,) at which constraints hold, from a base, and nothing is touched; None without."""
-        for asked in (_inside(motion.constraints, ()), motion.constraints):
+        """Return joint values (n,) at which constraints hold, from a base, and nothing is touched; None without.
+
+        What may not lean stays upright there if it can.
+        """
+        upright = grounding.uprights(motion)
+        for asked in dict.fromkeys(
+            ((*_inside(motion.constraints, ()), *upright), (*motion.constraints, *upright), motion.constraints)
+        ):
             end = next(self._ends(grounding, replace(motion, constraints=asked), base), None)
             if end is not None:
                 return end
@@ -208,28 +209,30 @@ class ConstrainedMotions(PlatformModule):
     # The motion
 
     def _way(self, grounding: Grounding, motion: GroundedMotion, phase: Phase) -> PhaseMotion:
-        """Return the motion of the phase, well inside of its limits if there is one; raises ConstraintsUnsatisfied."""
+        """Return the motion of the phase, as far inside of its limits as it gets; raises ConstraintsUnsatisfied."""
         self.platform.sync()
         before = grounding.grounded(phase.before, phase).constraints if phase.before else ()
         upright = grounding.uprights(motion)
         problem, start = grounding.problem(motion), self._start(motion)
         inside = _inside(motion.constraints, before)
-        for asked in ((*inside, *upright), (*motion.constraints, *upright)):
+        wishes = {one: wide for one, wide in zip(inside, motion.constraints, strict=True) if one != wide}
+        for asked, wished in ((inside, {}), (motion.constraints, wishes)):
             with suppress(MotionError):
-                (found,) = solve_motion(problem, start, [asked], (*before, *upright), explains=False)
+                phase_asked, kept = (*asked, *upright), (*before, *upright)
+                (found,) = solve_motion(problem, start, [phase_asked], kept, wishes=wished, explains=False)
                 return found
         try:
             (found,) = solve_motion(problem, start, [motion.constraints], before)
-        except (ConstraintsContradict, NoConstrainedPath) as failure:
-            names = tuple(str(one.name or one) for one in failure.constraints)
-            blocking = next((body for _, body in failure.pairs), None)
-            arm = motion.arms[0].name
-            raise ConstraintsUnsatisfied(
-                str(failure).partition(": ")[2], arm=arm, blocked_by=blocking, constraints=names
-            ) from failure
         except MotionError as failure:
-            raise ConstraintsUnsatisfied(str(failure), arm=motion.arms[0].name) from failure
+            raise unsatisfied(motion, failure) from failure
         return found
+
+    async def gone(self, motion: GroundedMotion, trajectory: Trajectory) -> None:
+        """Move the arms of a motion; raises ManipulationGoalInCollision if something stops them."""
+        done = await self.platform.follow(" and ".join(arm.name for arm in motion.arms), trajectory)
+        if done.state is not MotionState.DONE:
+            await self.platform.sensing.bump(done)
+            raise ManipulationGoalInCollision(arm=motion.arms[0].name, blocked_by=done.blocked_by)
 
     def _leaning(self, motion: GroundedMotion, solved: PhaseMotion) -> set[str]:
         """Return what the arms of a motion hold and the motion does not keep upright."""
@@ -267,7 +270,7 @@ class ConstrainedMotions(PlatformModule):
 T = TypeVar("T")
 
 
-async def _apart(solve: Callable[[], T]) -> T:
+async def apart(solve: Callable[[], T]) -> T:
     """Return what a function returns that takes long: the run goes on watching for what does not end."""
     found: list[T] = []
     await in_thread(lambda: found.append(solve()))
@@ -282,6 +285,16 @@ WAYS = 2
 """Ways to hold one tool that are tried together with those of another."""
 
 
+def unsatisfied(motion: GroundedMotion, problem: MotionError) -> ConstraintsUnsatisfied:
+    """Return the failure of a motion that cannot be made."""
+    arm = motion.arms[0].name
+    if not isinstance(problem, ConstraintsContradict | NoConstrainedPath):
+        return ConstraintsUnsatisfied(str(problem), arm=arm)
+    names = tuple(str(one.name or one) for one in problem.constraints)
+    blocking = next((body for _, body in problem.pairs), None)
+    return ConstraintsUnsatisfied(str(problem).partition(": ")[2], arm=arm, blocked_by=blocking, constraints=names)
+
+
 def constraints_of(action: Action) -> tuple[MotionConstraint, ...]:
     """Return the constraints of an action, about what it acts on; raises ActionUnresolvable if it does not say what."""
     stated = action.get("constrained_by")
@@ -293,7 +306,7 @@ def constraints_of(action: Action) -> tuple[MotionConstraint, ...]:
     )
 
 
-ROLES = {"ObjectActedOn": "object_acted_on", "TargetOfMotion": "to_location"}
+ROLES = {"ObjectActedOn": "object_acted_on", "TargetOfMotion": "to_location", "DeviceUsed": "device_used"}
 """Class that stands for what a motion is about -> the property of the action that says what that is."""
 
 
@@ -308,6 +321,11 @@ def _about(feature: Feature, action: Action) -> Feature:
     if what is None:
         raise ActionUnresolvable(f"a motion about {feature} needs {role}", designator=str(action))
     return replace(feature, of=what)
+
+
+def _middle(motion: GroundedMotion) -> Array:
+    """Return the middle of what a motion is about in the map (2,)."""
+    return np.asarray(np.mean([pose[:2, 3] for pose in motion.things.values()], axis=0))
 
 
 def _inside(

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 from types import MappingProxyType
 from typing import Any
 
@@ -22,6 +23,7 @@ from planlang.failures import ObjectUnresolvable
 from planlang.geometry import Pose
 from planlang.kernel import PlanStructureError, now
 from planlang.language.executive import ProcessModule, WrappedModule
+from planlang.language.performing import actions_around
 from planlang.ontology import expand, shorten
 from planlang.recipe.effects import Effects, effects_of, narrowest, number_of_class
 from sim import PyBulletWorld
@@ -136,7 +138,11 @@ class ActionEffects:
 
     def apply(self, action: Action, *, physical: bool, by_hand: bool) -> None:
         """Apply the effects of an action that was performed; what it acts on and is not there is left out."""
-        effects = self.of(action)
+        for cls in self.of(action).completes:
+            around = (one for one in actions_around() if expand(cls) in map(expand, self._platform.ancestors(one.type)))
+            for one in islice(around, 1):
+                self.apply(one, physical=physical, by_hand=by_hand)
+        effects = replace(self.of(action), completes=())
         if not effects:
             return
         self._platform.sync()

@@ -119,8 +119,10 @@ class Grounding:
     def _feature(self, feature: Feature, name: str) -> Feature:
         """Return a feature of a thing, with a designator that means this thing alone; raises ActionUnresolvable."""
         thing = next(one for one in self._platform.belief.things if one.name == name)
-        world = self._platform.scene.world
-        described = Thing(thing.iri, world.size(name), world.pose(name).rotation[2])
+        world, grip = self._platform.scene.world, self._platform.belief.held.get(name)
+        hand = None if grip is None else np.array(grip.offset.inverse().position)
+        wall = world.scene.body(name).wall
+        described = Thing(thing.iri, world.size(name), world.pose(name).rotation[2], wall, hand)
         found = self._models.grounded(feature, described)
         if found is None:
             raise ActionUnresolvable(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from executive.belief.scene_collisions import BasePose
 from executive.modules.platform import Platform
 from executive.robots.arms import ArmModel
-from planlang.geometry import Array
+from planlang.geometry import Array, Pose
 
 SHARES = (0.45, 0.5, 0.55, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85)
 """Distances of the point ahead of the shoulders, as shares of an arm's reach."""
@@ -23,12 +24,24 @@ MOST = 40
 """Free places that are offered."""
 
 
+def is_at_ease(platform: Platform, point: Array, arms: Sequence[ArmModel]) -> bool:
+    """Return whether arms reach a point (2,) of the map from where the base is with some reach to spare."""
+    shoulder, reach = _shoulder(arms)
+    there = Pose.planar(*platform.base()).inverse() @ Pose((float(point[0]), float(point[1]), 0.0))
+    return math.dist(there.position[:2], shoulder) <= SHARES[-1] * reach
+
+
+def _shoulder(arms: Sequence[ArmModel]) -> tuple[Array, float]:
+    """Return where shoulders are in the base's frame, on the floor (2,), and the reach of the shortest arm [m]."""
+    middle = np.mean([(arm.shoulder_low + arm.shoulder_high)[:2] / 2 for arm in arms], axis=0)
+    return middle, min(arm.reach for arm in arms)
+
+
 def stances(platform: Platform, point: Array, arms: Sequence[ArmModel]) -> Iterator[BasePose]:
     """Yield free places before a point (2,) of the map, those at a good distance that are near first."""
     platform.sync()
     scene, now = platform.scene, np.array(platform.base())
-    shoulder = np.mean([(arm.shoulder_low + arm.shoulder_high)[:2] / 2 for arm in arms], axis=0)
-    reach = min(arm.reach for arm in arms)
+    shoulder, reach = _shoulder(arms)
     yaws = now[2] + np.linspace(-np.pi, np.pi, HEADINGS, endpoint=False)
     ahead, turned = (grid.ravel() for grid in np.meshgrid(np.array(SHARES), yaws))
     x, y = shoulder[0] + reach * ahead, np.full(len(ahead), shoulder[1])

@@ -8,8 +8,9 @@ and every row of the timed motion is checked: functions, joint limits, and what 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 
@@ -62,11 +63,13 @@ def solve_motion(
     phases: Sequence[Sequence[MotionConstraint]],
     before: Sequence[MotionConstraint] = (),
     *,
+    wishes: Mapping[MotionConstraint, MotionConstraint] = MappingProxyType({}),
     explains: bool = True,
 ) -> list[PhaseMotion]:
     """Return how each phase is moved, from joint values (n,); ``before`` was asked for before the first.
 
-    Unless it ``explains``, nothing is given up, and all constraints are named where they cannot all hold.
+    ``wishes``: constraints of the last phase, with narrower limits -> these; they hold at its end as far as all else
+    allows. Unless it ``explains``, nothing is given up, and all constraints are named where they cannot all hold.
 
     Raises :class:`StartInCollision`, :class:`OutsideLimits`, :class:`ConstraintsContradict` with a smallest set of
     constraints of equal weight that cannot all hold, :class:`NoConstrainedPath`, :class:`OutOfEffort` where nothing was
@@ -82,7 +85,9 @@ def solve_motion(
     if pairs := problem.touching(begin.copy()):
         raise StartInCollision(begin.tolist(), pairs)
     asked = [tuple(one for one in phase if one.is_active) for phase in phases]
-    ends = Ends.of(problem, begin, asked)
+    if wishes:
+        asked[-1] = (*asked[-1], *wishes)
+    ends = Ends.of(problem, begin, asked, wishes)
     ends.explains = explains
     tried: list[NoConstrainedPath] = []
     try:
@@ -115,15 +120,15 @@ def _moved(
             for number, one in zip(numbers, constraints, strict=True)
             if excess[number] <= 1.0 and any(one.asks_the_same(other) for other in before)
         ]
-        way = _Way(ends.problem, ends.functions, here, end, kept, numbers, phase)
-        given_up = ends.given_up.get(phase, set())
+        way = Way(ends.problem, ends.functions, here, end, kept, numbers, phase)
+        given_up = ends.given_up.get(phase, set()) - ends.wished.keys()
         of = [bound.constraint for bound in ends.functions.bounds]
         yield PhaseMotion(way.timed(), tuple(of[k] for k in kept), tuple(of[k] for k in numbers if k in given_up))
         here, before = end, constraints
 
 
 @dataclass(slots=True)
-class _Way:
+class Way:
     """The way of one phase from a configuration (n,) to another."""
 
     problem: MotionProblem
@@ -155,6 +160,16 @@ class _Way:
                     found = self._checked(around, time_path)[0]
                 if found is not None:
                     return found
+        raise NoConstrainedPath(self.phase, self._of(self.kept), objection)
+
+    def through(self, rows: Array) -> Trajectory:
+        """Return the motion through configurations (m, n), of which the ends are two; raises NoConstrainedPath."""
+        objection: Sequence[tuple[str, str]] = ()
+        for timing in (time_curve, time_path):
+            timed, hits = self._checked(rows, timing)
+            if timed is not None:
+                return timed
+            objection = hits[0][1] if hits else objection
         raise NoConstrainedPath(self.phase, self._of(self.kept), objection)
 
     def _of(self, numbers: Sequence[int]) -> list[MotionConstraint]:

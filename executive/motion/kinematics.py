@@ -18,6 +18,7 @@ from executive.motion.symbolic import ROTATION_WEIGHT, RowFunction, SymbolicChai
 from planlang.geometry import Array
 from planlang.geometry.matrices import product, rotated
 from planlang.geometry.urdf import KINDS, Joint, NoSuchChain, joints_between, read_urdf
+from planlang.kernel import still_computing
 
 POSITION_TOLERANCE = 1e-4
 """Largest distance of a solution's tip from its target [m]: a tenth of what grasps and contacts notice."""
@@ -285,6 +286,7 @@ class InverseKinematics:
         if starts.shape[1] == 0:
             raise ValueError("expected at least one seed per target")
         _check_poses(poses)
+        still_computing()
         rows = np.concatenate([poses[:, :3, :3].reshape(-1, 9), poses[:, :3, 3]], axis=1).T
         found, least = np.empty((d, len(poses))), np.full(len(poses), np.inf)
         solved, left = np.zeros(len(poses), np.bool_), np.arange(len(poses))

@@ -18,8 +18,9 @@ from typing import Any
 
 from executive.robots import Availability, FindingKind, Missing, Robot, match, possessions_of
 from planlang.action_classes import ancestors_of, nearest_unstated
-from planlang.designators import local_name
+from planlang.designators import action_class, local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
+from planlang.language.branches import Branch
 from planlang.language.plans import Plan
 from planlang.ontology import Ontology, expand, load, shorten
 from planlang.outputs import LONGEST, header
@@ -207,6 +208,15 @@ def needs_of(module: ModuleType, plan: Plan[Any, Any]) -> Needs:
     return _Source(module).needs(plan.name)
 
 
+Performs = Callable[[str, Branch | None], bool]
+"""Return whether a process module performs an action of a class, instead of the plan that would do so otherwise."""
+
+
+def read_names(module: ModuleType, plan: Plan[Any, Any], performs: Performs) -> frozenset[str]:
+    """Return the names that a plan of a module reads, but for what only plans need that modules stand in for."""
+    return _Source(module).read(plan.name, performs)
+
+
 def outputs_of(module: ModuleType) -> frozenset[str]:
     """Return the names in a plan's module of what actions create (``outputs_created``): it is there later, not yet."""
     stated = (
@@ -253,6 +263,7 @@ class _Source:
         }
         self._top = _definitions(tree.body)
         self._known: dict[int, Needs] = {}
+        self._read: dict[str, frozenset[str]] = {}
 
     def needs(self, name: str) -> Needs:
         """Return what a plan function of the module needs; everything in the module if it is defined elsewhere."""
@@ -281,7 +292,7 @@ class _Source:
                     return Needs()
                 needs = []
             case ast.Call(func=function, args=[first, *_]) if self._name(function) in ("action", "Action"):
-                own = self._text(first)
+                own = self._class(first, node.keywords)
                 needs = [Needs(nearest_unstated(own), modular=(own,))] if own is not None else []
             case ast.Call(func=function, args=[described, *_]) if self._name(function) == "perform":
                 return self._performed(described, node, scope)
@@ -316,6 +327,50 @@ class _Source:
             choices=(tuple(Alternative(_title(b), b.lineno, self._within(b, scope)) for b in branches),),
         )
 
+    def read(self, name: str, performs: Performs) -> frozenset[str]:
+        """Return the names that a plan function reads, itself or for others that it calls and that read them."""
+        if name not in self._read:
+            whole = [self._top[name]] if name in self._top else self._top.values()
+            self._read[name] = frozenset(
+                one.id for node in whole for one in ast.walk(node) if isinstance(one, ast.Name)
+            )  # which is what holds inside a plan that calls itself
+            self._read[name] = frozenset(one for node in whole for one in self._names(node, performs))
+        return self._read[name]
+
+    def _names(self, node: ast.AST, performs: Performs) -> Iterator[str]:
+        """Yield the names that a piece of source reads; see :meth:`read`."""
+        if isinstance(node, ast.Name):
+            yield node.id
+        left_out: set[str | None] = set()
+        if isinstance(node, ast.Call):
+            called = [one.id for one in (*node.args[:1], node.func) if isinstance(one, ast.Name)]
+            known = next((self._top[one] for one in called if one in self._top), None)
+            if isinstance(known, ast.AsyncFunctionDef):
+                left_out |= {one.arg for one in known.args.kwonlyargs} - self.read(known.name, performs)
+            if self._is_performed(node, performs):
+                left_out |= {"otherwise", "recoveries"}
+        for child in ast.iter_child_nodes(node):
+            if not isinstance(child, ast.keyword) or child.arg not in left_out:
+                yield from self._names(child, performs)
+
+    def _is_performed(self, call: ast.Call, performs: Performs) -> bool:
+        """Return True for a call that performs an action which a module performs instead of a plan."""
+        for described in call.args[:2]:
+            match described:
+                case ast.Call(func=function, args=[first, *_]) if self._name(function) in ("action", "Action"):
+                    own = self._text(first)
+                    others = [keyword.value for keyword in call.keywords if keyword.arg == "otherwise"]
+                    return own is not None and bool(others) and performs(own, self._plan(others[0]))
+        return False
+
+    def _plan(self, branch: ast.expr) -> Branch | None:
+        """Return the plan of the module that a branch calls; None if it calls something else."""
+        match branch:
+            case ast.Call(args=[ast.Name(id=name), *_]) | ast.Name(id=name):
+                plan = self._values.get(name)
+                return plan if isinstance(plan, Plan) else None
+        return None
+
     def _name(self, node: ast.AST) -> str | None:
         """Return planlang's name of what an expression names, ``action`` after ``import action as act``."""
         match node:
@@ -325,7 +380,15 @@ class _Source:
                 return name
         return None
 
-    def _text(self, node: ast.expr) -> str | None:
+    def _class(self, named: ast.expr, keywords: Iterable[ast.keyword]) -> str | None:
+        """Return the class of an action that is described, with those above it if they are stated there."""
+        own = self._text(named)
+        stated = next((keyword.value for keyword in keywords if keyword.arg == "below"), None)
+        above = [self._text(one) for one in (stated.elts if isinstance(stated, ast.Tuple | ast.List) else (stated,))]
+        known = [one for one in above if one is not None]
+        return action_class(own, below=known) if own and known else own
+
+    def _text(self, node: ast.expr | None) -> str | None:
         """Return the text that an expression stands for: a literal, a constant of the module, or a sum of these."""
         match node:
             case ast.Constant(value=str(text)):

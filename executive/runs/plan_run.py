@@ -32,6 +32,7 @@ from executive.runs.plan_files import (
     main_plan,
     needs_of,
     outputs_of,
+    read_names,
     required,
     required_of_plan,
     stated_waiting,
@@ -40,8 +41,10 @@ from executive.runs.plan_files import (
 from executive.runs.tilts import Tilts
 from executive.runs.traces import ListenedTrace, check_same_run, lines_of, past_of, recorded_parameters, sha256
 from planlang import PlanFailure, RunError, SimulationHost, budget, explain, run
+from planlang.designators import Action
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
 from planlang.failures import ActionUnresolvable, MissingCapability, ObjectUnresolvable
+from planlang.language.performing import module_for
 from planlang.language.plans import Plan
 from planlang.language.running import known as run_header
 from planlang.ontology import load
@@ -281,10 +284,17 @@ class Run:
         if assessment.infeasible:
             header["infeasible"] = [alternative.name for alternative, _ in assessment.infeasible]
 
+        def read() -> frozenset[str]:
+            """Return the parameters that the plan reads with the modules of this run."""
+            return read_names(
+                self.source, self.plan, lambda cls, plan: module_for(executive, Action(cls), plan) is not None
+            )
+
         def bind_all() -> None:
             """Raise ObjectUnresolvable for a parameter that means nothing here or later, before anything moves.
 
-            A run that is resumed may have destroyed what one means.
+            A run that is resumed may have destroyed what one means. What only recipes need that modules stand in for
+            need not be there.
             """
             for name, value in bound.items():
                 for what in things_of(value):
@@ -292,7 +302,7 @@ class Run:
                         platform.scene.bodies.bind(what)
                     except ObjectUnresolvable:
                         appears = executive.may_create(what, needs.actions) or executive.may_find(what, needs.actions)
-                        if past is None and name not in made and not appears:
+                        if past is None and name not in made and not appears and name in read():
                             raise
 
         body = self._body(bound, bind_all)

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Mapping
 
 from planlang.compiler.expressions import Expressions, Names, Symbols, partial_call, quoted
 from planlang.compiler.layout import (
     INDENT,
-    WIDTH,
     Display,
     Expression,
     Item,
     Text,
     assignment,
     call,
+    comment,
+    remarked,
     returned,
     sequence,
     signature,
@@ -74,7 +74,7 @@ class BodyWriter:
         """The fluent that holds the latest of what states make, by name."""
         self._again: dict[str, str] = {}
         """The branch that runs a step again, by the step's name."""
-        self._write = Expressions(symbols, self._variables, self._kept, self._again, self._local_name)
+        self._write = Expressions(symbols, self._variables, self._kept, self._again, body, self._local_name)
 
     def lines(self) -> list[str]:
         """Return the statements of the function."""
@@ -103,8 +103,9 @@ class BodyWriter:
     def _variables_used(self) -> list[str]:
         """Return statements that describe the places and constraints that what follows is the first to use."""
         lines: list[str] = []
-        for name, comment, value in self._write.take_variables():
-            lines += [*(_words(comment, 1) if comment else ()), *assignment([Text(name)], value, depth=1)]
+        for name, explanation, value in self._write.take_variables():
+            described = assignment([Text(name)], value, depth=1)
+            lines += remarked(described, explanation, 1) if explanation else described
         return lines
 
     def _statement(self, node: Node, depth: int) -> list[str]:
@@ -199,10 +200,13 @@ class BodyWriter:
             case Achieve(condition, body):
                 before, branch = self._branch(body, depth)
                 return before, call(use("achieve"), self._write.condition(condition), branch)
-            case Handle(Perform() | Call() | Achieve() | Scope() as body, recoveries):
+            case Handle(Perform() | Call() | Achieve(body=Perform() | Call()) as body, recoveries):
                 before, handled = self._awaited(body, depth)
-                several = sequence([self._write.recovery(one) for one in recoveries], "[]")
+                several = self._write.recoveries(recoveries, is_outermost=depth == 1)
                 return before, handled.extended(recoveries=several)
+            case Handle(Achieve() | Scope() as body, recoveries):
+                before, handled = self._awaited(body, depth)
+                return before, handled.further(*map(self._write.recovery, recoveries))
             case Handle(body, recoveries):
                 before, branch = self._branch(body, depth)
                 return before, call(use("with_failure_handling"), branch, *map(self._write.recovery, recoveries))
@@ -297,7 +301,10 @@ class BodyWriter:
     def _scope(self, scope: Scope, depth: int) -> tuple[list[str], CallExpression]:
         where = scope.place.otherwise if isinstance(scope.place, Passed) else scope.place
         assert isinstance(where, PlaceUse)
-        name = self._local_name(f"at_{self._write.place(where)}".lower())
+        stands, place = self._write.standing(where)
+        if isinstance(scope.place, Passed):
+            place = self._write.value(scope.place)
+        name = self._local_name(f"at_{stands}".lower())
         reaching = [self._write.goal(where) for where in scope.reaching]
         more: dict[str, Expression | str] = {}
         if scope.attempts != ATTEMPTS:
@@ -307,7 +314,7 @@ class BodyWriter:
         if scope.motion in self._symbols.stated:
             more["by"] = self._symbols.stated_class(scope.motion)
         use = self._symbols.use("at_location")
-        expression = call(use, self._write.value(scope.place), name, **more)
+        expression = call(use, place, name, **more)
         return self._local_function(name, scope.body, depth), expression
 
     def _branches(self, branches: tuple[tuple[str, Node], ...], depth: int) -> tuple[list[str], dict[str, Expression]]:
@@ -356,9 +363,9 @@ class BodyWriter:
             if state.name in machine.ends:
                 before += self._local_function(name, state.body, depth)
                 continue
-            comment = _comment(state.body, depth + 1)
+            above = _comment(state.body, depth + 1)
             first, expression = self._awaited(state.body, depth + 1)
-            lines = [*comment, *first, *self._outcome(state, expression, depth + 1, has_done=state.name in done)]
+            lines = [*above, *first, *self._outcome(state, expression, depth + 1, has_done=state.name in done)]
             before += [*signature(f"async def {name}", [], "str", depth=depth), *lines, ""]
         cases = [
             (sequence([Text(quoted(case.state)), self._case(case)]), Text(quoted(case.target)))
@@ -446,15 +453,10 @@ def _comment(node: Node, depth: int) -> list[str]:
             | Scope(name=name, label=str(label))
         ):
             says_more = snake_case(label) != snake_case(name)
-            return _words(label, depth) if says_more else []
+            return comment(label, depth) if says_more else []
         case Gate(body=body, overlaps=overlaps):
-            return [*(_words(overlaps, depth) if overlaps else ()), *_comment(body, depth)]
+            return [*(comment(overlaps, depth) if overlaps else ()), *_comment(body, depth)]
         case Handle(body=body) | Achieve(body=body) | Again(body=body) | Hold(body=body):
             return _comment(body, depth)
         case _:
             return []
-
-
-def _words(text: str, depth: int) -> list[str]:
-    start = INDENT * depth + "# "
-    return textwrap.wrap(" ".join(text.split()), WIDTH, initial_indent=start, subsequent_indent=start)

@@ -12,7 +12,7 @@ from typing import TypeVar
 
 from planlang.compiler.bodies import BodyWriter
 from planlang.compiler.expressions import Symbols, is_iri, quoted
-from planlang.compiler.layout import INDENT, WIDTH, Expression, Text, assignment, call, sequence, signature, statement
+from planlang.compiler.layout import INDENT, WIDTH, Expression, Text, assignment, call, signature, statement
 from planlang.compiler.lowering import Lowering, check_recoveries
 from planlang.compiler.tree import Function, PlanTree
 from planlang.designators import local_name
@@ -105,13 +105,10 @@ def _namespaces(symbols: Symbols) -> list[str]:
 
 
 def _classes(symbols: Symbols) -> list[str]:
-    """Return statements about the classes of actions that only the recipe knows."""
+    """Return statements about the classes of actions that only the recipe knows, and that are used more than once."""
     lines: list[str] = []
-    for cls, above in symbols.stated.items():
-        name = symbols.iri(cls) if is_iri(cls) else quoted(cls)
-        below = [symbols.stated_class(one) for one in above]
-        stated = call(symbols.use("action_class"), name, below=below[0] if len(below) == 1 else sequence(below))
-        lines += assignment([Text(symbols.action_class(cls))], stated, depth=0)
+    for cls in (one for one in symbols.stated if one not in symbols.stated_in_place):
+        lines += assignment([Text(symbols.action_class(cls))], symbols.statement_of_class(cls), depth=0)
     return lines
 
 

@@ -9,10 +9,11 @@ from __future__ import annotations
 import builtins
 import keyword
 import re
+from collections import Counter
 from collections.abc import Callable, Hashable, Iterable
 
+from planlang.compiler.layout import INDENT, WIDTH, Expression, Remark, Sum, Text, call, sequence
 from planlang.compiler.layout import Call as CallExpression
-from planlang.compiler.layout import Expression, Sum, Text, call, sequence
 from planlang.compiler.tree import (
     ActionTerm,
     Condition,
@@ -24,7 +25,12 @@ from planlang.compiler.tree import (
     PlanTree,
     Recover,
     Resting,
+    Series,
     Value,
+    uses_of_classes,
+    uses_of_features,
+    uses_of_places,
+    uses_of_recoveries,
 )
 from planlang.designators import local_name, snake_case
 from planlang.recipe.model import Constraint, Kind, Name, Part, Place, RecipeSet, Thing
@@ -52,6 +58,10 @@ _GENERATED = re.compile(r"_[A-Za-z0-9]{8}$")
 """The end that ontology editors append to a name to make it unique."""
 
 
+LONGEST_ACTION = WIDTH - len(3 * INDENT + ",")
+"""Characters of an action in which its class is stated: so it fits on one line as an argument of a call."""
+
+
 class Symbols:
     """Gives every thing, place, function and namespace of a plan one name, and remembers what must be imported."""
 
@@ -69,6 +79,9 @@ class Symbols:
         self._classes: dict[str, str] = {}
         self.devices = dict(tree.devices)
         self.stated = dict(tree.classes)
+        uses = uses_of_classes(tree)
+        self.stated_in_place = {cls for cls in self.stated if uses[cls] == 1}
+        """The classes of actions that are stated where they are used, as that is one place."""
         self.functions = {
             function.iri: self._claim(snake_case(local_name(function.iri))) for function in tree.functions
         }
@@ -124,8 +137,23 @@ class Symbols:
 
     def stated_class(self, cls: str) -> Expression:
         """Return the expression for a class of actions: its constant, or else its name or IRI."""
+        if cls in self.stated_in_place:
+            return self.statement_of_class(cls)
         if cls in self.stated:
             return Text(self.action_class(cls))
+        return self.class_name(cls)
+
+    def statement_of_class(self, cls: str) -> CallExpression:
+        """Return the call that states a class of actions."""
+        return call(self.use("action_class"), self.class_name(cls), below=self.above(cls))
+
+    def above(self, cls: str) -> Expression:
+        """Return the classes directly above one that the plan states."""
+        above = [self.stated_class(one) for one in self.stated[cls]]
+        return above[0] if len(above) == 1 else sequence(above)
+
+    def class_name(self, cls: str) -> Expression:
+        """Return the expression for the IRI of a class, or for its name in the vocabulary."""
         return self.iri(cls) if is_iri(cls) else Text(quoted(cls))
 
     def local_names(self) -> Names:
@@ -227,7 +255,8 @@ class Expressions:
     """Writes expressions with the names of one module.
 
     ``variables`` hold the results of steps (IRIs), ``kept`` what states have made last, by name, and ``again`` runs
-    steps again, by name. ``claim`` gives out names inside of the function that the expressions stand in.
+    steps again, by name. ``claim`` gives out names inside of the function that the expressions stand in, whose body is
+    ``body``.
     """
 
     def __init__(
@@ -236,18 +265,26 @@ class Expressions:
         variables: dict[str, str],
         kept: dict[str, str],
         again: dict[str, str],
+        body: Series,
         claim: Callable[[str], str],
     ) -> None:
         self._symbols = symbols
         self._variables = variables
         self._kept = kept
         self._again = again
+        self._places = uses_of_places(body)
+        self._features = frozenset(part for part, uses in uses_of_features(body).items() if uses > 1)
+        """The features that variables hold, as more than one value names them."""
+        self._things_of = Counter(name for name, _ in {(part.name, part.of) for part in self._features})
+        """The number of things that have a feature of a name."""
         self._claim = claim
         self._held: dict[Hashable, str] = {}
         """The variables that hold places and constraints."""
-        self._undefined: list[tuple[str, str | None, CallExpression]] = []
+        self._shared = frozenset(several for several, uses in uses_of_recoveries(body).items() if uses > 1)
+        """The recoveries that several steps have; variables hold them if there is more than one."""
+        self._undefined: list[tuple[str, str | None, Expression]] = []
 
-    def take_variables(self) -> list[tuple[str, str | None, CallExpression]]:
+    def take_variables(self) -> list[tuple[str, str | None, Expression]]:
         """Return the variables that have been used since the last call, each with a comment and its value.
 
         One whose value refers to another stands after it.
@@ -312,14 +349,24 @@ class Expressions:
         key = use.place.iri, *use.arguments
         return self._variable(key, use.place.name, use.place, lambda: self._location(use))
 
+    def standing(self, use: PlaceUse) -> tuple[str, Expression]:
+        """Return a name for where the base stands, and the place: described there if nothing else names it."""
+        if use.place.is_posture or self._places[use.place.iri] > 1:
+            name = self.place(use)
+            return name, Text(name)
+        described, explanation = self._location(use), self._symbols.explanation(use.place)
+        name = without_digits(snake_case(use.place.name))
+        return name, described if explanation is None else Remark(described, explanation)
+
     def _variable(
-        self, key: Hashable, wanted: str, what: Place | Constraint, described: Callable[[], CallExpression]
+        self, key: Hashable, wanted: str, what: Place | Constraint | None, described: Callable[[], Expression]
     ) -> str:
         """Return the variable that holds what is described; what that refers to is described before it."""
         if key not in self._held:
             description = described()
             self._held[key] = self._claim(without_digits(snake_case(wanted)))
-            self._undefined.append((self._held[key], self._symbols.explanation(what), description))
+            explanation = None if what is None else self._symbols.explanation(what)
+            self._undefined.append((self._held[key], explanation, description))
         return self._held[key]
 
     def _location(self, use: PlaceUse) -> CallExpression:
@@ -341,7 +388,16 @@ class Expressions:
         return call(self._symbols.use("a_location"), quoted(use.place.name), **written)
 
     def _feature(self, part: Part) -> Expression:
-        """Return a feature of a thing, which is a constant if it is found by the hand that holds it."""
+        """Return a feature, or the variable that holds it; ``front_side_in_left_arm`` if it is found by the hand."""
+        if part not in self._features:
+            return self._described_feature(part)
+        wanted = part.name if part.held_by is None else f"{part.name}_in_{part.held_by.name}"
+        if self._things_of[part.name] > 1:
+            wanted = f"{wanted}_of_{part.of.name}"
+        return Text(self._variable(part, wanted, None, lambda: self._described_feature(part)))
+
+    def _described_feature(self, part: Part) -> CallExpression:
+        """Return the call that describes a feature, of a constant if that is what the hand holds that finds it."""
         thing = self._symbols.constant(part.of) if part.held_by is not None else self._symbols.thing(part.of)
         more: dict[str, Expression | str] = {"of": thing}
         if part.path:
@@ -380,6 +436,12 @@ class Expressions:
         for name, fillers in properties:
             values = [self.value(filler) for filler in fillers]
             written[name] = values[0] if len(values) == 1 else sequence(values)
+        if type in self._symbols.stated_in_place:
+            own, below = self._symbols.class_name(type), self._symbols.above(type)
+            whole = call(self._symbols.use(maker), own, below=below, **written)
+            if len(whole.flat()) <= LONGEST_ACTION:
+                return whole
+            self._symbols.stated_in_place.remove(type)
         return call(self._symbols.use(maker), self._symbols.stated_class(type), **written)
 
     def condition(self, condition: Condition) -> Expression:
@@ -388,6 +450,16 @@ class Expressions:
         if condition.predicate == "holding":
             return call(self._symbols.use("holding"), *things)
         return call(self._symbols.use("Condition"), quoted(condition.predicate), sequence(things))
+
+    def recoveries(self, recoveries: tuple[Recover, ...], *, is_outermost: bool) -> Expression:
+        """Return recoveries as one argument; where they may name what only an inner function knows, a list."""
+
+        def written() -> Expression:
+            return sequence([self.recovery(one) for one in recoveries], "[]")
+
+        if recoveries in self._held or (is_outermost and len(recoveries) > 1 and recoveries in self._shared):
+            return Text(self._variable(recoveries, "recoveries", None, written))
+        return written()
 
     def recovery(self, recovery: Recover) -> Expression:
         """Return a recovery."""
@@ -401,8 +473,9 @@ class Expressions:
             again = [] if recovery.again is None else [self._again[recovery.again]]
             arguments.append(call(do, *about, *again) if about else do)
         more: dict[str, Expression | str] = {"attempts": str(attempts)}
-        if recovery.otherwise is not None:
-            more["otherwise"] = use(recovery.otherwise, "planlang.failures")
+        declared = recovery.strategy.otherwise
+        if recovery.otherwise != (declared and declared.__name__):
+            more["otherwise"] = use(recovery.otherwise, "planlang.failures") if recovery.otherwise else "None"
         return call(use("Recovery"), *arguments, **more)
 
 

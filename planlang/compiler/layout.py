@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -66,6 +67,12 @@ class Call:
         """Return the call with further keyword arguments."""
         return Call(self.function, (*self.arguments, *keywords.items()))
 
+    def further(self, *positional: Expression) -> Call:
+        """Return the call with further positional arguments."""
+        place = sum(keyword is None for keyword, _ in self.arguments)
+        further = ((None, argument) for argument in positional)
+        return Call(self.function, (*self.arguments[:place], *further, *self.arguments[place:]))
+
 
 @dataclass(frozen=True, slots=True)
 class Display:
@@ -89,7 +96,19 @@ class Display:
         return [(f"{key.flat()}: ", item) for key, item in zip(self.keys, self.items, strict=True)]
 
 
-Expression = Text | Sum | Item | Call | Display
+@dataclass(frozen=True, slots=True)
+class Remark:
+    """An argument of a call, or an item of a display, with a comment on it: so each of them is on a line of its own."""
+
+    expression: Expression
+    comment: str
+
+    def flat(self) -> str:
+        """Return the expression on one line."""
+        return self.expression.flat()
+
+
+Expression = Text | Sum | Item | Call | Display | Remark
 
 
 def call(function: str, *positional: Expression | str, **keywords: Expression | str) -> Call:
@@ -123,6 +142,18 @@ def assignment(targets: Sequence[Expression], expression: Expression, *, depth: 
     inside = statement(expression, depth=depth + 1, before=before)
     bracketed = [f"{indent}{together} = (", *inside, f"{indent})"]
     return bracketed if max(map(len, bracketed)) <= WIDTH else lines
+
+
+def comment(text: str, depth: int) -> list[str]:
+    """Return the lines of a comment."""
+    start = INDENT * depth + "# "
+    return textwrap.wrap(" ".join(text.split()), WIDTH, initial_indent=start, subsequent_indent=start)
+
+
+def remarked(lines: list[str], text: str, depth: int) -> list[str]:
+    """Return lines with a comment: beside them if they are one on which it has room, else above."""
+    beside = f"{lines[0]}  # {' '.join(text.split())}"
+    return [beside] if len(lines) == 1 and len(beside) <= WIDTH else [*comment(text, depth), *lines]
 
 
 def returned(values: Sequence[Expression], *, depth: int) -> list[str]:
@@ -172,6 +203,8 @@ def _lines(expression: Expression, depth: int, before: str, after: str) -> list[
     indent = INDENT * depth
     if isinstance(expression, Text):
         return [f"{indent}{before}{expression.text}{after}"]
+    if isinstance(expression, Remark):
+        return remarked(_lines(expression.expression, depth, before, after), expression.comment, depth)
     is_wide = _is_wide(expression)
     if not is_wide:
         line = f"{indent}{before}{expression.flat()}{after}"
@@ -213,7 +246,9 @@ def _pair(key: Expression, item: Expression, depth: int) -> list[str]:
 
 
 def _is_wide(expression: Expression) -> bool:
-    """Return True if an expression has too many parts for any line: each takes a character, a comma and a blank."""
+    """Return True if an expression has a remark, or too many parts for any line: each takes 3 characters at least."""
+    if isinstance(expression, Remark):
+        return True
     if isinstance(expression, (Text, Sum, Item)):
         return False
     parts = [part for _, part in expression.arguments] if isinstance(expression, Call) else expression.items

@@ -36,6 +36,7 @@ from planlang.ontology.terms import OWL
 from planlang.recipe.actions import Actions, RecoveryRule, recoveries_of
 from planlang.recipe.checks import check
 from planlang.recipe.checks.orderings import ordering_to_write
+from planlang.recipe.effects import effects_of
 from planlang.recipe.fillers import action_class, is_vocabulary_class
 from planlang.recipe.model import Kind, Place, Recipe, RecipeSet, Step, Thing
 from planlang.recipe.order import Precedence, Unit, callees_first, recipe_order, scopes_of, single_steps
@@ -422,7 +423,12 @@ class Steps:
         return kept
 
     def _is_unrepeatable(self, step: Step) -> bool:
-        """Return True for a step that nothing performs, or that calls a recipe with such a step."""
+        """Return True for a step that nothing performs or that changes what is there, or that calls such a recipe.
+
+        What has been poured, mixed or turned over has that effect, whatever is lost afterwards.
+        """
+        if effects_of(self._actions.ontology, step.action_class).lasts:
+            return True
         for callee in step.recipes:
             if callee not in self._unrepeatable:
                 self._unrepeatable[callee] = any(map(self._is_unrepeatable, self._recipes.recipes[callee].steps))

@@ -351,7 +351,7 @@ def _device(fillers: Iterable[Filler]) -> Thing | None:
 
 def _unclashed(key: str, taken: Iterable[str]) -> str:
     """Return a keyword argument of ``action`` for a property: no keyword of Python, nor a parameter of ``action``."""
-    used = {*taken, "type", "name", *kwlist}
+    used = {*taken, "type", "name", "below", *kwlist}
     number, name = 1, key
     while name in used:
         number += 1

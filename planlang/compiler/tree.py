@@ -356,6 +356,73 @@ def uses_kept(body: Node) -> bool:
     return any(isinstance(value, Kept) for node in _all(body) for value in _values(node))
 
 
+def uses_of_classes(tree: PlanTree) -> Counter[str]:
+    """Count the uses of each class of actions, outside of its own statement, in which it can be stated, too."""
+    uses: Counter[str] = Counter()
+    for node in (node for function in tree.functions for node in _all(function.body)):
+        if isinstance(node, Perform | Call):
+            uses[node.action.type] += 1
+        if isinstance(node, Scope):
+            uses[node.motion] += 1
+        for value in _values(node):
+            uses.update(dict.fromkeys(_situations(value), 2))
+    for _, above in tree.classes:
+        uses.update(dict.fromkeys(above, 2))
+    return uses
+
+
+def _situations(value: Value) -> Iterator[str]:
+    """Yield the classes of what a value describes."""
+    if isinstance(value, Described):
+        yield value.type
+        yield from (one for _, fillers in value.properties for inner in fillers for one in _situations(inner))
+
+
+def uses_of_places(body: Node) -> Counter[str]:
+    """Count how often a function names each place (IRI)."""
+    uses: Counter[str] = Counter()
+    for node in _all(body):
+        for value in _values(node):
+            uses.update(_places(value))
+        for where in node.reaching if isinstance(node, Scope) else ():
+            if isinstance(where, PlaceUse):
+                uses.update(_places(where))
+    return uses
+
+
+def _places(value: Value) -> Iterator[str]:
+    """Yield the places (IRIs) that a value names, with those by which they are described."""
+    match value:
+        case PlaceUse(place):
+            waiting = [place]
+            while waiting:
+                place = waiting.pop()
+                yield place.iri
+                waiting += [reference for _, reference in place.relations if isinstance(reference, Place)]
+        case Passed(_, otherwise) | Kept(_, otherwise):
+            yield from _places(otherwise)
+        case Described(_, properties):
+            yield from (place for _, fillers in properties for inner in fillers for place in _places(inner))
+
+
+def uses_of_recoveries(body: Node) -> Counter[tuple[Recover, ...]]:
+    """Count how often a function handles failures with the same recoveries."""
+    return Counter(node.recoveries for node in _all(body) if isinstance(node, Handle))
+
+
+def uses_of_features(body: Node) -> Counter[Part]:
+    """Count how often a function names each feature; constraints that relate the same two are stated once."""
+    related: dict[tuple[str, Part, Part], None] = {}
+    uses: Counter[Part] = Counter()
+    for value in (value for node in _all(body) for value in _values(node)):
+        if isinstance(value, Constraint):
+            related[value.template, value.tool, value.world] = None
+        elif isinstance(value, Part):
+            uses[value] += 1
+    uses.update(part for _, tool, world in related for part in (tool, world))
+    return uses
+
+
 def _passed(node: Node) -> Iterator[str]:
     """Yield the steps whose results a node itself uses."""
     return (value.producer for value in _values(node) if isinstance(value, Passed))

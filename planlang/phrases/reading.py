@@ -11,8 +11,9 @@ from importlib.resources import files
 
 from lark import Lark, Token, Tree, UnexpectedInput, UnexpectedToken
 
-from planlang.designators import Device, Location, Object, Relation, metres
+from planlang.designators import Device, Location, Object, Relation
 from planlang.diagnostics import BadInput, Diagnostic, Span, error
+from planlang.lengths import metres
 from planlang.phrases.lexicon import (
     ARTICLES,
     DEEPEST,

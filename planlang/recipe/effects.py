@@ -30,9 +30,17 @@ class Effects:
     vessels: Classes = ()
     """Classes of vessels in which that comes into being, unless the action or its inputs are in another."""
 
+    completes: Classes = ()
+    """Classes of actions that are done with it: the changes of the nearest one around it are made, too."""
+
     def __bool__(self) -> bool:
         """Return True if the action changes anything."""
         return self != Effects()
+
+    @property
+    def lasts(self) -> bool:
+        """True if doing it a second time changes something a second time; a device is merely on again."""
+        return bool(self.destroyed or self.created or self.turned or self.flow_rate)
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +70,7 @@ def effects_of(ontology: Ontology, action_class: str, ancestors: Iterable[str] |
         flow_rate=next((one.flow_rate for one in found if one.flow_rate is not None), None),
         amount=next((one.amount for one in found if one.amount is not None), None),
         vessels=_each(one.vessels for one in found),
+        completes=_each(one.completes for one in found),
     )
 
 
@@ -114,6 +123,7 @@ def _declared(ontology: Ontology) -> dict[str, list[Effects]]:
                 number_of_individual(ontology, individual, "flowRate"),
                 number_of_individual(ontology, individual, "amount"),
                 _iris(ontology, individual, "deviceUsed"),
+                _iris(ontology, individual, "completes"),
             )
             for action in _iris(ontology, individual, "byAction"):
                 table.setdefault(action, []).append(effects)

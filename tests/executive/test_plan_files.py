@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from executive.belief import SemanticMap, read_map
-from executive.belief.environments import default_environment
+from executive.belief.environments import default_environment, environments_with
 from executive.cli.inputs import PlanFile, RecipeFile, read
 from executive.robots import Availability, FindingKind, Missing
 from executive.runs.parameters import bound_parameters
@@ -211,6 +211,9 @@ async def look() -> None:
 """
 
 
+FILLING = "Pouring", "http://example.org/kitchen.owl#Care"
+
+
 def needs(folder: Path, *body: str, before: str = "") -> Needs:
     """Return what a plan with these lines needs."""
     path = folder / "kitchen.py"
@@ -242,6 +245,8 @@ def told(found: Needs, *unable: str) -> tuple[list[str], list[tuple[str, str]]]:
         (["await perform(planlang.action('Reaching'))"], ["Reaching"]),
         (["await perform(act('Reaching'))"], ["Reaching"]),
         (["await perform(action(KITCHEN + 'Pouring'))"], ["http://example.org/kitchen.owl#Pouring"]),
+        (["await perform(action(KITCHEN + 'Fill', below='Pouring'))"], ["Pouring"]),
+        (["await perform(action(KITCHEN + 'Fill', below=('Pouring', KITCHEN + 'Care')))"], [*FILLING]),
         (["await grasp()", "await look()"], ["ClosingAGripper", "LookingForSomething"]),
         (["await par(grasp, partial(look))"], ["ClosingAGripper", "LookingForSomething"]),
         (["await at_location(KITCHEN, reach)"], ["Translation-LocationChange", "Reaching"]),
@@ -365,7 +370,7 @@ Class: Look
 @pytest.mark.parametrize("is_plan", [False, True], ids=["recipe", "plan"])
 def test_a_step_without_process_module_is_refused_before_the_robot_is_bound(is_plan: bool, tmp_path: Path) -> None:
     recipe = tmp_path / "looking.omn"
-    plan = compiled(recipe, LOOKING.replace("LookingForSomething", "Stirring"))
+    plan = compiled(recipe, LOOKING.replace("LookingForSomething", "Mixing"))
     absent = tmp_path / "robot.omn"  # never read
     options = replace(AMIGO, robot=absent, plan=plan) if is_plan else replace(AMIGO, robot=absent, recipe=recipe)
     refused = run_plan_file(options)
@@ -496,3 +501,9 @@ def test_a_pipe_is_bad_input_that_says_what_to_do(tmp_path: Path, is_named: bool
     with pytest.raises(BadInput, match="is a pipe or device; the recipe is read more than once") as caught:
         read(str(pipe) if is_named else "-")
     assert caught.value.diagnostics[0].help == "write it to a file first: ... > recipe.owl"
+
+
+def test_what_only_adds_things_to_a_kitchen_that_is_not_bundled_is_not_offered() -> None:
+    found = environments_with(["milk1"])
+    assert "pancake_kitchen" in found
+    assert "iai_kitchen_milk" not in found

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from examples import examples
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from typer.testing import CliRunner
@@ -258,7 +259,7 @@ ODD: st.SearchStrategy[Any] = st.sampled_from(
 
 
 @given(data=st.data())
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=examples(60), suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_a_damaged_trace_never_ends_in_a_traceback(data: st.DataObject, whole: Path, tmp_path: Path) -> None:
     records = lines(whole)[: completions(whole)[0] + 3]
     number = data.draw(st.integers(0, len(records) - 1))

@@ -116,19 +116,15 @@ def test_the_picture_of_the_end_is_left(served: tuple[RunResult, Path, list[str]
     assert sorted(path.name for path in served[1].iterdir()) == ["run.jsonl", "scene.png"]
 
 
-def test_one_seed_gives_one_trace_in_processes_that_order_hashes_differently(
+def test_one_seed_gives_one_trace_in_a_process_that_orders_hashes_differently(
     served: tuple[RunResult, Path, list[str]], tmp_path: Path
 ) -> None:
-    running = []
-    for hash_seed in ("1", "99"):
-        trace = tmp_path / f"{hash_seed}.jsonl"
-        environment = {**os.environ, "PYTHONPATH": str(CHECKOUT), "PYTHONHASHSEED": hash_seed}
-        command = [sys.executable, "-m", "executive", "run", "serve_a_drink", "--seed", "3", "--trace", str(trace)]
-        running.append(subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL))
-    assert [process.wait() for process in running] == [0, 0]
-    expected = (served[1] / "run.jsonl").read_bytes()
-    for hash_seed in ("1", "99"):
-        assert (tmp_path / f"{hash_seed}.jsonl").read_bytes() == expected
+    """This process has a random seed of hashes."""
+    trace = tmp_path / "run.jsonl"
+    environment = {**os.environ, "PYTHONPATH": str(CHECKOUT), "PYTHONHASHSEED": "99"}
+    command = [sys.executable, "-m", "executive", "run", "serve_a_drink", "--seed", "3", "--trace", str(trace)]
+    subprocess.run(command, env=environment, capture_output=True, check=True)
+    assert trace.read_bytes() == (served[1] / "run.jsonl").read_bytes()
 
 
 # Real input
@@ -151,22 +147,6 @@ def test_the_real_recipe_puts_the_bottle_on_the_bed_in_the_real_room(corpus: Pat
     assert_complete(records)
     released = next(r for r in records if r["event"] == "belief" and r["change"] == "released")
     assert released["to"] is None, "nobody is there to take it"
-
-
-def test_the_closed_door_before_the_bottle_is_opened_and_the_bottle_served(corpus: Path, tmp_path: Path) -> None:
-    options = replace(of_corpus(corpus, "ias_hospital_room@re_stack.owl.in"), trace=tmp_path / "run.jsonl")
-    result = run_plan_file(options)
-    assert (result.outcome, result.final_state) == (Outcome.DONE, ("bottle1: at rest on bed1",))
-    records = records_of(tmp_path / "run.jsonl")
-    opened = [one["value"] for one in records if one["event"] == "belief" and one.get("change") == "led"]
-    assert max(opened) > math.radians(60.0), "by the hand on its handle"
-    assert_complete(records)
-
-
-def test_a_room_with_a_can_of_cola_only_serves_that_one(corpus: Path) -> None:
-    result = run_plan_file(of_corpus(corpus, "ias_hospital_room_with_objects@re_stack.owl.in"))
-    assert result.outcome in (Outcome.DONE, Outcome.FAILED)
-    assert result.failure or result.final_state[0].endswith("at rest on bed1")
 
 
 def test_a_kitchen_without_a_bottle_says_so_and_lists_what_there_is(corpus: Path) -> None:

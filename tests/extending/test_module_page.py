@@ -43,8 +43,8 @@ def test_the_recipe_compiles_and_runs_with_the_module_only(kitchen: Path) -> Non
 
 def test_its_plan_is_the_one_that_the_page_shows(kitchen: Path) -> None:
     _, source = planlang("compile", "soup.omn")
-    for line in re.findall(r"`(STIR_SOUP = .+?|action\(STIR_SOUP, .+?)`", PAGE.read_text(encoding="utf-8")):
-        assert line in source
+    (line,) = re.findall(r"`(action\(RECIPE \+ \"StirSoup\", .+?)`", PAGE.read_text(encoding="utf-8"))
+    assert line in source
 
 
 def test_its_scripted_tests_pass(kitchen: Path) -> None:

@@ -114,16 +114,26 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("commands")
 
 
-@pytest.mark.parametrize("command", shown_outputs(), ids=str)
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    """Try each command that a page shows; ``make test-long`` those of scenarios that take longer."""
+    if "command" in metafunc.fixturenames:
+        from tests.support.scenarios import run_by  # as a script this file sees no other tests
+
+        ran = {command: run_by(shlex.split(command)) for command in shown_outputs()}
+        long = [command for command, one in ran.items() if one is not None and not one.is_quick]
+        marked = [pytest.param(one, marks=pytest.mark.long) if one in long else one for one in ran]
+        metafunc.parametrize("command", marked, ids=str)
+
+
 def test_an_output_in_the_documentation_is_what_its_command_prints(
     command: str, folder: Path, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The goal of a scenario with the same command is reached as well: the run is the same."""
-    from tests.support.extras import skip_without_pr2  # as a script this file sees no other tests
-    from tests.support.scenarios import Judged, judged_run, scenarios
+    from tests.support.extras import skip_without_pr2
+    from tests.support.scenarios import Judged, judged_run, run_by
 
     skip_without_pr2(command)
-    scenario = next((one for one in scenarios().values() if one.is_run_by(shlex.split(command))), None)
+    scenario = run_by(shlex.split(command))
     ended: list[Judged] = []
 
     def run(options: RunOptions) -> RunResult:

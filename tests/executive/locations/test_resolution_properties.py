@@ -18,6 +18,7 @@ from planlang import at_location
 from planlang.designators import Location, a_location, a_person, an_object
 from planlang.failures import LocationUnresolvable, ManipulationPoseUnreachable, ObjectUnreachable
 from planlang.geometry import Pose
+from planlang.kernel.core import here
 from planlang.protocols import Configuration, Detection, Solution
 from sim import Body
 from tests.executive.conftest import BOTTLE, CABINET, THE_BOTTLE, WARD, MakeStage, Stage, hold_bottle, stand
@@ -312,3 +313,15 @@ def test_a_plan_tries_as_many_places_as_it_may(gangway: Stage) -> None:
     assert isinstance(ended.value.__cause__, ManipulationPoseUnreachable), "there are more places than attempts"
     assert len(tried) == 8
     assert len({(round(x, 2), round(y, 2)) for x, y in tried}) == 8
+
+
+def test_the_watchdog_sees_that_a_search_goes_on(ward: Stage) -> None:
+    async def search() -> tuple[int, ...]:
+        scheduler, _ = here()
+        before = scheduler.progress()
+        next(ward.resolver.bases(a_location(in_reach_of=THE_BOTTLE)))
+        return tuple(now - then for then, now in zip(before, scheduler.progress(), strict=True))
+
+    *others, beats = ward.run(search)
+    assert beats > 3
+    assert not any(others)

@@ -27,9 +27,11 @@ def stack() -> Iterator[ExitStack]:
         yield stack
 
 
-@pytest.mark.parametrize("seed", [DOOR, DRAWER])
-@pytest.mark.parametrize("robot", ["amigo", "panda"])
-def test_a_leaf_is_opened_and_closed_again_by_its_handle(stack: ExitStack, seed: int, robot: str) -> None:
+@pytest.mark.parametrize(
+    ("robot", "seed"),
+    [("panda", DOOR), ("panda", DRAWER), ("amigo", DRAWER), pytest.param("amigo", DOOR, marks=pytest.mark.long)],
+)
+def test_a_leaf_is_opened_and_closed_again_by_its_handle(stack: ExitStack, robot: str, seed: int) -> None:
     stage = room(stack, drawn(seed), robot)
     leaf, joint = stage.designator("leaf"), stage.platform.belief.joints["leaf"]
     assert stage.executive.holds(Condition("closed", (leaf,)))
@@ -98,6 +100,7 @@ def test_a_thing_in_a_drawer_is_in_reach_once_the_drawer_is_open(stack: ExitStac
     next(stage.platform.resolver.bases(where))
 
 
+@pytest.mark.long
 def test_of_doors_and_drawers_drawn_by_seeds_nearly_all_are_opened_and_the_others_have_a_reason() -> None:
     """The short form of ``python -m tests.benchmarks.doors``."""
     results = [opened("panda", seed) for seed in range(8)]

@@ -7,7 +7,8 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from examples import examples
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from executive.motion import Chain, JointSpace, plan_path
@@ -43,6 +44,7 @@ def test_projection_leaves_what_is_upright_and_mostly_rights_what_is_not(
 
 
 @pytest.mark.parametrize("robot", ["amigo", "panda"])
+@settings(max_examples=examples(100))
 @given(seed=SEEDS)
 def test_a_path_that_is_found_between_upright_postures_keeps_upright_all_the_way(
     chain_of: Callable[[str], Chain], robot: str, seed: int

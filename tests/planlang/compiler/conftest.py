@@ -7,6 +7,9 @@ from dataclasses import dataclass, field
 
 import pytest
 
+from planlang.compiler.expressions import without_digits
+from planlang.designators import snake_case
+
 Scope = dict[str, ast.AsyncFunctionDef | ast.expr]
 """What names stand for inside of a function."""
 
@@ -27,6 +30,12 @@ class Happening:
 def _last(text: ast.expr) -> ast.expr:
     """The local name in ``RECIPE + "StirSoup"``."""
     return text.right if isinstance(text, ast.BinOp) else text
+
+
+def _described(place: ast.expr) -> str:
+    """The name that a place would have as a variable, of where it is described."""
+    assert isinstance(place, ast.Call)
+    return without_digits(snake_case(ast.literal_eval(place.args[0])))
 
 
 class PlanReader:
@@ -98,8 +107,8 @@ class PlanReader:
                 return self._branch(arguments[0], scope)
             case "at_location":
                 place = arguments[0]
-                assert isinstance(place, ast.Name)
-                return Happening([f"at {place.id}"]).then(self._branch(arguments[1], scope))
+                where = place.id if isinstance(place, ast.Name) else _described(place)
+                return Happening([f"at {where}"]).then(self._branch(arguments[1], scope))
             case "par":
                 named = {str(k.arg): self._branch(k.value, scope, k.arg) for k in keywords}
                 return self._side_by_side(named, [])

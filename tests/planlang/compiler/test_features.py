@@ -94,7 +94,8 @@ def test_without_scopes_a_base_motion_is_a_step_like_any_other(compiled: Any) ->
         scopes=False,
     )
     assert "at_location" not in plan.source
-    assert "perform(action(DRIVE, to_location=there))" in unbroken(plan.source)
+    written = "perform(action(RECIPE + 'Drive', below='Translation-LocationChange', to_location=there))"
+    assert written in unbroken(plan.source)
 
 
 def test_base_motion_that_nothing_follows_opens_no_scope(compiled: Any) -> None:
@@ -125,8 +126,18 @@ def test_base_motion_to_a_thing_goes_where_that_is_in_reach(compiled: Any) -> No
         step("Drive", "k:Translation-LocationChange", "k:toLocation value room:bottle1"),
         step("Look", "k:LookingForSomething"),
     )
-    assert 'a_location("near-bottle1", in_reach_of=bottle)' in plan.source
-    assert "at_location(near_bottle, at_near_bottle" in plan.source
+    assert "at_location(a_location('near-bottle1', in_reach_of=bottle), at_near_bottle" in unbroken(plan.source)
+
+
+def test_place_of_a_base_that_something_else_names_too_is_described_once(compiled: Any) -> None:
+    plan = compiled(
+        task("Go", "Drive Look", constraints=1),
+        orderings("Drive<Look"),
+        step("Drive", "k:Translation-LocationChange", "k:toLocation value there"),
+        step("Look", "k:LookingForSomething", "k:toLocation value there"),
+    )
+    assert plan.source.count("a_location(") == 1
+    assert "at_location(there, at_there" in unbroken(plan.source)
 
 
 def test_place_described_as_a_class_is_a_place(compiled: Any) -> None:
@@ -165,7 +176,7 @@ def test_place_is_described_where_it_is_first_used_and_its_label_stands_in_the_p
     assert described in body(plan, "again")
     assert "# over it" not in body(plan, "take")
     look, place, reach, again = body(plan, "take").splitlines()[2:]
-    assert "action(LOOK)" in look
+    assert 'RECIPE + "Look"' in look
     assert place.strip() == described
     assert "to_location=beyond" in reach
     assert "partial(again, cup=cup)" in again
@@ -233,7 +244,7 @@ def test_device_of_a_recipe_is_that_of_its_steps_and_of_recipes_below(compiled: 
         task("Grasp", "Close", above="k:PurposefulAction"),
         step("Close", "k:ClosingAGripper"),
     )
-    assert "action(CLOSE, device_used=GRIPPER)" in plan.source
+    assert 'action(RECIPE + "Close", below="ClosingAGripper", device_used=GRIPPER)' in plan.source
 
 
 def test_recipe_nearer_than_a_primitive_is_called(compiled: Any) -> None:
@@ -242,7 +253,8 @@ def test_recipe_nearer_than_a_primitive_is_called(compiled: Any) -> None:
         task("CarefulReach", "Look", above="k:Reaching"),
         step("Look", "k:LookingForSomething"),
     )
-    assert "await perform(action(CAREFUL_REACH), otherwise=careful_reach)" in body(plan, "serve")
+    written = 'await perform(action(RECIPE + "CarefulReach", below="Reaching"), otherwise=careful_reach)'
+    assert written in body(plan, "serve")
 
 
 def test_primitive_nearer_than_a_recipe_is_performed(compiled: Any) -> None:
@@ -253,7 +265,7 @@ def test_primitive_nearer_than_a_recipe_is_performed(compiled: Any) -> None:
         step("Look", "k:LookingForSomething"),
         task="Serve",
     )
-    assert "action(REACH, to_location=grasp_pose)" in plan.source
+    assert 'action(RECIPE + "Reach", below="Reaching", to_location=grasp_pose)' in plan.source
 
 
 def test_recipes_of_two_superclasses_are_tried_in_order(compiled: Any) -> None:
@@ -272,7 +284,7 @@ def test_recipes_of_two_superclasses_are_tried_in_order(compiled: Any) -> None:
 def test_task_without_steps_of_its_own_takes_those_of_its_superclass(compiled: Any) -> None:
     plan = compiled(step("Mine", "Serve"), task("Serve", "Look"), step("Look", "k:LookingForSomething"), task="Mine")
     assert plan.functions == ("mine",)
-    assert "await perform(action(LOOK))" in plan.source
+    assert 'await perform(action(RECIPE + "Look", below="LookingForSomething"))' in plan.source
 
 
 def test_recovery_stated_in_the_recipe_replaces_the_inherited_one(compiled: Any) -> None:
@@ -296,6 +308,25 @@ def test_recovery_with_no_attempts_is_switched_off(compiled: Any) -> None:
     assert "Recovery" not in plan.source
 
 
+@pytest.mark.parametrize(
+    ("stated", "written"),
+    [
+        ("k:strategy k:FetchAgain, k:escalatesTo k:ObjectUnfetchable", "fetch_again(bottle), attempts=2)"),
+        ("k:strategy k:FetchAgain", "fetch_again(bottle), attempts=2, otherwise=None)"),
+        ("k:strategy k:Repeat", "attempts=2)"),
+        ("k:strategy k:Repeat, k:escalatesTo k:ObjectUnfetchable", "attempts=2, otherwise=ObjectUnfetchable)"),
+    ],
+)
+def test_last_failure_is_written_unless_the_strategy_says_it(compiled: Any, stated: str, written: str) -> None:
+    plan = compiled(
+        task("Serve", "Close"),
+        step("Close", "k:ClosingAGripper", "k:objectActedOn value room:bottle1"),
+        f"Individual: again\n    Types: k:Recovery\n    Facts: k:recoversAction Close, k:attempts 2, {stated},"
+        " k:recoversFailure k:GraspMissed",
+    )
+    assert f"Recovery(GraspMissed, {written}" in unbroken(plan.source)
+
+
 @pytest.mark.parametrize(("stated", "written"), [("0", "1"), ("2", "2")])
 def test_number_of_places_that_a_scope_tries_is_that_of_the_recipe(compiled: Any, stated: str, written: str) -> None:
     failures = "NavigationFailure ManipulationPoseUnreachable ManipulationGoalInCollision LookingGoalUnreachable"
@@ -308,7 +339,7 @@ def test_number_of_places_that_a_scope_tries_is_that_of_the_recipe(compiled: Any
         f"    Facts: k:recoversAction Drive, k:strategy k:NextSolution, k:attempts {stated}"
         + "".join(f", k:recoversFailure k:{failure}" for failure in failures.split()),
     )
-    assert f"attempts={written}, by=DRIVE)" in body(plan, "serve")
+    assert f"at_near_bottle, attempts={written}, by=" in unbroken(plan.source)
 
 
 def test_task_that_is_run_by_itself_has_its_own_recoveries(compiled: Any) -> None:
@@ -341,9 +372,8 @@ def test_steps_between_a_grasp_and_the_release_go_back_to_the_grasp_when_the_thi
     assert "fetch_bottle = partial(perform," in text
     assert text.count("Recovery(ObjectLost, fetch_again(bottle), attempts=2") == 1, "around the grasp itself"
     assert text.count("Recovery(ObjectLost, fetch_again(bottle, fetch_bottle), attempts=2") == 2
-    assert "ObjectLost" not in text[text.index("perform(action(GIVE") :].partition("otherwise=ObjectUnfetchable")[2], (
-        "let go"
-    )
+    after_giving = text[text.index("perform(action(RECIPE + 'Give'") :].splitlines()[1:]
+    assert [line for line in after_giving if "ObjectLost" in line] == [], "let go"
 
 
 def test_letting_go_of_another_thing_leaves_the_first_one_watched(compiled: Any) -> None:
@@ -409,10 +439,10 @@ def test_constants_have_numbers_only_where_they_meet_other_constants(compiled: A
 def test_properties_named_like_words_of_python_get_a_number(compiled: Any) -> None:
     plan = compiled(
         task("Serve", "Look"),
-        "DataProperty: class\nDataProperty: name",
-        step("Look", "k:LookingForSomething", 'class value "first"', 'name value "second"'),
+        "DataProperty: class\nDataProperty: name\nDataProperty: below",
+        step("Look", "k:LookingForSomething", 'class value "first"', 'name value "second"', 'below value "third"'),
     )
-    assert 'action(LOOK, class_2="first", name_2="second")' in plan.source
+    assert 'below="LookingForSomething", below_2="third", class_2="first", name_2="second")' in plan.source
 
 
 def test_labels_cannot_break_out_of_docstrings(compiled: Any) -> None:
@@ -442,8 +472,22 @@ def test_all_errors_come_in_one_run(compiled: Any) -> None:
 def test_a_step_with_a_recipe_that_is_just_some_action_is_told_by_its_own_class(compiled: Any) -> None:
     text = task("T", "Part") + step("Part", "k:PurposefulAction", "k:subAction some Look")
     plan = compiled(text + step("Look", "k:Perceiving"))
-    assert 'PART = action_class(RECIPE + "Part", below="PurposefulAction")' in plan.source
-    assert "await perform(action(PART), otherwise=part)" in plan.source
+    assert 'await perform(action(RECIPE + "Part", below="PurposefulAction"), otherwise=part)' in plan.source
+
+
+def test_a_class_is_stated_where_it_is_used_once_and_else_before_all_that_uses_it(compiled: Any) -> None:
+    text = task("T", "Look one two") + step("Look", "k:Perceiving") + step("Stare", "k:Perceiving")
+    plan = compiled(text + "\nIndividual: one\n    Types: Stare\nIndividual: two\n    Types: Stare\n")
+    assert 'STARE = action_class(RECIPE + "Stare", below="Perceiving")' in plan.source
+    assert plan.source.count("perform, action(STARE), name=") == 2
+    assert 'partial(perform, action(RECIPE + "Look", below="Perceiving"))' in plan.source
+
+
+def test_a_class_that_is_long_beside_the_properties_of_its_step_is_stated_apart(compiled: Any) -> None:
+    name = "ReachVery" + 70 * "o" + "ften"
+    plan = compiled(task("T", name), step(name, "k:Reaching", "k:toLocation value graspPose"))
+    assert f"action_class(RECIPE + '{name}', below='Reaching')" in unbroken(plan.source)
+    assert "below=" not in body(plan, "t")
 
 
 def test_an_individual_with_a_recipe_of_its_own_is_a_class_to_the_plan(compiled: Any) -> None:
@@ -452,6 +496,5 @@ def test_an_individual_with_a_recipe_of_its_own_is_a_class_to_the_plan(compiled:
         f"\nIndividual: {name}\n    Types: {cls}\n    Facts: k:subAction {sub}\n" for name, cls, sub in frames
     )
     plan = compiled(text + "\nIndividual: look\n    Types: k:Perceiving\n", task="T")
-    assert 'PART = action_class(RECIPE + "part", below="Action")' in plan.source
-    assert "await perform(action(PART), otherwise=part)" in plan.source
+    assert 'await perform(action(RECIPE + "part", below="Action"), otherwise=part)' in plan.source
     assert 'await perform(action("Perceiving"), name="look")' in plan.source

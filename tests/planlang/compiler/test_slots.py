@@ -7,7 +7,8 @@ from types import ModuleType
 from typing import Any
 
 import pytest
-from hypothesis import given
+from examples import examples
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planlang import a_location, an_object
@@ -184,6 +185,7 @@ STATED = {"objectActedOn": "k:objectActedOn value cup1", "toLocation": "k:toLoca
 STATING = st.lists(st.frozensets(st.sampled_from(sorted(STATED))), min_size=1, max_size=5)
 
 
+@settings(max_examples=examples(100))
 @given(STATING)
 def test_a_task_asks_for_what_its_steps_leave_open(tmp_path_factory: Any, stating: list[frozenset[str]]) -> None:
     classes = {

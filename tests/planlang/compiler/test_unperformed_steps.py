@@ -73,3 +73,21 @@ def test_a_misspelt_superclass_and_an_undefined_step_stay_errors(compiled: Any) 
     with pytest.raises(BadInput) as found:
         compiled({"Look": "k:LookingForSomethin"}, constraints=", k:subAction some Nothing")
     assert {one.code for one in found.value.diagnostics if one.severity is Severity.ERROR} == {"R020", "R058"}
+
+
+def test_what_was_poured_is_not_poured_again_when_the_vessel_is_lost_later(compiled: Any) -> None:
+    plan = compiled(
+        {
+            "PourOut": "k:FluidFlow-Translation, k:objectActedOn value bottle, k:toLocation value pan",
+            "Rest": "k:WaitForPredefinedTimeInterval, k:duration value 3.0",
+        },
+        "Individual: bottle\n    Types: k:DrinkingBottle",
+        "Individual: pan\n    Types: k:CookingVessel",
+        "Individual: O1\n    Types: k:PartialOrdering-Strict",
+        "    Facts: k:occursBeforeInOrdering PourOut, k:occursAfterInOrdering Rest",
+        constraints=", k:orderingConstraints value O1",
+    )
+    task = plan.source[plan.source.index("async def cook") :]
+    assert "otherwise=partial(pour" in task
+    assert "ObjectLost" not in task
+    assert "ObjectLost" in plan.source, "before it is poured it is fetched again"

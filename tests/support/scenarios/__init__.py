@@ -71,12 +71,17 @@ class Scenario:
     watchers: tuple[Callable[[Watched], None], ...] = ()
     """Called after each step, to keep something in ``notes``."""
     seconds: float = 5.0
-    """Wall-clock time that a run takes here, roughly [s]: what takes more than 10 is left out of the suite."""
+    """Wall-clock time that a run takes here, roughly [s]: what takes more than 6 is left to ``make test-long``."""
 
     @property
     def command(self) -> str:
         """The command as a user types it."""
         return " ".join(("planlang run", *(f'"{one}"' if " " in one else one for one in self.arguments)))
+
+    @property
+    def is_quick(self) -> bool:
+        """Return whether the suite has time for it."""
+        return self.seconds <= 6.0
 
     def is_run_by(self, words: Sequence[str]) -> bool:
         """Return whether the words of a command, wherever its files are, run this and write the trace or a picture."""
@@ -147,3 +152,8 @@ def scenarios() -> dict[str, Scenario]:
     """Return all scenarios by name."""
     modules = (import_module(f"{__name__}.{one.name}") for one in iter_modules(__path__))
     return {one.name: one for module in modules for one in getattr(module, "SCENARIOS", ())}
+
+
+def run_by(words: Sequence[str]) -> Scenario | None:
+    """Return the scenario that the words of a command run, None if there is none."""
+    return next((one for one in scenarios().values() if one.is_run_by(words)), None)

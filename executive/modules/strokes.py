@@ -1,0 +1,213 @@
+"""The process module for strokes of tools: circles in a vessel, as in stirring.
+
+A stroke lies in the plane of the world feature of the motion's first height constraint; the feature of the tool that
+this constraint is about goes through it, while all constraints of the motion hold. The base drives if needed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import chain, islice
+
+import numpy as np
+
+from executive.belief.scene_collisions import BasePose
+from executive.modules.constrained_motions import ConstrainedMotions, apart, constraints_of, unsatisfied
+from executive.modules.motion_grounding import GroundedMotion, Grounding
+from executive.modules.phases import Phase
+from executive.modules.stances import stances
+from executive.motion import MotionError
+from executive.motion.strokes import Place, solve_stroke
+from planlang.designators import Action, Object
+from planlang.failures import (
+    ActionUnresolvable,
+    DesignatorFailure,
+    LookingFailure,
+    ManipulationFailure,
+    NavigationFailure,
+    PerceptionFailure,
+)
+from planlang.geometry import Array
+from planlang.geometry.matrices import moved
+from planlang.language.performing import actions_around
+from planlang.modules import process_module
+from planlang.motion_constraints import (
+    ConstraintKind,
+    FeatureKind,
+    MotionConstraint,
+    a_constraint,
+)
+from planlang.protocols import Trajectory
+
+CIRCLES = 5
+"""Circles of a motion that says neither how many they are nor how long they take."""
+CORNERS = 12
+"""Places of a circle."""
+SHARE = 0.6
+"""Radius of circles of which nothing is said, as a share of the room that the tool has in the vessel."""
+ASIDE = 0.015
+"""Room between a tool and the wall of its vessel [m]."""
+STRAY = 0.006
+"""Largest distance of the tool from a place [m]."""
+PLACES = 12
+"""Places of the base from which a stroke is tried."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Plane:
+    """The plane of a stroke: the constraint that says how high over it the tool is."""
+
+    height: MotionConstraint
+
+    @staticmethod
+    def of(motion: GroundedMotion, action: Action) -> Plane:
+        """Return the plane of a grounded motion; raises ActionUnresolvable if no height is asked for."""
+        for one in motion.constraints:
+            if one.kind is ConstraintKind.HEIGHT and one.world.direction is not None:
+                return Plane(one)
+        raise ActionUnresolvable("a stroke needs a height constraint over a plane", designator=str(action))
+
+    @property
+    def thing(self) -> Object:
+        """The thing of the world that the plane belongs to."""
+        assert isinstance(self.height.world.of, Object)
+        return self.height.world.of
+
+    def axes(self) -> tuple[Array, Array]:
+        """Return two unit vectors (3,) of the thing's frame in the plane."""
+        normal = np.array(self.height.world.direction) / np.linalg.norm(self.height.world.direction or 0)
+        first = np.eye(3)[int(np.argmin(np.abs(normal)))]
+        first -= float(first @ normal) * normal
+        first /= np.linalg.norm(first)
+        return first, np.cross(normal, first)
+
+    def at(self, point: Array, asked: Sequence[MotionConstraint]) -> Place:
+        """Return what holds at a point (3,) of a stroke, in the thing's frame."""
+        x, y, z = map(float, point)
+        feature = replace(self.height.world, kind=FeatureKind.LINE, position=(x, y, z))
+        here = a_constraint("DISTANCE", self.height.tool, feature, upper=STRAY, name="place of the stroke")
+        return (*asked, here)
+
+
+@process_module
+class Strokes(ConstrainedMotions):
+    """Moves a tool in circles."""
+
+    name = "stroke"
+    actions = ("CirclingMotion",)
+    failures = (ManipulationFailure, NavigationFailure, PerceptionFailure, LookingFailure, DesignatorFailure)
+
+    async def execute(self, action: Action) -> tuple[str, ...]:
+        """Go round, as often and as long as the step says; return (): no constraint is given up."""
+        grounding, phase, asked, motion = await self.begun(action)
+        plane = Plane.of(motion, action)
+        points = self._circle(plane, motion, self._number(action, "radius_of_circles"))
+        lap = await self.stroke(grounding, phase, asked, plane, points)
+        seconds = len(lap.positions) / self.platform.world.rate
+        times, duration = self._laps(action, seconds)
+        for _ in range(times):
+            await self.gone(motion, slowed(lap, duration / seconds))
+        phase.before = asked
+        return ()
+
+    async def begun(self, action: Action) -> tuple[Grounding, Phase, tuple[MotionConstraint, ...], GroundedMotion]:
+        """Look at what a motion is about; return its grounding, with its active constraints."""
+        asked = tuple(one for one in constraints_of(action) if one.is_active)
+        if not asked:
+            raise ActionUnresolvable("a stroke needs constraints", designator=str(action))
+        grounding, phase = Grounding(self.platform), self.platform.phases.current()
+        await self._look(grounding, asked, phase)
+        return grounding, phase, asked, grounding.grounded(asked, phase)
+
+    def _number(self, action: Action, name: str) -> float | None:
+        """Return a number of an action, or of the nearest around it that states one."""
+        stated = (one.get(name) for one in (action, *actions_around()))
+        return next((float(one) for one in stated if isinstance(one, int | float) and one > 0), None)
+
+    def _laps(self, action: Action, seconds: float) -> tuple[int, float]:
+        """Return how often a tool goes round, and how long that takes each time [s], if it takes some time at least."""
+        times, whole = (self._number(action, name) for name in ("number_of_circles", "duration"))
+        if whole is None:
+            return round(times or CIRCLES), seconds
+        count = max(1, math.ceil(whole / seconds) if times is None else round(times))
+        return count, max(seconds, whole / count)
+
+    def _circle(self, plane: Plane, motion: GroundedMotion, radius: float | None) -> Array:
+        """Return places (n, 3) on a circle in a vessel, in its frame, about the middle of the plane."""
+        scene, bodies = self.platform.scene, self.platform.scene.world.scene
+        name = scene.bodies.bind(plane.thing)
+        tool = self.tool(motion)
+        size, wide = scene.world.size(name), sorted(scene.world.size(tool))[1]
+        room = min(size[:2]) / 2 - bodies.body(name).wall - wide / 2 - ASIDE
+        if room <= 0:
+            raise ActionUnresolvable(f"there is no room for {tool} in {name}", designator=str(plane.thing))
+        first, second = plane.axes()
+        turns = np.linspace(0.0, 2 * np.pi, CORNERS, endpoint=False)[:, None]
+        middle = np.array(plane.height.world.position)
+        there: Array = middle + min(radius or SHARE * room, room) * (np.cos(turns) * first + np.sin(turns) * second)
+        return there
+
+    def tool(self, motion: GroundedMotion) -> str:
+        """Return the name of what the first arm of a motion holds."""
+        return next(one for one, grip in self.platform.belief.held.items() if grip.arm == motion.arms[0].name)
+
+    # The stroke
+
+    async def stroke(
+        self,
+        grounding: Grounding,
+        phase: Phase,
+        asked: Sequence[MotionConstraint],
+        plane: Plane,
+        points: Array,
+    ) -> Trajectory:
+        """Bring the tool to the first of points (n, 3), driving where that is needed; return the way through all."""
+        problem: MotionError | NavigationFailure | None = None
+        for base in chain((None,), self._reaching(grounding, phase, asked, plane, points)):
+            motion = grounding.grounded(asked, phase)
+            try:
+                if base is not None:
+                    await self._drive(base)
+                    await self._look(grounding, asked, phase)
+                    motion = grounding.grounded(asked, phase)
+                places = [plane.at(point, motion.constraints) for point in points]
+                self.platform.sync()
+                solve = partial(solve_stroke, grounding.problem(motion), self._start(motion), places)
+                first, lap = await apart(partial(solve, motion.constraints))
+            except (MotionError, NavigationFailure) as failure:
+                problem = problem or failure
+                continue
+            arms = {arm.name for arm in motion.arms}
+            self.platform.leaning |= {name for name, grip in self.platform.belief.held.items() if grip.arm in arms}
+            await self.gone(motion, first)
+            return lap
+        assert problem is not None
+        raise unsatisfied(motion, problem) if isinstance(problem, MotionError) else problem
+
+    def _reaching(
+        self,
+        grounding: Grounding,
+        phase: Phase,
+        asked: Sequence[MotionConstraint],
+        plane: Plane,
+        points: Array,
+    ) -> Iterator[BasePose]:
+        """Yield places of the base from which the first, the middle and the last of points (n, 3) are in reach."""
+        motion = grounding.grounded(asked, phase)
+        there = moved(motion.things[plane.thing], points)
+        near = stances(self.platform, there.mean(axis=0)[:2], motion.arms) if self._is_mobile() else ()
+        some = [plane.at(points[k], motion.constraints) for k in (0, len(points) // 2, -1)]
+        for base in islice(near, PLACES):
+            if all(self._end(grounding, replace(motion, constraints=tuple(one)), base) is not None for one in some):
+                yield base
+
+
+def slowed(trajectory: Trajectory, factor: float) -> Trajectory:
+    """Return a motion that takes so many times as long, at least 1."""
+    rows = trajectory.positions
+    at = np.linspace(0.0, len(rows) - 1.0, max(2, round((len(rows) - 1) * factor) + 1))
+    columns = [np.interp(at, np.arange(len(rows)), column) for column in rows.T]
+    return Trajectory(trajectory.names, np.stack(columns, axis=1))

@@ -1,0 +1,44 @@
+"""Strokes: a tool goes through many places without a stop, as a spoon does in a pot.
+
+At each place constraints hold, and some throughout the stroke. Configurations at all places are optimised together;
+every row of the timed motion is checked, as those of a phase are (:mod:`executive.motion.constrained_motion`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from itertools import islice
+
+import numpy as np
+
+from executive.motion.constrained_ends import Ends, MotionProblem
+from executive.motion.constrained_motion import MOST_ENDS, Way
+from executive.motion.errors import NoConstrainedPath
+from planlang.geometry import Array
+from planlang.motion_constraints import MotionConstraint
+from planlang.protocols import Trajectory
+
+Place = Sequence[MotionConstraint]
+
+
+def solve_stroke(
+    problem: MotionProblem, start: Array, places: Sequence[Place], kept: Collection[MotionConstraint]
+) -> tuple[Trajectory, Trajectory]:
+    """Return the way from joint values (n,) to the first place, and that through all and back to the first.
+
+    ``kept`` holds throughout the second. Raises :class:`ConstraintsContradict`, :class:`NoConstrainedPath`, and
+    :class:`MotionError` for features, tools or frames of which nothing is known.
+    """
+    ends = Ends.of(problem, start, places)
+    ends.explains = False
+    bounds = ends.functions.bounds
+    keeping = [number for number, bound in enumerate(bounds) if bound.constraint in kept]
+    every, tried = range(len(bounds)), []
+    for found in islice(ends.found(), MOST_ENDS):
+        rows = np.array([*found.values(), next(iter(found.values()))])
+        try:
+            to_first = Way(problem, ends.functions, start, rows[0], (), every, 0).timed()
+            return to_first, Way(problem, ends.functions, rows[0], rows[-1], keeping, every, 0).through(rows)
+        except NoConstrainedPath as failure:
+            tried.append(failure)
+    raise tried[0]

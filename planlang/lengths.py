@@ -1,0 +1,58 @@
+"""Lengths as numbers of metres, and as texts with a unit."""
+
+from __future__ import annotations
+
+import math
+import re
+from decimal import Decimal
+
+UNITS: dict[str, str] = {
+    "mm": "0.001",
+    "cm": "0.01",
+    "dm": "0.1",
+    "m": "1",
+    "in": "0.0254",
+    "ft": "0.3048",
+    "millimetre": "0.001",
+    "centimetre": "0.01",
+    "decimetre": "0.1",
+    "metre": "1",
+    "millimeter": "0.001",
+    "centimeter": "0.01",
+    "decimeter": "0.1",
+    "meter": "1",
+    "inch": "0.0254",
+    "foot": "0.3048",
+    "millimetres": "0.001",
+    "centimetres": "0.01",
+    "decimetres": "0.1",
+    "metres": "1",
+    "millimeters": "0.001",
+    "centimeters": "0.01",
+    "decimeters": "0.1",
+    "meters": "1",
+    "inches": "0.0254",
+    "feet": "0.3048",
+}
+"""Unit -> metres, as decimal fractions: a float of them would make 35 cm another number than 0.35 m."""
+
+_LENGTH = re.compile(r"\s*([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:e[+-]?\d{1,3})?)\s*([A-Za-z]+)\s*", re.ASCII)
+
+
+def metres(length: float | str) -> float:
+    """Return a length in metres, from metres or from a number with a unit: 0.3, "30 cm", "1 ft".
+
+    Raises ValueError for what is no length, is negative or not finite, telling the units there are.
+    """
+    if isinstance(length, str):
+        match = _LENGTH.fullmatch(length)
+        if match is None or match[2] not in UNITS:
+            raise ValueError(f'{length!r} is not a length; write "30 cm" with one of {", ".join(UNITS)}')
+        value = float(Decimal(match[1]) * Decimal(UNITS[match[2]]))
+    elif isinstance(length, bool) or not isinstance(length, int | float):
+        raise ValueError(f'a length is a number of metres or a text such as "30 cm", not {length!r}')
+    else:
+        value = float(length)
+    if not (math.isfinite(value) and value >= 0):
+        raise ValueError(f"a length must be finite and not negative, got {length!r}")
+    return value
