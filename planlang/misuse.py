@@ -37,14 +37,16 @@ def contrast(message: str, wrong: str, right: str) -> str:
 class Usage:
     """A function and how it is called: code for each argument that is required, and for those that may be given.
 
-    The name of a required argument that is given by keyword ends with ``=``.
+    The name of a required argument that is given by keyword ends with ``=``, that of an optional one that is not begins
+    with ``*``.
     """
 
     def __init__(self, function: str, required: Mapping[str, str], optional: Mapping[str, str] | None = None) -> None:
         self.function = function
         self.name = function.rpartition(" ")[2]
         self._required = required
-        self._examples = {key.rstrip("="): code for key, code in required.items()} | dict(optional or {})
+        self._examples = {key.strip("=*"): code for key, code in (*required.items(), *(optional or {}).items())}
+        self._further = frozenset(key.strip("*") for key in optional or {} if key.startswith("*"))
 
     def shown(self, parameter: str, code: str | None = None) -> str:
         """Return the call with this code for one argument; without code, as it may be right."""
@@ -53,7 +55,7 @@ class Usage:
         names = {key.rstrip("="): key if key.endswith("=") else "" for key in self._required}
         arguments = [f"{keyword}{codes[name]}" for name, keyword in names.items()]
         if parameter not in names:
-            arguments.append(f"{parameter}={codes[parameter]}")
+            arguments.append(codes[parameter] if parameter in self._further else f"{parameter}={codes[parameter]}")
         return f"{self.function}({', '.join(arguments)})"
 
     def wrong(

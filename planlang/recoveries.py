@@ -12,9 +12,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache, partial, wraps
 from importlib.metadata import entry_points
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 from planlang.designators import Condition, Object, a_location, action
 from planlang.failures import (
@@ -24,6 +24,7 @@ from planlang.failures import (
     ObjectNotFound,
     ObjectNowhereToBeFound,
     ObjectUndeliverable,
+    ObjectUnfetchable,
     ObjectUnreachable,
     ObjectUnresolvable,
     PlanFailure,
@@ -43,7 +44,13 @@ F = TypeVar("F", bound=Callable[..., Any])
 _STRATEGY = Usage(
     "@recovery_strategy",
     {"name": '"LookAgain"'},
-    {"about_object": "True", "moves_base": "True", "goes_back": "True", "function": "look"},
+    {
+        "about_object": "True",
+        "moves_base": "True",
+        "goes_back": "True",
+        "otherwise": "ObjectNowhereToBeFound",
+        "function": "look",
+    },
 )
 
 
@@ -56,7 +63,8 @@ class Strategy:
     the base pose of a location scope, so that it has to surround the scope. Without a function the failure escalates
     at once. ``goes_back`` says that the failure may arise later on and undoes what the step has achieved, so that it
     is written around the steps that follow, too, until what it is about is let go; there the function also gets a
-    branch that runs the step again.
+    branch that runs the step again. ``otherwise`` is raised when the attempts are used up, unless a Recovery says
+    else.
     """
 
     name: str
@@ -64,6 +72,7 @@ class Strategy:
     about_object: bool = False
     moves_base: bool = False
     goes_back: bool = False
+    otherwise: type[PlanFailure] | None = None
 
     @property
     def origin(self) -> tuple[str, str] | None:
@@ -83,16 +92,25 @@ _registered: dict[str, Strategy] = {
 
 
 def recovery_strategy(
-    name: str, *, about_object: bool = False, moves_base: bool = False, goes_back: bool = False
+    name: str,
+    *,
+    about_object: bool = False,
+    moves_base: bool = False,
+    goes_back: bool = False,
+    otherwise: type[PlanFailure] | None = None,
 ) -> Callable[[F], F]:
     """Register a function as the strategy that ontologies call ``name``.
 
     Without ``about_object`` it is a ``do`` of :class:`Recovery` itself: an async function of the failure. With it, a
     function of an object that returns one. ``moves_base`` says that it drives, ``goes_back`` that it repeats what the
-    step has achieved, whenever that is undone; such strategies are about an object.
+    step has achieved, whenever that is undone; such strategies are about an object. ``otherwise`` is the failure that a
+    Recovery raises when its attempts are used up, if it says nothing else: for a strategy whose end means the same
+    whatever it recovers from.
     Raises ValueError if another function has the name, or if plans cannot import the function.
     """
     _STRATEGY.text("name", name)
+    if otherwise is not None and not (isinstance(otherwise, type) and issubclass(otherwise, PlanFailure)):
+        raise _STRATEGY.wrong("otherwise", otherwise, "None or a failure class")
     for key, does in {"moves_base": "moves the base", "goes_back": "goes back"}.items():
         if {"moves_base": moves_base, "goes_back": goes_back}[key] and not about_object:
             raise _STRATEGY.refused(key, f"{name} {does}, so it has to be about an object", True)
@@ -102,14 +120,29 @@ def recovery_strategy(
         if not name_in_module.isidentifier():  # a lambda, a method, a function inside another, or no function
             message = f"plans cannot import {written(function)}; write it at the top of a module"
             raise _STRATEGY.refused("function", message, function)
-        strategy = Strategy(name, function, about_object, moves_base, goes_back)
+        strategy = Strategy(name, function, about_object, moves_base, goes_back, otherwise)
         other = _registered.setdefault(name, strategy)
         if other.origin != strategy.origin:
             taken = ".".join(other.origin or ("planlang",))
             raise _STRATEGY.refused("name", f"{taken} is registered as {name} already", name)
-        return function
+        return function if otherwise is None else _ending(function, otherwise, about_object=about_object)
 
     return register
+
+
+def _ending(function: F, otherwise: type[PlanFailure], *, about_object: bool) -> F:
+    """Return a strategy that tells a Recovery what it raises in the end."""
+    if not about_object:
+        setattr(function, "otherwise", otherwise)  # noqa: B010 - of a function that is called with the failure itself
+        return function
+
+    @wraps(function)
+    def strategy(*arguments: Any, **keywords: Any) -> Any:
+        do = partial(function(*arguments, **keywords))
+        vars(do)["otherwise"] = otherwise
+        return do
+
+    return cast(F, strategy)
 
 
 def find_strategy(name: str) -> Strategy | None:
@@ -137,12 +170,13 @@ def _load_installed() -> None:
             raise
 
 
-@recovery_strategy("LookFromAnotherPlace", about_object=True, moves_base=True)
+@recovery_strategy("LookFromAnotherPlace", about_object=True, moves_base=True, otherwise=ObjectNowhereToBeFound)
 def look_from_another_place(what: Object) -> Do:
     """Go where the object should be visible from and look for it there, then run the body again.
 
     Not finding it there either is no failure yet: the body will tell. If it is not known where it is, it is looked for
-    wherever it is likely. Raises ObjectNowhereToBeFound when there is no other place to look from.
+    wherever it is likely. Raises ObjectNowhereToBeFound when there is no other place to look from; so does a Recovery
+    when it is used up, if it says nothing else.
     """
 
     Usage("look_from_another_place", {"what": "bottle"}).instance("what", what, Object, "an object")
@@ -193,13 +227,13 @@ def open_what_is_in_the_way(what: Object) -> Do:
     return open_it
 
 
-@recovery_strategy("FetchAgain", about_object=True, moves_base=True, goes_back=True)
+@recovery_strategy("FetchAgain", about_object=True, moves_base=True, goes_back=True, otherwise=ObjectUnfetchable)
 def fetch_again(what: Object, again: Branch | None = None) -> Do:
     """Look for an object that has left the hand, grasp it by the branch ``again``, then run the body again.
 
     Without ``again`` the body itself grasps. The object is looked for from here first, as it may lie beside the hand,
     and from another place with the arms in their posture for driving. A failure about something else goes outward: then
-    the object is still held.
+    the object is still held. A Recovery that is used up raises ObjectUnfetchable, if it says nothing else.
     """
 
     fetching = Usage("fetch_again", {"what": "bottle"}, {"again": "fetch_bottle"})

@@ -241,6 +241,10 @@ _HERE = Pose((0.0, 0.0, 0.0))
 
 def plain(body: Body) -> tuple[Part, ...]:
     """Return parts of a body that is no person."""
+    return (*_without_handles(body), *(Part(SolidKind.BOX, one.size, one.pose) for one in body.handles))
+
+
+def _without_handles(body: Body) -> tuple[Part, ...]:
     match body.shape:
         case BodyShape.MARKER | BodyShape.PERSON:
             return ()

@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -54,6 +55,14 @@ class Cavity:
 
 
 @dataclass(frozen=True, slots=True)
+class Handle:
+    """A box that sticks out of a body, by which a hand takes it: its pose in the body's frame and its extents [m]."""
+
+    pose: Pose
+    size: tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
 class Body:
     """A body of the map: a box of ``size`` (along its own axes) whose centre is at ``pose``."""
 
@@ -82,6 +91,8 @@ class Body:
     """Thickness of the walls of what is hollow and open above, such as a plate or a bowl [m]; 0 for what is solid."""
     soft: bool = False
     """True for cloth and the like: between two fingers that close on it from above it makes a fold."""
+    handles: tuple[Handle, ...] = ()
+    """Handles of a thing that is taken by them."""
     centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Centre of its box in its own frame [m]: elsewhere than at 0 only for a tool, whose frame is in its blade."""
     mass: float = 0.0
@@ -105,8 +116,8 @@ class Body:
 
     @property
     def graspable(self) -> bool:
-        """Return True if a hand could take it: a movable box or cylinder that is narrow enough, by a rim, or soft."""
-        narrow = min(self.size[:2]) <= GRASPABLE_WIDTH or self.wall > 0 or self.soft
+        """Return True if a hand could take it: a movable box or cylinder, narrow enough or soft, by a rim, a handle."""
+        narrow = min(self.size[:2]) <= GRASPABLE_WIDTH or self.wall > 0 or self.soft or bool(self.handles)
         return self.movable and self.shape in (BodyShape.BOX, BodyShape.CYLINDER) and narrow
 
 
@@ -299,17 +310,26 @@ class _Room:
     def _is_free(self, body: Body, pose: Pose, group: Sequence[str]) -> bool:
         """Return whether a body at a pose keeps clear of all bodies outside its group, supports below it apart."""
         return not any(
-            _overlap(body, pose, other, self.poses[other.name])
+            _overlap(one, one.pose, another, another.pose)
             for other in self._around(body, pose)
             if other.name not in group and other.name != body.name and other.shape is not BodyShape.MARKER
+            for one, another in product(_solids(body, pose), _solids(other, self.poses[other.name]))
         )
+
+
+def _solids(body: Body, pose: Pose) -> Iterator[Body]:
+    """Yield a body at a pose, and its handles as bodies of their own."""
+    yield replace(body, pose=pose)
+    for handle in body.handles:
+        yield Body(body.name, pose @ handle.pose, handle.size)
 
 
 def _reach(body: Body) -> float:
     """Return how far a body, with what it keeps clear, extends at most, however it is turned [m]; everywhere a room."""
     if body.shape is BodyShape.ROOM:
         return math.inf
-    return math.hypot(max(body.size[:2]), *body.size) / 2 + 2 * _CLEARANCE + _SUPPORTED
+    handles = (math.hypot(*one.pose.position) + math.hypot(*one.size) / 2 for one in body.handles)
+    return max((math.hypot(max(body.size[:2]), *body.size) / 2, *handles)) + 2 * _CLEARANCE + _SUPPORTED
 
 
 def _outline(body: Body, pose: Pose) -> Array:

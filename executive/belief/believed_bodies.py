@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,7 +15,7 @@ from planlang.failures import LocationUnresolvable, ObjectUnresolvable
 from planlang.geometry import Array, Pose
 from planlang.ontology import expand, shorten
 from planlang.protocols import Touch
-from sim import ComfortZone, PlanningWorld
+from sim import Body, ComfortZone, PlanningWorld
 from sim.joints import Articulation, JointKind
 from sim.leaves import inside
 from sim.scene import GRASPABLE_WIDTH, BodyShape
@@ -119,6 +119,17 @@ class Block:
         return self.to_map(mesh)
 
 
+def handles_of(body: Body, pose: Pose) -> tuple[Block, ...]:
+    """Return the shapes of a body's handles when it is at a pose."""
+    return tuple(Block.of(pose @ one.pose, one.size) for one in body.handles)
+
+
+def _nearest(away: Mapping[str, float], within: float) -> str | None:
+    """Return the body that is the least distance away [m], None if that is beyond a limit."""
+    nearest = min(away, key=lambda name: away[name], default=None)
+    return nearest if nearest is not None and away[nearest] <= within else None
+
+
 @dataclass(frozen=True, slots=True)
 class Door:
     """A leaf that turns about a vertical hinge: hinge and width [m], heading of the closed leaf from the hinge [rad].
@@ -184,6 +195,10 @@ class BelievedBodies:
         stands = float(pose.rotation[2, 2]) >= math.cos(LEANING)
         return replace(found, wall=body.wall, soft=body.soft) if stands and (body.wall or body.soft) else found
 
+    def grips(self, name: str) -> tuple[Block, ...]:
+        """Return what of a body a hand closes on: the body itself, or one of its handles."""
+        return (self.block(name), *handles_of(self._world.scene.body(name), self.pose(name)))
+
     def is_person(self, name: str) -> bool:
         """Return whether the body is a person."""
         return self._world.scene.body(name).shape is BodyShape.PERSON
@@ -203,14 +218,18 @@ class BelievedBodies:
             return "is no thing that can be taken"
         if not body.movable:
             return "does not move"
-        return f"is {min(body.size[:2]):g} m wide, and things up to {GRASPABLE_WIDTH:g} m can be taken"
+        widths = f"is {min(body.size[:2]):g} m wide, and things up to {GRASPABLE_WIDTH:g} m can be taken"
+        return f"{widths}, wider ones by a handle for one hand"
 
     def graspable_at(self, point: Array) -> str | None:
         """Return the body nearest to a point (3,) of the map that can be taken into a hand, None if all are elsewhere.
 
         In no case is it farther away than :data:`MEANT`.
         """
-        return self._nearest(point, filter(self.is_graspable, self.names()), MEANT)
+        away = {
+            name: min(one.away(point) for one in self.grips(name)) for name in filter(self.is_graspable, self.names())
+        }
+        return _nearest(away, MEANT)
 
     def explained(self, touch: Touch) -> tuple[str, Pose] | None:
         """Return the body that a touch is best explained by, and where it then is; None if nothing explains it.
@@ -245,9 +264,7 @@ class BelievedBodies:
         return self._world.scene.body(name).movable
 
     def _nearest(self, point: Array, names: Iterable[str], within: float) -> str | None:
-        away = {name: self.block(name).away(point) for name in names}
-        nearest = min(away, key=lambda name: away[name], default=None)
-        return nearest if nearest is not None and away[nearest] <= within else None
+        return _nearest({name: self.block(name).away(point) for name in names}, within)
 
     def is_round(self, name: str) -> bool:
         """Return whether a body is a cylinder."""

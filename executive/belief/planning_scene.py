@@ -151,6 +151,7 @@ class Visibility:
     ) -> None:
         self._world, self._robot, self._belief, self._bodies, self.gaze = world, robot, belief, bodies, gaze
         self._hidden: Latest[dict[tuple[BasePose, str], str | None]] = Latest()
+        self._unseen: Latest[dict[str, Unseen]] = Latest()
 
     def sighted(self) -> bool:
         """Return whether the robot has a camera."""
@@ -177,11 +178,21 @@ class Visibility:
 
         Else what hides most of it, "" if it is beyond the limits of neck or camera.
         """
-        state = self._belief.revision, tuple(self._world.configuration().joints.items())
-        known = self._hidden.of(state, dict)
+        known = self._hidden.of(self._state(), dict)
         if (base, name) not in known:
             known[base, name] = self._hides(base, name)
         return known[base, name]
+
+    def unseen(self, name: str) -> Unseen | None:
+        """Return from where body, neck and camera surely leave nothing of a body to be seen; None without camera."""
+        known = self._unseen.of(self._state(), dict)
+        if name not in known and (view := self.own_view()) is not None:
+            known[name] = Unseen(view, self._bodies.block(name))
+        return known.get(name)
+
+    def _state(self) -> object:
+        """Return what visibility depends on."""
+        return self._belief.revision, tuple(self._world.configuration().joints.items())
 
     def _hides(self, base: BasePose, name: str) -> str | None:
         still_computing()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +23,7 @@ from planlang.ontology import expand, shorten
 from planlang.recipe.effects import number_of_class
 from sim import Body, Scene
 from sim.joints import Articulation
-from sim.scene import GRASPABLE_WIDTH, THIN, BodyShape, Cavity
+from sim.scene import GRASPABLE_WIDTH, THIN, BodyShape, Cavity, Handle
 
 PENETRATION = 0.02
 """Greatest penetration of a thing into its support [m]."""
@@ -96,6 +97,9 @@ SOFT = ("TableCovering", "Napkin", "PaperTowel")
 LIGHT_FURNITURE = ("Table-PieceOfFurniture", "Chair-PieceOfFurniture", "SideTable", "Stool")
 """Classes of furniture that people push around."""
 
+TWO_HANDED = ("Tray", "Platter")
+"""Classes of things that one hand does not hold level, whatever handles they have."""
+
 FIXED = (
     "FurniturePiece",
     "Box-Container",
@@ -130,7 +134,10 @@ def scene_of(semantic_map: SemanticMap, found: list[Diagnostic] | None = None) -
     """
     found = [] if found is None else found
     bodies = []
+    handles = {iri for thing in semantic_map.objects for iri, _ in _handles(thing, semantic_map)}
     for thing in semantic_map.objects:
+        if thing.iri in handles:
+            continue  # it is a part of the body that it moves with
         if is_in_hand(thing, semantic_map) and thing.size is not None:
             bodies.append(_body(thing, STOWED, semantic_map))
         elif thing.pose is not None:
@@ -154,11 +161,23 @@ def _body(thing: MapObject, pose: Pose, semantic_map: SemanticMap) -> Body:
     wall = number_of_class(semantic_map.ontology, thing.types, "wallThickness") or 0.0
     wall = wall if 4 * wall < min(size[:2]) and 2 * wall < size[2] else 0.0
     handled = shape in (BodyShape.BOX, BodyShape.CYLINDER)
-    movable = handled and _movable(thing, semantic_map, wide=soft or wall > 0)
+    handles = tuple(_handles(thing, semantic_map))
+    movable = handled and _movable(thing, semantic_map, wide=soft or wall > 0 or bool(handles))
     blade = Blade.of(semantic_map.ontology, thing.iri) if thing.parts else None
     size, centre = (size, (0.0, 0.0, 0.0)) if blade is None else blade.box(size)
     wall *= movable
-    return Body(thing.name, pose, size, shape, thing.iri, shorten(cls), movable, centre=centre, wall=wall, soft=soft)
+    body = Body(thing.name, pose, size, shape, thing.iri, shorten(cls), movable, centre=centre, wall=wall, soft=soft)
+    return replace(body, handles=tuple(handle for _, handle in handles))
+
+
+def _handles(thing: MapObject, semantic_map: SemanticMap) -> Iterator[tuple[str, Handle]]:
+    """Yield the parts, by IRI, by which a hand takes a thing, however wide that is; no furniture, leaf or tray is."""
+    if not thing.parts or thing.pose is None or _is_a(thing, semantic_map, (*LIGHT_FURNITURE, *TWO_HANDED)):
+        return
+    if _movable(thing, semantic_map, wide=True) and _shape(thing, semantic_map) in (BodyShape.BOX, BodyShape.CYLINDER):
+        for part in filter(None, map(semantic_map.find, thing.parts)):
+            if part.pose is not None and part.size is not None and _is_a(part, semantic_map, ("Handle",)):
+                yield part.iri, Handle(thing.pose.inverse() @ part.pose, part.size)
 
 
 def _is_a(thing: MapObject, semantic_map: SemanticMap, classes: Iterable[str]) -> bool:

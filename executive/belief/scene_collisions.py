@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.belief.belief import Belief
-from executive.belief.believed_bodies import MEANT, Block
+from executive.belief.believed_bodies import MEANT, Block, handles_of
 from executive.motion import Boxes, Grid, QuickCheck, clearance_at
 from executive.motion.arm_bodies import ArmBodies, ArmShapes, Ignored, Room, links_of
 from executive.motion.bodies import Solids
@@ -373,7 +373,8 @@ class SceneCollisions:
 
     def _away(self, name: str, point: Array) -> float:
         """Return how far a point (3,) of the map is from a body [m]."""
-        return Block.of(self._world.pose(name), self._world.size(name)).away(point)
+        body, pose = self._world.scene.body(name), self._world.pose(name)
+        return min(one.away(point) for one in (Block.of(pose, body.size), *handles_of(body, pose)))
 
     def _close(
         self, base: BasePose, joints: dict[str, float], steps: Sequence[Mapping[str, float]], around: str

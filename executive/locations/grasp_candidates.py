@@ -47,6 +47,8 @@ OVER_EDGE = 0.4
 """Weight of a level grasp lower than that, which is possible only at the edge of a surface."""
 GRIPPED = 0.01
 """Least height of a thing above the grip point [m]."""
+ROOMS = (0.0, 0.02)
+"""Distances of a hand on a handle from the rest of a thing [m]."""
 UP = np.array([0.0, 0.0, 1.0])
 FARTHER_BACK = 0.008
 """Distance by which a thing may be gripped nearer to the ends of the fingers [m]."""
@@ -236,6 +238,29 @@ def _raised_over(block: Block, candidates: GraspCandidates, directions: Array, p
         rise = np.where(gap >= 0.0, 0.0, -gap / np.maximum(axes[:, 2], 1e-9))
         raised = np.minimum(raised, np.where(level + axes[:, 2] > 1e-6, rise, np.inf))
     return raised
+
+
+def beside(candidates: GraspCandidates, block: Block, handle: Block, corners: Array) -> GraspCandidates:
+    """Return candidates at a handle, moved away from its body until hands are off that, and still on the handle.
+
+    ``corners`` (m, 3) of the hand are in the tip's frame. It is beyond a plane that touches the body: above it, or
+    upright, towards the handle or along a side; once by a hair, once with room for fingers that go forward to close.
+    """
+    hands = corners @ candidates.rotations.transpose(0, 2, 1) + candidates.points[:, None]
+    outwards = math.atan2(handle.y - block.y, handle.x - block.x)
+    sides = [outwards, *(block.yaw + number * math.pi / 2 for number in range(4))]
+    normals = np.array([UP, *([math.cos(side), math.sin(side), 0.0] for side in sides)])
+    reaches = [block.high - block.centre[2], *map(block.support, sides)]
+    gaps = ((hands - block.centre) @ normals.T).min(axis=1) - reaches
+    found = []
+    for room in ROOMS:
+        missing = np.maximum(room - gaps, 0.0)
+        shifts = missing.min(axis=1)[:, None] * normals[missing.argmin(axis=1)]
+        on = np.ones(len(candidates), bool)
+        for inwards, extent in ((-UP, (handle.high - handle.low) / 2), (-normals[1], handle.support(outwards))):
+            on &= ((hands + shifts[:, None] - handle.centre) @ inwards).max(axis=1) >= GRIPPED - extent
+        found.append(replace(candidates, points=candidates.points + shifts).chosen(np.flatnonzero(on)))
+    return GraspCandidates.joined(found)
 
 
 def held_above(

@@ -6,6 +6,7 @@ Things are on and in things and before people.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from enum import IntEnum
 from functools import partial
 
@@ -32,6 +33,7 @@ from executive.locations.grasp_candidates import (
     HEADINGS,
     LIFTS,
     GraspCandidates,
+    beside,
     classified,
     grasping,
     held_above,
@@ -39,7 +41,7 @@ from executive.locations.grasp_candidates import (
     placing,
     retreating,
 )
-from executive.locations.grasps_from_above import FROM_ABOVE, from_above, grips, is_flat, is_low
+from executive.locations.grasps_from_above import DEEPEST, FROM_ABOVE, from_above, grips, is_flat, is_low
 from executive.locations.placement import HAIR, Placement
 from executive.locations.reachability import GraspClass
 from executive.locations.rejections import Rejections
@@ -91,9 +93,9 @@ def _holds(term: HandTerm, points: Array, rotations: Array, arm: ArmModel, scene
             zone = scene.bodies.zone(term.body)
             return np.array([zone.contains(point) for point in middles], bool)
         case Sense.GRASP_POINT:
-            return _is_at(points, block)
+            return _is_at(points, block) | _is_at_handle(points, term.body, scene)
         case Sense.REACH if handled:
-            return _is_at(points, block)
+            return _is_at(points, block) | _is_at_handle(points, term.body, scene)
         case Sense.REACH | Sense.OVER:
             low, high = bounds(term.within, term.beyond, meaning.bounds) if meaning.bounds else HEIGHTS
             over = points[:, 2] + arm.lowest(rotations, held) - block.high
@@ -111,10 +113,18 @@ def _holds(term: HandTerm, points: Array, rotations: Array, arm: ArmModel, scene
             raised = max(LIFTS) if scene.arms.is_held(term.body) else 0.0
             near = _beside(ahead + block.centre, block) <= AT_POSE
             highest, lowest = max(raised, block.high - block.centre[2]), (block.low - block.centre[2]) / 2
-            return np.asarray(near & (ahead[:, 2] >= lowest - AT_POSE) & (ahead[:, 2] <= highest + AT_POSE))
+            middle = near & (ahead[:, 2] >= lowest - AT_POSE) & (ahead[:, 2] <= highest + AT_POSE)
+            return np.asarray(middle | _is_at_handle(ahead + block.centre, term.body, scene, raised))
     assert meaning.bounds is not None, f"{term.name} is no area for a hand"
     area = area_of_term(term._replace(negated=False), meaning.bounds, scene)
     return np.asarray(area.score(middles[:, :2]) > 0)
+
+
+def _is_at_handle(points: Array, body: str, scene: PlanningScene, raised: float = 0.0) -> Mask:
+    """Return which grip points (n, 3) are at one of a body's handles, or raised over it by so much [m]."""
+    _, *handles = scene.bodies.grips(body)
+    away = [[one.away(point) for one in handles] for point in points]
+    return np.array([min(some, default=math.inf) <= FINGERS + raised for some in away], bool)
 
 
 def _is_at(points: Array, block: Block) -> Mask:
@@ -240,7 +250,24 @@ def _spread(spots: Array, most: int) -> list[int]:
 def _grasps(
     reach: Reach, arm: ArmModel, scene: PlanningScene, rejections: Rejections, stage: Stage
 ) -> list[GraspCandidates]:
-    block = scene.bodies.block(reach.body)
+    block, *handles = scene.bodies.grips(reach.body)
+    tables = _around(block, reach, arm, scene, rejections, stage)
+    for handle in handles:
+        # below a handle there is room for the tips of the fingers
+        for one in (handle, replace(handle, low=handle.low - DEEPEST)) if is_flat(handle) else (handle,):
+            found = _around(one, reach, arm, scene, rejections, stage)
+            tables += [beside(table, block, handle, arm.hand_corners) for table in found]
+    if not any(map(len, tables)) and reach.grasp is not None and all(map(is_flat, (block, *handles))):
+        rejections.add("too low for a grasp but from above")
+    elif not any(map(len, tables)) and not rejections.counts["under something else"]:
+        rejections.add("no gripper" if arm.max_opening <= 0 else "too wide for the gripper")
+    return tables
+
+
+def _around(
+    block: Block, reach: Reach, arm: ArmModel, scene: PlanningScene, rejections: Rejections, stage: Stage
+) -> list[GraspCandidates]:
+    """Return grasps of a body, or of a handle of it, by its shape."""
     # where a level hand has no room over a surface, things are put down deep on it only from above
     natural = NATURAL if block.centre[2] - block.low >= FOREARM else CLASSES
     classes = (GraspClass(reach.grasp),) if reach.grasp is not None else CLASSES if stage else natural
@@ -256,10 +283,6 @@ def _grasps(
         rejections.add("under something else", int(covered.sum()))
         low = low.chosen(~covered)
         tables.append(low)
-    if not any(map(len, tables)) and reach.grasp is not None and is_flat(block):
-        rejections.add("too low for a grasp but from above")
-    elif not any(map(len, tables)) and not rejections.counts["under something else"]:
-        rejections.add("no gripper" if arm.max_opening <= 0 else "too wide for the gripper")
     return tables
 
 

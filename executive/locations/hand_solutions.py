@@ -72,9 +72,11 @@ def unblocked(
         for variant in table.variants(arm.openings) if varied else (table,):
             check = scene.collisions.arm_check(arm, variant.touches, variant.fingers, near)
             tried = variant.chosen(left)
-            met = _stopped(tried, check)
-            reasons = dict(zip(left.tolist(), met, strict=True)) if variant is table else reasons
-            good = np.array([body is None for body in met], bool)
+            if variant is table:
+                reasons = dict(zip(left.tolist(), _stopped(tried, check), strict=True))
+                good = np.array([body is None for body in reasons.values()], bool)
+            else:
+                good = _is_free(tried, check)
             free.setdefault(variant.fingers, []).append(tried.chosen(good))
             left = left[~good]
             if not len(left):
@@ -93,6 +95,14 @@ def _stopped(candidates: GraspCandidates, check: QuickCheck) -> list[str | None]
     return _met(check.hand_hit(poses.reshape(-1, 4, 4)), len(candidates))
 
 
+def _is_free(candidates: GraspCandidates, check: QuickCheck) -> NDArray[np.bool_]:
+    """Return in which candidates the hand is inside nothing (n,); first where it takes hold, where it mostly is."""
+    key = candidates.poses(np.arange(len(candidates)))[:, candidates.key]
+    free = np.array([body is None for body in check.hand_hit(key)], bool)
+    free[free] = [body is None for body in _stopped(candidates.chosen(free), check)]
+    return free
+
+
 def _with_between(poses: Array) -> Array:
     """Return series of poses (n, k, 4, 4) of one rotation, then those :data:`BETWEEN` each and the next."""
     shares = np.linspace(0.0, 1.0, BETWEEN + 2)[1:-1].tolist()
@@ -103,9 +113,15 @@ def _with_between(poses: Array) -> Array:
 T = TypeVar("T")
 
 
+def as_keys(rows: Array) -> list[bytes]:
+    """Return rows (n, k) as values that can be looked up."""
+    keys: list[bytes] = np.ascontiguousarray(rows).view(f"V{rows.itemsize * rows.shape[1]}").ravel().tolist()
+    return keys
+
+
 def once(known: dict[bytes, T], bases: Array, find: Callable[[Array], Sequence[T]]) -> list[T]:
     """Return what is ``known`` of bases (n, 3); of those of which nothing is known it is found."""
-    places: list[bytes] = np.ascontiguousarray(bases).view(f"V{bases.itemsize * 3}").ravel().tolist()
+    places = as_keys(bases)
     new = {place: number for number, place in enumerate(places) if place not in known}
     known.update(zip(new, find(bases[list(new.values())]), strict=True))
     return [known[place] for place in places]
@@ -116,7 +132,7 @@ def arms_have_room(bases: Array, check: QuickCheck, rejections: Rejections) -> N
 
     Others are counted.
     """
-    bodies = once(rejections.stances, bases, lambda new: check.hit(base_matrices(new)))
+    bodies = once(rejections.findings.stances, bases, lambda new: check.hit(base_matrices(new)))
     rejections.count(None if body is None else Reason(NO_ROOM, body) for body in bodies)
     return np.array([body is None for body in bodies], bool)
 
@@ -232,11 +248,16 @@ class Trial:
 
     def hand_is_stopped(self) -> bool:
         """Return whether the hand itself is in something on the way, or when it closes: wherever the base stands."""
-        hand, bodies, line = self.solution.arm.hand_links, self.scene.bodies.names(), self._straight()
-        rows = self.solution.joints if line is None else np.concatenate([self.solution.joints, line])
+        if self._hand_meets(self.solution.joints) or self._stops_closing() is not None or self._slips() is not None:
+            return True
+        line = self._straight()
+        return line is not None and self._hand_meets(line)
+
+    def _hand_meets(self, rows: Array) -> bool:
+        """Return whether the hand itself is in something at some joint values (m, d)."""
+        hand, bodies = self.solution.arm.hand_links, self.scene.bodies.names()
         met = (contact for contacts in self._contacts(rows) for contact in contacts)
-        stopped = any(one.part in hand and one.body in bodies for one in met) or self._stops_closing() is not None
-        return stopped or self._slips() is not None
+        return any(one.part in hand and one.body in bodies for one in met)
 
     def touched(self, rows: Array) -> str | None:
         """Return the body that is in the way at some joint values (m, d); None if all are free."""
@@ -270,11 +291,17 @@ class Trial:
         return next((contact.body for some in found for contact in some if contact.part != held.name), None)
 
     def _slips(self) -> Reason | None:
-        """Return why the fingers would have no hold of something low, which they grip by an edge; None if they have."""
+        """Return why the fingers would have no hold of what they grip by an edge or a handle; None if they have."""
         one = self.solution
-        if one.reach.kind is not ReachKind.GRASP or not is_low(self.scene.bodies.block(one.reach.body)):
+        if one.reach.kind is not ReachKind.GRASP:
             return None
-        held = self.scene.collisions.closed_on(self.base, one.arm, one.joints[1], one.reach.body, one.plan.fingers)
+        block, *handles = self.scene.bodies.grips(one.reach.body)
+        if not handles and not is_low(block):
+            return None
+        collisions, q, fingers = self.scene.collisions, one.joints[1], one.plan.fingers
+        if handles and collisions.contacts(self.base, one.arm, q, fingers=fingers):
+            return NO_HOLD  # an open finger would be in what it is to close on
+        held = collisions.closed_on(self.base, one.arm, q, one.reach.body, fingers)
         return NO_HOLD if held is None else None
 
     def _straight(self) -> Array | None:

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 from executive.belief.scene_collisions import BasePose
+from executive.locations.grasp_candidates import Hand
 from planlang.failures import LocationUnresolvable
 from planlang.geometry import Array
 from planlang.protocols import Contact
@@ -25,6 +26,7 @@ class Reason:
 
 COLLISION, NO_ROOM, NOT_VISIBLE = "in collision", "no room for the base", "not visible"
 NO_WAY = "no way for the base"
+NOT_LOOKED_AT = "not looked at"
 OUT_OF_REACH = Reason("out of reach")
 NO_HOLD = Reason("no hold for the fingers")
 
@@ -40,6 +42,36 @@ class Validated:
     """The body that was in the way."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class FreeHands:
+    """Grasp candidates of arms in which the hand itself is inside nothing, and how others were counted."""
+
+    hands: list[Hand]
+    reach: float
+    """Farthest that a base is from what it reaches, horizontally [m]."""
+    near: tuple[Array, float]
+    """Middle (3,) and radius [m] of all that the robot may meet."""
+    counted: Rejections
+
+
+@dataclass(slots=True, eq=False)
+class Findings:
+    """What one search for a location finds out for the later ones, whatever has to be seen from a base pose."""
+
+    walled: bool = False
+    """True if a place was rejected because the base cannot drive there: others are asked for that first, then."""
+    unseen: bool = False
+    """True if what is to be seen was not, or not all was looked at: without it there may be more."""
+    met: set[bytes] = field(default_factory=set)
+    """Candidates that an arm cannot do."""
+    rooms: dict[bytes, bool] = field(default_factory=dict)
+    """Base poses, and whether there is room for the base."""
+    stances: dict[bytes, str | None] = field(default_factory=dict)
+    """Base poses, and what an arm in its present posture is inside of there, None if nothing."""
+    hands: dict[int, FreeHands] = field(default_factory=dict)
+    """By the stage of a search."""
+
+
 @dataclass(slots=True)
 class Rejections:
     """Counts of one resolution, for the failure and the trace."""
@@ -52,20 +84,11 @@ class Rejections:
     """Places that were looked at, in that order; the first thousands."""
     scored: list[tuple[Array, Array]] = field(default_factory=list)
     """Candidates (m, 3) before they were looked at, and their scores (m,)."""
-    walled: bool = False
-    """True if a place was rejected because the base cannot drive there: others are asked for that first, then."""
     hopeless: bool = False
     """True if no base pose will do, however many are looked at: a larger search is spared."""
     refused: list[tuple[str, Array]] = field(default_factory=list)
     """Candidates (m, 2 or more) that were refused before they were looked at, with the reason."""
-    met: set[tuple[float, ...]] = field(default_factory=set)
-    """Candidates that an arm cannot do, whatever is to be seen from there."""
-    rooms: dict[bytes, bool] = field(default_factory=dict)
-    """Base poses, and whether there is room for the base."""
-    stances: dict[bytes, str | None] = field(default_factory=dict)
-    """Base poses, and what an arm in its present posture is inside of there, None if nothing."""
-    again: bool = False
-    """True if the same is looked at once more, without what has to be seen: nothing is told of it."""
+    findings: Findings = field(default_factory=Findings)
 
     def refuse(self, reason: str, candidates: Array) -> None:
         """Count candidates (m, 2 or more) rejected for a reason, and remember where they are."""
@@ -98,13 +121,10 @@ class Rejections:
         self.scored.extend(other.scored)
         self.refused.extend(other.refused)
 
-    def uncounted(self, *, again: bool = False) -> Rejections:
-        """Return where to count candidates that have been counted already; what is remembered is shared.
-
-        If the same is looked at ``again``, candidates in collision are left out of it, and stay counted.
-        """
-        counts = Counter({COLLISION: self.counts[COLLISION]} if again else ())
-        return replace(self, counts=counts, blocking=Counter(), walled=False, hopeless=False, again=again)
+    def uncounted(self) -> Rejections:
+        """Return where to count candidates that have been counted already, but for those in collision."""
+        counts = Counter({COLLISION: self.counts[COLLISION]})
+        return replace(self, counts=counts, blocking=Counter(), hopeless=False)
 
     def copy(self) -> Rejections:
         """Return the same, to go on from twice."""

@@ -14,7 +14,6 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.belief.planning_scene import Unseen
 from executive.belief.scene_collisions import BasePose
 from executive.locations.areas import Facing
 from executive.locations.base_candidates import BaseCandidates, Conjunct, Inversion, Misses, moved_to_room
@@ -27,11 +26,21 @@ from executive.locations.hand_solutions import (
     HandSolution,
     Trial,
     arms_have_room,
+    as_keys,
     once,
     solve,
     unblocked,
 )
-from executive.locations.rejections import NO_HOLD, NO_ROOM, NO_WAY, OUT_OF_REACH, Rejections
+from executive.locations.rejections import (
+    NO_HOLD,
+    NO_ROOM,
+    NO_WAY,
+    NOT_LOOKED_AT,
+    NOT_VISIBLE,
+    OUT_OF_REACH,
+    FreeHands,
+    Rejections,
+)
 from executive.locations.validation import PLACES, BaseValidator, SelfOcclusion, scored, unmet
 from executive.motion import QuickCheck
 from executive.robots.arms import ArmModel
@@ -102,38 +111,30 @@ class ReachSearch:
         self.is_taken = is_taken
         self.validator, self.scene, self.inverse = validator, validator.scene, validator.inverse
         self.wanted, self.demand, self.arms, self.budget, self.log = wanted, demand, arms, budget, log
+        self.again = bool(demand.remembered)
+        """True if the same was looked at before with more to be seen: what an arm cannot do is left out."""
+        self.crowded: list[tuple[float, Array]] = []
+        """Scores and base poses of grasp candidates without any that has room: named if nothing is found at last."""
         self.inverted = False
         """True once maps have given a base pose."""
 
     def places(self) -> Iterator[Solution]:
         """Yield base poses from which the first reach is possible by the maps, validated block by block."""
         scene, validator, budget, log = self.scene, self.validator, self.budget, self.log
-        first = self.wanted[0]
-        possible = {
-            arm.name: (arm, candidates_of(first, arm, scene, log, budget.stage))
-            for arm in validator.arms_for(first, self.arms)
-        }
-        tables = [(arm, table) for arm, found in possible.values() for table in found]
-        if not tables:
-            return
-        reach = max(self.inverse(arm, CLASSES[g]).reach for arm, table in tables for g in set(table.grasps.tolist()))
-        varied = budget.stage is Stage.CLOSEST
-        points = [one.points for arm, table in tables for one in (table.variants(arm.openings) if varied else [table])]
-        near = _sphere(points, reach)
-        hands = [
-            hand for arm, found in possible.values() for hand in unblocked(arm, found, scene, log, near, varied=varied)
-        ]
+        free = self._free_hands()
+        hands, reach, near = free.hands, free.reach, free.near
         if not hands:
             return
         middle = np.mean([hand.candidates.points.mean(axis=0) for hand in hands], axis=0)
         aside = [np.linalg.norm(hand.candidates.points[:, :2] - middle[:2], axis=1).max() for hand in hands]
         bands = [(reach.body, validator.band(reach, self.arms)) for reach in self.wanted[1:]]
         log.hopeless = self._is_hopeless(middle[:2], float(max(aside)) + reach, bands)
-        floor, block = scene.collisions.floor(), scene.bodies.block(first.body)
+        before = log.counts[NOT_VISIBLE]
+        floor, block = scene.collisions.floor(), scene.bodies.block(self.wanted[0].body)
         room = floor.field((float(middle[0]), float(middle[1])), block.yaw, float(max(aside)) + reach)
         conjuncts: list[Conjunct] = [(f"not in reach of {body}", partial(_within, *band)) for body, band in bands]
         conjuncts += [(unmet(term), partial(scored, term)) for term in self.demand.areas]
-        if log.walled:
+        if log.findings.walled:
             drivable = scene.collisions.drivable()
             if not drivable.comes_near(middle[:2], float(max(aside)) + reach):
                 log.add(NO_WAY, sum(len(hand.candidates) for hand in hands))
@@ -147,8 +148,9 @@ class ReachSearch:
             log.add(reason, number)
         if not len(found) and not inversion.refused.total():
             log.add(OUT_OF_REACH.text, sum(len(hand.candidates) for hand in hands))
+        self.crowded = inversion.crowded()
         if log.explained:
-            validator.name_crowding(inversion.crowded(), log)
+            validator.name_crowding(self.crowded, log)
         if len(found):
             self.inverted = True
             some, stance = False, scene.collisions.stance_check(near)
@@ -156,12 +158,34 @@ class ReachSearch:
                 some = True
                 yield solution
             if budget.then is not None and not some and self.is_taken is None:
-                moved = moved_to_room(found, floor, middle[:2], room.yaw, budget.most)
-                uncounted = log.uncounted(again=log.again)
-                then = ReachSearch(validator, self.wanted, self.demand, self.arms, budget.then, uncounted)
+                crowded = found.chosen(~self._have_room(_as_told(found.bases)))
+                moved = moved_to_room(crowded, floor, middle[:2], room.yaw, budget.most)
+                then = ReachSearch(validator, self.wanted, self.demand, self.arms, budget.then, log.uncounted())
                 yield from then._in_blocks(moved, hands, middle, stance, self._unseen()) if len(moved) else ()
-        if not log.explained:
-            validator.name_crowding(inversion.crowded(), log)
+                log.findings.unseen |= then.log.counts[NOT_VISIBLE] + then.log.counts[NOT_LOOKED_AT] > 0
+        log.findings.unseen |= log.counts[NOT_VISIBLE] > before or log.counts[NOT_LOOKED_AT] > 0
+
+    def _free_hands(self) -> FreeHands:
+        """Return the grasp candidates of the first reach in which the hand itself is inside nothing; count others."""
+        known, stage = self.log.findings.hands, self.budget.stage
+        if stage not in known:
+            known[stage] = self._find_hands()
+        self.log.include(known[stage].counted)
+        return known[stage]
+
+    def _find_hands(self) -> FreeHands:
+        scene, first, counted, stage = self.scene, self.wanted[0], Rejections(), self.budget.stage
+        arms = self.validator.arms_for(first, self.arms)
+        possible = [(arm, candidates_of(first, arm, scene, counted, stage)) for arm in arms]
+        tables = [(arm, table) for arm, found in possible for table in found]
+        if not tables:
+            return FreeHands([], 0.0, (np.zeros(3), 0.0), counted)
+        reach = max(self.inverse(arm, CLASSES[g]).reach for arm, table in tables for g in set(table.grasps.tolist()))
+        varied = stage is Stage.CLOSEST
+        points = [one.points for arm, table in tables for one in (table.variants(arm.openings) if varied else [table])]
+        near = _sphere(points, reach)
+        hands = [hand for arm, found in possible for hand in unblocked(arm, found, scene, counted, near, varied=varied)]
+        return FreeHands(hands, reach, near, counted)
 
     def _is_hopeless(
         self, middle: Array, radius: float, bands: Sequence[tuple[str, tuple[tuple[float, float], float, float]]]
@@ -173,12 +197,14 @@ class ReachSearch:
 
     def _unseen(self) -> Misses | None:
         """Return a test of the bases from which the robot itself hides what has to be seen."""
-        view = self.scene.visibility.own_view()
-        names = self.validator.to_see(self.demand)
-        if view is None or not names:
-            return None
-        each = [Unseen(view, self.scene.bodies.block(name)) for name in names]
-        return lambda bases: np.any([unseen(bases) for unseen in each], axis=0)
+        names, visibility = self.validator.to_see(self.demand), self.scene.visibility
+        each = [unseen for name in names if (unseen := visibility.unseen(name)) is not None]
+        return (lambda bases: np.any([unseen(bases) for unseen in each], axis=0)) if each else None
+
+    def _have_room(self, bases: Array) -> NDArray[np.bool_]:
+        """Return at which bases (n, 3) there is room for the base, each looked at once for a location."""
+        floor = self.scene.collisions.floor()
+        return np.array(once(self.log.findings.rooms, bases, lambda new: floor.holds(new).tolist()), bool)
 
     def _in_blocks(
         self,
@@ -192,9 +218,7 @@ class ReachSearch:
         x, y, _ = scene.base()
         order = found.order(lambda bases: np.exp(-np.hypot(bases[:, 0] - x, bases[:, 1] - y) / TRAVEL), budget.most)
         found = found.chosen(order)
-        bases = np.column_stack([found.bases[:, :2], np.arctan2(np.sin(found.bases[:, 2]), np.cos(found.bases[:, 2]))])
-        bases = bases.round(PLACES)  # as they are told
-        floor, validated, undecided = scene.collisions.floor(), 0, np.ones(len(found), bool)
+        bases, validated, undecided = _as_told(found.bases), 0, np.ones(len(found), bool)
         occlusion = SelfOcclusion(middle[:2], strict=budget.fine)
         failed = _Failed()
         failures: dict[tuple[int, int], tuple[HandSolution, BasePose]] = {}
@@ -203,15 +227,15 @@ class ReachSearch:
         postponed: list[tuple[int, HandSolution]] = []
         clumsy: set[tuple[float, ...]] = set()
 
-        def known(rows: NDArray[np.intp]) -> list[tuple[float, ...]]:
+        def known(rows: NDArray[np.intp]) -> list[bytes]:
             """Return what candidates are known by when the same is looked at again."""
-            columns = (found.arms[rows], found.candidates[rows], found.torsos[rows], *bases[rows].T)
-            return [(budget.stage, *key) for key in zip(*(column.tolist() for column in columns), strict=True)]
+            numbers = np.full(len(rows), float(budget.stage)), found.arms[rows], found.candidates[rows]
+            return as_keys(np.column_stack([*numbers, found.torsos[rows], bases[rows]]))
 
         def remember(rows: NDArray[np.intp]) -> None:
             """Remember those of some candidates that arms cannot do."""
-            if not log.again:
-                log.met.update(known(rows[~undecided[rows]]))
+            if not self.again:
+                log.findings.met.update(known(rows[~undecided[rows]]))
 
         def is_stopped(number: int, candidate: int) -> bool:
             """Return whether the hand itself is in something: then no base pose of a candidate that failed will do."""
@@ -239,14 +263,14 @@ class ReachSearch:
             while first < len(found):
                 rows = np.arange(first, min(first + size, len(found)))
                 first, size = first + size, min(2 * size, AT_ONCE)
-                roomy = np.array(once(log.rooms, bases[rows], lambda new: floor.holds(new).tolist()), bool)
+                roomy = self._have_room(bases[rows])
                 log.add(NO_ROOM, int((~roomy).sum()))
                 undecided[rows] = roomy
                 rows = rows[roomy]
                 undecided[rows] = validator.has_way(bases[rows], log)
                 rows = rows[undecided[rows]]
-                if log.again:
-                    undecided[rows] = [key not in log.met for key in known(rows)]
+                if self.again:
+                    undecided[rows] = [key not in log.findings.met for key in known(rows)]
                     rows = rows[undecided[rows]]
                 undecided[rows] = arms_have_room(bases[rows], stance, log)
                 remember(rows)
@@ -267,6 +291,7 @@ class ReachSearch:
                 rows = rows[undecided[rows]]
                 if misses is not None and len(rows):
                     undecided[rows] = ~misses(bases[rows])
+                    log.add(NOT_VISIBLE, int((~undecided[rows]).sum()))
                     rows = rows[undecided[rows]]
                 for row in rows.tolist():
                     arm, candidates, _ = hands[int(found.arms[row])]
@@ -291,7 +316,7 @@ class ReachSearch:
                 postponed.append((row, solution))
                 continue
             if validated >= budget.exact:
-                log.add("not looked at", int(undecided.sum()))
+                log.add(NOT_LOOKED_AT, int(undecided.sum()))
                 return
             undecided[row] = False
             score = float(found.scores[row])
@@ -317,19 +342,27 @@ class ReachSearch:
         ok = np.zeros(len(rows), bool)
         joints: dict[int, Array] = {}
         for number, (arm, candidates, check) in enumerate(hands):
-            of_arm = np.flatnonzero(found.arms[rows] == number)
-            grasps = candidates.grasps[found.candidates[rows[of_arm]]]
-            for grasp in np.unique(grasps):
-                mine = of_arm[grasps == grasp]
-                chosen = rows[mine]
-                index, forward = found.candidates[chosen], self.inverse(arm, CLASSES[int(grasp)]).forward
-                seeds = forward.seeds(found.rows[chosen], found.torsos[chosen])[:, None]
-                slack = OFF_LATTICE if arm.lift is None else ON_LATTICE
-                solved = solve(candidates, index, bases[chosen], arm, seeds, check, slack=slack)
-                self.log.count(solved.reasons)
-                ok[mine] = [reason is None for reason in solved.reasons]
-                joints |= zip(chosen.tolist(), solved.joints, strict=True)
+            mine = np.flatnonzero(found.arms[rows] == number)
+            if not len(mine):
+                continue
+            chosen = rows[mine]
+            index, seeds = found.candidates[chosen], np.zeros((len(chosen), 1, len(arm.joints)))
+            grasps = candidates.grasps[index]
+            for grasp in np.unique(grasps).tolist():
+                some = chosen[grasps == grasp]
+                forward = self.inverse(arm, CLASSES[grasp]).forward
+                seeds[grasps == grasp, 0] = forward.seeds(found.rows[some], found.torsos[some])
+            slack = OFF_LATTICE if arm.lift is None else ON_LATTICE
+            solved = solve(candidates, index, bases[chosen], arm, seeds, check, slack=slack)
+            self.log.count(solved.reasons)
+            ok[mine] = [reason is None for reason in solved.reasons]
+            joints |= zip(chosen.tolist(), solved.joints, strict=True)
         return ok, joints
+
+
+def _as_told(bases: Array) -> Array:
+    """Return bases (n, 3) as solutions state them."""
+    return np.column_stack([bases[:, :2], np.arctan2(np.sin(bases[:, 2]), np.cos(bases[:, 2]))]).round(PLACES)
 
 
 def _within(centre: tuple[float, float], least: float, most: float, bases: Array) -> Array:

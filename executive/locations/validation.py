@@ -236,7 +236,7 @@ class BaseValidator:
     ) -> Solution | None:
         """Return a base pose that all else accepts, unless something is in reach that must not be."""
         if not self.scene.collisions.has_way(base):
-            log.walled = True
+            log.findings.walled = True
             _reject(log, base, score, NO_WAY)
             return None
         for reach in demand.unreached:
@@ -260,7 +260,7 @@ class BaseValidator:
 
     def has_way(self, bases: Array, log: Rejections) -> NDArray[np.bool_]:
         """Return which base poses (n, 3) the base may drive to, (n,); all as long as none was rejected for that."""
-        if not log.walled:
+        if not log.findings.walled:
             return np.ones(len(bases), bool)
         good = self.scene.collisions.drivable()(bases)
         log.add(NO_WAY, int((~good).sum()))
@@ -307,7 +307,9 @@ class BaseValidator:
             x, y, _ = np.mean(zone.shoulders, axis=0)
             return (float(x), float(y)), 0.0, longest + zone.arm_length + 0.5
         block = scene.bodies.block(reach.body)
-        stage = 0.0 if reach.kind is ReachKind.GRASP else math.hypot(block.half_x, block.half_y)
+        stage = math.hypot(block.half_x, block.half_y)
+        if reach.kind is ReachKind.GRASP:
+            stage = max(math.dist((one.x, one.y), (block.x, block.y)) for one in scene.bodies.grips(reach.body))
         return (block.x, block.y), 0.0, longest + stage + 0.2
 
     def name_crowding(self, crowded: Sequence[tuple[float, Array]], log: Rejections) -> None:

@@ -334,25 +334,34 @@ class Solids:
         round_, balls = self.kinds >= 2, self.kinds == 3
         boxes[round_, 1] = boxes[round_, 0] = self.half[round_, 0] / np.sqrt(self.kinds[round_])
         boxes[balls, 2] = boxes[balls, 0]
-        begin = np.einsum("nki,kij->nkj", starts[:, None] - self.centres, self.axes)
-        way = np.einsum("ni,kij->nkj", ends - starts, self.axes)
-        way = np.where(np.abs(way) < 1e-9, 1e-9, way)
-        one, other = (-boxes - begin) / way, (boxes - begin) / way
-        first, last = np.minimum(one, other).max(axis=2), np.maximum(one, other).min(axis=2)
-        return np.asarray(((first <= last) & (first > 0.0) & (first <= 1.0)).any(axis=1))
+        first, last = np.full((len(self), len(starts)), -np.inf), np.full((len(self), len(starts)), np.inf)
+        for axis in range(3):
+            across, half = self.axes[:, :, axis], boxes[:, axis, None]
+            begin = across @ starts.T - np.einsum("ki,ki->k", across, self.centres)[:, None]
+            way = across @ (ends - starts).T
+            way[np.abs(way) < 1e-9] = 1e-9
+            middle, span = -begin / way, np.abs(half / way)
+            np.maximum(first, middle - span, out=first)
+            np.minimum(last, middle + span, out=last)
+        return np.asarray(((first <= last) & (first > 0.0) & (first <= 1.0)).any(axis=0))
 
 
 def distances(local: Array, half: Array, kinds: Index) -> Array:
-    """Return distances (...) of points (..., 3), in the frames of pieces, from their surfaces, negative inside [m]."""
-    x, y, z = (np.abs(local[..., axis]) for axis in range(3))
-    if (kinds >= 2).any():
-        x = np.where(kinds >= 2, np.hypot(x, np.where(kinds == 3, np.hypot(y, z), y)), x)
-        y, z = np.where(kinds >= 2, 0.0, y), np.where(kinds == 3, 0.0, z)
-    x, y, z = x - half[..., 0], y - half[..., 1], z - half[..., 2]
-    inside = np.minimum(np.maximum(np.maximum(x, y), z), 0.0)
-    for axis in (x, y, z):
-        np.maximum(axis, 0.0, out=axis)
-    return np.asarray(np.sqrt(x * x + y * y + z * z) + inside)
+    """Return distances (k,) of points (3, k), in the frames of pieces, from their surfaces, negative inside [m].
+
+    ``half`` (3, k) and ``kinds`` (k,): as those of :class:`Solids`.
+    """
+    x, y, z = np.abs(local)
+    if len(turned := np.flatnonzero(kinds >= 2)):
+        ball = kinds[turned] == 3
+        x[turned] = np.hypot(x[turned], np.hypot(y[turned], np.where(ball, z[turned], 0.0)))
+        y[turned], z[turned[ball]] = 0.0, 0.0
+    away = np.stack([x, y, z])
+    away -= half
+    inside = np.minimum(away.max(axis=0), 0.0)
+    np.maximum(away, 0.0, out=away)
+    away *= away
+    return np.asarray(np.sqrt(away[0] + away[1] + away[2]) + inside)
 
 
 def counts(first: Index) -> Index:

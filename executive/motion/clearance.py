@@ -204,12 +204,14 @@ def stands_in_none(bases: Array, boxes: Boxes, shapes: Sequence[Outline]) -> NDA
     free = np.ones(len(bases), bool)
     bottom = boxes.centres[:, 2] - boxes.half_extents[:, 2]
     top = boxes.centres[:, 2] + boxes.half_extents[:, 2]
-    reach = np.linalg.norm(boxes.half_extents[:, :2], axis=1)
-    away = bases[:, None, :2] - boxes.centres[:, :2]
-    squares = np.einsum("mkc,mkc->mk", away, away)
+    c, s = np.cos(boxes.yaws), np.sin(boxes.yaws)
+    x, y = (bases[:, None, axis] - boxes.centres[:, axis] for axis in (0, 1))
+    along = np.maximum(np.abs(c * x + s * y) - boxes.half_extents[:, 0], 0.0)
+    across = np.maximum(np.abs(c * y - s * x) - boxes.half_extents[:, 1], 0.0)
+    squares = along * along + across * across
     for one in shapes:
         met = (bottom < one.high) & (top > one.low)
-        rows, columns = np.nonzero((squares < (reach + one.radius) ** 2) & met & free[:, None])
+        rows, columns = np.nonzero((squares < one.radius**2) & met & free[:, None])
         if len(rows):
             inside = _overlap(bases[rows], boxes.only(columns), one)
             free[rows[inside]] = False

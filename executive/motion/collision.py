@@ -295,7 +295,9 @@ class QuickCheck:
         middles = _placed(self._balls, self._movers.frames, frames)
         standing, moving = self._near_standing(width, middles, pairs), self._near_moving(width, middles, frames, pairs)
         pair, piece, row, middle = (np.concatenate(several) for several in zip(standing, moving, strict=True))
-        gap = _gaps(middle, self._balls[self._mover[pair], 3], self._obstacles.solids, piece)
+        solids = self._obstacles.solids
+        local = np.einsum("kij,ki->jk", solids.axes[piece], middle - solids.centres[piece])
+        gap = _gaps(local, self._balls[self._mover[pair], 3], solids, piece)
         left = np.flatnonzero(gap < width[pair])
         return pair[left], piece[left], row[left]
 
@@ -306,8 +308,11 @@ class QuickCheck:
         mine = frames[movers.frames[mover], :, :, row]
         theirs = frames[obstacles.frames[self._obstacle[pair]], :, :, row]
         turn, shift = _relative(theirs, mine)
+        axes = solids.axes[piece]
+        turn = np.einsum("kji,kjl->ilk", axes, turn)  # rows last: numpy is slow over short ones
+        shift = np.einsum("kji,kj->ik", axes, shift - solids.centres[piece])
         each, sphere = _members(movers.first, mover)
-        points = np.einsum("kij,kj->ki", turn[each], spheres.centres[sphere]) + shift[each]
+        points = np.einsum("ijk,jk->ik", turn[..., each], spheres.centres.T[:, sphere]) + shift[:, each]
         gap = _gaps(points, spheres.reach[sphere], solids, piece[each])
         if len(pair):
             gap = np.minimum.reduceat(gap, np.flatnonzero(np.diff(each, prepend=-1)))
@@ -461,13 +466,6 @@ def _members(first: Index, groups: Index) -> tuple[Index, Index]:
     return which, np.arange(len(which)) - np.repeat(np.cumsum(sizes) - sizes, sizes) + first[groups][which]
 
 
-def _gaps(points: Array, radii: Array, solids: Solids, pieces: Index) -> Array:
-    """Return the gaps (k,) between spheres and pieces, each pair in one frame; spheres need no axes."""
-    away = points - solids.centres[pieces]
-    gaps = np.sqrt(_squares(away)) - solids.reach[pieces] - radii
-    others = np.flatnonzero(solids.kinds[pieces] != 3)
-    if len(others):
-        pieces = pieces[others]
-        local = np.einsum("kij,ki->kj", solids.axes[pieces], away[others])
-        gaps[others] = distances(local, solids.half[pieces], solids.kinds[pieces]) - radii[others]
-    return np.asarray(gaps)
+def _gaps(local: Array, radii: Array, solids: Solids, pieces: Index) -> Array:
+    """Return the gaps (k,) between spheres, at points (3, k) of the frames of pieces, and these pieces."""
+    return distances(local, solids.half.T[:, pieces], solids.kinds[pieces]) - radii

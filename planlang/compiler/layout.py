@@ -67,6 +67,12 @@ class Call:
         """Return the call with further keyword arguments."""
         return Call(self.function, (*self.arguments, *keywords.items()))
 
+    def further(self, *positional: Expression) -> Call:
+        """Return the call with further positional arguments."""
+        place = sum(keyword is None for keyword, _ in self.arguments)
+        further = ((None, argument) for argument in positional)
+        return Call(self.function, (*self.arguments[:place], *further, *self.arguments[place:]))
+
 
 @dataclass(frozen=True, slots=True)
 class Display:

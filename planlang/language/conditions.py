@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable, Iterable, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, TypeVar
@@ -29,7 +29,7 @@ from planlang.kernel.signals import BaseFluent, Wait
 from planlang.kernel.tree import name_of
 from planlang.language.branches import Branch
 from planlang.language.executive import executive_for
-from planlang.language.recovery import Recovery, Return, recoveries_of, recovering
+from planlang.language.recovery import Recovery, Return, check_further, recovering
 from planlang.misuse import Usage, WrongType, contrast, written
 
 V = TypeVar("V")
@@ -37,15 +37,13 @@ V = TypeVar("V")
 _ACHIEVE = Usage(
     "await achieve",
     {"goal": "holding(cup)", "body": "grasp"},
-    {"within": "0.5", "recoveries": "[Recovery(GraspMissed)]"},
+    {"within": "0.5", "*recovery": "Recovery(GraspMissed)"},
 )
 _HOLDS = Usage("holds", {"what": "a_location(near=table)"}, {"of": "cup"})
 Goal = Condition | Callable[[], bool] | Signal[Any]
 
 
-async def achieve(
-    goal: Goal, body: Callable[[], Awaitable[V]], *, within: float = 0.0, recoveries: Iterable[Recovery] = ()
-) -> V | None:
+async def achieve(goal: Goal, body: Callable[[], Awaitable[V]], *recoveries: Recovery, within: float = 0.0) -> V | None:
     """Run the body unless the goal already holds; returns its result, or None if it was skipped.
 
     After the body the goal must hold, at the latest ``within`` seconds of plan time later: else GoalNotAchieved.
@@ -54,8 +52,8 @@ async def achieve(
     """
     _ACHIEVE.branch("body", body)
     _ACHIEVE.seconds("within", within)
-    run = achieving(_ACHIEVE, "goal", goal, body, within)
-    return await recovering(run, recoveries_of(_ACHIEVE, recoveries))
+    check_further(_ACHIEVE, recoveries)
+    return await recovering(achieving(_ACHIEVE, "goal", goal, body, within), recoveries)
 
 
 def achieving(

@@ -27,7 +27,7 @@ from planlang.language.branches import Branch
 from planlang.language.budgets import take_attempt
 from planlang.language.executive import executive_for
 from planlang.language.performing import HeldPose, held_pose, perform
-from planlang.language.recovery import Recovery, matches, recoveries_of, recovering
+from planlang.language.recovery import Recovery, check_further, matches, recovering
 from planlang.language.resources import Lease, using
 from planlang.misuse import Usage
 
@@ -45,7 +45,7 @@ _AT_LOCATION = Usage(
         "reaching": "(cup,)",
         "device": "RIGHT_GRIPPER",
         "by": '"Translation-LocationChange"',
-        "recoveries": "[Recovery(ObjectNotFound)]",
+        "*recovery": "Recovery(ObjectNotFound)",
     },
 )
 
@@ -62,12 +62,11 @@ REPLACED = 10
 async def at_location(
     location: Location,
     body: Callable[[], Awaitable[V]],
-    *,
+    *recoveries: Recovery,
     attempts: int = ATTEMPTS,
     reaching: Iterable[Object | Location] = (),
     device: Device | None = None,
     by: str | None = None,
-    recoveries: Iterable[Recovery] = (),
 ) -> V:
     """Go to a base pose of ``location`` from which everything in ``reaching`` can be reached, and run the body there.
 
@@ -99,7 +98,7 @@ async def at_location(
         _AT_LOCATION.instance("device", device, Device, "a device")
     if by is not None:
         _AT_LOCATION.text("by", by)
-    recoveries = recoveries_of(_AT_LOCATION, recoveries)
+    check_further(_AT_LOCATION, recoveries)
     executive = executive_for("at_location")
     if reaching:
         location = location & _in_reach(reaching, device, location.device)

@@ -60,6 +60,8 @@ class Return(Generic[T]):
 Decision = _Decision | Return[Any]
 Do = Callable[[PlanFailure], Awaitable[Decision]]
 Otherwise = type[PlanFailure] | Callable[[PlanFailure], PlanFailure] | Return[Any]
+_AS_DO_SAYS: Any = object()
+"""Default of ``otherwise``, which no recovery keeps."""
 
 
 async def retry(failure: PlanFailure) -> Decision:
@@ -76,7 +78,9 @@ class Recovery:
     ``alternatives``: keyword -> function that makes an iterable; the body gets the first value of each as keyword
     argument, and with each retry by this recovery the next. When attempts, time or alternatives are used up, ``do``
     is not called and ``otherwise`` decides: None lets the failure go outward, a failure class or a function of the
-    failure gives what is raised from it, ``Return(value)`` leaves with a value.
+    failure gives what is raised from it, ``Return(value)`` leaves with a value. Left out, it is what ``do`` has as
+    an attribute ``otherwise``, as strategies have whose end means one thing whatever they recover from
+    (:func:`planlang.recoveries.recovery_strategy`); without that attribute it is None.
     """
 
     on: type[PlanFailure] | tuple[type[PlanFailure], ...]
@@ -84,10 +88,12 @@ class Recovery:
     attempts: int = field(default=1, kw_only=True)
     within: float | None = field(default=None, kw_only=True)
     alternatives: Mapping[str, Callable[[], Iterable[Any]]] | None = field(default=None, kw_only=True)
-    otherwise: Otherwise | None = field(default=None, kw_only=True)
+    otherwise: Otherwise | None = field(default=_AS_DO_SAYS, kw_only=True)
 
     def __post_init__(self) -> None:
         _RECOVERY.branch("do", self.do)
+        if self.otherwise is _AS_DO_SAYS:
+            object.__setattr__(self, "otherwise", getattr(self.do, "otherwise", None))
         for kind in self.on if isinstance(self.on, tuple) else (self.on,):
             if not (isinstance(kind, type) and issubclass(kind, PlanFailure)):
                 message = f"a recovery is for plan failures, which {written(kind)} is not; programming errors are fixed"
@@ -166,7 +172,7 @@ async def with_failure_handling(body: Callable[..., Awaitable[V]], *recoveries: 
 
 
 def recovering(body: Callable[[], Awaitable[V]], recoveries: tuple[Recovery, ...]) -> Awaitable[V]:
-    """Run a body, with recoveries if there are any: what the keyword ``recoveries`` of other constructs stands for."""
+    """Run a body, with recoveries if there are any: what the recoveries of other constructs stand for."""
     if not recoveries:
         return called(body)  # type: ignore[no-any-return]
     return with_failure_handling(body, *recoveries)
@@ -179,13 +185,21 @@ def recoveries_of(usage: Usage, recoveries: Iterable[Recovery]) -> tuple[Recover
     for recovery in found:
         if not isinstance(recovery, Recovery):
             raise usage.wrong("recoveries", [recovery], _RECOVERIES)
-        if recovery.alternatives is not None:
-            message = f"alternatives are keywords of a body, which {usage.name} calls without any"
-            wrong = usage.shown("recoveries", "[Recovery(..., alternatives=...)]")
-            raise WrongValue(
-                contrast(message, wrong, "await with_failure_handling(body, Recovery(..., alternatives=...))")
-            )
+        _check_keywords(usage, recovery, usage.shown("recoveries", "[Recovery(..., alternatives=...)]"))
     return found
+
+
+def check_further(usage: Usage, recoveries: Iterable[Recovery]) -> None:
+    """Refuse what a construct was given after its body if that is no recovery, or has alternatives."""
+    for recovery in recoveries:
+        usage.instance("recovery", recovery, Recovery, "a Recovery")
+        _check_keywords(usage, recovery, usage.shown("recovery", "Recovery(..., alternatives=...)"))
+
+
+def _check_keywords(usage: Usage, recovery: Recovery, wrong: str) -> None:
+    if recovery.alternatives is not None:
+        message = f"alternatives are keywords of a body, which {usage.name} calls without any"
+        raise WrongValue(contrast(message, wrong, "await with_failure_handling(body, Recovery(..., alternatives=...))"))
 
 
 async def _handled(body: Callable[..., Awaitable[Any]], recoveries: Iterable[Recovery]) -> Any:

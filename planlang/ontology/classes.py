@@ -27,6 +27,10 @@ class Taxonomy:
                 above[upper] = None
                 self._children.setdefault(upper, []).append(lower)
 
+    def classes(self) -> tuple[str, ...]:
+        """Return the classes that have superclasses, in document order."""
+        return tuple(self._parents)
+
     def parents(self, cls: str) -> tuple[str, ...]:
         """Return the direct superclasses in document order."""
         return tuple(self._parents.get(cls, ()))

@@ -22,10 +22,10 @@ async def serve():
     stuck = Recovery(ContainerStuck, attempts=9, within=20)
     refused = Recovery(HandoverNotTaken, otherwise=ObjectUndeliverable)
     await par(
-        fetching=partial(achieve, holding(BOTTLE), fetch, recoveries=[Recovery(GraspSlipped, attempts=2)]),
+        fetching=partial(achieve, holding(BOTTLE), fetch, Recovery(GraspSlipped, attempts=2)),
         door=partial(perform, door, name="OpenDoor", recoveries=[stuck]),
     )
-    await at_location(a_location(in_reach_of=PATIENT), partial(perform, give, name="Offer"), recoveries=[refused])
+    await at_location(a_location(in_reach_of=PATIENT), partial(perform, give, name="Offer"), refused)
 
 
 @pytest.fixture

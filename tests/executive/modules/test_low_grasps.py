@@ -17,6 +17,7 @@ from planlang.failures import LocationUnresolvable, TooHeavy
 from planlang.geometry import Pose
 from sim import Body
 from sim.bodies import plain
+from sim.scene import Handle
 from sim.world import held_by
 from tests.executive.conftest import BED, BOTTLE, CABINET, PLACE, THE_BOTTLE, MakeStage, stand
 
@@ -36,6 +37,28 @@ THINGS = {
     "napkin": lying("napkin", "Napkin", (0.2, 0.2, 0.01), soft=True),
     "bottle": replace(BOTTLE, pose=Pose((1.5, 0.0, TOP + 0.0325), (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5)))),
 }
+
+
+PAN = Handle(Pose((-0.2, 0.0, 0.0)), (0.14, 0.025, 0.02))
+POT = Handle(Pose((0.0, 0.13, 0.05)), (0.08, 0.06, 0.015))
+JUG = Handle(Pose((0.0, -0.11, 0.0)), (0.02, 0.05, 0.14))
+WIDE = {
+    "pan": lying("pan", "Skillet", (0.26, 0.26, 0.04), "cylinder", handles=(PAN,)),
+    "pot": lying("pot", "StoveTopCookingPot", (0.22, 0.22, 0.14), "cylinder", handles=(POT,)),
+    "jug": lying("jug", "Kettle", (0.18, 0.18, 0.2), "cylinder", handles=(JUG,)),
+}
+THINGS |= WIDE
+
+
+@pytest.mark.parametrize("name", WIDE)
+def test_what_is_too_wide_is_gripped_at_its_handle_with_the_hand_off_the_rest(make_stage: MakeStage, name: str) -> None:
+    stage = make_stage(CABINET, WIDE[name], BED)
+    what, handle = an_object(WIDE[name].type, PLACE + name), WIDE[name].handles[0]
+    base = next(stage.resolver.bases(a_location(in_reach_of=what))).base
+    for one in (one for found in stage.resolver.reached_from(base).values() for one in found.values()):
+        grip = (WIDE[name].pose @ handle.pose).inverse() @ Pose.from_matrix(one.plan.poses[1])
+        assert (np.abs(grip.position) <= np.array(handle.size) / 2 + 0.05).all()
+        assert not stage.platform.scene.collisions.contacts(base, one.arm, one.joints[1], fingers=one.plan.fingers)
 
 
 @pytest.mark.parametrize("name", THINGS)

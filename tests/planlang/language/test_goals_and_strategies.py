@@ -155,6 +155,48 @@ def test_not_finding_it_there_either_is_left_to_the_body(executive: Any, module:
     assert [line for line in executive.log if line.startswith("looks")] == ["looks at 0"] + ["looks at 1"] * 4
 
 
+def strategies_of(what: Any) -> dict[str, Any]:
+    """What a Recovery may be told to do, by the failure that it ends in unless it says else."""
+    return {
+        "ObjectNowhereToBeFound": look_from_another_place(what),
+        "ObjectUnfetchable": fetch_again(what),
+        "": look_and_repeat(what),
+    }
+
+
+@pytest.mark.parametrize("last", strategies_of(BOTTLE))
+def test_a_strategy_says_what_a_recovery_ends_in_unless_that_says_it_itself(last: str) -> None:
+    do = strategies_of(BOTTLE)[last]
+    left_out = Recovery(ObjectNotFound, do, attempts=2).otherwise
+    assert getattr(left_out, "__name__", "") == last
+    assert Recovery(ObjectNotFound, do, otherwise=None).otherwise is None
+    assert Recovery(ObjectNotFound, do, otherwise=ObjectUnreachable).otherwise is ObjectUnreachable
+
+
+@pytest.mark.parametrize(
+    ("says", "raised"),
+    [({}, ObjectNowhereToBeFound), ({"otherwise": None}, ObjectNotFound), ({"otherwise": GraspMissed}, GraspMissed)],
+)
+def test_a_used_up_strategy_ends_in_its_own_failure_unless_the_recovery_says_else(
+    executive: Any, module: Any, says: dict[str, Any], raised: type[Exception]
+) -> None:
+    eyes(executive, module)
+    recovery = Recovery(ObjectNotFound, look_from_another_place(BOTTLE), **says)
+    with pytest.raises(raised):
+        go(partial(with_failure_handling, find, recovery), executive)
+
+
+def test_a_strategy_about_no_object_may_say_what_it_ends_in(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(strategies, "_registered", dict(strategies._registered))
+
+    async def waiting(failure: Any) -> Any: ...
+
+    waiting.__qualname__ = waiting.__name__  # as at the top of a module
+    assert recovery_strategy("WaitLong", otherwise=ObjectUnreachable)(waiting) is waiting
+    assert Recovery(ObjectNotFound, waiting).otherwise is ObjectUnreachable
+    assert [one.otherwise for one in registered_strategies() if one.name == "WaitLong"] == [ObjectUnreachable]
+
+
 async def carried(executive: Any, lost: list[ObjectLost]) -> None:
     executive.log.append("carries")
     if lost:
@@ -300,10 +342,11 @@ async def shout(failure: object) -> object: ...
         ("Repeat", {}, shout, "planlang is registered as Repeat already"),
         ("Shout", {}, lambda failure: None, "plans cannot import lambda"),
         ("Shout", {}, None, "plans cannot import None"),
+        ("Shout", {"otherwise": "ObjectLost"}, shout, "otherwise of @recovery_strategy has to be None or a failure"),
     ],
 )
 def test_what_cannot_be_registered_is_refused(
-    name: str, options: dict[str, bool], function: object, message: str
+    name: str, options: dict[str, Any], function: object, message: str
 ) -> None:
     with pytest.raises(PlanStructureError, match=message):
         recovery_strategy(name, **options)(function)  # type: ignore[type-var]

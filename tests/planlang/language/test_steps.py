@@ -54,13 +54,13 @@ def told(plan: Branch, executive: Any) -> list[dict[str, Any]]:
 
 def in_one_call(grasp: Branch) -> Branch:
     step = partial(perform, GRASP, name="Grasp", otherwise=grasp, until=holding(CUP), recoveries=RECOVERIES)
-    return partial(at_location, NEAR_CUP, step, attempts=2, recoveries=RECOVERIES)
+    return partial(at_location, NEAR_CUP, step, *RECOVERIES, attempts=2)
 
 
 def with_the_goal_outside(grasp: Branch) -> Branch:
     performed = partial(perform, GRASP, name="Grasp", otherwise=grasp)
-    step = named(partial(achieve, holding(CUP), performed, recoveries=RECOVERIES))
-    return partial(at_location, NEAR_CUP, step, attempts=2, recoveries=RECOVERIES)
+    step = named(partial(achieve, holding(CUP), performed, *RECOVERIES))
+    return partial(at_location, NEAR_CUP, step, *RECOVERIES, attempts=2)
 
 
 def nested(grasp: Branch) -> Branch:
@@ -129,7 +129,7 @@ def test_recoveries_of_a_place_run_with_the_base_free(executive: Any) -> None:
         return "grasped"
 
     recovery = Recovery(GraspMissed, look_around)
-    assert go(partial(at_location, NEAR_CUP, grasp, recoveries=[recovery]), executive) == "grasped"
+    assert go(partial(at_location, NEAR_CUP, grasp, recovery), executive) == "grasped"
     assert executive.log == ["at 1", "at 7", "at 1"]
 
 
@@ -141,7 +141,7 @@ def test_what_has_to_be_reached_is_the_same_in_each_attempt(executive: Any) -> N
             raise failure
 
     once = iter([a_location(in_center_of=CUP)])
-    go(partial(at_location, NEAR_CUP, grasp, reaching=once, recoveries=iter([Recovery(GraspMissed)])), executive)
+    go(partial(at_location, NEAR_CUP, grasp, Recovery(GraspMissed), reaching=once), executive)
     assert len(executive.asked) == 2
     assert len(set(executive.asked)) == 1
 
@@ -150,8 +150,8 @@ def test_what_has_to_be_reached_is_the_same_in_each_attempt(executive: Any) -> N
     ("call", "name"),
     [
         (lambda given: perform(GRASP, recoveries=given), "perform"),
-        (lambda given: achieve(Fluent(True), partial(sleep, 1), recoveries=given), "achieve"),
-        (lambda given: at_location(NEAR_CUP, partial(sleep, 1), recoveries=given), "at_location"),
+        (lambda given: achieve(Fluent(True), partial(sleep, 1), *given), "achieve"),
+        (lambda given: at_location(NEAR_CUP, partial(sleep, 1), *given), "at_location"),
     ],
 )
 def test_recoveries_with_alternatives_are_refused_where_the_body_takes_no_keywords(

@@ -37,6 +37,21 @@ def carried(name: str, *places: str, holder: str | None = None) -> Goal:
     return goal
 
 
+def standing(on: str, *names: str) -> Goal:
+    """Return the goal that things stand on another one, where nobody holds them, and were carried level."""
+
+    def goal(watched: Watched) -> Iterator[str]:
+        for name in names:
+            if watched.world.support(name) != on or watched.world.height_above_support(name) > STANDS:
+                yield f"{name} is over {watched.world.support(name)}"
+            if (holder := held_by(watched.world, name)) is not None:
+                yield f"{name} is held by {holder}"
+            if not 0.0 < watched.tilts.get(name, 0.0) <= LEVEL:
+                yield f"{name} leaned by {watched.tilts.get(name)} rad"
+
+    return goal
+
+
 STANDS = 0.005
 """Largest height of what stands on something over that [m]."""
 LEVEL = 0.262
@@ -60,5 +75,14 @@ SCENARIOS = [
         carried("milk1", "iai_fridge_main", "kitchen_island", "sink_area"),
         (resting("milk1"),),
         seconds=15.0,
+    ),
+    *(
+        Scenario(
+            f"clear_the_stove with {robot}",
+            ("docs/examples/clear_the_stove.omn", "--robot", robot, "--environment", "stove_with_pans"),
+            standing("table1", "pan1", "kettle1", "pot1"),
+            seconds=seconds,
+        )
+        for robot, seconds in (("amigo", 7.0), ("pr2", 12.0))
     ),
 ]

@@ -1,21 +1,14 @@
 """Serve a drink.
 
 Compiled by planlang 0.1.0 from serve_a_drink.omn (sha256 7b3a485023f303a1), task ServeADrink.
-What follows has sha256 fd898e5606a69cced9d30bacf253281e74263fd318ea1936f5f03de4383f6c1b unless it was edited.
+What follows has sha256 ef94fb43509973be73da32771b6dadc6f388219dd0fdb602d9488ea27de4c9f8 unless it was edited.
 """
 
 from functools import partial
 
 from planlang import Recovery, action, action_class, at_location, holding, perform, plan
 from planlang.designators import Object, Person, a_device, a_location, a_person, a_posture, an_object
-from planlang.failures import (
-    GraspMissed,
-    ObjectLost,
-    ObjectNotFound,
-    ObjectNowhereToBeFound,
-    ObjectUnfetchable,
-    ObjectUnreachable,
-)
+from planlang.failures import GraspMissed, ObjectLost, ObjectNotFound, ObjectUnfetchable, ObjectUnreachable
 from planlang.recoveries import fetch_again, look_and_repeat, look_from_another_place, open_what_is_in_the_way
 
 RECIPE = "http://planlang.org/kb/serve_a_drink.owl#"
@@ -64,13 +57,11 @@ async def serve_a_drink(*, bottle: Object = BOTTLE, patient: Person = PATIENT) -
         at_location,
         a_location("graspingPlace", in_reach_of=bottle, using=GRIPPER),  # where the base stands to grasp
         at_grasping_place,
+        Recovery(ObjectUnreachable, open_what_is_in_the_way(bottle), attempts=2),
+        Recovery(ObjectNotFound, look_from_another_place(bottle), attempts=3),
+        Recovery(ObjectLost, fetch_again(bottle), attempts=2),
         reaching=(approach_pose, grasp_pose),
         by=action_class(RECIPE + "MoveBaseToGraspPose", below="Translation-LocationChange"),
-        recoveries=[
-            Recovery(ObjectUnreachable, open_what_is_in_the_way(bottle), attempts=2),
-            Recovery(ObjectNotFound, look_from_another_place(bottle), attempts=3, otherwise=ObjectNowhereToBeFound),
-            Recovery(ObjectLost, fetch_again(bottle), attempts=2, otherwise=ObjectUnfetchable),
-        ],
     )
     await fetch_bottle()
 
@@ -88,10 +79,8 @@ async def serve_a_drink(*, bottle: Object = BOTTLE, patient: Person = PATIENT) -
     await at_location(
         a_location("handoverPlace", in_reach_of=patient, using=GRIPPER),  # where the base stands to hand over
         at_handover_place,
+        Recovery(ObjectNotFound, look_from_another_place(patient), attempts=3),
+        Recovery(ObjectLost, fetch_again(bottle, fetch_bottle), attempts=2),
         reaching=(handover_pose,),
         by=action_class(RECIPE + "MoveBaseToHandoverPose", below="Translation-LocationChange"),
-        recoveries=[
-            Recovery(ObjectNotFound, look_from_another_place(patient), attempts=3, otherwise=ObjectNowhereToBeFound),
-            Recovery(ObjectLost, fetch_again(bottle, fetch_bottle), attempts=2, otherwise=ObjectUnfetchable),
-        ],
     )

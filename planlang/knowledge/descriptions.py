@@ -1,0 +1,118 @@
+"""What an entry is about, so that it is found: its classes and what it is linked to, its words, its place.
+
+A description is what a store keeps beside an entry's content and what an index is built from: it holds what the entry
+adds to the vocabulary, and names of the vocabulary for everything else.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+
+from planlang.knowledge.axioms import Axioms, One
+from planlang.knowledge.completion import Completion, Node
+
+MOST_NODES = 20_000
+"""Nodes that the completion of one entry may have."""
+
+Label = str
+"""A named class, or ``{IRI}``: the class of one individual."""
+
+
+@dataclass(frozen=True, slots=True)
+class Described:
+    """A node of a description: its most specific labels, and links (property, number of a node or vocabulary label)."""
+
+    labels: tuple[Label, ...]
+    links: tuple[tuple[str, int | Label], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Description:
+    """What an entry is about. ``nodes[0]`` is the described class or individual.
+
+    ``words`` are labels and names that a reader may search for; ``place`` has the values of ``room``, ``floor``,
+    ``building``, ``street`` and ``city`` that a map states.
+    """
+
+    nodes: tuple[Described, ...]
+    words: tuple[str, ...] = ()
+    place: tuple[tuple[str, str], ...] = ()
+
+    def packed(self) -> bytes:
+        """Return the description as JSON."""
+        return json.dumps(asdict(self), ensure_ascii=False, separators=(",", ":")).encode()
+
+    @staticmethod
+    def unpacked(data: bytes) -> Description:
+        """Return what :meth:`packed` wrote. Raises ValueError or KeyError for anything else."""
+        stored = json.loads(data)
+        nodes = tuple(
+            Described(tuple(one["labels"]), tuple((prop, target) for prop, target in one["links"]))
+            for one in stored["nodes"]
+        )
+        return Description(nodes, tuple(stored["words"]), tuple((level, text) for level, text in stored["place"]))
+
+
+def described(
+    about: str,
+    vocabulary: Axioms,
+    own: Axioms,
+    *,
+    is_individual: bool = False,
+    words: Iterable[str] = (),
+    place: Iterable[tuple[str, str]] = (),
+) -> Description:
+    """Return the description of a class or individual by axioms of the vocabulary and of its entry. Raises TooLarge."""
+    completion = Completion(vocabulary, own, most=MOST_NODES)
+    root = completion.number(One(about) if is_individual else about)
+    nodes = completion.nodes
+    _spread_ownership(nodes)
+    nodes[root].is_own = True
+    numbers = {root: 0}
+    queue = [root]
+    found = []
+    for number in queue:
+        links: list[tuple[str, int | Label]] = []
+        for prop, target in nodes[number].links:
+            if nodes[target].is_own or label_of(nodes[target].concept) is None:
+                if target not in numbers:
+                    numbers[target] = len(numbers)
+                    queue.append(target)
+                links.append((prop, numbers[target]))
+            else:
+                links.append((prop, label_of(nodes[target].concept) or ""))
+        found.append(Described(_most_specific(nodes[number], vocabulary), tuple(sorted(links, key=repr))))
+    return Description(tuple(found), tuple(words), tuple(place))
+
+
+def _spread_ownership(nodes: list[Node]) -> None:
+    """Mark what is linked to a node that the entry's axioms shaped: it is not the same for every entry either."""
+    queue = [node for node in nodes if node.is_own]
+    for node in queue:
+        for _, source in node.linked_from:
+            if not nodes[source].is_own:
+                nodes[source].is_own = True
+                queue.append(nodes[source])
+
+
+def label_of(concept: object) -> Label | None:
+    """Return the label of a named class or of an individual; None for any other concept."""
+    if isinstance(concept, One):
+        return f"{{{concept.individual}}}"
+    return concept if isinstance(concept, str) else None
+
+
+def _most_specific(node: Node, vocabulary: Axioms) -> tuple[Label, ...]:
+    """Return the labels of a node without those that the vocabulary states above another of them."""
+    kept: dict[Label, frozenset[object]] = {}
+    for concept in node.labels:
+        label = label_of(concept)
+        if label is None or any(concept in implied for implied in kept.values()):
+            continue
+        above = frozenset(vocabulary.above.get(concept, ()))
+        for upper in map(label_of, above):
+            kept.pop(upper or "", None)
+        kept[label] = above
+    return tuple(kept)

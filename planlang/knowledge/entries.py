@@ -1,0 +1,138 @@
+"""What a knowledge base keeps: entries with their revisions, files that belong to them, ratings and news."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from enum import StrEnum
+
+from planlang.designators import local_name
+
+LOWEST_RATING, HIGHEST_RATING = 0, 10
+
+REVISIONS_KEPT = 10
+"""Earlier revisions of an entry that are kept unless a store is told otherwise."""
+
+_PART = re.compile(r"[a-z0-9][a-z0-9_-]{0,99}")
+
+
+class Kind(StrEnum):
+    """A kind of entry; the value is its collection in addresses."""
+
+    RECIPE = "recipes"
+    OBJECT = "objects"
+    ENVIRONMENT = "environments"
+    ROBOT = "robots"
+    EXPERIENCE = "experiences"
+
+    @property
+    def word(self) -> str:
+        """The word for one of this kind in messages."""
+        return self.value.removesuffix("s")
+
+
+class Syntax(StrEnum):
+    """The media type of an entry's content."""
+
+    RDFXML = "application/rdf+xml"
+    TURTLE = "text/turtle"
+    MANCHESTER = "text/owl-manchester"
+
+
+@dataclass(frozen=True, slots=True)
+class Attachment:
+    """A file that belongs to an entry: a picture of an occupancy map, a mesh, a recognition model."""
+
+    name: str
+    media_type: str
+    sha256: str
+    size: int
+    """Bytes."""
+
+
+@dataclass(frozen=True, slots=True)
+class Revision:
+    """One content of an entry. ``number`` counts from 1; ``made`` is UTC in ISO 8601."""
+
+    number: int
+    sha256: str
+    author: str
+    made: str
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """What is kept under one identifier, without its content.
+
+    ``uid`` follows the entry's class and the author's own name for it (:func:`uid_of`) and never changes. ``about`` is
+    the IRI of the class (recipe, object model) or individual (map, robot) that the entry describes. ``rating`` is the
+    mean of ``ratings`` ratings, None without any. ``created`` and the revision's ``made`` are UTC in ISO 8601.
+    """
+
+    uid: str
+    kind: Kind
+    about: str
+    label: str
+    author: str
+    syntax: Syntax
+    created: str
+    revision: Revision
+    attachments: tuple[Attachment, ...] = ()
+    rating: float | None = None
+    ratings: int = 0
+
+    @property
+    def etag(self) -> str:
+        """The tag that a change has to name: of the content, not of attachments and ratings."""
+        return f'"{self.revision.number}-{self.revision.sha256[:16]}"'
+
+
+@dataclass(frozen=True, slots=True)
+class Content:
+    """What an author hands in for an entry, after the checks.
+
+    ``name`` is the author's own name for it, the second part of the identifier; unused when an entry is changed.
+    """
+
+    kind: Kind
+    about: str
+    name: str
+    label: str
+    syntax: Syntax
+    data: bytes
+
+
+class Change(StrEnum):
+    """What happened to an entry."""
+
+    CREATED = "created"
+    CHANGED = "changed"
+    DELETED = "deleted"
+    RATED = "rated"
+    ATTACHED = "attached"
+    DETACHED = "detached"
+
+
+@dataclass(frozen=True, slots=True)
+class News:
+    """One line of the feed. ``number`` grows with every line; ``made`` is UTC in ISO 8601."""
+
+    number: int
+    change: Change
+    uid: str
+    kind: Kind
+    author: str
+    made: str
+
+
+def uid_of(about: str, name: str) -> str:
+    """Return the identifier of an entry: the described class's local name, a point, the author's name for it.
+
+    Both in lower case without blanks, as RoboEarth's database formed them. Raises ValueError, with the reason, for
+    anything but letters, digits, ``_`` and ``-``.
+    """
+    parts = ["".join(part.split()).lower() for part in (local_name(about), name)]
+    for part in parts:
+        if not _PART.fullmatch(part):
+            raise ValueError(f"{part[:40]!r} is no name of an entry: up to 100 letters, digits, _ and -")
+    return ".".join(parts)

@@ -1,0 +1,335 @@
+"""The store in one SQLite file: the record of truth of a knowledge base on one machine.
+
+Write-ahead log, so that readers never wait for a writer; every change is one transaction that is on disk before the
+call returns. Contents are kept once, under their SHA-256.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import secrets
+import sqlite3
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from planlang.diagnostics import BadInput, Span, error
+from planlang.knowledge.entries import (
+    HIGHEST_RATING,
+    LOWEST_RATING,
+    REVISIONS_KEPT,
+    Attachment,
+    Change,
+    Content,
+    Entry,
+    Kind,
+    News,
+    Revision,
+    Syntax,
+    uid_of,
+)
+from planlang.knowledge.stores import Changed, EntryExists, NoSuchEntry, NotTheAuthor, Request
+
+VERSION = 1
+"""The layout of the tables; a file of another one is refused."""
+
+_PATIENCE = 10.0
+"""Seconds that a writer waits for another process's transaction."""
+
+_TABLES = """
+CREATE TABLE blobs (sha256 TEXT PRIMARY KEY, data BLOB NOT NULL) WITHOUT ROWID;
+CREATE TABLE entries (uid TEXT PRIMARY KEY, kind TEXT NOT NULL, about TEXT NOT NULL, label TEXT NOT NULL,
+    author TEXT NOT NULL, syntax TEXT NOT NULL, created TEXT NOT NULL) WITHOUT ROWID;
+CREATE TABLE revisions (uid TEXT NOT NULL REFERENCES entries ON DELETE CASCADE, number INTEGER NOT NULL,
+    sha256 TEXT NOT NULL REFERENCES blobs, author TEXT NOT NULL, made TEXT NOT NULL,
+    PRIMARY KEY (uid, number)) WITHOUT ROWID;
+CREATE TABLE attachments (uid TEXT NOT NULL REFERENCES entries ON DELETE CASCADE, name TEXT NOT NULL,
+    media_type TEXT NOT NULL, sha256 TEXT NOT NULL REFERENCES blobs, size INTEGER NOT NULL,
+    PRIMARY KEY (uid, name)) WITHOUT ROWID;
+CREATE TABLE ratings (uid TEXT NOT NULL REFERENCES entries ON DELETE CASCADE, author TEXT NOT NULL,
+    rating INTEGER NOT NULL, made TEXT NOT NULL, PRIMARY KEY (uid, author)) WITHOUT ROWID;
+CREATE TABLE keys (sha256 TEXT PRIMARY KEY, author TEXT NOT NULL, made TEXT NOT NULL) WITHOUT ROWID;
+CREATE TABLE subscriptions (author TEXT NOT NULL, uid TEXT NOT NULL, made TEXT NOT NULL,
+    PRIMARY KEY (author, uid)) WITHOUT ROWID;
+CREATE TABLE news (number INTEGER PRIMARY KEY AUTOINCREMENT, change TEXT NOT NULL, uid TEXT NOT NULL,
+    kind TEXT NOT NULL, author TEXT NOT NULL, made TEXT NOT NULL);
+CREATE TABLE requests (author TEXT NOT NULL, key TEXT NOT NULL, digest TEXT NOT NULL, uid TEXT NOT NULL,
+    PRIMARY KEY (author, key)) WITHOUT ROWID;
+CREATE INDEX revisions_of_blobs ON revisions (sha256);
+CREATE INDEX attachments_of_blobs ON attachments (sha256);
+CREATE INDEX news_of_entries ON news (uid, number);
+"""
+
+_UNUSED = """CREATE TRIGGER unused_after_{table} AFTER DELETE ON {table} BEGIN
+    DELETE FROM blobs WHERE sha256 = OLD.sha256
+    AND NOT EXISTS (SELECT 1 FROM revisions WHERE sha256 = OLD.sha256)
+    AND NOT EXISTS (SELECT 1 FROM attachments WHERE sha256 = OLD.sha256); END"""
+"""What forgets a content with the last thing that refers to it."""
+
+_LAST = """SELECT e.uid, e.kind, e.about, e.label, e.author, e.syntax, e.created, r.number, r.sha256, r.author, r.made
+    FROM entries e JOIN revisions r ON r.uid = e.uid
+    AND r.number = (SELECT max(number) FROM revisions WHERE uid = e.uid)"""
+
+
+class SqliteStore:
+    """A :class:`~planlang.knowledge.stores.Store` in one file; threads and processes may share it.
+
+    Raises BadInput with K001 for a file that is no knowledge base.
+    """
+
+    def __init__(self, path: Path, *, revisions_kept: int = REVISIONS_KEPT) -> None:
+        """``revisions_kept``: earlier revisions of an entry that stay beside the last one."""
+        self._path = path
+        self._kept = revisions_kept
+        self._local = threading.local()
+        self._connections: list[sqlite3.Connection] = []
+        self._writing = threading.Lock()
+        try:
+            self._prepare()
+        except sqlite3.DatabaseError as problem:
+            raise BadInput([error("K001", f"this is no knowledge base: {problem}", Span(str(path)))]) from None
+
+    def _prepare(self) -> None:
+        database = self._database
+        database.execute("PRAGMA journal_mode = WAL")
+        with self._transaction():
+            (version,) = database.execute("PRAGMA user_version").fetchone()
+            if version == 0 and not database.execute("SELECT 1 FROM sqlite_master").fetchone():
+                forgetting = (_UNUSED.format(table=table) for table in ("revisions", "attachments"))
+                for statement in (*_TABLES.split(";"), *forgetting):
+                    database.execute(statement)
+                database.execute(f"PRAGMA user_version = {VERSION}")
+            elif version != VERSION:
+                raise sqlite3.DatabaseError(f"its layout is {version}, not {VERSION}")
+
+    @property
+    def _database(self) -> sqlite3.Connection:
+        """This thread's connection."""
+        found: sqlite3.Connection | None = getattr(self._local, "database", None)
+        if found is None:
+            found = sqlite3.connect(self._path, timeout=_PATIENCE, isolation_level=None, check_same_thread=False)
+            found.execute("PRAGMA synchronous = FULL")
+            found.execute("PRAGMA foreign_keys = ON")
+            self._local.database = found
+            self._connections.append(found)
+        return found
+
+    @contextmanager
+    def _transaction(self) -> Iterator[sqlite3.Connection]:
+        database = self._database
+        with self._writing:
+            database.execute("BEGIN IMMEDIATE")
+            try:
+                yield database
+                database.execute("COMMIT")
+            except BaseException:
+                database.execute("ROLLBACK")
+                raise
+
+    # entries
+
+    def entries(self, kind: Kind | None = None) -> Iterator[Entry]:
+        """Yield all entries, or those of a kind, by identifier."""
+        database = self._database
+        attachments: dict[str, list[Attachment]] = {}
+        for uid, *row in database.execute("SELECT uid, name, media_type, sha256, size FROM attachments ORDER BY 1, 2"):
+            attachments.setdefault(uid, []).append(Attachment(*row))
+        rated = "SELECT uid, avg(rating), count(*) FROM ratings GROUP BY uid"
+        ratings = {uid: (mean, count) for uid, mean, count in database.execute(rated)}
+        wanted = "" if kind is None else " WHERE e.kind = ?"
+        for row in database.execute(
+            f"{_LAST}{wanted} ORDER BY e.uid", () if kind is None else (kind.value,)
+        ).fetchall():
+            yield _entry(row, tuple(attachments.get(row[0], ())), *ratings.get(row[0], (None, 0)))
+
+    def entry(self, uid: str) -> Entry:
+        """Return an entry. Raises NoSuchEntry."""
+        database = self._database
+        row = database.execute(f"{_LAST} WHERE e.uid = ?", (uid,)).fetchone()
+        if row is None:
+            raise NoSuchEntry(f"there is no entry {uid}")
+        listed = "SELECT name, media_type, sha256, size FROM attachments WHERE uid = ? ORDER BY name"
+        attachments = tuple(Attachment(*one) for one in database.execute(listed, (uid,)))
+        rated = "SELECT avg(rating), count(*) FROM ratings WHERE uid = ?"
+        return _entry(row, attachments, *database.execute(rated, (uid,)).fetchone())
+
+    def content(self, uid: str, revision: int | None = None) -> bytes:
+        """Return the content of an entry's last revision, or of another that is kept. Raises NoSuchEntry."""
+        number = self.entry(uid).revision.number if revision is None else revision
+        stored = "SELECT data FROM revisions JOIN blobs USING (sha256) WHERE uid = ? AND number = ?"
+        row = self._database.execute(stored, (uid, number)).fetchone()
+        if row is None:
+            raise NoSuchEntry(f"there is no revision {number} of {uid}")
+        return bytes(row[0])
+
+    def revisions(self, uid: str) -> tuple[Revision, ...]:
+        """Return the revisions that are kept, last first. Raises NoSuchEntry."""
+        self.entry(uid)
+        stored = "SELECT number, sha256, author, made FROM revisions WHERE uid = ? ORDER BY number DESC"
+        return tuple(Revision(*row) for row in self._database.execute(stored, (uid,)))
+
+    def create(self, content: Content, author: str, now: str, request: Request | None = None) -> Entry:
+        """Keep a new entry, and with it by which request. Raises EntryExists; ValueError for a name without letters."""
+        uid = uid_of(content.about, content.name)
+        with self._transaction() as database:
+            if database.execute("SELECT 1 FROM entries WHERE uid = ?", (uid,)).fetchone():
+                raise EntryExists(f"there is an entry {uid} already")
+            described = (uid, content.kind, content.about, content.label, author, content.syntax, now)
+            database.execute("INSERT INTO entries VALUES (?, ?, ?, ?, ?, ?, ?)", described)
+            # numbers go on behind those of a deleted entry: a tag never means two contents
+            before = "SELECT count(*) FROM news WHERE uid = ? AND change IN ('created', 'changed')"
+            (number,) = database.execute(before, (uid,)).fetchone()
+            self._add_revision(database, uid, number + 1, content.data, author, now)
+            if request is not None:
+                kept = (author, request.key, request.digest, uid)
+                database.execute("INSERT INTO requests VALUES (?, ?, ?, ?)", kept)
+            _tell(database, Change.CREATED, uid, content.kind, author, now)
+        return self.entry(uid)
+
+    def change(self, uid: str, content: Content, author: str, expected: str, now: str) -> Entry:
+        """Give an entry a new revision if its tag is ``expected``. Raises NoSuchEntry, NotTheAuthor, Changed."""
+        with self._transaction() as database:
+            entry = self._own(uid, author, expected)
+            described = (content.about, content.label, content.syntax, uid)
+            database.execute("UPDATE entries SET about = ?, label = ?, syntax = ? WHERE uid = ?", described)
+            number = entry.revision.number + 1
+            self._add_revision(database, uid, number, content.data, author, now)
+            database.execute("DELETE FROM revisions WHERE uid = ? AND number < ?", (uid, number - self._kept))
+            _tell(database, Change.CHANGED, uid, entry.kind, author, now)
+        return self.entry(uid)
+
+    def delete(self, uid: str, author: str, expected: str, now: str) -> None:
+        """Delete an entry with all that belongs to it. Raises NoSuchEntry, NotTheAuthor, Changed."""
+        with self._transaction() as database:
+            entry = self._own(uid, author, expected)
+            database.execute("DELETE FROM entries WHERE uid = ?", (uid,))
+            _tell(database, Change.DELETED, uid, entry.kind, author, now)
+
+    def _own(self, uid: str, author: str, expected: str | None = None) -> Entry:
+        """Return an entry that an author may change. Raises NoSuchEntry, NotTheAuthor, Changed."""
+        entry = self.entry(uid)
+        if entry.author != author:
+            raise NotTheAuthor(f"{uid} is {entry.author}'s")
+        if expected is not None and entry.etag != expected:
+            raise Changed(f"{uid} is now {entry.etag}, not {expected}")
+        return entry
+
+    @staticmethod
+    def _add_revision(database: sqlite3.Connection, uid: str, number: int, data: bytes, author: str, now: str) -> None:
+        revision = (uid, number, _keep_blob(database, data), author, now)
+        database.execute("INSERT INTO revisions VALUES (?, ?, ?, ?, ?)", revision)
+
+    # attachments
+
+    def attach(self, uid: str, name: str, media_type: str, data: bytes, author: str, now: str) -> Attachment:
+        """Keep a file with an entry, in the place of one of that name. Raises NoSuchEntry, NotTheAuthor."""
+        with self._transaction() as database:
+            entry = self._own(uid, author)
+            database.execute("DELETE FROM attachments WHERE uid = ? AND name = ?", (uid, name))
+            attachment = Attachment(name, media_type, _keep_blob(database, data), len(data))
+            row = (uid, name, media_type, attachment.sha256, attachment.size)
+            database.execute("INSERT INTO attachments VALUES (?, ?, ?, ?, ?)", row)
+            _tell(database, Change.ATTACHED, uid, entry.kind, author, now)
+        return attachment
+
+    def detach(self, uid: str, name: str, author: str, now: str) -> None:
+        """Delete a file of an entry. Raises NoSuchEntry, NotTheAuthor."""
+        with self._transaction() as database:
+            entry = self._own(uid, author)
+            if not database.execute("DELETE FROM attachments WHERE uid = ? AND name = ?", (uid, name)).rowcount:
+                raise NoSuchEntry(f"{uid} has no file {name}")
+            _tell(database, Change.DETACHED, uid, entry.kind, author, now)
+
+    def attachment(self, uid: str, name: str) -> tuple[Attachment, bytes]:
+        """Return a file of an entry. Raises NoSuchEntry."""
+        stored = """SELECT name, media_type, sha256, size, data FROM attachments JOIN blobs USING (sha256)
+            WHERE uid = ? AND name = ?"""
+        row = self._database.execute(stored, (uid, name)).fetchone()
+        if row is None:
+            raise NoSuchEntry(f"{uid} has no file {name}")
+        return Attachment(*row[:4]), bytes(row[4])
+
+    # what others say of it
+
+    def rate(self, uid: str, author: str, rating: int, now: str) -> Entry:
+        """Keep an author's rating, 0 to 10, in the place of an earlier one. Raises NoSuchEntry, ValueError."""
+        if not LOWEST_RATING <= rating <= HIGHEST_RATING:
+            raise ValueError(f"a rating is a whole number from {LOWEST_RATING} to {HIGHEST_RATING}, not {rating}")
+        with self._transaction() as database:
+            entry = self.entry(uid)
+            database.execute("INSERT OR REPLACE INTO ratings VALUES (?, ?, ?, ?)", (uid, author, rating, now))
+            _tell(database, Change.RATED, uid, entry.kind, author, now)
+        return self.entry(uid)
+
+    # authors
+
+    def new_key(self, author: str, now: str) -> str:
+        """Return a new key of an author (256 random bits); only its SHA-256 is kept. Earlier keys stay valid."""
+        key = secrets.token_urlsafe(32)
+        with self._transaction() as database:
+            database.execute("INSERT INTO keys VALUES (?, ?, ?)", (_digest(key.encode()), author, now))
+        return key
+
+    def author_of(self, key: str) -> str | None:
+        """Return whose key this is, None for nobody's."""
+        row = self._database.execute("SELECT author FROM keys WHERE sha256 = ?", (_digest(key.encode()),)).fetchone()
+        return None if row is None else str(row[0])
+
+    def requested(self, author: str, key: str) -> tuple[str, str] | None:
+        """Return the digest of the request with which an entry was made, and its identifier; None for a new key."""
+        stored = "SELECT digest, uid FROM requests WHERE author = ? AND key = ?"
+        row = self._database.execute(stored, (author, key)).fetchone()
+        return None if row is None else (str(row[0]), str(row[1]))
+
+    # news
+
+    def subscribe(self, author: str, uid: str, now: str) -> None:
+        """Let news of an entry appear in an author's feed. Raises NoSuchEntry."""
+        with self._transaction() as database:
+            self.entry(uid)
+            database.execute("INSERT OR IGNORE INTO subscriptions VALUES (?, ?, ?)", (author, uid, now))
+
+    def unsubscribe(self, author: str, uid: str) -> None:
+        """Take a subscription back; nothing happens if there is none."""
+        with self._transaction() as database:
+            database.execute("DELETE FROM subscriptions WHERE author = ? AND uid = ?", (author, uid))
+
+    def subscriptions(self, author: str) -> tuple[str, ...]:
+        """Return the identifiers that an author subscribed to, sorted."""
+        stored = "SELECT uid FROM subscriptions WHERE author = ? ORDER BY uid"
+        return tuple(row[0] for row in self._database.execute(stored, (author,)))
+
+    def news(self, after: int = 0, *, author: str | None = None, limit: int = 100) -> tuple[News, ...]:
+        """Return what happened after a line of the feed, oldest first; with ``author`` of subscriptions alone."""
+        mine = "" if author is None else " AND uid IN (SELECT uid FROM subscriptions WHERE author = :author)"
+        stored = f"""SELECT number, change, uid, kind, author, made FROM news
+            WHERE number > :after{mine} ORDER BY number LIMIT :limit"""
+        rows = self._database.execute(stored, {"after": after, "author": author, "limit": limit})
+        return tuple(News(n, Change(change), uid, Kind(kind), *others) for n, change, uid, kind, *others in rows)
+
+    def close(self) -> None:
+        """Close the file; the store is not used any more."""
+        for connection in self._connections:
+            connection.close()
+
+
+def _entry(row: tuple[str, ...], attachments: tuple[Attachment, ...], mean: float | None, count: int) -> Entry:
+    uid, kind, about, label, author, syntax, created, number, *revision = row
+    last = Revision(int(number), *revision)
+    return Entry(uid, Kind(kind), about, label, author, Syntax(syntax), created, last, attachments, mean, count)
+
+
+def _tell(database: sqlite3.Connection, change: Change, uid: str, kind: Kind, author: str, now: str) -> None:
+    row = (change, uid, kind, author, now)
+    database.execute("INSERT INTO news (change, uid, kind, author, made) VALUES (?, ?, ?, ?, ?)", row)
+
+
+def _keep_blob(database: sqlite3.Connection, data: bytes) -> str:
+    sha256 = _digest(data)
+    database.execute("INSERT OR IGNORE INTO blobs VALUES (?, ?)", (sha256, data))
+    return sha256
+
+
+def _digest(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()
