@@ -165,8 +165,14 @@ class ConstrainedMotions(PlatformModule):
         return stances(self.platform, _middle(motion), motion.arms)
 
     def _end(self, grounding: Grounding, motion: GroundedMotion, base: BasePose) -> Array | None:
-        """Return joint values (n,) at which constraints hold, from a base, and nothing is touched; None without."""
-        for asked in (_inside(motion.constraints, ()), motion.constraints):
+        """Return joint values (n,) at which constraints hold, from a base, and nothing is touched; None without.
+
+        What may not lean stays upright there if it can.
+        """
+        upright = grounding.uprights(motion)
+        for asked in dict.fromkeys(
+            ((*_inside(motion.constraints, ()), *upright), (*motion.constraints, *upright), motion.constraints)
+        ):
             end = next(self._ends(grounding, replace(motion, constraints=asked), base), None)
             if end is not None:
                 return end
