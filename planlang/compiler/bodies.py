@@ -202,7 +202,7 @@ class BodyWriter:
                 return before, call(use("achieve"), self._write.condition(condition), branch)
             case Handle(Perform() | Call() | Achieve(body=Perform() | Call()) as body, recoveries):
                 before, handled = self._awaited(body, depth)
-                several = sequence([self._write.recovery(one) for one in recoveries], "[]")
+                several = self._write.recoveries(recoveries, is_outermost=depth == 1)
                 return before, handled.extended(recoveries=several)
             case Handle(Achieve() | Scope() as body, recoveries):
                 before, handled = self._awaited(body, depth)

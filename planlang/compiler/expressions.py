@@ -9,6 +9,7 @@ from __future__ import annotations
 import builtins
 import keyword
 import re
+from collections import Counter
 from collections.abc import Callable, Hashable, Iterable
 
 from planlang.compiler.layout import INDENT, WIDTH, Expression, Remark, Sum, Text, call, sequence
@@ -29,6 +30,7 @@ from planlang.compiler.tree import (
     uses_of_classes,
     uses_of_features,
     uses_of_places,
+    uses_of_recoveries,
 )
 from planlang.designators import local_name, snake_case
 from planlang.recipe.model import Constraint, Kind, Name, Part, Place, RecipeSet, Thing
@@ -273,12 +275,16 @@ class Expressions:
         self._places = uses_of_places(body)
         self._features = frozenset(part for part, uses in uses_of_features(body).items() if uses > 1)
         """The features that variables hold, as more than one value names them."""
+        self._things_of = Counter(name for name, _ in {(part.name, part.of) for part in self._features})
+        """The number of things that have a feature of a name."""
         self._claim = claim
         self._held: dict[Hashable, str] = {}
         """The variables that hold places and constraints."""
-        self._undefined: list[tuple[str, str | None, CallExpression]] = []
+        self._shared = frozenset(several for several, uses in uses_of_recoveries(body).items() if uses > 1)
+        """The recoveries that several steps have; variables hold them if there is more than one."""
+        self._undefined: list[tuple[str, str | None, Expression]] = []
 
-    def take_variables(self) -> list[tuple[str, str | None, CallExpression]]:
+    def take_variables(self) -> list[tuple[str, str | None, Expression]]:
         """Return the variables that have been used since the last call, each with a comment and its value.
 
         One whose value refers to another stands after it.
@@ -353,7 +359,7 @@ class Expressions:
         return name, described if explanation is None else Remark(described, explanation)
 
     def _variable(
-        self, key: Hashable, wanted: str, what: Place | Constraint | None, described: Callable[[], CallExpression]
+        self, key: Hashable, wanted: str, what: Place | Constraint | None, described: Callable[[], Expression]
     ) -> str:
         """Return the variable that holds what is described; what that refers to is described before it."""
         if key not in self._held:
@@ -386,7 +392,7 @@ class Expressions:
         if part not in self._features:
             return self._described_feature(part)
         wanted = part.name if part.held_by is None else f"{part.name}_in_{part.held_by.name}"
-        if any(other.name == part.name and other.of != part.of for other in self._features):
+        if self._things_of[part.name] > 1:
             wanted = f"{wanted}_of_{part.of.name}"
         return Text(self._variable(part, wanted, None, lambda: self._described_feature(part)))
 
@@ -444,6 +450,16 @@ class Expressions:
         if condition.predicate == "holding":
             return call(self._symbols.use("holding"), *things)
         return call(self._symbols.use("Condition"), quoted(condition.predicate), sequence(things))
+
+    def recoveries(self, recoveries: tuple[Recover, ...], *, is_outermost: bool) -> Expression:
+        """Return recoveries as one argument; where they may name what only an inner function knows, a list."""
+
+        def written() -> Expression:
+            return sequence([self.recovery(one) for one in recoveries], "[]")
+
+        if recoveries in self._held or (is_outermost and len(recoveries) > 1 and recoveries in self._shared):
+            return Text(self._variable(recoveries, "recoveries", None, written))
+        return written()
 
     def recovery(self, recovery: Recover) -> Expression:
         """Return a recovery."""

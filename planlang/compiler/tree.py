@@ -405,6 +405,11 @@ def _places(value: Value) -> Iterator[str]:
             yield from (place for _, fillers in properties for inner in fillers for place in _places(inner))
 
 
+def uses_of_recoveries(body: Node) -> Counter[tuple[Recover, ...]]:
+    """Count how often a function handles failures with the same recoveries."""
+    return Counter(node.recoveries for node in _all(body) if isinstance(node, Handle))
+
+
 def uses_of_features(body: Node) -> Counter[Part]:
     """Count how often a function names each feature; constraints that relate the same two are stated once."""
     related: dict[tuple[str, Part, Part], None] = {}
