@@ -13,8 +13,8 @@ from executive.belief import MapObject, SemanticMap, scene_of
 from executive.belief.class_names import is_kind
 from executive.belief.contents import is_content
 from executive.belief.environments import environments_with
-from planlang.action_classes import ActionClass, nearest_unstated
-from planlang.designators import Location, Object, Person, local_name
+from planlang.action_classes import nearest_unstated
+from planlang.designators import ActionClass, Location, Object, Person, local_name
 from planlang.diagnostics import BadInput, Diagnostic, error, note, warning
 from planlang.language.plans import Plan
 from planlang.ontology import expand, shorten
