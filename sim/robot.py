@@ -152,7 +152,6 @@ class Robot:
         ]
         self.solid_names = [self.link_names[index] for index in self.solid]
         self.number = {name: k for k, name in enumerate(self.solid_names)}
-        self._moving_solid = [index for index in self.solid if index >= 0]
         self._above = [frozenset(self.ancestors(index)) for index in self.solid]
 
     def _known(self, posture: Mapping[str, float]) -> dict[str, float]:

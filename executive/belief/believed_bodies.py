@@ -218,7 +218,8 @@ class BelievedBodies:
             return "is no thing that can be taken"
         if not body.movable:
             return "does not move"
-        return f"is {min(body.size[:2]):g} m wide, has no handle, and things up to {GRASPABLE_WIDTH:g} m can be taken"
+        widths = f"is {min(body.size[:2]):g} m wide, and things up to {GRASPABLE_WIDTH:g} m can be taken"
+        return f"{widths}, wider ones by a handle for one hand"
 
     def graspable_at(self, point: Array) -> str | None:
         """Return the body nearest to a point (3,) of the map that can be taken into a hand, None if all are elsewhere.

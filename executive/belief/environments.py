@@ -9,16 +9,19 @@ from pathlib import Path
 from executive.belief.semantic_map import SemanticMap, read_map
 from planlang.diagnostics import Diagnostic, note
 from planlang.files import Bundled
-from planlang.ontology import load
+from planlang.ontology import expand, load
 
 DEFAULT_ENVIRONMENT = "hospital_room"
 """The environment in which bundled recipes are run without ``--environment`` if they name things of no other one."""
 
 
 def environments_with(things: Iterable[str]) -> tuple[str, ...]:
-    """Return the bundled environments in which all these things (local names or IRIs) have a pose, sorted."""
-    wanted = tuple(things)
-    return tuple(name for name in Bundled.ENVIRONMENT.names() if all(_has(_map(name), thing) for thing in wanted))
+    """Return the bundled environments in which all these things (local names or IRIs) have a pose, sorted.
+
+    Those without a room are left out: they add things to an environment that does not come with planlang.
+    """
+    wanted, maps = tuple(things), {name: _map(name) for name in Bundled.ENVIRONMENT.names()}
+    return tuple(name for name, one in maps.items() if _has_room(one) and all(_has(one, thing) for thing in wanted))
 
 
 def default_environment(recipe: Path, things: Iterable[str], notes: list[Diagnostic]) -> str:
@@ -47,3 +50,8 @@ def _map(name: str) -> SemanticMap:
 def _has(semantic_map: SemanticMap, name: str) -> bool:
     thing = semantic_map.find(name)
     return thing is not None and thing.pose is not None
+
+
+def _has_room(semantic_map: SemanticMap) -> bool:
+    types = (cls for thing in semantic_map.objects for cls in thing.types)
+    return any(semantic_map.ontology.is_a(cls, expand("RoomInAConstruction")) for cls in types)

@@ -300,7 +300,7 @@ class Inversion:
         scores = factors * chosen.score
         scores *= candidates.weights[index, None]
         if self.conjuncts and len(index):
-            candidate, row = np.nonzero(factors)
+            candidate, row = _entries(factors)
             bases = _bases(candidates, index[candidate], chosen, row)
             weight, left = np.ones(len(candidate)), np.ones(len(candidate), bool)
             for reason, weigh in self.conjuncts:
@@ -310,7 +310,7 @@ class Inversion:
                 self.refused[reason] += _counted(candidate[refused])
             scores[candidate, row] *= weight
         if self.misses is not None and len(index):
-            candidate, row = np.nonzero(scores)
+            candidate, row = _entries(scores)
             missed = self.misses(_bases(candidates, index[candidate], chosen, row))
             scores[candidate[missed], row[missed]] = 0.0
             self.refused[NOT_VISIBLE] += _counted(candidate[missed])
@@ -333,11 +333,13 @@ def _counted(candidates: Indices) -> int:
 
 def _bases(candidates: GraspCandidates, index: Indices, chosen: Rows, row: Indices) -> Array:
     """Return bases (m, 3) from which candidates (m,) are reached by rows (m,)."""
-    heading = candidates.headings[index]
-    c, s = np.cos(heading), np.sin(heading)
+    c, s = np.cos(candidates.headings)[index], np.sin(candidates.headings)[index]
     x, y = chosen.v[row, 0], chosen.v[row, 1]
     points = candidates.points[index]
-    return np.stack([points[:, 0] - (c * x - s * y), points[:, 1] - (s * x + c * y), heading - chosen.yaw[row]], axis=1)
+    return np.stack(
+        [points[:, 0] - (c * x - s * y), points[:, 1] - (s * x + c * y), candidates.headings[index] - chosen.yaw[row]],
+        axis=1,
+    )
 
 
 def _best(scores: Array, squares: Indices, each: int) -> tuple[Indices, Indices, Indices]:
@@ -351,17 +353,31 @@ def _best(scores: Array, squares: Indices, each: int) -> tuple[Indices, Indices,
         candidate, place = np.nonzero(np.take_along_axis(scores, top, 1))
         row = top[candidate, place]
     else:
-        candidate, row = np.nonzero(scores)
+        candidate, row = _entries(scores)
     # candidates are told apart by twice their number: scores are less than 1
     order = np.argsort(2.0 * candidate + (TIE * row - scores[candidate, row]))
     candidate, row = candidate[order], row[order]
-    again = np.ones(len(candidate), np.intp)
-    again[np.unique((candidate << SQUARE_BITS) + squares[row], return_index=True)[1]] = 0
-    order = np.argsort(2 * candidate + again, kind="stable")
-    candidate, row = candidate[order], row[order]
-    rank = np.arange(len(candidate)) - np.searchsorted(candidate, candidate)
+    number, starts = np.arange(len(candidate)), np.searchsorted(candidate, np.arange(len(scores) + 1))
+    different, square = np.unique(squares, return_inverse=True)
+    squared = candidate * len(different) + square[row]
+    best = np.zeros(len(scores) * len(different), np.intp)
+    best[squared[::-1]] = number[::-1]
+    first = best[squared] == number
+    # in each row first the best of the squares, then the others
+    before = np.append(0, np.cumsum(first))
+    better, bests = before[:-1] - before[starts[candidate]], np.diff(before[starts])[candidate]
+    place = starts[candidate] + np.where(first, better, bests + number - starts[candidate] - better)
+    order = np.empty_like(number)
+    order[place] = number
+    rank = number - starts[candidate]
     kept = rank < each
-    return candidate[kept], row[kept], rank[kept]
+    return candidate[kept], row[order][kept], rank[kept]
+
+
+def _entries(scores: Array) -> tuple[Indices, Indices]:
+    """Return rows and columns of scores (w, n) that are not 0; numpy finds them faster in one row."""
+    candidate, row = np.divmod(np.flatnonzero(scores.ravel() != 0.0), scores.shape[1])
+    return candidate, row
 
 
 def blocks(count: int, size: int) -> Iterator[slice]:

@@ -113,9 +113,15 @@ def _with_between(poses: Array) -> Array:
 T = TypeVar("T")
 
 
+def as_keys(rows: Array) -> list[bytes]:
+    """Return rows (n, k) as values that can be looked up."""
+    keys: list[bytes] = np.ascontiguousarray(rows).view(f"V{rows.itemsize * rows.shape[1]}").ravel().tolist()
+    return keys
+
+
 def once(known: dict[bytes, T], bases: Array, find: Callable[[Array], Sequence[T]]) -> list[T]:
     """Return what is ``known`` of bases (n, 3); of those of which nothing is known it is found."""
-    places: list[bytes] = np.ascontiguousarray(bases).view(f"V{bases.itemsize * 3}").ravel().tolist()
+    places = as_keys(bases)
     new = {place: number for number, place in enumerate(places) if place not in known}
     known.update(zip(new, find(bases[list(new.values())]), strict=True))
     return [known[place] for place in places]
@@ -242,11 +248,16 @@ class Trial:
 
     def hand_is_stopped(self) -> bool:
         """Return whether the hand itself is in something on the way, or when it closes: wherever the base stands."""
-        hand, bodies, line = self.solution.arm.hand_links, self.scene.bodies.names(), self._straight()
-        rows = self.solution.joints if line is None else np.concatenate([self.solution.joints, line])
+        if self._hand_meets(self.solution.joints) or self._stops_closing() is not None or self._slips() is not None:
+            return True
+        line = self._straight()
+        return line is not None and self._hand_meets(line)
+
+    def _hand_meets(self, rows: Array) -> bool:
+        """Return whether the hand itself is in something at some joint values (m, d)."""
+        hand, bodies = self.solution.arm.hand_links, self.scene.bodies.names()
         met = (contact for contacts in self._contacts(rows) for contact in contacts)
-        stopped = any(one.part in hand and one.body in bodies for one in met) or self._stops_closing() is not None
-        return stopped or self._slips() is not None
+        return any(one.part in hand and one.body in bodies for one in met)
 
     def touched(self, rows: Array) -> str | None:
         """Return the body that is in the way at some joint values (m, d); None if all are free."""

@@ -26,6 +26,7 @@ class Reason:
 
 COLLISION, NO_ROOM, NOT_VISIBLE = "in collision", "no room for the base", "not visible"
 NO_WAY = "no way for the base"
+NOT_LOOKED_AT = "not looked at"
 OUT_OF_REACH = Reason("out of reach")
 NO_HOLD = Reason("no hold for the fingers")
 
@@ -59,7 +60,9 @@ class Findings:
 
     walled: bool = False
     """True if a place was rejected because the base cannot drive there: others are asked for that first, then."""
-    met: set[tuple[float, ...]] = field(default_factory=set)
+    unseen: bool = False
+    """True if what is to be seen was not, or not all was looked at: without it there may be more."""
+    met: set[bytes] = field(default_factory=set)
     """Candidates that an arm cannot do."""
     rooms: dict[bytes, bool] = field(default_factory=dict)
     """Base poses, and whether there is room for the base."""

@@ -160,10 +160,12 @@ class Resolver:
             yield () if here is None else (here,)
             if scene.robot.base.fixed:
                 return
+            if demand.remembered and not log.findings.unseen:
+                return  # only from here something could not be seen
             if not wanted:
                 yield FloorSearch(validator, demand, log).places()
                 return
-            before, again, nothing = log.copy(), False, None
+            before, again, nothing, search = log.copy(), False, None, None
             for budget in BUDGETS:
                 if nothing == (budget.stage, budget.least, budget.rows):
                     continue  # the same base poses, of which more would be kept
@@ -173,9 +175,11 @@ class Resolver:
                 search = ReachSearch(validator, wanted, demand, arms, budget, log, is_taken if again else None)
                 yield search.places()
                 if log.hopeless:
-                    return
+                    break
                 nothing = None if search.inverted else (budget.stage, budget.least, budget.rows)
                 again = bool(found)  # what was found is found again: it need not be validated once more
+            if search is not None and not log.explained:
+                validator.name_crowding(search.crowded, log)
 
         for solution in chain.from_iterable(searches()):
             if not is_taken(solution.base):

@@ -26,11 +26,21 @@ from executive.locations.hand_solutions import (
     HandSolution,
     Trial,
     arms_have_room,
+    as_keys,
     once,
     solve,
     unblocked,
 )
-from executive.locations.rejections import NO_HOLD, NO_ROOM, NO_WAY, OUT_OF_REACH, FreeHands, Rejections
+from executive.locations.rejections import (
+    NO_HOLD,
+    NO_ROOM,
+    NO_WAY,
+    NOT_LOOKED_AT,
+    NOT_VISIBLE,
+    OUT_OF_REACH,
+    FreeHands,
+    Rejections,
+)
 from executive.locations.validation import PLACES, BaseValidator, SelfOcclusion, scored, unmet
 from executive.motion import QuickCheck
 from executive.robots.arms import ArmModel
@@ -103,6 +113,8 @@ class ReachSearch:
         self.wanted, self.demand, self.arms, self.budget, self.log = wanted, demand, arms, budget, log
         self.again = bool(demand.remembered)
         """True if the same was looked at before with more to be seen: what an arm cannot do is left out."""
+        self.crowded: list[tuple[float, Array]] = []
+        """Scores and base poses of grasp candidates without any that has room: named if nothing is found at last."""
         self.inverted = False
         """True once maps have given a base pose."""
 
@@ -117,6 +129,7 @@ class ReachSearch:
         aside = [np.linalg.norm(hand.candidates.points[:, :2] - middle[:2], axis=1).max() for hand in hands]
         bands = [(reach.body, validator.band(reach, self.arms)) for reach in self.wanted[1:]]
         log.hopeless = self._is_hopeless(middle[:2], float(max(aside)) + reach, bands)
+        before = log.counts[NOT_VISIBLE]
         floor, block = scene.collisions.floor(), scene.bodies.block(self.wanted[0].body)
         room = floor.field((float(middle[0]), float(middle[1])), block.yaw, float(max(aside)) + reach)
         conjuncts: list[Conjunct] = [(f"not in reach of {body}", partial(_within, *band)) for body, band in bands]
@@ -135,8 +148,9 @@ class ReachSearch:
             log.add(reason, number)
         if not len(found) and not inversion.refused.total():
             log.add(OUT_OF_REACH.text, sum(len(hand.candidates) for hand in hands))
+        self.crowded = inversion.crowded()
         if log.explained:
-            validator.name_crowding(inversion.crowded(), log)
+            validator.name_crowding(self.crowded, log)
         if len(found):
             self.inverted = True
             some, stance = False, scene.collisions.stance_check(near)
@@ -148,8 +162,8 @@ class ReachSearch:
                 moved = moved_to_room(crowded, floor, middle[:2], room.yaw, budget.most)
                 then = ReachSearch(validator, self.wanted, self.demand, self.arms, budget.then, log.uncounted())
                 yield from then._in_blocks(moved, hands, middle, stance, self._unseen()) if len(moved) else ()
-        if not log.explained:
-            validator.name_crowding(inversion.crowded(), log)
+                log.findings.unseen |= then.log.counts[NOT_VISIBLE] + then.log.counts[NOT_LOOKED_AT] > 0
+        log.findings.unseen |= log.counts[NOT_VISIBLE] > before or log.counts[NOT_LOOKED_AT] > 0
 
     def _free_hands(self) -> FreeHands:
         """Return the grasp candidates of the first reach in which the hand itself is inside nothing; count others."""
@@ -213,10 +227,10 @@ class ReachSearch:
         postponed: list[tuple[int, HandSolution]] = []
         clumsy: set[tuple[float, ...]] = set()
 
-        def known(rows: NDArray[np.intp]) -> list[tuple[float, ...]]:
+        def known(rows: NDArray[np.intp]) -> list[bytes]:
             """Return what candidates are known by when the same is looked at again."""
-            columns = (found.arms[rows], found.candidates[rows], found.torsos[rows], *bases[rows].T)
-            return [(budget.stage, *key) for key in zip(*(column.tolist() for column in columns), strict=True)]
+            numbers = np.full(len(rows), float(budget.stage)), found.arms[rows], found.candidates[rows]
+            return as_keys(np.column_stack([*numbers, found.torsos[rows], bases[rows]]))
 
         def remember(rows: NDArray[np.intp]) -> None:
             """Remember those of some candidates that arms cannot do."""
@@ -277,6 +291,7 @@ class ReachSearch:
                 rows = rows[undecided[rows]]
                 if misses is not None and len(rows):
                     undecided[rows] = ~misses(bases[rows])
+                    log.add(NOT_VISIBLE, int((~undecided[rows]).sum()))
                     rows = rows[undecided[rows]]
                 for row in rows.tolist():
                     arm, candidates, _ = hands[int(found.arms[row])]
@@ -301,7 +316,7 @@ class ReachSearch:
                 postponed.append((row, solution))
                 continue
             if validated >= budget.exact:
-                log.add("not looked at", int(undecided.sum()))
+                log.add(NOT_LOOKED_AT, int(undecided.sum()))
                 return
             undecided[row] = False
             score = float(found.scores[row])
@@ -327,18 +342,21 @@ class ReachSearch:
         ok = np.zeros(len(rows), bool)
         joints: dict[int, Array] = {}
         for number, (arm, candidates, check) in enumerate(hands):
-            of_arm = np.flatnonzero(found.arms[rows] == number)
-            grasps = candidates.grasps[found.candidates[rows[of_arm]]]
-            for grasp in np.unique(grasps):
-                mine = of_arm[grasps == grasp]
-                chosen = rows[mine]
-                index, forward = found.candidates[chosen], self.inverse(arm, CLASSES[int(grasp)]).forward
-                seeds = forward.seeds(found.rows[chosen], found.torsos[chosen])[:, None]
-                slack = OFF_LATTICE if arm.lift is None else ON_LATTICE
-                solved = solve(candidates, index, bases[chosen], arm, seeds, check, slack=slack)
-                self.log.count(solved.reasons)
-                ok[mine] = [reason is None for reason in solved.reasons]
-                joints |= zip(chosen.tolist(), solved.joints, strict=True)
+            mine = np.flatnonzero(found.arms[rows] == number)
+            if not len(mine):
+                continue
+            chosen = rows[mine]
+            index, seeds = found.candidates[chosen], np.zeros((len(chosen), 1, len(arm.joints)))
+            grasps = candidates.grasps[index]
+            for grasp in np.unique(grasps).tolist():
+                some = chosen[grasps == grasp]
+                forward = self.inverse(arm, CLASSES[grasp]).forward
+                seeds[grasps == grasp, 0] = forward.seeds(found.rows[some], found.torsos[some])
+            slack = OFF_LATTICE if arm.lift is None else ON_LATTICE
+            solved = solve(candidates, index, bases[chosen], arm, seeds, check, slack=slack)
+            self.log.count(solved.reasons)
+            ok[mine] = [reason is None for reason in solved.reasons]
+            joints |= zip(chosen.tolist(), solved.joints, strict=True)
         return ok, joints
 
 

@@ -165,8 +165,14 @@ class ConstrainedMotions(PlatformModule):
         return stances(self.platform, _middle(motion), motion.arms)
 
     def _end(self, grounding: Grounding, motion: GroundedMotion, base: BasePose) -> Array | None:
-        """Return joint values (n,) at which constraints hold, from a base, and nothing is touched; None without."""
-        for asked in (_inside(motion.constraints, ()), motion.constraints):
+        """Return joint values (n,) at which constraints hold, from a base, and nothing is touched; None without.
+
+        What may not lean stays upright there if it can.
+        """
+        upright = grounding.uprights(motion)
+        for asked in dict.fromkeys(
+            ((*_inside(motion.constraints, ()), *upright), (*motion.constraints, *upright), motion.constraints)
+        ):
             end = next(self._ends(grounding, replace(motion, constraints=asked), base), None)
             if end is not None:
                 return end
@@ -203,15 +209,17 @@ class ConstrainedMotions(PlatformModule):
     # The motion
 
     def _way(self, grounding: Grounding, motion: GroundedMotion, phase: Phase) -> PhaseMotion:
-        """Return the motion of the phase, well inside of its limits if there is one; raises ConstraintsUnsatisfied."""
+        """Return the motion of the phase, as far inside of its limits as it gets; raises ConstraintsUnsatisfied."""
         self.platform.sync()
         before = grounding.grounded(phase.before, phase).constraints if phase.before else ()
         upright = grounding.uprights(motion)
         problem, start = grounding.problem(motion), self._start(motion)
         inside = _inside(motion.constraints, before)
-        for asked in ((*inside, *upright), (*motion.constraints, *upright)):
+        wishes = {one: wide for one, wide in zip(inside, motion.constraints, strict=True) if one != wide}
+        for asked, wished in ((inside, {}), (motion.constraints, wishes)):
             with suppress(MotionError):
-                (found,) = solve_motion(problem, start, [asked], (*before, *upright), explains=False)
+                phase_asked, kept = (*asked, *upright), (*before, *upright)
+                (found,) = solve_motion(problem, start, [phase_asked], kept, wishes=wished, explains=False)
                 return found
         try:
             (found,) = solve_motion(problem, start, [motion.constraints], before)

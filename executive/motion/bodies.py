@@ -334,12 +334,16 @@ class Solids:
         round_, balls = self.kinds >= 2, self.kinds == 3
         boxes[round_, 1] = boxes[round_, 0] = self.half[round_, 0] / np.sqrt(self.kinds[round_])
         boxes[balls, 2] = boxes[balls, 0]
-        begin = np.einsum("nki,kij->nkj", starts[:, None] - self.centres, self.axes)
-        way = np.einsum("ni,kij->nkj", ends - starts, self.axes)
-        way = np.where(np.abs(way) < 1e-9, 1e-9, way)
-        one, other = (-boxes - begin) / way, (boxes - begin) / way
-        first, last = np.minimum(one, other).max(axis=2), np.maximum(one, other).min(axis=2)
-        return np.asarray(((first <= last) & (first > 0.0) & (first <= 1.0)).any(axis=1))
+        first, last = np.full((len(self), len(starts)), -np.inf), np.full((len(self), len(starts)), np.inf)
+        for axis in range(3):
+            across, half = self.axes[:, :, axis], boxes[:, axis, None]
+            begin = across @ starts.T - np.einsum("ki,ki->k", across, self.centres)[:, None]
+            way = across @ (ends - starts).T
+            way[np.abs(way) < 1e-9] = 1e-9
+            middle, span = -begin / way, np.abs(half / way)
+            np.maximum(first, middle - span, out=first)
+            np.minimum(last, middle + span, out=last)
+        return np.asarray(((first <= last) & (first > 0.0) & (first <= 1.0)).any(axis=0))
 
 
 def distances(local: Array, half: Array, kinds: Index) -> Array:

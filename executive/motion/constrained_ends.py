@@ -13,6 +13,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import islice
+from types import MappingProxyType
 from typing import Protocol
 
 import numpy as np
@@ -41,6 +42,9 @@ CORRECTIONS = 6
 """Exact hits after which an end, or a way, is given up."""
 GIVEN_UP = 1e-4
 """Price of the excess of a constraint that heavier ones exclude, beside 1."""
+WISHED = 0.1
+"""Price of the excess of a constraint that is wished for, over the most that it can be [tolerances]: more than that of
+longer moves of joints, and too little to push what has to hold beyond its limits."""
 MOST_UNEQUAL = 50.0
 """Largest ratio of the price of a joint's moves to the median."""
 
@@ -149,18 +153,32 @@ class Ends:
     phases: Mapping[int, Sequence[int]]
     """Number of a phase, of those that ask for something -> its constraints."""
     given_up: dict[int, set[int]] = field(default_factory=dict)
-    """Phase -> constraints that heavier ones exclude."""
+    """Phase -> constraints that need not hold: heavier ones exclude them, or they are wished for."""
+    wished: Mapping[int, float] = field(default_factory=dict)
+    """Constraints that hold at the end of the last phase as far as they can, and the prices of their excess."""
     explains: bool = True
     """True if it is found out which constraints exclude each other: that takes longer than all else."""
 
     @staticmethod
-    def of(problem: MotionProblem, start: Array, asked: Sequence[Sequence[MotionConstraint]]) -> Ends:
-        """Return the search for phases of active constraints from a configuration (n,)."""
+    def of(
+        problem: MotionProblem,
+        start: Array,
+        asked: Sequence[Sequence[MotionConstraint]],
+        wishes: Mapping[MotionConstraint, MotionConstraint] = MappingProxyType({}),
+    ) -> Ends:
+        """Return the search for phases of active constraints from a configuration (n,).
+
+        ``wishes``: those of the last phase that hold as far as they can -> the same with the limits that have to hold.
+        """
         every = list(dict.fromkeys(one for phase in asked for one in phase))
         functions = ConstraintFunctions(problem.group, [Bound.of(one, problem.where) for one in every])
         number = {one: k for k, one in enumerate(every)}
         phases = {k: [number[one] for one in phase] for k, phase in enumerate(asked) if phase}
-        return Ends(problem, start, functions, phases)
+        wished = {
+            number[one]: WISHED / max(1.0, float(functions.excess(_limits(wide)[:, None])[:, number[one]].max()))
+            for one, wide in wishes.items()
+        }
+        return Ends(problem, start, functions, phases, {len(asked) - 1: set(wished)}, wished)
 
     def found(self) -> Iterator[dict[int, Array]]:
         """Yield ends (n,) of phases, by their numbers, better ones first.
@@ -169,9 +187,11 @@ class Ends:
         """
         known: list[Array] = []
         for beginning in self._beginnings(len(self.phases)):
-            optimum = self._optimum(beginning, list(self.phases.items()))
+            optimum = self._optimum(beginning, self._needed())
             if optimum.holds and all(np.abs(optimum.q - q).max(initial=0.0) > OTHER for q in known):
                 known.append(optimum.q)
+                better = (self._optimum(q, list(self.phases.items())) for q in (optimum.q, beginning) if self.wished)
+                yield from (self._by_phase(one.q) for one in islice((one for one in better if one.holds), 1))
                 yield self._by_phase(optimum.q)
             if not self.phases:
                 return
@@ -181,6 +201,20 @@ class Ends:
             alone = np.array([self._alone(phase) for phase in self.phases])
             optimum = self._optimum(alone, list(self.phases.items()))
             yield self._by_phase(optimum.q if optimum.holds else alone)
+
+    def along(self) -> Iterator[dict[int, Array]]:
+        """Yield ends (n,) of phases, by their numbers, each found from the one before: phases are near each other."""
+        every = list(self.phases.items())
+        for beginning in self._beginnings(1):
+            rows = beginning
+            for one in every:
+                optimum = self._optimum(rows[-1:], [one])
+                if not optimum.holds:
+                    break
+                rows = np.vstack([rows, optimum.q])
+            else:
+                whole = self._optimum(rows[1:], every)
+                yield self._by_phase(whole.q if whole.holds else rows[1:])
 
     def reached(self, tries: int) -> Iterator[Array]:
         """Yield configurations (n,) at which the last phase ends, from so many beginnings, whatever is in the way.
@@ -193,6 +227,10 @@ class Ends:
                 optimum = self._optimum(beginning, every, blocked=False)
                 if optimum.holds:
                     yield np.asarray(optimum.q[-1])
+
+    def _needed(self) -> list[tuple[int, Collection[int]]]:
+        """Return the phases without what is wished for."""
+        return [(phase, [one for one in asked if one not in self.wished]) for phase, asked in self.phases.items()]
 
     def _by_phase(self, q: Array) -> dict[int, Array]:
         return dict(zip(self.phases, q, strict=True))
@@ -222,12 +260,12 @@ class Ends:
         """Return the optimum of phases from configurations (m, n); what touches exactly does not hold."""
         problem = self.problem
         pairs = [(k, one) for k, (_, asked) in enumerate(phases) for one in asked]
-        soft = [one in self.given_up.get(phase, ()) for phase, asked in phases for one in asked]
-        optimum = self._optimiser(pairs, soft, blocked=False).found_from(q)
+        prices = [self._price(phase, one) for phase, asked in phases for one in asked]
+        optimum = self._optimiser(pairs, prices, blocked=False).found_from(q)
         if problem.obstacles is None or not blocked or not optimum.holds:
             return optimum
         problem.obstacles.keep(0.0, (self.start,))
-        optimiser = self._optimiser(pairs, soft, blocked=True)
+        optimiser = self._optimiser(pairs, prices, blocked=True)
         for times in range(CORRECTIONS):
             if not problem.obstacles.free(optimum.q).all():
                 optimum = optimiser.found_from(optimum.q)
@@ -237,14 +275,19 @@ class Ends:
             problem.learn(hits, times)
         return replace(optimum, blocked=np.inf)
 
-    def _optimiser(self, pairs: Sequence[tuple[int, int]], soft: Sequence[bool], *, blocked: bool) -> Optimiser:
+    def _price(self, phase: int, one: int) -> float:
+        if one not in self.given_up.get(phase, ()):
+            return 1.0
+        return self.wished.get(one, GIVEN_UP)
+
+    def _optimiser(self, pairs: Sequence[tuple[int, int]], prices: Sequence[float], *, blocked: bool) -> Optimiser:
         return Optimiser(
             self.functions,
             Rows.of(pairs),
             self.start,
             None,
             self.problem.rates.prices(),
-            np.where(soft, GIVEN_UP, 1.0),
+            np.array(prices, float),
             self.problem.effort,
             self.problem.clearances if blocked else None,
         )
@@ -297,3 +340,9 @@ class Ends:
 
     def _constraint(self, number: int) -> MotionConstraint:
         return self.functions.bounds[number].constraint
+
+
+def _limits(constraint: MotionConstraint) -> Array:
+    """Return the limits of a constraint that are numbers (1 or 2,)."""
+    limits = np.array(constraint.limits)
+    return np.asarray(limits[np.isfinite(limits)])

@@ -8,8 +8,9 @@ and every row of the timed motion is checked: functions, joint limits, and what 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 
@@ -62,11 +63,13 @@ def solve_motion(
     phases: Sequence[Sequence[MotionConstraint]],
     before: Sequence[MotionConstraint] = (),
     *,
+    wishes: Mapping[MotionConstraint, MotionConstraint] = MappingProxyType({}),
     explains: bool = True,
 ) -> list[PhaseMotion]:
     """Return how each phase is moved, from joint values (n,); ``before`` was asked for before the first.
 
-    Unless it ``explains``, nothing is given up, and all constraints are named where they cannot all hold.
+    ``wishes``: constraints of the last phase, with narrower limits -> these; they hold at its end as far as all else
+    allows. Unless it ``explains``, nothing is given up, and all constraints are named where they cannot all hold.
 
     Raises :class:`StartInCollision`, :class:`OutsideLimits`, :class:`ConstraintsContradict` with a smallest set of
     constraints of equal weight that cannot all hold, :class:`NoConstrainedPath`, :class:`OutOfEffort` where nothing was
@@ -82,7 +85,9 @@ def solve_motion(
     if pairs := problem.touching(begin.copy()):
         raise StartInCollision(begin.tolist(), pairs)
     asked = [tuple(one for one in phase if one.is_active) for phase in phases]
-    ends = Ends.of(problem, begin, asked)
+    if wishes:
+        asked[-1] = (*asked[-1], *wishes)
+    ends = Ends.of(problem, begin, asked, wishes)
     ends.explains = explains
     tried: list[NoConstrainedPath] = []
     try:
@@ -116,7 +121,7 @@ def _moved(
             if excess[number] <= 1.0 and any(one.asks_the_same(other) for other in before)
         ]
         way = Way(ends.problem, ends.functions, here, end, kept, numbers, phase)
-        given_up = ends.given_up.get(phase, set())
+        given_up = ends.given_up.get(phase, set()) - ends.wished.keys()
         of = [bound.constraint for bound in ends.functions.bounds]
         yield PhaseMotion(way.timed(), tuple(of[k] for k in kept), tuple(of[k] for k in numbers if k in given_up))
         here, before = end, constraints

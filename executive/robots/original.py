@@ -42,6 +42,7 @@ class ClassProperties:
     def __init__(self, ontologies: Iterable[Ontology]) -> None:
         self.ontologies = tuple(ontologies)
         self.above = cache(self._above)
+        self._next = cache(lambda cls: tuple(self._directly_above(cls)))
         self.values = cache(self._values)
         self._unions: dict[Node, list[Node]] = {}
         for number, ontology in enumerate(self.ontologies):
@@ -51,7 +52,7 @@ class ClassProperties:
 
     def _above(self, cls: Node) -> dict[Node, None]:
         """Return a class and everything above it."""
-        return _reached(cls, self._directly_above)
+        return _reached(cls, self._next)
 
     def _directly_above(self, cls: Node) -> Iterator[Node]:
         for number, ontology in enumerate(self.ontologies):

@@ -43,7 +43,6 @@ from planlang.compiler.tree import (
     Series,
     State,
     uses_kept,
-    uses_of_places,
 )
 from planlang.designators import local_name, snake_case
 from planlang.language.location import ATTEMPTS
@@ -75,8 +74,7 @@ class BodyWriter:
         """The fluent that holds the latest of what states make, by name."""
         self._again: dict[str, str] = {}
         """The branch that runs a step again, by the step's name."""
-        places = uses_of_places(body)
-        self._write = Expressions(symbols, self._variables, self._kept, self._again, places, self._local_name)
+        self._write = Expressions(symbols, self._variables, self._kept, self._again, body, self._local_name)
 
     def lines(self) -> list[str]:
         """Return the statements of the function."""
@@ -204,7 +202,7 @@ class BodyWriter:
                 return before, call(use("achieve"), self._write.condition(condition), branch)
             case Handle(Perform() | Call() | Achieve(body=Perform() | Call()) as body, recoveries):
                 before, handled = self._awaited(body, depth)
-                several = sequence([self._write.recovery(one) for one in recoveries], "[]")
+                several = self._write.recoveries(recoveries, is_outermost=depth == 1)
                 return before, handled.extended(recoveries=several)
             case Handle(Achieve() | Scope() as body, recoveries):
                 before, handled = self._awaited(body, depth)

@@ -25,8 +25,12 @@ from planlang.compiler.tree import (
     PlanTree,
     Recover,
     Resting,
+    Series,
     Value,
     uses_of_classes,
+    uses_of_features,
+    uses_of_places,
+    uses_of_recoveries,
 )
 from planlang.designators import local_name, snake_case
 from planlang.recipe.model import Constraint, Kind, Name, Part, Place, RecipeSet, Thing
@@ -251,8 +255,8 @@ class Expressions:
     """Writes expressions with the names of one module.
 
     ``variables`` hold the results of steps (IRIs), ``kept`` what states have made last, by name, and ``again`` runs
-    steps again, by name. ``places`` counts how often the function names a place (IRI). ``claim`` gives out names inside
-    of the function that the expressions stand in.
+    steps again, by name. ``claim`` gives out names inside of the function that the expressions stand in, whose body is
+    ``body``.
     """
 
     def __init__(
@@ -261,20 +265,26 @@ class Expressions:
         variables: dict[str, str],
         kept: dict[str, str],
         again: dict[str, str],
-        places: Counter[str],
+        body: Series,
         claim: Callable[[str], str],
     ) -> None:
         self._symbols = symbols
         self._variables = variables
         self._kept = kept
         self._again = again
-        self._places = places
+        self._places = uses_of_places(body)
+        self._features = frozenset(part for part, uses in uses_of_features(body).items() if uses > 1)
+        """The features that variables hold, as more than one value names them."""
+        self._things_of = Counter(name for name, _ in {(part.name, part.of) for part in self._features})
+        """The number of things that have a feature of a name."""
         self._claim = claim
         self._held: dict[Hashable, str] = {}
         """The variables that hold places and constraints."""
-        self._undefined: list[tuple[str, str | None, CallExpression]] = []
+        self._shared = frozenset(several for several, uses in uses_of_recoveries(body).items() if uses > 1)
+        """The recoveries that several steps have; variables hold them if there is more than one."""
+        self._undefined: list[tuple[str, str | None, Expression]] = []
 
-    def take_variables(self) -> list[tuple[str, str | None, CallExpression]]:
+    def take_variables(self) -> list[tuple[str, str | None, Expression]]:
         """Return the variables that have been used since the last call, each with a comment and its value.
 
         One whose value refers to another stands after it.
@@ -349,13 +359,14 @@ class Expressions:
         return name, described if explanation is None else Remark(described, explanation)
 
     def _variable(
-        self, key: Hashable, wanted: str, what: Place | Constraint, described: Callable[[], CallExpression]
+        self, key: Hashable, wanted: str, what: Place | Constraint | None, described: Callable[[], Expression]
     ) -> str:
         """Return the variable that holds what is described; what that refers to is described before it."""
         if key not in self._held:
             description = described()
             self._held[key] = self._claim(without_digits(snake_case(wanted)))
-            self._undefined.append((self._held[key], self._symbols.explanation(what), description))
+            explanation = None if what is None else self._symbols.explanation(what)
+            self._undefined.append((self._held[key], explanation, description))
         return self._held[key]
 
     def _location(self, use: PlaceUse) -> CallExpression:
@@ -377,7 +388,16 @@ class Expressions:
         return call(self._symbols.use("a_location"), quoted(use.place.name), **written)
 
     def _feature(self, part: Part) -> Expression:
-        """Return a feature of a thing, which is a constant if it is found by the hand that holds it."""
+        """Return a feature, or the variable that holds it; ``front_side_in_left_arm`` if it is found by the hand."""
+        if part not in self._features:
+            return self._described_feature(part)
+        wanted = part.name if part.held_by is None else f"{part.name}_in_{part.held_by.name}"
+        if self._things_of[part.name] > 1:
+            wanted = f"{wanted}_of_{part.of.name}"
+        return Text(self._variable(part, wanted, None, lambda: self._described_feature(part)))
+
+    def _described_feature(self, part: Part) -> CallExpression:
+        """Return the call that describes a feature, of a constant if that is what the hand holds that finds it."""
         thing = self._symbols.constant(part.of) if part.held_by is not None else self._symbols.thing(part.of)
         more: dict[str, Expression | str] = {"of": thing}
         if part.path:
@@ -430,6 +450,16 @@ class Expressions:
         if condition.predicate == "holding":
             return call(self._symbols.use("holding"), *things)
         return call(self._symbols.use("Condition"), quoted(condition.predicate), sequence(things))
+
+    def recoveries(self, recoveries: tuple[Recover, ...], *, is_outermost: bool) -> Expression:
+        """Return recoveries as one argument; where they may name what only an inner function knows, a list."""
+
+        def written() -> Expression:
+            return sequence([self.recovery(one) for one in recoveries], "[]")
+
+        if recoveries in self._held or (is_outermost and len(recoveries) > 1 and recoveries in self._shared):
+            return Text(self._variable(recoveries, "recoveries", None, written))
+        return written()
 
     def recovery(self, recovery: Recover) -> Expression:
         """Return a recovery."""

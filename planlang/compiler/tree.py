@@ -405,6 +405,24 @@ def _places(value: Value) -> Iterator[str]:
             yield from (place for _, fillers in properties for inner in fillers for place in _places(inner))
 
 
+def uses_of_recoveries(body: Node) -> Counter[tuple[Recover, ...]]:
+    """Count how often a function handles failures with the same recoveries."""
+    return Counter(node.recoveries for node in _all(body) if isinstance(node, Handle))
+
+
+def uses_of_features(body: Node) -> Counter[Part]:
+    """Count how often a function names each feature; constraints that relate the same two are stated once."""
+    related: dict[tuple[str, Part, Part], None] = {}
+    uses: Counter[Part] = Counter()
+    for value in (value for node in _all(body) for value in _values(node)):
+        if isinstance(value, Constraint):
+            related[value.template, value.tool, value.world] = None
+        elif isinstance(value, Part):
+            uses[value] += 1
+    uses.update(part for _, tool, world in related for part in (tool, world))
+    return uses
+
+
 def _passed(node: Node) -> Iterator[str]:
     """Yield the steps whose results a node itself uses."""
     return (value.producer for value in _values(node) if isinstance(value, Passed))

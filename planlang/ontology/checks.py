@@ -402,10 +402,10 @@ class Declarations(Protocol):
 
 def check(ontology: Declarations, paths: Iterable[Path]) -> Iterator[Diagnostic]:
     """Yield diagnostics about every document that is not bundled; ``paths`` are those of all documents."""
-    ours = bundled("ontologies").resolve()
+    ours = (folder := bundled("ontologies"), folder.resolve())
     has_vocabulary = ontology.is_class(KNOWROB + "Action")
     for path, rows in zip(paths, ontology.store.ranges, strict=True):
-        if not path.resolve().is_relative_to(ours):
+        if not (path.is_relative_to(ours[0]) or path.resolve().is_relative_to(ours[1])):
             if has_vocabulary:
                 yield from _undefined_superclasses(ontology, rows)
             yield from _individuals_as_classes(ontology, rows)

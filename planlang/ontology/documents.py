@@ -181,8 +181,7 @@ def read_all(
     digests = {reading.document.sha256 for reading in readings}
     imports = ImportMap(path, folders, is_file=content is None)
     problems: list[Diagnostic] = []
-    vocabulary = _vocabulary_paths() if builtin else ()
-    satisfied = {file.resolve() for file in vocabulary}
+    vocabulary = {file.resolve(): file for file in _vocabulary_paths()} if builtin else {}
     pending: list[tuple[Path, Iterator[Triple]]] = [(one.document.path, _imports(one)) for one in readings[::-1]]
     while pending:
         importing, remaining = pending[-1]
@@ -195,9 +194,9 @@ def read_all(
         if resolution.problem is not None:
             problems.append(resolution.problem)
         found = resolution.path
-        if found is None or found.resolve() in loaded | satisfied:
+        if found is None or (resolved := found.resolve()) in loaded or resolved in vocabulary:
             continue
-        loaded.add(found.resolve())
+        loaded.add(resolved)
         if len(readings) >= MOST_DOCUMENTS:
             problems.append(warning("O033", f"more than {MOST_DOCUMENTS} files are imported", triple.span))
             break
@@ -212,9 +211,7 @@ def read_all(
             digests.add(reading.document.sha256)
             readings.append(reading)
             pending.append((found, _imports(reading)))
-    for file in vocabulary:
-        if file.resolve() not in loaded:
-            readings.append(_version(file, *_stamp(file)))
+    readings += [_version(file, *_stamp(file)) for resolved, file in vocabulary.items() if resolved not in loaded]
     return [Reading(main.document, main.triples, (*main.diagnostics, *problems)), *readings[1:]]
 
 

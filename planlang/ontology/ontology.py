@@ -224,6 +224,10 @@ class Ontology:
 
     def class_names(self) -> tuple[str, ...]:
         """All classes that are declared, in document order."""
+        return self._class_names
+
+    @cached_property
+    def _class_names(self) -> tuple[str, ...]:
         names = map(self.store.name, self._of_kinds(self._class_kinds))
         return tuple(name for name in names if name is not None)
 
@@ -303,7 +307,7 @@ class Ontology:
         """The class hierarchy."""
         mentioned = (term for term in self.store.terms if isinstance(term, str))
         stated = tuple(edges(self.store))
-        undefined = dict.fromkeys(upper for _, upper in stated if not self.defined(upper))
+        undefined = [upper for upper in dict.fromkeys(upper for _, upper in stated) if not self.defined(upper)]
         same = namesakes(undefined, self.class_names()).items()
         return Taxonomy((*stated, *alias_edges(self.is_class, mentioned), *same))
 

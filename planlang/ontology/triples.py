@@ -261,7 +261,7 @@ class Triples(Sequence[Triple]):
         for part in parts:
             start = len(whole)
             whole._starts.append(start)
-            into = None if part is first else list(map(whole.number, map(part.term, range(len(part.terms)))))
+            into = None if part is first else whole._numbers_of(part)
             for number, rows in part._by_predicate.items():
                 found = by_predicate.setdefault(number if into is None else into[number], array("i"))
                 found.extend(rows if part is first else [row + start for row in rows])
@@ -272,6 +272,11 @@ class Triples(Sequence[Triple]):
             whole.columns.extend(part.columns)
         whole._by_predicate = by_predicate
         return whole
+
+    def _numbers_of(self, part: Triples) -> list[int]:
+        """Return the numbers here of all terms of another, new ones of those that have none yet."""
+        known = map(self.numbers.get, part.terms)  # type: ignore[arg-type]  # no term: not among the numbers
+        return [self.number(part.term(k)) if found is None else found for k, found in enumerate(known)]
 
     def _terms_of_rows(self) -> tuple[array[int], array[int], array[int]]:
         return self.subjects, self.predicates, self.objects

@@ -1,4 +1,4 @@
-"""Recipes reach their goals in the simulator's truth; ``tests/benchmarks/goals.py`` runs those that take longer.
+"""Recipes reach their goals in the simulator's truth; ``make test-long`` runs those that take longer.
 
 Where a page shows what the command prints, the goal is asked of the same run by ``tests/repository``.
 """
@@ -16,10 +16,11 @@ from tests.support.scenarios import CORPUS, Scenario, judged, scenarios
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "recipes.md"
 SHOWN = [shlex.split(command) for command in shown_outputs()]
-QUICK = [one for one in scenarios().values() if one.is_quick and not any(map(one.is_run_by, SHOWN))]
+OTHERS = [one for one in scenarios().values() if not any(map(one.is_run_by, SHOWN))]
+MARKED = [pytest.param(one, id=one.name, marks=() if one.is_quick else pytest.mark.long) for one in OTHERS]
 
 
-@pytest.mark.parametrize("scenario", QUICK, ids=lambda one: one.name)
+@pytest.mark.parametrize("scenario", MARKED)
 def test_a_recipe_reaches_its_goal(scenario: Scenario) -> None:
     if scenario.needs_corpus and not CORPUS.is_dir():
         pytest.skip("the corpus of real OWL files is not beside this checkout")

@@ -80,16 +80,11 @@ def serve_the_drink(corpus: Path, robot: str, urdf: Path) -> None:
     assert "B010" in codes, "what is assumed about the robot is said"
 
 
-@pytest.mark.parametrize(
-    ("robot", "urdf"),
-    [
-        ("amigo@hydro.owl", "amigo@hydro.urdf"),
-        pytest.param("PR2@hydro.owl", "pr2@hydro.urdf", marks=pytest.mark.long),
-    ],
-)
-def test_real_robots_without_their_meshes_serve_the_drink(corpus: Path, robot: str, urdf: str) -> None:
-    """Building maps of the PR2's arms takes a minute: as it is, it is run by ``make test-long``."""
-    serve_the_drink(corpus, robot, corpus / "robots" / urdf)
+@pytest.mark.long
+@pytest.mark.parametrize("robot", ["amigo", "PR2"])
+def test_real_robots_without_their_meshes_serve_the_drink(corpus: Path, robot: str) -> None:
+    """Building maps of the PR2's arms takes a minute."""
+    serve_the_drink(corpus, f"{robot}@hydro.owl", corpus / "robots" / f"{robot.lower()}@hydro.urdf")
 
 
 def test_an_old_pr2_with_the_limits_of_newer_ones_needs_no_new_maps(corpus: Path, tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from executive.belief import SemanticMap, read_map
-from executive.belief.environments import default_environment
+from executive.belief.environments import default_environment, environments_with
 from executive.cli.inputs import PlanFile, RecipeFile, read
 from executive.robots import Availability, FindingKind, Missing
 from executive.runs.parameters import bound_parameters
@@ -501,3 +501,9 @@ def test_a_pipe_is_bad_input_that_says_what_to_do(tmp_path: Path, is_named: bool
     with pytest.raises(BadInput, match="is a pipe or device; the recipe is read more than once") as caught:
         read(str(pipe) if is_named else "-")
     assert caught.value.diagnostics[0].help == "write it to a file first: ... > recipe.owl"
+
+
+def test_what_only_adds_things_to_a_kitchen_that_is_not_bundled_is_not_offered() -> None:
+    found = environments_with(["milk1"])
+    assert "pancake_kitchen" in found
+    assert "iai_kitchen_milk" not in found

@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from threading import Timer
 from typing import Any
 
 import pytest
@@ -100,8 +101,11 @@ def test_a_graph_carries_a_mark_and_is_replaced(suffix: str, tmp_path: Path) -> 
 )
 def test_a_pipe_without_a_writer_is_not_waited_for(command: str, tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
-    result = planlang(command.format("pipe"), tmp_path)
-    assert (result.returncode, "error C001" in result.stderr) == (2, True), result.stderr
+    late = Timer(30.0, os.open, (tmp_path / "pipe", os.O_RDWR))  # what waits after all ends without an answer
+    late.start()
+    result = invoke(*command.format(tmp_path / "pipe").split())
+    late.cancel()
+    assert (result.exit_code, "error C001" in result.stderr) == (2, True), result.stderr
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from typer.testing import CliRunner
 
+from executive.cli.app import app
 from executive.runs.plan_run import Outcome, RunOptions, RunResult, run_plan_file
 from planlang import now, perform, pursue, sleep, wait_for
 from planlang.designators import Location, a_device, a_location, a_person, a_posture, action, an_object, located
@@ -41,7 +43,9 @@ def planlang(*arguments: str | Path, folder: Path) -> dict[str, Any]:
     return answer
 
 
-def test_a_recipe_and_its_plan_serve_the_drink_alike_and_leave_their_files(tmp_path: Path) -> None:
+def test_a_recipe_and_its_plan_serve_the_drink_alike_and_leave_their_files(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     answer = planlang("run", "serve_a_drink", "--trace", "run.jsonl", "--picture", "scene.png", folder=tmp_path)
     assert answer["exit_code"] == 0, answer["outcome"]
     assert answer["final_state"] == ["bottle1: held by patient1"]
@@ -52,15 +56,19 @@ def test_a_recipe_and_its_plan_serve_the_drink_alike_and_leave_their_files(tmp_p
     assert (tmp_path / "scene.png").read_bytes().startswith(b"\x89PNG")
     assert b"written by planlang" in (tmp_path / "scene.png").read_bytes()[:100], "so that the next run may replace it"
 
-    assert planlang("compile", "serve_a_drink", "-o", "plan.py", folder=tmp_path)["exit_code"] == 0
-    options = ("--robot", "amigo", "--environment", "hospital_room", "--picture", "scene.png")
-    of_plan = planlang("run", "plan.py", *options, "--trace", "run.jsonl", folder=tmp_path)
-    assert of_plan["final_state"] == answer["final_state"]
+    monkeypatch.chdir(tmp_path)
+    invoke = partial(CliRunner().invoke, app, prog_name="planlang")
+    assert invoke(["compile", "serve_a_drink", "-o", "plan.py"]).exit_code == 0
+    command = "run plan.py --robot amigo --environment hospital_room --picture scene.png --trace run.jsonl --json"
+    assert json.loads(invoke(command.split()).stdout)["final_state"] == answer["final_state"]
     older = (tmp_path / "run.jsonl.old").read_bytes()
     assert older == (tmp_path / "run.jsonl").read_bytes(), "the older trace is kept, and equal"
 
 
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)])
+@pytest.mark.parametrize(
+    ("number", "code"),
+    [(signal.SIGINT, 130), (signal.SIGTERM, 143), pytest.param(signal.SIGHUP, 129, marks=pytest.mark.long)],
+)
 def test_a_signal_ends_a_run_with_cleanup_a_complete_trace_and_valid_files(
     number: int, code: int, tmp_path: Path
 ) -> None:

@@ -14,6 +14,7 @@ from planlang.geometry import Pose
 from planlang.protocols import Configuration
 from sim import Body, PyBulletWorld, Scene, perturb
 from sim.falling import upright
+from sim.scene import Handle
 from sim.world import at_rest_on, held_by
 from tests.sim.conftest import AMIGO, CLOSED, ROOM, AskableWorld, MakeWorld, grasp, play
 
@@ -143,6 +144,18 @@ def test_seed_zero_changes_nothing() -> None:
 def test_equal_seeds_give_equal_scenes_and_different_ones_differ() -> None:
     assert perturb(ROOM, 7) == perturb(ROOM, 7)
     assert perturb(ROOM, 7) != perturb(ROOM, 8)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_perturbed_handle_is_in_nothing_else(seed: int) -> None:
+    table = Body("table", Pose((0.0, 0.0, 0.4)), (1.0, 1.0, 0.8))
+    rack = Body("rack", Pose((0.25, 0.0, 0.95)), (0.1, 0.8, 0.3))
+    grip = Handle(Pose((0.3, 0.0, 0.0)), (0.4, 0.03, 0.02))
+    pan = Body("pan", Pose((-0.3, 0.0, 0.83)), (0.2, 0.2, 0.06), "cylinder", movable=True, handles=(grip,))
+    pose = perturb(Scene((table, rack, pan)), seed).body("pan").pose
+    for along in (0.1, 0.2, 0.3, 0.4, 0.5):
+        x, y, _ = (pose @ Pose((along, 0.0, 0.0))).position
+        assert abs(x - 0.25) > 0.05 or abs(y) > 0.4
 
 
 @pytest.mark.parametrize("seed", SEEDS)

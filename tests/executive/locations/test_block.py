@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from executive.belief.believed_bodies import Block
 from executive.locations import HandSolution
-from executive.locations.grasp_candidates import CLASSES, grasping, held_above, offering, placing
+from executive.locations.grasp_candidates import CLASSES, beside, grasping, held_above, offering, placing
 from executive.robots.arms import HandFrame, Held
 from planlang.designators import a_device, a_location
 from planlang.failures import LocationUnresolvable
@@ -199,3 +199,21 @@ def test_fingers_close_on_a_bottle_before_a_wall_by_every_way_that_is_offered(
     stage = make_stage(CABINET, BOTTLE, wall, start=(0.827, 0.0, -0.35))
     offered = ways(stage, 6)
     assert {closed_on(stage, way) for way in offered} == {"bottle"}
+
+
+@given(angle, angle, st.floats(0.1, 0.4), st.floats(0.02, 0.3), st.floats(0.02, 0.2), st.booleans())
+def test_hands_at_a_handle_are_off_the_rest_of_the_thing(
+    yaw: float, towards: float, width: float, out: float, rise: float, cylinder: bool
+) -> None:
+    block = Block.of(Pose.planar(0.0, 0.0, yaw, 0.1), (width, width, 0.2), cylinder=cylinder)
+    away = block.support(towards) + out / 2
+    place = Pose.planar(away * math.cos(towards), away * math.sin(towards), towards, rise)
+    handle = Block.of(place, (out, 0.03, 0.02))
+    grid = np.array(
+        list(product(np.linspace(-0.15, 0.05, 9), np.linspace(-0.05, 0.05, 5), np.linspace(-0.02, 0.02, 3)))
+    )
+    found = beside(grasping("pan", handle, FRAME, 0.1, CLASSES, 16), block, handle, grid)
+    points = (found.points[:, None] + grid @ found.rotations.transpose(0, 2, 1)).reshape(-1, 3)
+    local = np.abs(block.to_local(points[:, :2]))
+    beyond = np.hypot(*local.T) - width / 2 if cylinder else local.max(axis=1) - width / 2
+    assert (np.maximum(beyond, np.abs(points[:, 2] - 0.1) - 0.1) >= -1e-9).all()

@@ -150,7 +150,7 @@ def test_places_keep_what_conjunctions_about_the_floor_say() -> None:
     assert sum(solved for _, solved in checked) > 5
 
 
-@pytest.mark.parametrize("seed", [0, 5])
+@pytest.mark.parametrize("seed", [0, pytest.param(5, marks=pytest.mark.long)])
 def test_places_keep_what_conjunctions_with_reach_and_sight_say(seed: int) -> None:
     room, robot = room_of("normal", seed), robot_of("amigo")
     stage, oracle = Stage(room, robot), Oracle(room, robot)

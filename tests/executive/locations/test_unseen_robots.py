@@ -164,6 +164,7 @@ def test_five_joints_on_a_tricycle_grasp_from_the_side(tmp_path: Path, furnish_f
     assert_grasps(stage, robot, a_location(in_reach_of=THE_BOTTLE, grasp="side"), 3)
 
 
+@pytest.mark.long
 def test_two_arms_on_a_sliding_column_grasp_high_and_low_things_each(tmp_path: Path, furnish_for: Furnish) -> None:
     robot = twin(tmp_path)
     left = a_location(in_reach_of=THE_BOTTLE, using=a_device("LeftArm"), grasp="side")

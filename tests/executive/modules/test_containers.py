@@ -100,6 +100,7 @@ def test_a_thing_in_a_drawer_is_in_reach_once_the_drawer_is_open(stack: ExitStac
     next(stage.platform.resolver.bases(where))
 
 
+@pytest.mark.long
 def test_of_doors_and_drawers_drawn_by_seeds_nearly_all_are_opened_and_the_others_have_a_reason() -> None:
     """The short form of ``python -m tests.benchmarks.doors``."""
     results = [opened("panda", seed) for seed in range(8)]

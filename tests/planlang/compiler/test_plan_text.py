@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from planlang.compiler import CompiledPlan, compile_recipe
 from planlang.compiler.compile import canonical, emit
 from planlang.compiler.expressions import Names, snake_case, without_digits
-from planlang.compiler.layout import WIDTH, Call, Display, Expression, Text, signature, statement
+from planlang.compiler.layout import WIDTH, Call, Display, Expression, Remark, Text, signature, statement
 from planlang.compiler.lowering import Lowering
 from planlang.diagnostics import Severity
 from planlang.files import bundled
@@ -47,9 +47,14 @@ def formatted(source: str) -> str:
     return subprocess.run(command, input=source, capture_output=True, text=True, check=True).stdout
 
 
+def remarked(rng: random.Random, expression: Expression) -> Expression:
+    """The expression, seldom with a comment on it."""
+    return Remark(expression, "why " * rng.randrange(1, 40)) if rng.random() < 0.05 else expression
+
+
 def some_expression(rng: random.Random, depth: int) -> Expression:
     name = "x" + "abcdefgh"[rng.randrange(8)] * rng.randrange(1, 30)
-    inside = [some_expression(rng, depth - 1) for _ in range(rng.randrange(5))] if depth else []
+    inside = [remarked(rng, some_expression(rng, depth - 1)) for _ in range(rng.randrange(5))] if depth else []
     match rng.randrange(4) if inside else 0:
         case 0:
             return Text(name)

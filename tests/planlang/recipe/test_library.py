@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from planlang.compiler import compile_recipe
+from planlang.failures import ObjectNotFound
 from planlang.files import bundled
 from planlang.testing import Script, compiled, run_plan
 
@@ -116,3 +117,17 @@ def test_actions_of_soma_are_performed_as_those_of_knowrob(tmp_path: Path) -> No
     made = compile_recipe(recipe(tmp_path, text))
     assert "fetch" in made.functions
     assert not any(one.code == "R021" for one in made.diagnostics)
+
+
+def test_recoveries_that_several_steps_share_stand_in_the_plan_once() -> None:
+    source = compile_recipe(bundled("recipes") / "stir_soup.omn").source
+    assert source.count("fetch_again(stirring_tool, fetch_thing)") == 1
+    assert source.count("recoveries=recoveries,") == 4
+
+
+@pytest.mark.parametrize("step", ["HoldToolOver", "LowerTool", "GoRound", "TakeToolOut"])
+def test_each_step_that_shares_recoveries_has_all_of_their_attempts(step: str) -> None:
+    script = Script().performs("ITaSCMotion", "GoRound").on(step, fails=ObjectNotFound, times=3)
+    run = run_plan(compiled("stir_soup"), script=script)
+    assert run.failure is None
+    assert run.attempts(step) == 4

@@ -7,6 +7,7 @@ import pytest
 import rdflib
 
 from planlang import Feature, MotionConstraint
+from planlang.compiler import compile_recipe
 from planlang.designators import a_device, an_object
 from planlang.diagnostics import BadInput
 from planlang.motion_constraints import ConstraintKind, Speed
@@ -103,6 +104,39 @@ def test_features_without_a_whole_belong_to_what_the_motion_uses_and_acts_on(rec
     assert found["Upright"].tool == Feature(None, SPONGE, path=("ObjectMainAxis",), held_by=LEFT)
     assert found["Upright"].world == Feature(None, TABLE, path=("SupportingPlane",))
     assert (found["Upright"].lower, found["Upright"].upper, found["Upright"].frame) == (0.95, None, "/map")
+
+
+def test_a_feature_that_several_constraints_name_is_described_once(recipe: Path) -> None:
+    source = compile_recipe(recipe).source
+    assert 'supporting_plane = a_feature(of=table_piece_of_furniture, path=("SupportingPlane",))' in source
+    assert source.count('"SupportingPlane"') == 1
+
+
+BOTH_FRONTS = """
+Class: Careful
+    SubClassOf: knowrob:constrainedBy some Parallel, knowrob:constrainedBy some Near
+
+Class: Parallel
+    SubClassOf: mc:PerpendicularityConstraint, mc:constrLowerLimit value 0.95,
+        mc:toolFeature some (knowrob:FrontSide and (inverse knowrob:properPhysicalParts some knowrob:Sponge)),
+        mc:worldFeature some (knowrob:FrontSide and
+            (inverse knowrob:properPhysicalParts some knowrob:Table-PieceOfFurniture))
+
+Class: Near
+    SubClassOf: mc:DistanceConstraint, mc:constrUpperLimit value 0.1,
+        mc:toolFeature some (knowrob:FrontSide and (inverse knowrob:properPhysicalParts some knowrob:Sponge)),
+        mc:worldFeature some (knowrob:FrontSide and
+            (inverse knowrob:properPhysicalParts some knowrob:Table-PieceOfFurniture))
+"""
+
+
+def test_features_of_one_name_are_called_after_their_things_too(recipe: Path) -> None:
+    recipe.write_text(RECIPE + BOTH_FRONTS, encoding="utf-8")
+    source = compile_recipe(recipe).source
+    tool, world = re.findall(r"^    (front_side_\w+) = a_feature\(", source, flags=re.M)
+    assert (tool, world) == ("front_side_of_sponge", "front_side_of_table_piece_of_furniture")
+    found = asked(recipe, "Press")
+    assert found["Near"].world == found["Parallel"].world == Feature(None, TABLE, path=("FrontSide",))
 
 
 def test_a_feature_of_the_class_of_the_tool_is_the_tool_itself(recipe: Path) -> None:

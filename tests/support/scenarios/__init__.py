@@ -71,7 +71,7 @@ class Scenario:
     watchers: tuple[Callable[[Watched], None], ...] = ()
     """Called after each step, to keep something in ``notes``."""
     seconds: float = 5.0
-    """Wall-clock time that a run takes here, roughly [s]: what takes more than 10 is left out of the suite."""
+    """Wall-clock time that a run takes here, roughly [s]: what takes more than 6 is left to ``make test-long``."""
 
     @property
     def command(self) -> str:
@@ -81,7 +81,7 @@ class Scenario:
     @property
     def is_quick(self) -> bool:
         """Return whether the suite has time for it."""
-        return self.seconds <= 10.0
+        return self.seconds <= 6.0
 
     def is_run_by(self, words: Sequence[str]) -> bool:
         """Return whether the words of a command, wherever its files are, run this and write the trace or a picture."""

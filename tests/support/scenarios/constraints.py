@@ -42,6 +42,12 @@ def watch_phases(watched: Watched) -> None:
             watched.notes[group] = motion
 
 
+def watch_leaning(watched: Watched) -> None:
+    """Note how far the bottle leaned before the first motion under constraints had ended [rad]."""
+    if "ends" not in watched.notes:
+        watched.notes["leaned"] = watched.tilts.get(BOTTLE, 0.0)
+
+
 @cache
 def phases_of(recipe: str) -> tuple[tuple[MotionConstraint, ...], ...]:
     """Return the constraints of each step of a recipe, as its plan has them."""
@@ -104,6 +110,10 @@ def poured(watched: Watched) -> Iterator[str]:
         yield f"{BOTTLE} is held by {held_by(watched.world, BOTTLE)}"
     if (angle := math.degrees(tilt(watched.world.pose(BOTTLE)))) > 18.2:
         yield f"{BOTTLE} is tilted by {angle:.1f} degrees"
+    leaned = watched.notes["leaned"]
+    assert isinstance(leaned, float)
+    if math.cos(leaned) < math.cos(math.radians(15.0)) - 0.005:
+        yield f"{BOTTLE} leaned by {math.degrees(leaned):.1f} degrees before it was tilted"
     yield from not_inside(watched, POURING, of_pouring)
 
 
@@ -142,8 +152,8 @@ SCENARIOS = [
         "pouring",
         (POURING, "--robot", "pr2", "--environment", "pouring_table", *MODELS),
         poured,
-        (watch_phases,),
-        seconds=8.0,
+        (watch_phases, watch_leaning),
+        seconds=4.0,
     ),
     Scenario(
         "flipping",

@@ -65,7 +65,7 @@ def _served(recipe: str, room: str, goal: Goal, *more: str, called: str = "") ->
     file, name, orders = RECIPES[recipe]
     environment = ("--environment", f"corpus/environments/{room}@re_stack.owl.in")
     arguments = (file, *AMIGO, *environment, *orders, *more)
-    seconds = 20.0 if recipe == "new" and "ias" in room else 8.0  # the suite has those of the older recipe
+    seconds = 20.0 if recipe == "new" and "ias" in room else 5.0  # the suite has those of the older recipe
     return Scenario(f"{name} in {room}{called}", arguments, goal, (leading,), seconds=seconds)
 
 

@@ -1,0 +1,179 @@
+"""The search for what a robot lacks: which entries of a knowledge base, together, leave nothing unmet.
+
+After figure 7 of Waibel et al., RoboEarth (2011): what is missing is looked for with its specialisations, what these
+need in turn is looked for likewise, and the first combination without unmet dependency is taken. As a graph of needs
+(one offer each suffices) and offers (all their needs have to be met), which needs can be met is found in time linear in
+the graph (Dowling and Gallier, 1984), cycles included: nothing is met by itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+
+Need = str
+"""What is needed, as a class expression: the IRI of a class, or Manchester syntax."""
+
+
+@dataclass(frozen=True, slots=True)
+class Offer:
+    """An entry that meets a need, if its own ``needs`` are met. ``about`` is the IRI of what it describes."""
+
+    uid: str
+    about: str
+    needs: tuple[Need, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """How a need is met, or why not.
+
+    ``by`` is the reason why the robot meets it itself; ``offer`` what is taken for it; neither if nothing meets it.
+    ``considered`` are all offers with the needs of theirs that nothing meets.
+    """
+
+    need: Need
+    by: str | None = None
+    offer: Offer | None = None
+    considered: tuple[tuple[Offer, tuple[Need, ...]], ...] = ()
+
+    @property
+    def is_met(self) -> bool:
+        """True if the robot has it or an offer is taken."""
+        return self.by is not None or self.offer is not None
+
+
+@dataclass(frozen=True, slots=True)
+class Combination:
+    """The answers to all needs that were looked at, by need; ``wanted`` are those of the task itself."""
+
+    wanted: tuple[Need, ...]
+    answers: dict[Need, Answer]
+
+    @property
+    def unmet(self) -> tuple[Need, ...]:
+        """The task's needs that nothing meets."""
+        return tuple(need for need in self.wanted if not self.answers[need].is_met)
+
+    def offers(self) -> Iterator[Offer]:
+        """Yield what is taken, each once, what it needs before it."""
+        yield from self._taken(self.wanted, {})
+
+    def _taken(self, needs: Iterable[Need], seen: dict[str, None]) -> Iterator[Offer]:
+        for need in needs:
+            offer = self.answers[need].offer
+            if offer is not None and offer.uid not in seen:
+                seen[offer.uid] = None
+                yield from self._taken(offer.needs, seen)
+                yield offer
+
+
+def combine(
+    wanted: Sequence[Need], has: Callable[[Need], str | None], offers: Callable[[Need], Sequence[Offer]]
+) -> Combination:
+    """Return how needs are met. ``has`` returns why the robot meets one, or None; ``offers`` what meets it, best first.
+
+    Each is asked once for each need. An earlier offer is taken before a later one, but none that would need itself.
+    """
+    graph = _Graph(has, offers)
+    graph.explore(wanted)
+    graph.propagate()
+    graph.prefer(wanted)
+    return Combination(tuple(dict.fromkeys(wanted)), {need: graph.answer(need) for need in graph.offers})
+
+
+@dataclass(slots=True)
+class _Graph:
+    has: Callable[[Need], str | None]
+    find: Callable[[Need], Sequence[Offer]]
+    offers: dict[Need, Sequence[Offer]] = field(default_factory=dict)
+    had: dict[Need, str] = field(default_factory=dict)
+    met: dict[Need, int] = field(default_factory=dict)
+    """Needs that are met, with the order in which that was found."""
+    waiting: dict[Need, list[Offer]] = field(default_factory=dict)
+    meeting: dict[str, list[Need]] = field(default_factory=dict)
+    """The needs that an offer meets, by its identifier."""
+    open: dict[str, dict[Need, None]] = field(default_factory=dict)
+    """The needs of an offer that are not met yet."""
+    taken: dict[Need, Offer] = field(default_factory=dict)
+
+    def explore(self, wanted: Sequence[Need]) -> None:
+        """Collect all needs and offers that the wanted ones may lead to."""
+        queue = list(dict.fromkeys(wanted))
+        seen = set(queue)
+        for need in queue:
+            reason = self.has(need)
+            if reason is not None:
+                self.had[need] = reason
+                self.offers[need] = ()
+                continue
+            self.offers[need] = tuple(self.find(need))
+            for offer in self.offers[need]:
+                self.meeting.setdefault(offer.uid, []).append(need)
+                if offer.uid not in self.open:
+                    self.open[offer.uid] = dict.fromkeys(offer.needs)
+                    for below in self.open[offer.uid]:
+                        self.waiting.setdefault(below, []).append(offer)
+                    new = [below for below in dict.fromkeys(offer.needs) if below not in seen]
+                    seen.update(new)
+                    queue.extend(new)
+
+    def propagate(self) -> None:
+        """Find out which needs are met, from those that the robot meets and offers without needs."""
+        queue = [*self.had, *self._met_by(uid for uid, needs in self.open.items() if not needs)]
+        for need in queue:
+            if need in self.met:
+                continue
+            self.met[need] = len(self.met)
+            free = []
+            for offer in self.waiting.get(need, ()):
+                self.open[offer.uid].pop(need, None)
+                if not self.open[offer.uid]:
+                    free.append(offer.uid)
+            queue.extend(self._met_by(free))
+
+    def _met_by(self, uids: Iterable[str]) -> list[Need]:
+        return [need for uid in uids for need in self.meeting[uid]]
+
+    def prefer(self, wanted: Iterable[Need]) -> None:
+        """Choose offers: those that were free first, then earlier ones in their place where that makes no circle."""
+        for need in self.met:
+            free = (one for one in self.offers[need] if all(self._order(n) < self.met[need] for n in one.needs))
+            if need not in self.had:
+                self.taken[need] = next(free)
+        queue = [need for need in dict.fromkeys(wanted) if need in self.taken]
+        seen = set(queue)
+        for need in queue:
+            self._improve(need)
+            below = [one for one in dict.fromkeys(self.taken[need].needs) if one in self.taken and one not in seen]
+            seen.update(below)
+            queue.extend(below)
+
+    def _order(self, need: Need) -> int:
+        return self.met.get(need, len(self.met))
+
+    def _improve(self, need: Need) -> None:
+        for offer in self.offers[need]:
+            if offer == self.taken[need]:
+                return
+            if all(one in self.met for one in offer.needs) and not self._leads(offer.needs, need):
+                self.taken[need] = offer
+                return
+
+    def _leads(self, needs: Iterable[Need], goal: Need) -> bool:
+        """Return whether needs, met as chosen so far, depend on another one."""
+        queue = list(needs)
+        seen = set(queue)
+        for need in queue:
+            if need == goal:
+                return True
+            if need in self.taken:
+                below = [one for one in self.taken[need].needs if one not in seen]
+                seen.update(below)
+                queue.extend(below)
+        return False
+
+    def answer(self, need: Need) -> Answer:
+        """Return the answer to a need."""
+        considered = tuple((one, tuple(n for n in one.needs if n not in self.met)) for one in self.offers[need])
+        return Answer(need, self.had.get(need), self.taken.get(need), considered)

@@ -1,0 +1,79 @@
+"""Questions in SPARQL: answered from the entries alone, within limits, whatever is asked."""
+
+from __future__ import annotations
+
+import socket
+import time
+from collections.abc import Iterator
+
+import pytest
+
+from planlang.knowledge.sparql import Endpoint, Exceeded, Limits, NoAnswer
+
+RECIPES = [(f"recipe.{number}", f'<urn:r{number}> <urn:label> "r{number}" .\n') for number in range(300)]
+EVERYTHING = "SELECT * { ?a ?b ?c }"
+
+
+@pytest.fixture(scope="module")
+def endpoint() -> Iterator[Endpoint]:
+    made = Endpoint(lambda: RECIPES, Limits(seconds=1, memory=300_000_000, rows=400))
+    yield made
+    made.close()
+
+
+def test_entries_are_graphs_and_together_the_default_graph(endpoint: Endpoint) -> None:
+    answer = endpoint.ask('SELECT ?g { GRAPH ?g { ?x <urn:label> "r7" } ?x <urn:label> ?l }')
+    assert answer["results"]["bindings"] == [{"g": {"type": "uri", "value": "urn:entry:recipe.7"}}]
+    assert endpoint.ask("ASK { <urn:r7> ?p 'r7' }")["boolean"] is True
+    assert endpoint.ask("CONSTRUCT WHERE { <urn:r7> ?p ?o }")["triples"] == ['<urn:r7> <urn:label> "r7" .']
+
+
+def test_what_is_put_and_dropped_is_answered_so(endpoint: Endpoint) -> None:
+    endpoint.put("new", "<urn:new> <urn:label> 'new'@en .\n".replace("'", '"'))
+    question = "SELECT ?l { <urn:new> ?p ?l }"
+    expected = {"type": "literal", "value": "new", "xml:lang": "en"}
+    assert endpoint.ask(question)["results"]["bindings"] == [{"l": expected}]
+    endpoint.drop("new")
+    assert endpoint.ask(question)["results"]["bindings"] == []
+
+
+@pytest.mark.parametrize("change", ["DELETE WHERE { ?a ?b ?c }", "DROP ALL", "LOAD <file:///etc/passwd>", "SELECT"])
+def test_changes_and_nonsense_are_refused(endpoint: Endpoint, change: str) -> None:
+    with pytest.raises(NoAnswer):
+        endpoint.ask(change)
+    assert len(endpoint.ask(EVERYTHING)["results"]["bindings"]) == 300
+
+
+@pytest.mark.parametrize("silent", ["", "SILENT "])
+def test_no_other_server_is_asked(endpoint: Endpoint, silent: str) -> None:
+    with socket.socket() as listening:
+        listening.bind(("127.0.0.1", 0))
+        listening.listen()
+        listening.settimeout(0.2)
+        address = f"http://127.0.0.1:{listening.getsockname()[1]}/"
+        try:
+            endpoint.ask(f"SELECT * {{ SERVICE {silent}<{address}> {{ ?a ?b ?c }} }}")
+        except NoAnswer:
+            assert not silent
+        with pytest.raises(TimeoutError):
+            listening.accept()
+
+
+def test_a_cross_product_is_cut_at_its_limit_and_the_next_question_is_answered(endpoint: Endpoint) -> None:
+    began = time.monotonic()
+    with pytest.raises(Exceeded, match="1 s"):
+        endpoint.ask("SELECT (COUNT(*) AS ?n) { ?a ?b ?c . ?d ?e ?f . ?g ?h ?i . ?j ?k ?l }")
+    assert time.monotonic() - began < 5
+    assert endpoint.ask("ASK { <urn:r7> ?p ?o }")["boolean"] is True
+
+
+def test_an_answer_of_too_many_rows_is_refused(endpoint: Endpoint) -> None:
+    with pytest.raises(Exceeded, match="more than 400 rows"):
+        endpoint.ask("SELECT * { ?a ?b ?c . ?d ?e ?f }")
+
+
+def test_a_question_that_needs_too_much_memory_is_ended(endpoint: Endpoint) -> None:
+    many = "SELECT * { ?a ?b ?c . ?d ?e ?f . ?g ?h ?i } ORDER BY ?c ?f ?i LIMIT 1"
+    with pytest.raises(Exceeded):
+        endpoint.ask(many)
+    assert endpoint.ask("ASK { <urn:r7> ?p ?o }")["boolean"] is True
