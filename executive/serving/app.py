@@ -1,7 +1,8 @@
 """The application: a list of routers, each of one subject in a file of its own.
 
 General layout: ``serving`` is what routes work with. ``vocabulary`` is what the server knows beforehand; ``uploads``
-checks and describes what it is given, with ``places`` of maps; ``catalogue`` finds it again for ``searching``.
+checks and describes what it is given, with ``places`` of maps; ``catalogue`` finds it again for ``searching``, and
+``abilities`` compares it with robots.
 ``entries``, ``binaries`` and ``feed`` are routes; ``problems`` and ``records`` write answers.
 """
 
@@ -14,6 +15,7 @@ from typing import Any
 from fastapi import APIRouter, FastAPI
 
 from executive.serving import binaries, entries, feed, searching
+from executive.serving.abilities import Abilities
 from executive.serving.catalogue import Catalogue
 from executive.serving.problems import add_handlers
 from executive.serving.serving import Served, Serving
@@ -37,7 +39,8 @@ def application(store: Store, folders: Sequence[Path] = (), *, routers: Sequence
     """Return the application that serves a store. Imports of uploads are looked for in ``folders``."""
     vocabulary = read_vocabulary(folders)
     app = FastAPI(title="planlang knowledge base", version="1", docs_url=None, redoc_url=None)
-    app.state.serving = Serving(store, Catalogue(store, vocabulary), vocabulary)
+    catalogue, abilities = Catalogue(store, vocabulary), Abilities(store, vocabulary)
+    app.state.serving = Serving(store, catalogue, vocabulary, abilities)
     for router in routers:
         app.include_router(router)
     add_handlers(app)

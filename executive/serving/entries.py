@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Callable
 from http import HTTPStatus
 from typing import Annotated, Any
 
@@ -33,15 +34,17 @@ UPLOADED: dict[str, Any] = {"requestBody": {"required": True, "content": _ONTOLO
 @router.get("/{kind}")
 def list_entries(kind: Kind, served: Served, after: str = "", limit: Limit = MOST_LISTED) -> dict[str, Any]:
     """Return the entries of a kind behind an identifier, and the identifier to go on behind."""
-    return listing(served, served.catalogue.uids(kind, after, limit + 1), limit)
+    return listing(served, served.catalogue.uids(kind, after, limit + 1), limit, record)
 
 
-def listing(served: Serving, uids: tuple[str, ...], limit: int) -> dict[str, Any]:
+def listing(
+    served: Serving, uids: tuple[str, ...], limit: int, shown: Callable[[Entry], dict[str, Any]]
+) -> dict[str, Any]:
     """Return the records of the first entries of some; ``next`` is the last of them if there are more."""
     found = []
     for uid in uids[:limit]:
         try:
-            found.append(record(served.store.entry(uid)))
+            found.append(shown(served.store.entry(uid)))
         except NoSuchEntry:  # deleted in the meantime
             continue
     return {"entries": found, "next": uids[limit - 1] if len(uids) > limit else None}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from http import HTTPStatus
 from typing import Annotated, Any
 
@@ -12,8 +13,9 @@ from executive.serving.catalogue import Listed
 from executive.serving.entries import MOST_LISTED, listing
 from executive.serving.places import LEVELS
 from executive.serving.problems import Problem
+from executive.serving.records import record
 from executive.serving.serving import Served, Serving
-from planlang.knowledge.entries import Kind
+from planlang.knowledge.entries import Entry, Kind
 from planlang.knowledge.index import CannotAnswer
 from planlang.knowledge.questions import LONGEST, read_question
 
@@ -53,16 +55,20 @@ class RobotsQuestion(Question):
 @router.get("/search")
 def search(question: Annotated[Question, Query()], served: Served) -> dict[str, Any]:
     """Return the entries that fit a question."""
-    return answered(question, served)
+    return answered(question, served, record)
 
 
 @router.post("/search")
 def search_for_a_robot(question: RobotsQuestion, served: Served) -> dict[str, Any]:
     """Return the entries that fit a question, with what a robot can do of them."""
-    return answered(question, served)
+    robot = question.robot
+    if robot is None:
+        return answered(question, served, record)
+    served.abilities.check(robot)
+    return answered(question, served, lambda entry: record(entry) | served.abilities.of(robot, entry).as_json())
 
 
-def answered(question: Question, served: Serving) -> dict[str, Any]:
+def answered(question: Question, served: Serving, shown: Callable[[Entry], dict[str, Any]]) -> dict[str, Any]:
     """Return the records that fit a question. Raises BadInput for an expression that is none, and Problem."""
     expression = None
     if question.expression is not None:
@@ -82,4 +88,4 @@ def answered(question: Question, served: Serving) -> dict[str, Any]:
     except CannotAnswer as problem:
         raise Problem(HTTPStatus.UNPROCESSABLE_ENTITY, str(problem)) from None
     after = question.after or ""
-    return listing(served, tuple(uid for uid in found if uid > after), question.limit)
+    return listing(served, tuple(uid for uid in found if uid > after), question.limit, shown)

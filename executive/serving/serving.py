@@ -11,6 +11,7 @@ from typing import Annotated, cast
 from fastapi import Depends, Request, Security
 from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 
+from executive.serving.abilities import Abilities
 from executive.serving.catalogue import Catalogue
 from executive.serving.problems import Problem
 from executive.serving.vocabulary import Vocabulary
@@ -27,6 +28,7 @@ class Serving:
     store: Store
     catalogue: Catalogue
     vocabulary: Vocabulary
+    abilities: Abilities
     writing: threading.Lock = field(default_factory=threading.Lock)
 
 
