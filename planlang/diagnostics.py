@@ -325,5 +325,13 @@ CODES: dict[str, str] = {
     "K001": "the file of a knowledge base is none, or has another layout",
     "K002": "nothing is known by a name of a question, or several things are",
     "K003": "a question is no single class expression",
+    "K004": "the server needs packages that are not installed",
+    "K005": "the server cannot listen at an address",
+    "K006": "the name of an author is empty, too long or not printable",
+    "K010": "several things of an upload could be its subject",
+    "K011": "an upload has nothing of its kind, or not what it is to be about",
+    "K012": "the name of an upload, or of its subject, makes no identifier",
+    "K013": "an upload says more than can be indexed",
+    "K014": "an upload is in a syntax that is not kept",
 }
 """Code -> what it means, one line each; the README's table is made from it."""

@@ -21,6 +21,7 @@ from planlang.protocols import Configuration, Contact, Touch
 from sim.bodies import Bodies
 from sim.engine import bullet
 from sim.leaves import Leaves, Led
+from sim.matter import Matter
 from sim.robot import Robot
 
 TOLERANCE = 0.0005
@@ -89,8 +90,8 @@ class Query:
 class Contacts:
     """Finds penetrations for the configuration that the robot shows; held objects must be where they belong."""
 
-    def __init__(self, robot: Robot, bodies: Bodies, held: dict[str, Held], leaves: Leaves) -> None:
-        self.robot, self.bodies, self.held, self.leaves = robot, bodies, held, leaves
+    def __init__(self, robot: Robot, bodies: Bodies, held: dict[str, Held], leaves: Leaves, matter: Matter) -> None:
+        self.robot, self.bodies, self.held, self.leaves, self.matter = robot, bodies, held, leaves, matter
         self.self_pairs = watched_pairs(robot)
         """Numbers of the pairs of solid links that must not touch."""
         self._pairs = np.zeros((len(robot.solid), len(robot.solid)), bool)
@@ -140,7 +141,7 @@ class Contacts:
             if number is not None:
                 _deepen(found, part, body, self.robot.depth_with(number, piece.uid))
                 continue
-            if self.bodies.lets_touch(part, body):
+            if self._may_touch(part, body):
                 continue
             depth = -self.bodies.gap(self.bodies.of[part], [index], 0.0)
             if body not in self.held[part].touched or depth > SUPPORT_DEPTH:
@@ -148,6 +149,10 @@ class Contacts:
         if number is None and other is not None:
             depths = (self.robot.depth_with(other, self.bodies.pieces[mine].uid) for mine in self.bodies.of[part])
             _deepen(found, part, body, max(depths, default=0.0))
+
+    def _may_touch(self, held: str, body: str) -> bool:
+        """Return whether what is held may go into, or under, a body: with a blade, or into a puddle."""
+        return self.bodies.lets_touch(held, body) or self.matter.gives_way(body)
 
     def _of_links(self, query: Query, lower: Array, upper: Array, found: dict[tuple[str, str], float]) -> None:
         near = self.bodies.near(lower, upper)
@@ -188,7 +193,7 @@ class Contacts:
                 piece = self.bodies.pieces[index]
                 if piece.body == name or piece.yields or query.ignores(name, piece.body):
                     continue
-                if self.bodies.lets_touch(name, piece.body):
+                if self._may_touch(name, piece.body):
                     continue
                 depth = -self.bodies.gap([mine], [index], 0.0)
                 if piece.body not in held.touched or depth > SUPPORT_DEPTH:

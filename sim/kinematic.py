@@ -45,6 +45,7 @@ class KinematicScene:
         self._people = People(self._bodies, rate)
         self._held: dict[str, Held] = {}
         self._leaves = Leaves(scene, self._bodies)
+        self._matter = Matter()
         self._robot: Robot | None = None
         self._now = Configuration(scene.start, {})
         if robot is not None:
@@ -54,10 +55,9 @@ class KinematicScene:
                 self.close()
                 raise
             self._now = Configuration(scene.start, dict(self._robot.shown))
-            self._contacts = Contacts(self._robot, self._bodies, self._held, self._leaves)
+            self._contacts = Contacts(self._robot, self._bodies, self._held, self._leaves, self._matter)
         self._rays = Rays(self._client, self._bodies, self._robot)
         self._falling = Falling(self._bodies, self._rays, rate)
-        self._matter = Matter()
         for body in scene.bodies:
             self._contain(body)
         self.changes = Changes(

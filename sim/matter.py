@@ -133,6 +133,10 @@ class Matter:
         """Return how much is in a thing [ml]."""
         return sum(portion.amount for portion in self.contents.get(name, {}).values())
 
+    def gives_way(self, name: str) -> bool:
+        """Return whether a thing is what was poured, and no heat has made it firm."""
+        return name in self.origins and name in self.contents and name not in self.types
+
     def is_on(self, name: str) -> bool:
         """Return whether a device is on."""
         return self.states.get(name) == ON

@@ -54,19 +54,21 @@ def own_cache(tmp_path_factory: pytest.TempPathFactory, pytestconfig: pytest.Con
 
 
 LONGEST = (
-    "executive/test_other_robots.py",
-    "planlang/language/test_reference_machine.py",
     "repository/test_documentation.py",
-    "executive/test_resuming.py",
-    "executive/motion/test_arm_path.py",
-    "executive/locations/test_rooms.py",
-    "executive/test_running.py",
     "executive/test_whole_runs.py",
+    "executive/locations/test_rooms.py",
+    "executive/test_resuming.py",
+    "executive/test_running.py",
+    "executive/test_other_robots.py",
+    "executive/test_locate.py",
+    "planlang/recipe/test_fixes.py",
+    "executive/motion/test_constrained_motion.py",
+    "executive/robots/test_original_matching.py",
+    "executive/modules/test_low_grasps.py",
     "executive/locations/test_resolution_properties.py",
-    "executive/test_robustness.py",
-    "planlang/ontology/test_turtle.py",
-    "planlang/ontology/test_rdfxml.py",
-    "planlang/ontology/test_writing.py",
+    "executive/test_trusting_the_map.py",
+    "planlang/recipe/test_misspellings.py",
+    "executive/test_searching.py",
 )
 """Files that take longest: begun first, so that at the end no worker waits for another."""
 

@@ -18,15 +18,23 @@ MAP = "http://planlang.org/kb/uploaded_map.owl"
 def map_text(belief: Belief) -> str:
     """Return the things that are believed to be somewhere, with classes, sizes, poses and parts, rooms included."""
     placed = set(belief.names())
-    things = [thing for thing in belief.things if thing.name in placed]
+    things = [(thing, belief.pose(thing.name)) for thing in belief.things if thing.name in placed]
+    things += [riding for whole in things for riding in _handles(*whole, belief) if riding[0].name not in placed]
     namespace = expand("")
     lines = [f"# A semantic map, {MARK}.", "", f"Prefix: : <{MAP}#>", f"Prefix: knowrob: <{namespace}>", ""]
     lines += [f"Ontology: <{MAP}>", f"    Import: <{namespace.rstrip('#')}>"]
     lines += ["", "Individual: map", "    Types: knowrob:SemanticEnvironmentMap"]
-    written = {thing.iri for thing in things}
-    for number, thing in enumerate(things, 1):
-        lines += ["", *_thing(thing, number, written), "", *_pose(number, belief.pose(thing.name))]
+    written = {thing.iri for thing, _ in things}
+    for number, (thing, pose) in enumerate(things, 1):
+        lines += ["", *_thing(thing, number, written), "", *_pose(number, pose)]
     return "\n".join(lines) + "\n"
+
+
+def _handles(whole: MapObject, pose: Pose, belief: Belief) -> Iterator[tuple[MapObject, Pose]]:
+    """Yield the handles of a thing that is at a pose, with theirs: they may be parts of its body."""
+    for part in filter(None, map(belief.map.find, whole.parts)):
+        if whole.pose and part.pose and part.name not in belief.unknown and belief.is_a(part, "Handle"):
+            yield part, pose @ whole.pose.inverse() @ part.pose
 
 
 def _thing(thing: MapObject, number: int, written: set[str]) -> Iterator[str]:

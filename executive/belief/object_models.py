@@ -173,6 +173,26 @@ class ObjectModels:
         floor = thing.wall - height / 2 if thing.wall else height / 2
         return Found(None, np.array([0.0, 0.0, floor]), np.array([0.0, 0.0, 1.0]), FeatureKind.PLANE)
 
+    def _flat_side(self, of: Found, thing: Thing) -> Found:
+        """Return the largest side of the box that looks away from the hand, else down, with its normal outwards."""
+        size = np.ones(3) if thing.size is None else np.array(thing.size)
+        axis = int(np.argsort(size, kind="stable")[0])
+        above = thing.up if thing.grip is None or abs(thing.grip[axis]) <= IN_THE_MIDDLE else thing.grip
+        normal = (-1.0 if above[axis] >= 0 else 1.0) * np.eye(3)[axis]
+        return Found(None, normal * size[axis] / 2, normal, FeatureKind.PLANE)
+
+    def _length(self, of: Found, thing: Thing) -> Found:
+        return self._edge(thing, 2)
+
+    def _width(self, of: Found, thing: Thing) -> Found:
+        return self._edge(thing, 1)
+
+    def _edge(self, thing: Thing, rank: int) -> Found:
+        """Return the line through the middle of the box along the axis with so many shorter ones."""
+        size = np.ones(3) if thing.size is None else np.array(thing.size)
+        axis = np.eye(3)[np.argsort(size, kind="stable")[rank]]
+        return Found(None, np.zeros(3), axis, FeatureKind.LINE)
+
     def _tip(self, of: Found, thing: Thing) -> Found:
         """Return the front end of the longest axis, as a line out of it; of what is held that far from the hand."""
         size = np.ones(3) if thing.size is None else np.array(thing.size)
@@ -199,6 +219,9 @@ DERIVED: dict[str, Callable[[ObjectModels, Found, Thing], Found]] = {
     "SupportingPlane": ObjectModels._supporting_plane,
     "TopSide": ObjectModels._upper_side,
     "BottomInside": ObjectModels._bottom_inside,
+    "FlatSide": ObjectModels._flat_side,
+    "LengthOfFlatSide": ObjectModels._length,
+    "WidthOfFlatSide": ObjectModels._width,
     "ToolTip": ObjectModels._tip,
     "MouthOfVessel": ObjectModels._mouth,
 }

@@ -23,6 +23,7 @@ from executive.cli.arguments import (
     MatchArguments,
     ReplayArguments,
     RunArguments,
+    ServeArguments,
 )
 from executive.cli.console import Answer, ExitCode, answer, give
 
@@ -96,6 +97,7 @@ for name, arguments, example in (
         LocateArguments,
         '"in reach of the patient with the right arm" --robot amigo --environment hospital_room --explain where.png',
     ),
+    ("serve", ServeArguments, "--store kb.sqlite --port 8080"),
     ("robot inspect", InspectArguments, "amigo --picture reach.png"),
     ("robot make", MakeArguments, "my_arm.urdf -o my_arm.toml"),
 ):

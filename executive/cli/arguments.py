@@ -329,3 +329,20 @@ class MakeArguments(VerboseArguments):
         Path | None, typer.Option("-o", "--output", metavar="FILE", help="Write the text to this file, not to stdout.")
     ] = None
     force: Force = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class ServeArguments(OntologyArguments):
+    """Serve a knowledge base over HTTP: recipes, object models, maps, self-models (needs planlang[serve]).
+
+    Who changes something needs a key. Ctrl-C ends the server when it has answered what it was asked.
+    """
+
+    store: Annotated[
+        Path, typer.Option(metavar="FILE", help="The file of the knowledge base; it is made if there is none.")
+    ]
+    host: Annotated[str, typer.Option(metavar="ADDRESS", help="The address to listen at.")] = "127.0.0.1"
+    port: Annotated[int, typer.Option(min=0, max=65535, help="The port to listen at; 0: any free one.")] = 8080
+    new_key: Annotated[
+        str | None, typer.Option(metavar="AUTHOR", help="Print a new key for an author, and serve nothing.")
+    ] = None

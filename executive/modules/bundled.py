@@ -81,6 +81,12 @@ ON_DEMAND = (
         "CirclingMotion",
         failures=(ManipulationFailure, NavigationFailure, PerceptionFailure, LookingFailure, DesignatorFailure),
     ),
+    _on_demand(
+        "wiping:Wiping",
+        "wiping",
+        "WipingMotion",
+        failures=(ManipulationFailure, NavigationFailure, PerceptionFailure, LookingFailure, DesignatorFailure),
+    ),
     _on_demand("mapping:Mapping", "mapping", "UploadMapToRoboEarth"),
 )
 

@@ -19,6 +19,8 @@ from planlang.protocols import Motion, MotionState, Trajectory
 
 FEW = 200
 """Branches that the search of a path of the arm grows: there are other ways to try, and places with more room."""
+SHARES = (1.0, 0.5, 0.25)
+"""Shares of the way on which a hand came that it is taken back: the arm may reach no farther."""
 BACK = 0.2
 """Least distance that the base drives back from a leaf before the arm is tucked: beside it there is little room [m]."""
 
@@ -82,11 +84,13 @@ class HandWork(PlatformModule):
         """Take the hand back as it came by ``poses`` (2, 4, 4), then to the carrying posture, where there is room."""
         platform = self.platform
         tip = platform.scene.arms.tip(arm)
-        away = tip.copy()
-        back = rotated(poses[0][:3, :3].T, poses[0][:3, 3] - poses[1][:3, 3])
-        away[:3, 3] += rotated(tip[:3, :3], back)
-        with suppress(ManipulationPoseUnreachable):
-            await self.arrived(arm, await self.straight(arm, away, platform.arm_joints(arm), what), what)
+        back = rotated(tip[:3, :3] @ poses[0][:3, :3].T, poses[0][:3, 3] - poses[1][:3, 3])
+        for share in SHARES:
+            away = tip.copy()
+            away[:3, 3] += share * back
+            with suppress(ManipulationPoseUnreachable):
+                await self.arrived(arm, await self.straight(arm, away, platform.arm_joints(arm), what), what)
+                break
         room = platform.drive.room_for(platform.arms.untucked(), least=BACK)
         if room is not None:
             with suppress(NavigationFailure):

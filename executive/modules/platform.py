@@ -135,8 +135,8 @@ def _apart(rows: Array, step: Array) -> list[int]:
 class Arms:
     """Chooses arms and plans their motions. ``rng`` feeds the path planner."""
 
-    def __init__(self, control: Control, resolver: Resolver, rng: np.random.Generator) -> None:
-        self._control, self._resolver, self._rng = control, resolver, rng
+    def __init__(self, control: Control, rng: np.random.Generator) -> None:
+        self._control, self._rng = control, rng
         self.choices = ArmChoices()
         """Arms that were chosen where the plan left the choice."""
         self.begun: dict[str, tuple[int, BasePose, HandSolution]] = {}
@@ -447,7 +447,7 @@ class Platform(Control):
 
     def __post_init__(self) -> None:
         self.drive, self.hands, self.sensing = Drive(self), Hands(self), Sensing(self)
-        self.arms, self.phases = Arms(self, self.resolver, self.rng), Phases()
+        self.arms, self.phases = Arms(self, self.rng), Phases()
 
 
 class PlatformModule:

@@ -1,4 +1,4 @@
-"""The process module for strokes of tools: circles in a vessel, as in stirring.
+"""The process module for strokes of tools: circles in a vessel, as in stirring, or lanes over a surface.
 
 A stroke lies in the plane of the world feature of the motion's first height constraint; the feature of the tool that
 this constraint is about goes through it, while all constraints of the motion hold. The base drives if needed.
@@ -85,11 +85,13 @@ class Plane:
         return first, np.cross(normal, first)
 
     def at(self, point: Array, asked: Sequence[MotionConstraint]) -> Place:
-        """Return what holds at a point (3,) of a stroke, in the thing's frame."""
-        x, y, z = map(float, point)
+        """Return what holds at a point (4,) of a stroke: a place in the thing's frame, and how far over the plane."""
+        x, y, z, over = map(float, point)
         feature = replace(self.height.world, kind=FeatureKind.LINE, position=(x, y, z))
         here = a_constraint("DISTANCE", self.height.tool, feature, upper=STRAY, name="place of the stroke")
-        return (*asked, here)
+        lower, upper = (None if one is None else one + over for one in (self.height.lower, self.height.upper))
+        high = self.height if not over else replace(self.height, lower=lower, upper=upper)
+        return (high, *(one for one in asked if one != self.height), here)
 
 
 @process_module
@@ -105,7 +107,7 @@ class Strokes(ConstrainedMotions):
         grounding, phase, asked, motion = await self.begun(action)
         plane = Plane.of(motion, action)
         points = self._circle(plane, motion, self._number(action, "radius_of_circles"))
-        lap = await self.stroke(grounding, phase, asked, plane, points)
+        lap = await self.stroke(grounding, phase, asked, plane, points, closed=True)
         seconds = len(lap.positions) / self.platform.world.rate
         times, duration = self._laps(action, seconds)
         for _ in range(times):
@@ -136,7 +138,7 @@ class Strokes(ConstrainedMotions):
         return count, max(seconds, whole / count)
 
     def _circle(self, plane: Plane, motion: GroundedMotion, radius: float | None) -> Array:
-        """Return places (n, 3) on a circle in a vessel, in its frame, about the middle of the plane."""
+        """Return places (n, 4) on a circle in a vessel, in its frame, about the middle of the plane."""
         scene, bodies = self.platform.scene, self.platform.scene.world.scene
         name = scene.bodies.bind(plane.thing)
         tool = self.tool(motion)
@@ -148,7 +150,7 @@ class Strokes(ConstrainedMotions):
         turns = np.linspace(0.0, 2 * np.pi, CORNERS, endpoint=False)[:, None]
         middle = np.array(plane.height.world.position)
         there: Array = middle + min(radius or SHARE * room, room) * (np.cos(turns) * first + np.sin(turns) * second)
-        return there
+        return np.column_stack([there, np.zeros(CORNERS)])
 
     def tool(self, motion: GroundedMotion) -> str:
         """Return the name of what the first arm of a motion holds."""
@@ -163,8 +165,10 @@ class Strokes(ConstrainedMotions):
         asked: Sequence[MotionConstraint],
         plane: Plane,
         points: Array,
+        *,
+        closed: bool,
     ) -> Trajectory:
-        """Bring the tool to the first of points (n, 3), driving where that is needed; return the way through all."""
+        """Bring the tool to the first of points (n, 4), driving where that is needed; return the way through all."""
         problem: MotionError | NavigationFailure | None = None
         for base in chain((None,), self._reaching(grounding, phase, asked, plane, points)):
             motion = grounding.grounded(asked, phase)
@@ -174,9 +178,10 @@ class Strokes(ConstrainedMotions):
                     await self._look(grounding, asked, phase)
                     motion = grounding.grounded(asked, phase)
                 places = [plane.at(point, motion.constraints) for point in points]
+                kept = [one for one in places[0] if all(one in other for other in places)]
                 self.platform.sync()
                 solve = partial(solve_stroke, grounding.problem(motion), self._start(motion), places)
-                first, lap = await apart(partial(solve, motion.constraints))
+                first, lap = await apart(partial(solve, kept, closed=closed))
             except (MotionError, NavigationFailure) as failure:
                 problem = problem or failure
                 continue
@@ -195,9 +200,9 @@ class Strokes(ConstrainedMotions):
         plane: Plane,
         points: Array,
     ) -> Iterator[BasePose]:
-        """Yield places of the base from which the first, the middle and the last of points (n, 3) are in reach."""
+        """Yield places of the base from which the first, the middle and the last of points (n, 4) are in reach."""
         motion = grounding.grounded(asked, phase)
-        there = moved(motion.things[plane.thing], points)
+        there = moved(motion.things[plane.thing], points[:, :3])
         near = stances(self.platform, there.mean(axis=0)[:2], motion.arms) if self._is_mobile() else ()
         some = [plane.at(points[k], motion.constraints) for k in (0, len(points) // 2, -1)]
         for base in islice(near, PLACES):

@@ -202,6 +202,20 @@ class Ends:
             optimum = self._optimum(alone, list(self.phases.items()))
             yield self._by_phase(optimum.q if optimum.holds else alone)
 
+    def along(self) -> Iterator[dict[int, Array]]:
+        """Yield ends (n,) of phases, by their numbers, each found from the one before: phases are near each other."""
+        every = list(self.phases.items())
+        for beginning in self._beginnings(1):
+            rows = beginning
+            for one in every:
+                optimum = self._optimum(rows[-1:], [one])
+                if not optimum.holds:
+                    break
+                rows = np.vstack([rows, optimum.q])
+            else:
+                whole = self._optimum(rows[1:], every)
+                yield self._by_phase(whole.q if whole.holds else rows[1:])
+
     def reached(self, tries: int) -> Iterator[Array]:
         """Yield configurations (n,) at which the last phase ends, from so many beginnings, whatever is in the way.
 

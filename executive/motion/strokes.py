@@ -1,4 +1,4 @@
-"""Strokes: a tool goes through many places without a stop, as a spoon does in a pot.
+"""Strokes: a tool goes through many places without a stop, as a spoon in a pot or a sponge on a table.
 
 At each place constraints hold, and some throughout the stroke. Configurations at all places are optimised together;
 every row of the timed motion is checked, as those of a phase are (:mod:`executive.motion.constrained_motion`).
@@ -13,7 +13,7 @@ import numpy as np
 
 from executive.motion.constrained_ends import Ends, MotionProblem
 from executive.motion.constrained_motion import MOST_ENDS, Way
-from executive.motion.errors import NoConstrainedPath
+from executive.motion.errors import ConstraintsContradict, NoConstrainedPath
 from planlang.geometry import Array
 from planlang.motion_constraints import MotionConstraint
 from planlang.protocols import Trajectory
@@ -22,23 +22,23 @@ Place = Sequence[MotionConstraint]
 
 
 def solve_stroke(
-    problem: MotionProblem, start: Array, places: Sequence[Place], kept: Collection[MotionConstraint]
+    problem: MotionProblem, start: Array, places: Sequence[Place], kept: Collection[MotionConstraint], *, closed: bool
 ) -> tuple[Trajectory, Trajectory]:
-    """Return the way from joint values (n,) to the first place, and that through all and back to the first.
+    """Return the way from joint values (n,) to the first place, and that through all, if closed back to the first.
 
     ``kept`` holds throughout the second. Raises :class:`ConstraintsContradict`, :class:`NoConstrainedPath`, and
     :class:`MotionError` for features, tools or frames of which nothing is known.
     """
     ends = Ends.of(problem, start, places)
-    ends.explains = False
     bounds = ends.functions.bounds
     keeping = [number for number, bound in enumerate(bounds) if bound.constraint in kept]
     every, tried = range(len(bounds)), []
-    for found in islice(ends.found(), MOST_ENDS):
-        rows = np.array([*found.values(), next(iter(found.values()))])
+    for found in islice(ends.along(), MOST_ENDS):
+        rows = np.array(list(found.values()))
+        rows = np.vstack([rows, rows[:1]]) if closed else rows
         try:
             to_first = Way(problem, ends.functions, start, rows[0], (), every, 0).timed()
             return to_first, Way(problem, ends.functions, rows[0], rows[-1], keeping, every, 0).through(rows)
         except NoConstrainedPath as failure:
             tried.append(failure)
-    raise tried[0]
+    raise tried[0] if tried else ConstraintsContradict(0, [bound.constraint for bound in bounds])

@@ -9,15 +9,18 @@ from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from typing import Any, get_args, get_type_hints
 
-from executive.belief import MapObject, SemanticMap
+from executive.belief import MapObject, SemanticMap, scene_of
 from executive.belief.class_names import is_kind
 from executive.belief.contents import is_content
 from executive.belief.environments import environments_with
-from planlang.designators import Location, Object, Person, local_name
+from planlang.action_classes import nearest_unstated
+from planlang.designators import ActionClass, Location, Object, Person, local_name
 from planlang.diagnostics import BadInput, Diagnostic, error, note, warning
 from planlang.language.plans import Plan
 from planlang.ontology import expand, shorten
 
+ON_WHAT_STAYS = ("OpeningSomething", "ClosingSomething", "TurningOnPoweredDevice", "TurningOffPoweredDevice")
+"""Classes of actions on furniture and devices."""
 MOST_NAMES = 20
 """Things of a map that one message lists."""
 
@@ -36,6 +39,22 @@ class PlanParameter:
     setting: str
     types: tuple[type, ...]
     default: Object | None = None
+    actions: tuple[str, ...] = ()
+    """Classes of actions of the step that acts on it, as far as the vocabulary knows them; empty if none does."""
+
+    def likely(self, semantic_map: SemanticMap, names: Sequence[str]) -> list[str]:
+        """Return on which of the things that fit the step may act: what can be grasped, unless it opens or switches.
+
+        Where the name of the step says on what it acts, it is that. If nothing is likely, all are.
+        """
+        if not self.actions:
+            return [*names]
+        if meant := _named_by_step(self, semantic_map):
+            return [thing.name for thing in meant]
+        above = {cls for one in self.actions for cls in semantic_map.ontology.ancestors(one)}
+        stays = any(expand(cls) in above for cls in ON_WHAT_STAYS)
+        handled = {body.name for body in scene_of(semantic_map, []).bodies if body.graspable}
+        return [name for name in names if (name in handled) != stays] or [*names]
 
     @property
     def takes_places(self) -> bool:
@@ -64,8 +83,17 @@ def plan_parameters(plan: Plan[Any, Any]) -> dict[str, PlanParameter]:
         if isinstance(parameter.default, Object):
             found[name] = PlanParameter(name, setting, types, parameter.default)
         elif parameter.default is parameter.empty:
-            found[name] = PlanParameter(name, setting, types)
+            found[name] = PlanParameter(name, setting, types, actions=_acting(plan, setting))
     return found
+
+
+def _acting(plan: Plan[Any, Any], setting: str) -> tuple[str, ...]:
+    """Return the classes, as far as the vocabulary knows them, of the action on what a setting names."""
+    step, _, role = setting.rpartition(".")
+    stated = (one for one in inspect.unwrap(plan.function).__globals__.values() if isinstance(one, ActionClass))
+    step = step.rpartition(".")[2]
+    cls = next((one for one in stated if local_name(one) == step), step)
+    return nearest_unstated(cls) if role == "objectActedOn" else ()
 
 
 def _hints(plan: Plan[Any, Any]) -> dict[str, Any]:
@@ -97,9 +125,9 @@ def bound_parameters(
         except BadInput as problem:
             problems += problem.diagnostics
     for name in (name for name in parameters if name not in bound and name not in wanted):
-        if (thing := _named_by_step(parameters[name], semantic_map)) is not None:
-            bound[name] = _bound(parameters[name], thing.iri, semantic_map, found)
-            message = f"{parameters[name].setting} is {thing.name}, the only one of the class that the step names"
+        if len(things := _named_by_step(parameters[name], semantic_map)) == 1:
+            bound[name] = _bound(parameters[name], things[0].iri, semantic_map, found)
+            message = f"{parameters[name].setting} is {things[0].name}, the only one of the class that the step names"
             found.append(note("X028", message, help=f"--set {parameters[name].setting}=X names another thing"))
     missing = [one for name, one in parameters.items() if name not in bound and name not in wanted]
     problems += [_missing(one, semantic_map) for one in missing]
@@ -155,20 +183,23 @@ def _named(
         problems.append(error("X004", f"the plan has no parameter {wanted!r}", help=f"{guess}its parameters: {known}"))
 
 
-def _named_by_step(parameter: PlanParameter, semantic_map: SemanticMap) -> MapObject | None:
-    """Return the only thing of the map of a class with whose name the name of a parameter's step ends."""
+def _named_by_step(parameter: PlanParameter, semantic_map: SemanticMap) -> list[MapObject]:
+    """Return the things of the map of a class with whose name the name of a parameter's step ends."""
     step = parameter.setting.split(".")[-2:][0]
     ontology = semantic_map.ontology
-    fitting = [
+    return [
         thing
         for thing in semantic_map.objects
         if thing.pose is not None
         and parameter.fits(semantic_map, thing)
-        and any(
-            step.endswith(local_name(cls).partition("-")[0]) for own in thing.types for cls in ontology.ancestors(own)
-        )
+        and any(step.endswith(_noun(cls)) for own in thing.types for cls in ontology.ancestors(own))
     ]
-    return fitting[0] if len(fitting) == 1 else None
+
+
+def _noun(cls: str) -> str:
+    """Return "Cabinet" of Cabinet-PieceOfFurniture; what Object-SupportingFurniture supports is no name of it."""
+    name, _, kind = local_name(cls).partition("-")
+    return name + kind if kind.startswith("Supporting") else name
 
 
 def _missing(parameter: PlanParameter, semantic_map: SemanticMap) -> Diagnostic:
@@ -266,7 +297,9 @@ def _fitting(parameter: PlanParameter, semantic_map: SemanticMap, absent: str | 
     ``absent``, a thing that the map lacks: also what may have been meant by it, and where there is such a thing.
     """
     placed = {thing.name: thing for thing in semantic_map.objects if thing.pose is not None}
-    fitting = [name for name, one in placed.items() if parameter.fits(semantic_map, one)]
+    fitting = parameter.likely(
+        semantic_map, [name for name, one in placed.items() if parameter.fits(semantic_map, one)]
+    )
     said = f"nothing in the map is a {_wanted(parameter)}; things with a place: {_listed(list(placed))}"
     if fitting:
         said = f"{parameter.setting} may be {_listed(fitting)}"

@@ -18,6 +18,7 @@ from executive.modules.bundled import bundled_registry
 from executive.robots import FindingKind, Missing, bind_robot, missing_capabilities, trusting_map
 from executive.robots.arms import with_carrying
 from executive.runs.assembly import RobotExecutive, platform_of, real_scene, world_at_start
+from executive.runs.final_state import state_lines
 from executive.runs.in_hands import in_hands, take
 from executive.runs.parameters import Bound, bound_parameters, not_in_map, plan_parameters, things_of, unknown_things
 from executive.runs.plan_files import (
@@ -52,7 +53,6 @@ from planlang.outputs import replace as write_complete
 from planlang.runs import Different, Past, RecordedRun, restore
 from planlang.runs.codec import dump
 from sim import PyBulletWorld
-from sim.world import at_rest_on, held_by
 
 if TYPE_CHECKING:
     from planlang.language.replaying import Replay
@@ -409,7 +409,7 @@ class Run:
                 write_complete(options.picture, partial(truth.save_picture, of=meant))
             if recording is not None and options.record is not None:
                 write_complete(options.record, recording.save)
-        state = tuple(_state_lines(truth, bound, executive.platform.belief))
+        state = tuple(state_lines(truth, _bodies_of(bound, executive.platform.belief, truth)))
         return RunResult(outcome, message, state, tuple(self.found), truth.steps / truth.rate, failures, tilts)
 
     def _users_line(self, problem: Exception) -> str | None:
@@ -450,18 +450,6 @@ def _is_own(file: Path) -> bool:
     """Return whether a file is part of the executive or the simulator."""
     own = Path(__file__).parents[1], Path(inspect.getfile(PyBulletWorld)).parent
     return any(file.is_relative_to(folder) for folder in own)
-
-
-def _state_lines(truth: PyBulletWorld, bound: Mapping[str, Bound], belief: Belief) -> Iterator[str]:
-    """Yield where the truth has each graspable object of the plan."""
-    for name in _bodies_of(bound, belief, truth):
-        if not truth.scene.body(name).graspable:
-            continue
-        holder, support = held_by(truth, name), at_rest_on(truth, name)
-        if holder is not None:
-            yield f"{name}: held by {holder}"
-        else:
-            yield f"{name}: at rest on {support}" if support is not None else f"{name}: not at rest"
 
 
 def _bodies_of(bound: Mapping[str, Bound], belief: Belief, truth: PyBulletWorld) -> Iterator[str]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import builtins
 import keyword
 import re
+from collections import Counter
 from collections.abc import Callable, Hashable, Iterable
 
 from planlang.compiler.layout import INDENT, WIDTH, Expression, Remark, Sum, Text, call, sequence
@@ -274,6 +275,8 @@ class Expressions:
         self._places = uses_of_places(body)
         self._features = frozenset(part for part, uses in uses_of_features(body).items() if uses > 1)
         """The features that variables hold, as more than one value names them."""
+        self._things_of = Counter(name for name, _ in {(part.name, part.of) for part in self._features})
+        """The number of things that have a feature of a name."""
         self._claim = claim
         self._held: dict[Hashable, str] = {}
         """The variables that hold places and constraints."""
@@ -389,7 +392,7 @@ class Expressions:
         if part not in self._features:
             return self._described_feature(part)
         wanted = part.name if part.held_by is None else f"{part.name}_in_{part.held_by.name}"
-        if any(other.name == part.name and other.of != part.of for other in self._features):
+        if self._things_of[part.name] > 1:
             wanted = f"{wanted}_of_{part.of.name}"
         return Text(self._variable(part, wanted, None, lambda: self._described_feature(part)))
 

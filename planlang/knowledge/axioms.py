@@ -70,7 +70,25 @@ def axioms_of(ontology: Ontology) -> Axioms:
             found.state(cls, upper)
     _read_class_axioms(ontology, found)
     _read_property_axioms(ontology, found)
-    _read_facts(ontology, found)
+    _read_facts(ontology, found, ontology)
+    return found
+
+
+def own_axioms_of(ontology: Ontology, vocabulary: Axioms) -> Axioms:
+    """Return what the main document of an ontology states in EL, and which of its names are below others.
+
+    ``vocabulary`` is what the other documents state: it is not repeated.
+    """
+    main = ontology.alone()
+    found = Axioms()
+    for name in dict.fromkeys(term for term in main.store.terms if isinstance(term, str)):
+        known = vocabulary.above.get(name, ())
+        for upper in ontology.taxonomy.parents(name):
+            if upper not in known:
+                found.state(name, upper)
+    _read_class_axioms(main, found)
+    _read_property_axioms(main, found)
+    _read_facts(main, found, ontology)
     return found
 
 
@@ -141,8 +159,11 @@ def _is_data(expression: Expression) -> bool:
     return expression.kind == "facets" or str(expression.term).startswith((str(XSD), str(RDFS)))
 
 
-def _read_facts(ontology: Ontology, found: Axioms) -> None:
-    """Read what individuals are and what they are linked to, as axioms about their own classes."""
+def _read_facts(ontology: Ontology, found: Axioms, known: Ontology) -> None:
+    """Read what individuals are and what they are linked to, as axioms about their own classes.
+
+    A link to what is a class for ``known``, as a model has that is for one, is a link to something of the class, too.
+    """
     language = (str(OWL), str(RDF), str(RDFS))
     individuals = {
         triple.subject: None
@@ -158,6 +179,8 @@ def _read_facts(ontology: Ontology, found: Axioms) -> None:
                         found.state(One(individual), implied)
             elif isinstance(triple.object, str) and not triple.predicate.startswith(language):
                 found.state(One(individual), Some(triple.predicate, One(triple.object)))
+                if known.is_class(triple.object):
+                    found.state(One(individual), Some(triple.predicate, triple.object))
                 for prop in found.properties_above.get(triple.predicate, {triple.predicate}):
                     for implied in found.ranges.get(prop, ()):
                         found.state(One(triple.object), implied)

@@ -92,6 +92,7 @@ class Content:
     """What an author hands in for an entry, after the checks.
 
     ``name`` is the author's own name for it, the second part of the identifier; unused when an entry is changed.
+    ``description`` is what it is found by, packed (:mod:`planlang.knowledge.descriptions`).
     """
 
     kind: Kind
@@ -100,6 +101,7 @@ class Content:
     label: str
     syntax: Syntax
     data: bytes
+    description: bytes = b""
 
 
 class Change(StrEnum):

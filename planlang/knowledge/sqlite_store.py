@@ -31,7 +31,7 @@ from planlang.knowledge.entries import (
 )
 from planlang.knowledge.stores import Changed, EntryExists, NoSuchEntry, NotTheAuthor, Request
 
-VERSION = 1
+VERSION = 2
 """The layout of the tables; a file of another one is refused."""
 
 _PATIENCE = 10.0
@@ -40,7 +40,7 @@ _PATIENCE = 10.0
 _TABLES = """
 CREATE TABLE blobs (sha256 TEXT PRIMARY KEY, data BLOB NOT NULL) WITHOUT ROWID;
 CREATE TABLE entries (uid TEXT PRIMARY KEY, kind TEXT NOT NULL, about TEXT NOT NULL, label TEXT NOT NULL,
-    author TEXT NOT NULL, syntax TEXT NOT NULL, created TEXT NOT NULL) WITHOUT ROWID;
+    author TEXT NOT NULL, syntax TEXT NOT NULL, created TEXT NOT NULL, description BLOB NOT NULL);
 CREATE TABLE revisions (uid TEXT NOT NULL REFERENCES entries ON DELETE CASCADE, number INTEGER NOT NULL,
     sha256 TEXT NOT NULL REFERENCES blobs, author TEXT NOT NULL, made TEXT NOT NULL,
     PRIMARY KEY (uid, number)) WITHOUT ROWID;
@@ -169,6 +169,23 @@ class SqliteStore:
         stored = "SELECT number, sha256, author, made FROM revisions WHERE uid = ? ORDER BY number DESC"
         return tuple(Revision(*row) for row in self._database.execute(stored, (uid,)))
 
+    def descriptions(self) -> Iterator[tuple[str, bytes]]:
+        """Yield the identifier of every entry with the description that was handed in with its last revision."""
+        yield from self._database.execute("SELECT uid, description FROM entries ORDER BY uid").fetchall()
+
+    def description(self, uid: str) -> bytes:
+        """Return the description of an entry's last revision. Raises NoSuchEntry."""
+        row = self._database.execute("SELECT description FROM entries WHERE uid = ?", (uid,)).fetchone()
+        if row is None:
+            raise NoSuchEntry(f"there is no entry {uid}")
+        return bytes(row[0])
+
+    def describe(self, uid: str, description: bytes, expected: str) -> None:
+        """Keep another description of the same content. Raises NoSuchEntry, Changed. No change that is news."""
+        with self._transaction() as database:
+            _check_tag(self.entry(uid), expected)
+            database.execute("UPDATE entries SET description = ? WHERE uid = ?", (description, uid))
+
     def create(self, content: Content, author: str, now: str, request: Request | None = None) -> Entry:
         """Keep a new entry, and with it by which request. Raises EntryExists; ValueError for a name without letters."""
         uid = uid_of(content.about, content.name)
@@ -176,7 +193,7 @@ class SqliteStore:
             if database.execute("SELECT 1 FROM entries WHERE uid = ?", (uid,)).fetchone():
                 raise EntryExists(f"there is an entry {uid} already")
             described = (uid, content.kind, content.about, content.label, author, content.syntax, now)
-            database.execute("INSERT INTO entries VALUES (?, ?, ?, ?, ?, ?, ?)", described)
+            database.execute("INSERT INTO entries VALUES (?, ?, ?, ?, ?, ?, ?, ?)", (*described, content.description))
             # numbers go on behind those of a deleted entry: a tag never means two contents
             before = "SELECT count(*) FROM news WHERE uid = ? AND change IN ('created', 'changed')"
             (number,) = database.execute(before, (uid,)).fetchone()
@@ -191,8 +208,9 @@ class SqliteStore:
         """Give an entry a new revision if its tag is ``expected``. Raises NoSuchEntry, NotTheAuthor, Changed."""
         with self._transaction() as database:
             entry = self._own(uid, author, expected)
-            described = (content.about, content.label, content.syntax, uid)
-            database.execute("UPDATE entries SET about = ?, label = ?, syntax = ? WHERE uid = ?", described)
+            described = (content.about, content.label, content.syntax, content.description, uid)
+            columns = "about = ?, label = ?, syntax = ?, description = ?"
+            database.execute(f"UPDATE entries SET {columns} WHERE uid = ?", described)
             number = entry.revision.number + 1
             self._add_revision(database, uid, number, content.data, author, now)
             database.execute("DELETE FROM revisions WHERE uid = ? AND number < ?", (uid, number - self._kept))
@@ -211,8 +229,8 @@ class SqliteStore:
         entry = self.entry(uid)
         if entry.author != author:
             raise NotTheAuthor(f"{uid} is {entry.author}'s")
-        if expected is not None and entry.etag != expected:
-            raise Changed(f"{uid} is now {entry.etag}, not {expected}")
+        if expected is not None:
+            _check_tag(entry, expected)
         return entry
 
     @staticmethod
@@ -308,6 +326,11 @@ class SqliteStore:
         rows = self._database.execute(stored, {"after": after, "author": author, "limit": limit})
         return tuple(News(n, Change(change), uid, Kind(kind), *others) for n, change, uid, kind, *others in rows)
 
+    def last_news(self) -> int:
+        """Return the number of the last line of the feed, 0 for an empty one."""
+        (number,) = self._database.execute("SELECT max(number) FROM news").fetchone()
+        return number or 0
+
     def close(self) -> None:
         """Close the file; the store is not used any more."""
         for connection in self._connections:
@@ -318,6 +341,11 @@ def _entry(row: tuple[str, ...], attachments: tuple[Attachment, ...], mean: floa
     uid, kind, about, label, author, syntax, created, number, *revision = row
     last = Revision(int(number), *revision)
     return Entry(uid, Kind(kind), about, label, author, Syntax(syntax), created, last, attachments, mean, count)
+
+
+def _check_tag(entry: Entry, expected: str) -> None:
+    if entry.etag != expected:
+        raise Changed(f"{entry.uid} is now {entry.etag}, not {expected}")
 
 
 def _tell(database: sqlite3.Connection, change: Change, uid: str, kind: Kind, author: str, now: str) -> None:

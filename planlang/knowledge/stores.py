@@ -59,6 +59,15 @@ class Store(Protocol):
     def revisions(self, uid: str) -> tuple[Revision, ...]:
         """Return the revisions that are kept, last first. Raises NoSuchEntry."""
 
+    def descriptions(self) -> Iterator[tuple[str, bytes]]:
+        """Yield the identifier of every entry with the description that was handed in with its last revision."""
+
+    def description(self, uid: str) -> bytes:
+        """Return the description of an entry's last revision. Raises NoSuchEntry."""
+
+    def describe(self, uid: str, description: bytes, expected: str) -> None:
+        """Keep another description of the same content. Raises NoSuchEntry, Changed. No change that is news."""
+
     def create(self, content: Content, author: str, now: str, request: Request | None = None) -> Entry:
         """Keep a new entry, and with it by which request. Raises EntryExists; ValueError for a name without letters."""
 
@@ -97,6 +106,9 @@ class Store(Protocol):
 
     def news(self, after: int = 0, *, author: str | None = None, limit: int = 100) -> tuple[News, ...]:
         """Return what happened after a line of the feed, oldest first; with ``author`` of subscriptions alone."""
+
+    def last_news(self) -> int:
+        """Return the number of the last line of the feed, 0 for an empty one."""
 
     def requested(self, author: str, key: str) -> tuple[str, str] | None:
         """Return the digest of the request with which an entry was made, and its identifier; None for a new key."""

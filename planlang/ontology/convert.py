@@ -57,9 +57,14 @@ def convert(path: Path, target: Target) -> Converted:
     The text is read again and compared: what is lost, or said otherwise, is told. Mistakes that were repaired on
     reading are repaired in the text, too, and told. Raises BadInput if the file cannot be read.
     """
+    return convert_content(read_bytes(path), path, target)
+
+
+def convert_content(content: bytes, path: Path, target: Target) -> Converted:
+    """Write what is or was in a file of some name in another syntax, as :func:`convert` does."""
     file = str(path)
     base = f"file:///{path.name}"
-    parsed = read_syntax(read_bytes(path), file, base=base, label="b")
+    parsed = read_syntax(content, file, base=base, label="b")
     triples, repairs = parsed.triples, repair(parsed.triples)
     text, lost = write(triples, target, parsed.prefixes)
     again = read_syntax(text.encode(), "the text", base=base, label="b").triples if text.strip() else ()

@@ -12,7 +12,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -166,16 +166,20 @@ def _own_iri(triples: Triples) -> str | None:
     return next((name for name in names if name is not None), None)
 
 
-def read_all(path: Path, folders: Sequence[Path], *, builtin: bool, also: Sequence[Path] = ()) -> list[Reading]:
+def read_all(
+    path: Path, folders: Sequence[Path], *, builtin: bool, also: Sequence[Path] = (), content: bytes | None = None
+) -> list[Reading]:
     """Return the file, those that are named beside it, the imports of all depth first, then the bundled vocabulary.
 
+    With ``content`` the first is no file but a stranger's text under that name: nothing beside it is looked at.
     Raises BadInput if a named file cannot be used; an import that cannot be is a warning of the main document.
     """
-    readings = [_read(named, read_bytes(named)) for named in (path, *also)]
+    main_content = read_bytes(path) if content is None else content
+    readings = [_read(path, main_content), *(_version(named, *_stamp(named)) for named in also)]
     main = readings[0]
     loaded = {named.resolve() for named in (path, *also)}
     digests = {reading.document.sha256 for reading in readings}
-    imports = ImportMap(path, folders)
+    imports = ImportMap(path, folders, is_file=content is None)
     problems: list[Diagnostic] = []
     vocabulary = {file.resolve(): file for file in _vocabulary_paths()} if builtin else {}
     pending: list[tuple[Path, Iterator[Triple]]] = [(one.document.path, _imports(one)) for one in readings[::-1]]
@@ -197,7 +201,7 @@ def read_all(path: Path, folders: Sequence[Path], *, builtin: bool, also: Sequen
             problems.append(warning("O033", f"more than {MOST_DOCUMENTS} files are imported", triple.span))
             break
         try:
-            reading = _read(found, read_bytes(found))
+            reading = _version(found, *_stamp(found))
         except BadInput as problem:
             first = problem.diagnostics[0]
             message = f"an import cannot be read: {first.span}: {first.message}"
@@ -207,7 +211,7 @@ def read_all(path: Path, folders: Sequence[Path], *, builtin: bool, also: Sequen
             digests.add(reading.document.sha256)
             readings.append(reading)
             pending.append((found, _imports(reading)))
-    readings += [_bundled_reading(file) for resolved, file in vocabulary.items() if resolved not in loaded]
+    readings += [_version(file, *_stamp(file)) for resolved, file in vocabulary.items() if resolved not in loaded]
     return [Reading(main.document, main.triples, (*main.diagnostics, *problems)), *readings[1:]]
 
 
@@ -228,12 +232,18 @@ def _vocabulary_paths() -> tuple[Path, ...]:
     return tuple(path for path in (*paths, *more) if path.is_file())
 
 
-def _bundled_reading(path: Path) -> Reading:
-    return _bundled_version(path, path.stat().st_mtime_ns)
+def _stamp(path: Path) -> tuple[int, int]:
+    """Return what tells one version of a file from another: when it was changed [ns], and its size; 0 for none."""
+    try:
+        found = path.stat()
+    except (OSError, ValueError):
+        return 0, 0
+    return found.st_mtime_ns, found.st_size
 
 
-@cache
-def _bundled_version(path: Path, modified: int) -> Reading:
+@lru_cache(2 * MOST_DOCUMENTS)
+def _version(path: Path, modified: int, size: int) -> Reading:
+    """Return what a version of a file says; a process that reads many files reads what all of them import once."""
     return _read(path, read_bytes(path))
 
 
@@ -277,12 +287,18 @@ class Resolution:
 
 
 class ImportMap:
-    """Finds files for imports. ``folders`` are searched in their order, after the importing file's own."""
+    """Finds files for imports. ``folders`` are searched in their order, after the importing file's own.
 
-    def __init__(self, main: Path, folders: Sequence[Path] = ()) -> None:
+    If the main document ``is_file``, its own folder is one of them; else it is a stranger's text, who is not told
+    either which other files there are.
+    """
+
+    def __init__(self, main: Path, folders: Sequence[Path] = (), *, is_file: bool = True) -> None:
         self._folders = tuple(folders)
         self._ours = bundled("ontologies")
-        self._roots = tuple(root.resolve() for root in (main.parent, main.resolve().parent, *folders, self._ours))
+        self._is_file = is_file
+        own = (main.parent, main.resolve().parent) if is_file else ()
+        self._roots = tuple(root.resolve() for root in (*own, *folders, self._ours))
 
     def resolve(self, target: str, importing: Path, span: Span) -> Resolution:
         """Return the file that ``target`` means in the file ``importing``."""
@@ -302,7 +318,7 @@ class ImportMap:
                 continue
             if any(self._is_inside(found, root) for root in self._roots):
                 return Resolution(found)
-            escaped = True
+            escaped = self._is_file
         vocabulary = _vocabulary(address, path, remote)
         if vocabulary in VOCABULARY_FILES:
             name = VOCABULARY_FILES[vocabulary]

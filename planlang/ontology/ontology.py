@@ -31,14 +31,23 @@ _CLASS_KINDS = frozenset((OWL.Class, RDFS.Class))
 _LANGUAGE = (OWL, RDF, RDFS)
 
 
-def load(path: Path, *, folders: Sequence[Path] = (), builtin: bool = True, also: Sequence[Path] = ()) -> Ontology:
+def load(
+    path: Path,
+    *,
+    folders: Sequence[Path] = (),
+    builtin: bool = True,
+    also: Sequence[Path] = (),
+    content: bytes | None = None,
+) -> Ontology:
     """Read a file in RDF/XML, Turtle or Manchester syntax with its imports and, unless told otherwise, our vocabulary.
 
     Imports are looked for beside the file, in ``folders``, then among the bundled ontologies; never in the network.
-    ``also``: files that are read as if the first one imported them. Raises BadInput with all errors found if one of the
+    ``also``: files that are read as if the first one imported them. ``content``: what the first one says, which then
+    need not be a file, and beside which nothing is looked for. Raises BadInput with all errors found if one of the
     files cannot be used.
     """
-    return Ontology(read_all(Path(path), tuple(map(Path, folders)), builtin=builtin, also=also))
+    folders = tuple(map(Path, folders))
+    return Ontology(read_all(Path(path), folders, builtin=builtin, also=also, content=content))
 
 
 class Ontology:
@@ -73,6 +82,10 @@ class Ontology:
     def iri(self) -> str | None:
         """The name that the main document gives itself."""
         return self.documents[0].iri
+
+    def alone(self) -> Ontology:
+        """Return what the main document states, without any other."""
+        return Ontology(self._readings[:1])
 
     def renamed(self, names: Mapping[str, str]) -> Ontology:
         """Return a copy in which some names (IRIs) of the main document are replaced."""

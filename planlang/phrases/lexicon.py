@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 
 from planlang.designators import GRASPS, Device, Object, Person, local_name
-from planlang.ontology import Ontology, shorten
+from planlang.ontology import Literal, Ontology, expand, shorten
+from planlang.ontology.terms import RDFS
 from planlang.relations import RELATIONS, Sense
 
 GRASP_FORMS: dict[str, tuple[str, ...]] = {
@@ -50,50 +51,69 @@ _WORD = re.compile(r"[^\W\d](?:[\w.:-]*\w)?")
 class Lexicon:
     """Meanings of nouns.
 
-    ``things`` are keyed by name, ``classes`` by words, each of which means one class.
+    ``things`` are keyed by name, ``classes`` by words, each of which means one class, or a thing by its label.
     """
 
     things: Mapping[str, Object] = field(default_factory=dict)
     classes: Mapping[str, Object] = field(default_factory=dict)
     present: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    """Last words of classes of things -> words of those classes: "bottle" for a drinking bottle."""
+    """Last words of several classes of things -> words of those classes: "bottle" for drinking and wine bottles."""
     _written: Mapping[Object, str] = field(default_factory=dict)
 
     @staticmethod
     def of(ontology: Ontology, things: Mapping[str, Object] | None = None) -> Lexicon:
-        """Return all classes of an ontology and the things of a map, by name."""
+        """Return all classes of an ontology and the things of a map, by name, label, and what they are also called."""
         things = dict(things or {})
         persons = {*ontology.subclasses("Person"), *ontology.subclasses("Person-Individual")}
-        used = [thing.type for thing in things.values()]
+        used = dict.fromkeys(thing.type for thing in things.values())
         names = dict.fromkeys((*used, *(shorten(name) for name in ontology.class_names())))
         people = {shorten(person) for person in persons}
-        kinds = {name: Person if name in people else Object for name in names if ":" not in name}
-        return Lexicon.from_classes(kinds, things)
+        kinds = {name: Person if name in people else Object for name in names if ":" not in name or name in used}
+        called: dict[str, list[str]] = {}
+        for triple in (*ontology.triples(p=expand("alsoCalled")), *ontology.triples(p=RDFS.label)):
+            if isinstance(triple.object, Literal) and isinstance(triple.subject, str):
+                words = triple.object.value if triple.predicate == RDFS.label else _whole(triple.object.value)
+                called.setdefault(shorten(triple.subject), []).append(plain(words))
+        there = {shorten(cls) for name in used for cls in ontology.ancestors(name)}
+        return Lexicon.from_classes(kinds, things, called, there)
 
     @staticmethod
-    def from_classes(kinds: Mapping[str, type[Object]], things: Mapping[str, Object] | None = None) -> Lexicon:
-        """Return the nouns of classes by local name, each with its kind of designator; those of things count more."""
-        things = dict(things or {})
-        classes: dict[str, Object] = {}
+    def from_classes(
+        kinds: Mapping[str, type[Object]],
+        things: Mapping[str, Object] | None = None,
+        called: Mapping[str, Sequence[str]] | None = None,
+        there: Collection[str] = (),
+    ) -> Lexicon:
+        """Return the nouns of classes by local name, each with its kind of designator; those of things count more.
+
+        ``called`` are further words for classes, and for things by their IRIs; ``there`` are the classes, above those
+        of things too, that things belong to. Words of no such class may be the last words of one.
+        """
+        things, called = dict(things or {}), called or {}
         used = dict.fromkeys(thing.type for thing in things.values())
+        own: dict[str, Object] = {}
         for wording in (_whole, _head):
-            meant: dict[str, list[str]] = {}
-            for name in kinds:
-                meant.setdefault(wording(name), []).append(name)
-            for words, names in meant.items():
-                chosen = [name for name in names if name in used] if len(names) > 1 else names
-                if words and words not in classes and len(chosen) == 1 and _speakable(words):
-                    classes[words] = kinds[chosen[0]](chosen[0])
-        written: dict[Object, str] = {}
+            _add(own, ((wording(name), kinds[name](name)) for name in kinds), used)
+        classes = dict(own)
+        _add(classes, ((words, thing) for thing in things.values() for words in called.get(thing.iri or "", ())), used)
+        _add(classes, ((words, kinds[name](name)) for name in kinds for words in called.get(name, ())), used)
+        tails: dict[str, dict[Object, str]] = {}
         for words, what in sorted(classes.items(), key=lambda item: (len(item[0]), item[0])):
-            written.setdefault(what, words)
+            parts = words.split()
+            for start in range(1, len(parts)) if what.type in used else ():
+                tails.setdefault(" ".join(parts[start:]), {}).setdefault(what, words)
         present: dict[str, tuple[str, ...]] = {}
-        for name in used:
-            words = written.get(kinds.get(name, Object)(name), "")
-            for start in range(1, len(words.split())):
-                tail = " ".join(words.split()[start:])
-                if tail not in classes:
-                    present[tail] = (*present.get(tail, ()), words)
+        for tail, meant in tails.items():
+            if tail in classes and classes[tail].type in (*there, *used):
+                continue
+            if len(meant) == 1:
+                classes[tail] = next(iter(meant))
+            elif tail not in classes:
+                present[tail] = tuple(meant.values())
+        written: dict[Object, str] = {}
+        for words, what in sorted(own.items(), key=lambda item: (len(item[0]), item[0])):
+            if classes[words] == what:
+                written.setdefault(what, words)
         for name, thing in sorted(things.items(), reverse=True):
             if _WORD.fullmatch(name) and plain(name) not in (*ENDS, *ARTICLES):
                 written[thing] = name
@@ -108,8 +128,7 @@ class Lexicon:
         thing, cls = self.things.get(words), self.classes.get(said)
         if (found := (thing or cls) if named else (cls or thing)) is not None:
             return found
-        several = self.present.get(said, ())
-        return self.classes[several[0]] if len(several) == 1 else several
+        return self.present.get(said, ())
 
     def wording(self, what: Object) -> str | None:
         """Return the words that mean exactly this designator, the shortest there are; None if no words do."""
@@ -126,6 +145,17 @@ class Lexicon:
         return self.things or self.classes
 
 
+def _add(classes: dict[str, Object], worded: Iterable[tuple[str, Object]], used: Collection[str]) -> None:
+    """Add words that mean one class or thing, or one of those in use, unless they mean something already."""
+    meant: dict[str, dict[Object, None]] = {}
+    for words, what in worded:
+        meant.setdefault(words, {})[what] = None
+    for words, whats in meant.items():
+        chosen = [what for what in whats if what.type in used] if len(whats) > 1 else [*whats]
+        if words and words not in classes and len(chosen) == 1 and _speakable(words):
+            classes[words] = chosen[0]
+
+
 def _whole(name: str) -> str:
     """ "drinking bottle" of DrinkingBottle."""
     return " ".join(_PIECES.findall(local_name(name))).lower()
@@ -133,7 +163,7 @@ def _whole(name: str) -> str:
 
 def _head(name: str) -> str:
     """ "bed" of Bed-PieceOfFurniture."""
-    return _whole(name.partition("-")[0])
+    return _whole(local_name(name).partition("-")[0])
 
 
 def _speakable(words: str) -> bool:

@@ -308,7 +308,7 @@ def unknown_noun(
     for number in range(1, len(parts)):
         whole = f"{relation} {' '.join(parts[:number])}"
         alike = get_close_matches(plain(whole), list(forms()), n=1, cutoff=0.8)
-        if alike:
+        if alike and alike[0] != plain(relation):
             return _unknown_relation(whole, alike[0], _at(said, file))
     inner = next((form for form in forms() if f" {form} " in f" {plain(words)} "), None)
     known = list(lexicon.known())

@@ -273,7 +273,6 @@ class Reason(Enum):
     CONSTRAINT = "ordering constraint"
     DATA_FLOW = "data flow"
     OVERLAP = "overlap"
-    SCOPE = "location scope"
 
 
 class Ordering(NamedTuple):

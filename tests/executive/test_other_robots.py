@@ -87,6 +87,7 @@ def test_real_robots_without_their_meshes_serve_the_drink(corpus: Path, robot: s
     serve_the_drink(corpus, f"{robot}@hydro.owl", corpus / "robots" / f"{robot.lower()}@hydro.urdf")
 
 
+@pytest.mark.long
 def test_an_old_pr2_with_the_limits_of_newer_ones_needs_no_new_maps(corpus: Path, tmp_path: Path) -> None:
     text = (corpus / "robots" / "pr2@hydro.urdf").read_text()
     assert (text.count('"0.33"'), text.count('"-2.18"')) == (1, 2)
@@ -118,6 +119,7 @@ def panda(tmp_path: Path) -> Path:
     return folder / "robot.toml"
 
 
+@pytest.mark.long
 def test_an_arm_on_a_box_drives_to_where_it_reaches_the_bottle(panda: Path, tmp_path: Path) -> None:
     (tmp_path / "reach.py").write_text(REACH)
     found = run(tmp_path / "reach.py", "--robot", panda, "--environment", ROOM)

@@ -195,6 +195,23 @@ def test_a_step_that_names_a_class_acts_on_the_only_thing_of_it(
 
 
 @pytest.mark.parametrize(
+    ("step", "things"),
+    [
+        ("PickingUpAnObject", "bottle1"),
+        ("OpeningACabinet", "cabinet1, cabinet2"),
+        ("OpeningSomething", PLACED.replace(", bottle1", "")),
+    ],
+)
+def test_what_can_be_grasped_is_proposed_to_steps_that_handle_it(
+    tmp_path: Path, room: SemanticMap, step: str, things: str
+) -> None:
+    (tmp_path / "open.py").write_text(NAMED.format(step=step), encoding="utf-8")
+    with pytest.raises(BadInput) as caught:
+        bound_parameters(main_plan(import_plan(tmp_path / "open.py"), None), {}, room, [])
+    assert [one.help for one in caught.value.diagnostics] == [f"{step}.objectActedOn may be {things}"]
+
+
+@pytest.mark.parametrize(
     ("kind", "needed"),
     [
         ("float", "a number, such as --set amount=30; times are in seconds"),

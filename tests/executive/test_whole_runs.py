@@ -140,6 +140,7 @@ def test_without_the_patient_the_bottle_stays_in_the_gripper_while_they_are_look
     assert "what patient1" in result.message
 
 
+@pytest.mark.long
 def test_a_patient_who_does_not_take_it_leaves_the_bottle_in_the_gripper(run_in: Run) -> None:
     def asleep(scene: Scene) -> Scene:
         """A doll in the patient's place."""

@@ -129,6 +129,7 @@ MUTANTS = [
     ("a failure takes the last case that fits", "language/state_machine.py", "next((to for case, to in cases.items()", "next((to for case, to in reversed(cases.items())"),
     ("anything is an outcome", "language/state_machine.py", "if not isinstance(outcome, (str, Enum)):", "if False:"),
     ("a recovery tries once more", "language/recovery.py", "entry.used < recovery.attempts", "entry.used <= recovery.attempts"),
+    ("a recovery that says that it ends in nothing ends as its strategy does", "language/recovery.py", "self.otherwise is _AS_DO_SAYS", "self.otherwise in (None, _AS_DO_SAYS)"),
     ("the last recovery that fits decides", "language/recovery.py", "((n for n, entry in enumerate(entries) if", "((n for n, entry in reversed([*enumerate(entries)]) if"),
     ("a suspended request goes on", "language/plans.py", "hooks.append(self._held)", "pass"),
     ("a goal that holds is worked for", "language/conditions.py", "    if holds():\n        record", "    if not holds:\n        record"),

@@ -68,7 +68,7 @@ def test_bad_input_carries_and_prints_everything_that_was_found() -> None:
 
 @pytest.mark.parametrize("code", CODES)
 def test_each_code_has_a_letter_three_digits_and_a_meaning_of_one_line(code: str) -> None:
-    assert re.fullmatch(r"[ORMBXCP]\d{3}", code)
+    assert re.fullmatch(r"[ORMBXCPK]\d{3}", code)
     assert CODES[code]
     assert "\n" not in CODES[code]
     assert not CODES[code].endswith(".")
@@ -85,7 +85,7 @@ def test_every_code_that_the_product_uses_has_a_meaning_and_every_meaning_is_use
         code
         for path, text in sources().items()
         if path != "planlang/diagnostics.py"
-        for code in re.findall(r"\"([ORMBXCP]\d{3})\"", text)
+        for code in re.findall(r"\"([ORMBXCPK]\d{3})\"", text)
     }
     assert used - set(CODES) == set(), "used, but without a meaning in CODES"
     assert set(CODES) - used == set(), "in CODES, but nothing says them"

@@ -127,6 +127,18 @@ def test_what_flows_lands_on_the_thing_below_and_is_one_body_there(kitchen: Make
     assert world.pose("Dough_on_maker").position == pytest.approx((1.5, 0.0, 0.854), abs=1e-6)
 
 
+def test_what_is_held_goes_into_a_puddle_until_heat_has_made_it_firm(kitchen: MakeKitchen) -> None:
+    world = kitchen(BOTTLE)
+    in_hand(world, "bottle", Pose((1.5, 0.0, 1.2), UPSIDE_DOWN))
+    seconds(world, 1.0)
+    in_hand(world, "bottle", Pose((1.5, 0.0, 0.952)))
+    assert "Dough_on_maker" in world.names()
+    assert "Dough_on_maker" not in {one.body for one in world.contacts()}
+    world.changes.switch("maker", "DeviceStateOn")
+    seconds(world, 3.0)
+    assert "Dough_on_maker" in {one.body for one in world.contacts()}
+
+
 def test_a_vessel_below_takes_what_it_holds_and_the_rest_lies_beside(kitchen: MakeKitchen) -> None:
     world = kitchen(BOTTLE)
     in_hand(world, "bottle", Pose((1.5, 0.6, 1.2), UPSIDE_DOWN))

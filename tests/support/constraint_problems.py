@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
@@ -131,24 +131,36 @@ def _around(arms: Arms, problem: MotionProblem, rng: np.random.Generator, rows: 
     return a_constraint(kind, tool, world, frame=frame, lower=min(values) - below, upper=max(values) + above)
 
 
+def straight(one: Matrix, other: Matrix) -> Matrix:
+    """Configurations (24, n) on the straight way between two."""
+    return np.asarray(one + np.linspace(0.0, 1.0, 24)[:, None] * (other - one))
+
+
 def random_problem(
-    arms: Arms, seed: int, *, most_phases: int = 3
+    arms: Arms, seed: int, *, most_phases: int = 3, is_free: Callable[[Matrix, Matrix], bool] = lambda one, other: True
 ) -> tuple[MotionProblem, Matrix, list[list[MotionConstraint]]]:
     """A problem, where it starts, and phases that are feasible: constraints hold at a random configuration of each.
 
-    Some are asked for in two phases; these hold on the whole straight way between the two configurations.
+    Some are asked for in two phases; these hold on the whole straight way between the two configurations. ``is_free``
+    says whether such a way may be gone.
     """
     rng = np.random.default_rng(seed)
     group, count = arms.group, len(arms.group.chains)
     tools = {an_object(f"Tool{arm}"): (arm, _pose(rng, 0.1)) for arm in range(count)}
     things = {an_object(f"Thing{k}"): _pose(rng, 0.6) for k in range(2)}
     problem = arms.problem(tools, things)
-    start = rng.uniform(group.lower, group.upper)
-    ends = rng.uniform(group.lower, group.upper, (int(rng.integers(1, most_phases + 1)), group.dof))
+    start = here = rng.uniform(group.lower, group.upper)
+    while not is_free(start, start):
+        start = here = rng.uniform(group.lower, group.upper)
+    ends, wanted = list[Matrix](), int(rng.integers(1, most_phases + 1))
+    while len(ends) < wanted:
+        there = rng.uniform(group.lower, group.upper)
+        if is_free(here, there):
+            ends.append(here := there)
     phases = [[_around(arms, problem, rng, q[None]) for _ in range(int(rng.integers(1, 3 + 3 * count)))] for q in ends]
     for number, (one, other) in enumerate(pairwise(ends)):
         if rng.random() < 0.5:
-            both = _around(arms, problem, rng, one + np.linspace(0.0, 1.0, 24)[:, None] * (other - one))
+            both = _around(arms, problem, rng, straight(one, other))
             phases[number].append(both)
             phases[number + 1].append(both)
     return problem, start, phases

@@ -203,7 +203,7 @@ def _properties(ontology: Ontology, names: _Names) -> Iterator[Diagnostic]:
         if not near and _relates_tasks(ontology, written):
             near = [_like(short, word) for word in Neighbours(INTERVALS).of(_plain(short))]
         if near:
-            meant = [_stated(ontology, space, word, listed) for word in near]
+            meant = [_stated(ontology, written, word, listed) for word in near]
             if space not in VOCABULARIES.values() and _is_declared(ontology, written):
                 yield _unusual(written, meant, names.span(row))
                 continue
@@ -220,9 +220,10 @@ def _vocabulary(ontology: Ontology) -> Iterator[str]:
                 yield triple.subject
 
 
-def _stated(ontology: Ontology, space: str, word: str, listed: dict[str, str]) -> str:
+def _stated(ontology: Ontology, written: str, word: str, listed: dict[str, str]) -> str:
     """Return the word in its intended namespace: the one that is written if the word is used there, else KnowRob's."""
-    if space + word in ontology.properties_named(word):
+    space = _space(written)
+    if space + word != written and space + word in ontology.properties_named(word):
         return space + word
     return listed.get(word) or (space if space in VOCABULARIES.values() else KNOWROB) + word
 

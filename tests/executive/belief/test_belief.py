@@ -2,18 +2,22 @@
 
 import json
 from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from executive.belief import Belief, SemanticMap, scene_of
+from executive.belief import Belief, SemanticMap, read_map, scene_of
 from executive.belief.knowledge import Source
+from executive.belief.map_writing import map_text
 from executive.belief.obstacles import MOST, NAMES, with_store
 from executive.robots import Robot, bind_robot
 from planlang.designators import an_object
 from planlang.failures import AmbiguousPerception, ObjectUnresolvable
+from planlang.files import bundled
 from planlang.geometry import Pose
+from planlang.ontology import load
 from planlang.protocols import Configuration, Detection
 from sim import PlanningWorld
 
@@ -217,3 +221,18 @@ def test_source_and_time_of_a_pose_are_known(belief: Belief) -> None:
     belief.see([Detection("bottle1", belief.pose("bottle1"), 1.0)])
     belief.not_seen("bottle1", HERE)
     assert not belief.remembers("bottle1"), "it was looked for in vain since"
+
+
+def test_a_map_that_is_written_has_the_handles_of_what_was_moved(robot: Robot, tmp_path: Path) -> None:
+    kitchen = read_map(load(bundled("ontologies") / "environments" / "stove_with_pans.omn"))
+    world = PlanningWorld(scene_of(kitchen), robot.body())
+    belief = Belief(kitchen, world)
+    belief.see([Detection("pan1", Pose.planar(-1.6, 0.2, 1.0, 0.765), 1.0)])
+    path = tmp_path / "map.omn"
+    path.write_text(map_text(belief), encoding="utf-8")
+    world.close()
+    before, after = scene_of(kitchen), scene_of(read_map(load(path)))
+    assert after.body("pan1").pose.position == pytest.approx((-1.6, 0.2, 0.765))
+    for name in ("pan1", "pot1", "kettle1"):
+        found = [one.pose.position for one in after.body(name).handles]
+        assert found == [pytest.approx(one.pose.position, abs=1e-6) for one in before.body(name).handles]

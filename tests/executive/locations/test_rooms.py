@@ -176,6 +176,7 @@ def test_a_thing_is_put_whole_on_what_is_asked_for() -> None:
         oracle.close()
 
 
+@pytest.mark.long
 def test_another_process_gives_the_same_answers_to_the_last_bit() -> None:
     kinds = ("hard", "person seated")
     command = [sys.executable, "-m", "tests.support.locations.answers", "1", *kinds]

@@ -9,9 +9,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from executive.motion import MotionError
+from executive.robots.arms import ArmModel
 from planlang.designators import Condition, a_location
 from planlang.failures import ActionUnresolvable, BehindClosedDoor, HandleNotReachable
-from planlang.geometry import Pose
+from planlang.geometry import Array, Pose
+from planlang.protocols import Trajectory
 from tests.benchmarks.doors import opened
 from tests.support.leaves import drawn, room, thing
 
@@ -51,6 +54,26 @@ def test_the_hand_moves_a_leaf_that_is_ajar_from_where_it_is(stack: ExitStack) -
     stage.truth.set_joint("leaf", 0.1)
     stage.do(OPEN, "leaf")
     assert stage.platform.belief.joints["leaf"].is_open(stage.truth.joint("leaf"))
+
+
+def test_a_hand_that_cannot_go_back_all_its_way_goes_back_as_far_as_it_can(
+    stack: ExitStack, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stage = room(stack, drawn(DRAWER), "panda")
+    arms, lengths = stage.platform.arms, list[float]()
+    straight = arms.straight_path
+
+    def short(arm: ArmModel, pose: Array, q: Array, touches: str | None) -> Trajectory:
+        if stage.truth.joint("leaf") > 0:
+            tip = stage.platform.scene.arms.tip(arm)
+            lengths.append(float(np.linalg.norm(pose[:3, 3] - tip[:3, 3])))
+            if len(lengths) == 1:
+                raise MotionError("farther than the arm reaches")
+        return straight(arm, pose, q, touches)
+
+    monkeypatch.setattr(arms, "straight_path", short)
+    stage.do(OPEN, "leaf")
+    assert lengths[1] == pytest.approx(lengths[0] / 2)
 
 
 def test_what_is_open_is_left_alone(stack: ExitStack) -> None:

@@ -48,7 +48,7 @@ def test_functions_and_gradients_are_those_of_plain_formulas(name: str, count: i
         np.testing.assert_allclose(gradients, moved.T / (2 * step), atol=1e-5)
 
 
-@pytest.mark.parametrize(("name", "count"), ROBOTS)
+@pytest.mark.parametrize(("name", "count"), [*ROBOTS[:3], pytest.param("pr2", 2, marks=pytest.mark.long)])
 def test_random_feasible_problems_are_solved_without_a_violation(name: str, count: int) -> None:
     # 200 of them: python tests/benchmarks/constraints.py
     robot = arms(name, count)

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 
 import numpy as np
 import pytest
+from constraint_bodies import bodies_around
 from constraint_problems import Arms, arms_of, at
 
-from executive.motion.arm_bodies import ArmShapes, Room, links_of
-from executive.motion.bodies import Solids
 from executive.motion.constrained_ends import MotionProblem
 from executive.motion.constrained_motion import solve_motion
 from executive.motion.errors import ConstraintsContradict, StartInCollision
@@ -19,40 +17,25 @@ from planlang.designators import an_object
 from planlang.diagnostics import BadInput
 from planlang.geometry import Array, Pose
 from planlang.motion_constraints import MotionConstraint, a_constraint, a_feature
-from planlang.protocols import Configuration
-from sim import Body, PlanningWorld, Scene
+from sim import Body
 
 CUP, TABLE = an_object("Cup"), an_object("Table")
 CENTRE = a_feature("POINT", of=CUP, position=(0.0, 0.0, 0.0))
 AXIS = a_feature("LINE", of=CUP, position=(0.0, 0.0, 0.0), direction=(0.0, 0.0, 1.0))
 TOP = a_feature("PLANE", of=TABLE, position=(0.0, 0.0, 0.0), direction=(0.0, 0.0, 1.0))
 UPRIGHT = a_constraint("PERPENDICULARITY", AXIS, TOP, lower=0.97, upper=1.2, name="upright")
-ROOM = Body("room", Pose((0.0, 0.0, 1.3)), (5.0, 5.0, 2.6), "room")
 
 
 @contextmanager
 def among(robot: Arms, bodies: Sequence[Body]) -> Iterator[tuple[MotionProblem, Array]]:
     """A problem of arms with bodies around, a frame "Table" at 0.5, -0.1, 0.8; and the carrying posture."""
-    world = PlanningWorld(Scene((ROOM, *bodies), (-2.5, -2.5, 2.5, 2.5)), robot.robot.body())
     arm = robot.robot.arms[0]
     x, z = np.array(arm.approach), np.array(arm.closing)
     problem = robot.problem(
         {CUP: (0, at(0.0, 0.0, 0.0, np.column_stack([x, z, np.cross(x, z)])))}, {TABLE: at(0.5, -0.1, 0.8)}
     )
-    shapes = ArmShapes(world, links_of(world), robot.group, robot.robot.base_link, arm.tip)
-    base, solids = world.link_pose(robot.robot.base_link).matrix(), Solids.of(world.solids())
-    quick = shapes.now(world).against(base, Room.of(solids, "room"), (frozenset(), None))
-
-    def touching(q: Array) -> list[tuple[str, str]]:
-        joints = {**world.configuration().joints, **dict(zip(robot.group.names, q.tolist(), strict=True))}
-        there = Configuration(world.configuration().base, joints)
-        return [(contact.part, contact.body) for contact in world.contacts(there, robot.group.names)]
-
-    start = np.array([world.configuration().joints[name] for name in robot.group.names])
-    try:
-        yield replace(problem, obstacles=quick, touching=touching), start
-    finally:
-        world.close()
+    with bodies_around(robot, bodies) as around:
+        yield around.of(problem), around.posture
 
 
 def place(x: float, y: float, z: float) -> list[MotionConstraint]:

@@ -237,7 +237,10 @@ CASES = [
 ]
 
 
-@pytest.mark.parametrize(("recipe", "syntax"), CASES)
+SOME = [pytest.param(*case, marks=() if number % 4 < 2 else pytest.mark.long) for number, case in enumerate(CASES)]
+
+
+@pytest.mark.parametrize(("recipe", "syntax"), SOME)
 def test_a_slip_in_any_name_is_the_first_error_or_changes_nothing(tmp_path: Path, recipe: str, syntax: Target) -> None:
     chance = random.Random(f"{recipe} {syntax.value}")
     some = list(misspelt(text_of(recipe, syntax), syntax, chance))
@@ -310,3 +313,17 @@ def main() -> None:
 
 if __name__ == "__main__":
     main()
+
+
+def test_a_property_of_the_vocabulary_in_another_namespace_is_proposed_with_its_own(tmp_path: Path) -> None:
+    file = tmp_path / "map.omn"
+    file.write_text(
+        "Prefix: : <http://example.org/map.owl#>\nPrefix: knowrob: <http://knowrob.org/kb/knowrob.owl#>\n"
+        "Ontology: <http://example.org/map.owl>\nImport: <http://knowrob.org/kb/knowrob.owl>\n"
+        "Individual: seen1\n    Types: knowrob:SemanticMapPerception\n    Facts: createdByAlgorithm seen1\n"
+    )
+    with pytest.raises(BadInput) as caught:
+        compile_recipe(file)
+    (found,) = (one for one in caught.value.diagnostics if one.code == "R058")
+    meant = "http://knowrob.org/kb/knowrob.owl#createdByAlgorithm"
+    assert found.help == f"did you mean `createdByAlgorithm` ({meant})?"

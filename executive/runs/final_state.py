@@ -1,0 +1,43 @@
+"""The state of things in the simulator's truth when a run has ended, in words."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+
+from planlang.designators import local_name
+from sim import PyBulletWorld
+from sim.joints import JointKind
+from sim.world import at_rest_on, held_by
+
+CLOSED = 0.03
+"""Opening of a leaf up to which it counts as closed [rad, m]: what a hand lets go of need not be shut to the last."""
+
+
+def state_lines(truth: PyBulletWorld, names: Iterable[str]) -> Iterator[str]:
+    """Yield a line for each thing of the plan: where it is, whether it is open or on, and what is in it."""
+    scene = truth.scene
+    for name in dict.fromkeys(names):
+        if scene.body(name).graspable:
+            holder, support = held_by(truth, name), at_rest_on(truth, name)
+            if holder is not None:
+                yield f"{name}: held by {holder}"
+            else:
+                yield f"{name}: at rest on {support}" if support is not None else f"{name}: not at rest"
+        for joint in scene.joints:
+            if not joint.is_knob and name in (joint.leaf, joint.holder):
+                yield f"{joint.leaf}: {_opening(truth.joint(joint.leaf), joint.kind)}"
+        is_on = truth.changes.matter.is_on(name)
+        if is_on or scene.body(name).is_on:  # that a refrigerator without a switch is not on says nothing
+            yield f"{name}: {'on' if is_on else 'off'}"
+        content = truth.changes.matter.contents.get(name, {}).values()
+        if content:
+            yield f"{name}: holds {', '.join(f'{one.amount:.0f} ml of {local_name(one.type)}' for one in content)}"
+
+
+def _opening(value: float, kind: JointKind) -> str:
+    if abs(value) <= CLOSED:
+        return "closed"
+    return (
+        f"open by {100 * value:.0f} cm" if kind is JointKind.PRISMATIC else f"open by {math.degrees(value):.0f} degrees"
+    )

@@ -1,0 +1,128 @@
+"""The catalogue of a store: what every entry is about, in memory, as its descriptions say.
+
+It follows the store's news, so that changes by other servers on the same store are seen by the next question.
+"""
+
+from __future__ import annotations
+
+import threading
+from bisect import bisect_right, insort
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+
+from executive.serving.uploads import describe
+from executive.serving.vocabulary import Vocabulary
+from planlang.designators import local_name
+from planlang.diagnostics import BadInput
+from planlang.knowledge.descriptions import Description
+from planlang.knowledge.entries import Change, Content, Entry, Kind
+from planlang.knowledge.index import Index
+from planlang.knowledge.stores import Changed, NoSuchEntry, Store
+from planlang.ontology.expressions import Expression
+
+_CONTENT = frozenset((Change.CREATED, Change.CHANGED))
+
+
+@dataclass(frozen=True, slots=True)
+class Listed:
+    """What an entry is asked for by, beside its classes; all texts are folded."""
+
+    kind: Kind
+    words: tuple[str, ...]
+    place: Mapping[str, tuple[str, ...]]
+
+
+class Catalogue:
+    """The entries of a store. Threads may share it."""
+
+    def __init__(self, store: Store, vocabulary: Vocabulary) -> None:
+        self._store = store
+        self._vocabulary = vocabulary
+        self._index = Index(vocabulary.axioms)
+        self._listed: dict[str, Listed] = {}
+        self._uids: dict[Kind | None, list[str]] = {kind: [] for kind in (None, *Kind)}
+        self._names: dict[str, set[str]] = {name: set(iris) for name, iris in vocabulary.names.items()}
+        self._lock = threading.RLock()
+        self._seen = store.last_news()
+        kinds = {entry.uid: entry for entry in store.entries()}
+        for uid, packed in store.descriptions():
+            if uid in kinds:
+                self._add(kinds[uid], packed)
+
+    def __len__(self) -> int:
+        return len(self._listed)
+
+    @property
+    def names(self) -> Mapping[str, Iterable[str]]:
+        """Local names that may be asked for -> their IRIs: a name of the vocabulary's own is no other one's."""
+        return self._names
+
+    def uids(self, kind: Kind | None = None, after: str = "", limit: int = 100) -> tuple[str, ...]:
+        """Return identifiers behind one, sorted."""
+        with self._lock:
+            self._follow()
+            known = self._uids[kind]
+            start = bisect_right(known, after)
+            return tuple(known[start : start + limit])
+
+    def find(self, expression: Expression | None, fits: Callable[[Listed], bool]) -> tuple[str, ...]:
+        """Return the entries that an expression includes and that fit otherwise, sorted. Raises CannotAnswer."""
+        with self._lock:
+            self._follow()
+            uids: Iterable[str] = self._uids[None] if expression is None else self._index.answers(expression)
+            return tuple(uid for uid in uids if fits(self._listed[uid]))
+
+    def _follow(self) -> None:
+        while news := self._store.news(self._seen):
+            changed = {one.uid: one.change for one in news if one.change in (*_CONTENT, Change.DELETED)}
+            for uid, change in changed.items():
+                self._remove(uid)
+                if change in _CONTENT:
+                    with suppress(NoSuchEntry):  # deleted since: its news follow
+                        self._add(self._store.entry(uid), self._store.description(uid))
+            self._seen = news[-1].number
+
+    def _add(self, entry: Entry, packed: bytes) -> None:
+        description = self._unpacked(entry, packed)
+        words = dict.fromkeys(text.casefold() for text in (entry.label, *description.words))
+        place: dict[str, tuple[str, ...]] = {}
+        for level, text in description.place:
+            place[level] = (*place.get(level, ()), text.casefold())
+        self._index.add(entry.uid, description)
+        self._add_names(description)
+        self._listed[entry.uid] = Listed(entry.kind, tuple(words), place)
+        for kind in (None, entry.kind):
+            insort(self._uids[kind], entry.uid)
+
+    def _add_names(self, description: Description) -> None:
+        for iri in (name for one in description.nodes for name in (*one.labels, *(prop for prop, _ in one.links))):
+            iri = iri.strip("{}")
+            name = local_name(iri)
+            if name not in self._vocabulary.names:
+                self._names.setdefault(name, set()).add(iri)
+
+    def _remove(self, uid: str) -> None:
+        listed = self._listed.pop(uid, None)
+        if listed is not None:
+            self._index.remove(uid)
+            for kind in (None, listed.kind):
+                self._uids[kind].remove(uid)
+
+    def _unpacked(self, entry: Entry, packed: bytes) -> Description:
+        """Return a stored description; one of another layout is made anew from the content, and kept."""
+        try:
+            return Description.unpacked(packed)
+        except (ValueError, KeyError, TypeError):
+            pass
+        name = entry.uid.partition(".")[2]
+        data = self._store.content(entry.uid)
+        content = Content(entry.kind, entry.about, name, entry.label, entry.syntax, data)
+        try:
+            made = describe(content, self._vocabulary)
+            self._store.describe(entry.uid, made.packed(), entry.etag)
+        except BadInput:
+            return Description(())
+        except (Changed, NoSuchEntry):
+            pass
+        return made

@@ -1,0 +1,204 @@
+"""Routes of entries: recipes, objects, environments, robots and experiences, their contents and revisions."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from http import HTTPStatus
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Header, Query, Request, Response
+from fastapi.responses import JSONResponse
+from pydantic import BaseModel, Field
+
+from executive.serving.contents import converted
+from executive.serving.problems import Problem, diagnostic_json
+from executive.serving.records import digest_header, record
+from executive.serving.serving import Author, Body, Served, Serving, now
+from executive.serving.uploads import Upload, read_upload
+from planlang.knowledge.entries import HIGHEST_RATING, LOWEST_RATING, Entry, Kind
+from planlang.knowledge.stores import Changed, NoSuchEntry
+from planlang.knowledge.stores import Request as Handed
+
+router = APIRouter(prefix="/v1", tags=["entries"])
+
+MOST_LISTED = 100
+"""Entries of one answer."""
+
+Limit = Annotated[int, Query(ge=1, le=MOST_LISTED)]
+IfMatch = Annotated[str | None, Header()]
+_ONTOLOGY: dict[str, Any] = {"application/rdf+xml": {}, "text/turtle": {}, "text/owl-manchester": {}}
+UPLOADED: dict[str, Any] = {"requestBody": {"required": True, "content": _ONTOLOGY}}
+
+
+@router.get("/{kind}")
+def list_entries(kind: Kind, served: Served, after: str = "", limit: Limit = MOST_LISTED) -> dict[str, Any]:
+    """Return the entries of a kind behind an identifier, and the identifier to go on behind."""
+    return listing(served, served.catalogue.uids(kind, after, limit + 1), limit, record)
+
+
+def listing(
+    served: Serving, uids: tuple[str, ...], limit: int, shown: Callable[[Entry], dict[str, Any]]
+) -> dict[str, Any]:
+    """Return the records of the first entries of some; ``next`` is the last of them if there are more."""
+    found = []
+    for uid in uids[:limit]:
+        try:
+            found.append(shown(served.store.entry(uid)))
+        except NoSuchEntry:  # deleted in the meantime
+            continue
+    return {"entries": found, "next": uids[limit - 1] if len(uids) > limit else None}
+
+
+@router.post("/{kind}", status_code=HTTPStatus.CREATED, openapi_extra=UPLOADED)
+def create(
+    kind: Kind,
+    name: Annotated[str, Query(max_length=100)],
+    author: Author,
+    served: Served,
+    data: Body,
+    about: Annotated[str | None, Query(max_length=1000)] = None,
+    idempotency_key: Annotated[str | None, Header(max_length=200)] = None,
+) -> Response:
+    """Check an ontology and keep it as a new entry of the author's.
+
+    A request that is sent again with the same Idempotency-Key gives the entry that it made before.
+    """
+    digest = hashlib.sha256(repr((kind.value, name, about)).encode() + data).hexdigest()
+    handed = None if idempotency_key is None else Handed(idempotency_key, digest)
+    upload: Upload | None = None
+    entry = _made_before(served, author, handed)
+    if entry is None:
+        upload = read_upload(kind, name, data, about, served.vocabulary)
+        with served.writing:
+            entry = _made_before(served, author, handed) or served.store.create(upload.content, author, now(), handed)
+    answer = taken(entry, upload, HTTPStatus.CREATED)
+    answer.headers["Location"] = f"/v1/{entry.kind.value}/{entry.uid}"
+    return answer
+
+
+def _made_before(served: Serving, author: str, handed: Handed | None) -> Entry | None:
+    known = None if handed is None else served.store.requested(author, handed.key)
+    if handed is None or known is None:
+        return None
+    digest, uid = known
+    if digest != handed.digest:
+        raise Problem(HTTPStatus.UNPROCESSABLE_ENTITY, "another request was sent with this Idempotency-Key")
+    return served.store.entry(uid)
+
+
+def taken(entry: Entry, upload: Upload | None, status: HTTPStatus = HTTPStatus.OK) -> Response:
+    """Return what is answered to an upload that was taken."""
+    diagnostics = [diagnostic_json(one) for one in upload.diagnostics] if upload else []
+    body = {"entry": record(entry), "diagnostics": diagnostics}
+    return JSONResponse(body, int(status), {"ETag": entry.etag})
+
+
+def known(served: Serving, kind: Kind, uid: str) -> Entry:
+    """Return an entry of a kind. Raises NoSuchEntry."""
+    entry = served.store.entry(uid)
+    if entry.kind is not kind:
+        raise NoSuchEntry(f"{uid} is not among the {kind.value}")
+    return entry
+
+
+@router.get("/{kind}/{uid}")
+def read(kind: Kind, uid: str, served: Served, if_none_match: Annotated[str | None, Header()] = None) -> Response:
+    """Return what is known of an entry, without its content."""
+    entry = known(served, kind, uid)
+    if _names(if_none_match, entry.etag):
+        return Response(status_code=HTTPStatus.NOT_MODIFIED, headers={"ETag": entry.etag})
+    return JSONResponse(record(entry), headers={"ETag": entry.etag})
+
+
+def _names(header: str | None, etag: str) -> bool:
+    """Return True if a list of tags has a tag, or all."""
+    tags = [tag.strip().removeprefix("W/") for tag in (header or "").split(",")]
+    return etag in tags or "*" in tags
+
+
+@router.get("/{kind}/{uid}/content")
+def content(
+    kind: Kind,
+    uid: str,
+    request: Request,
+    served: Served,
+    revision: Annotated[int | None, Query(ge=1, lt=2**53)] = None,
+) -> Response:
+    """Return the ontology of a revision, the last one unless told otherwise, in the syntax that Accept prefers."""
+    entry = known(served, kind, uid)
+    data = served.store.content(uid, revision)
+    sha256 = hashlib.sha256(data).hexdigest()
+    etag = f'"{revision or entry.revision.number}-{sha256[:16]}"'
+    if _names(request.headers.get("if-none-match"), etag):
+        return Response(status_code=HTTPStatus.NOT_MODIFIED, headers={"ETag": etag})
+    data, syntax = converted(data, uid, request.headers.get("accept"), entry.syntax)
+    digest = hashlib.sha256(data).hexdigest()
+    tag = etag if syntax is entry.syntax else f"W/{etag}"
+    headers = {"ETag": tag, "Repr-Digest": digest_header(digest), "Vary": "Accept", **DOWNLOADED}
+    return Response(data, media_type=syntax.value, headers=headers)
+
+
+DOWNLOADED = {
+    "X-Content-Type-Options": "nosniff",
+    "Content-Security-Policy": "sandbox",
+    "Content-Disposition": "attachment",
+}
+"""Headers of what strangers handed in: no browser shows it as a page."""
+
+
+def expected(if_match: str | None, entry: Entry) -> str:
+    """Return the tag that a change names. Raises Problem without one, and Changed for another's."""
+    if if_match is None:
+        raise Problem(HTTPStatus.PRECONDITION_REQUIRED, "a change names the revision that it changes: If-Match")
+    if not _names(if_match, entry.etag) or if_match.strip().startswith("W/"):
+        raise Changed(f"{entry.uid} is now {entry.etag}")
+    return entry.etag
+
+
+@router.put("/{kind}/{uid}/content", openapi_extra=UPLOADED)
+def change(kind: Kind, uid: str, author: Author, served: Served, data: Body, if_match: IfMatch = None) -> Response:
+    """Check an ontology and keep it as the next revision of an entry of the author's."""
+    entry = known(served, kind, uid)
+    own(entry, author)
+    tag = expected(if_match, entry)
+    upload = read_upload(kind, uid.partition(".")[2], data, entry.about, served.vocabulary)
+    with served.writing:
+        return taken(served.store.change(uid, upload.content, author, tag, now()), upload)
+
+
+def own(entry: Entry, author: str) -> None:
+    """Raise Problem for an entry that is not the author's."""
+    if entry.author != author:
+        raise Problem(HTTPStatus.FORBIDDEN, f"{entry.uid} is not yours")
+
+
+@router.delete("/{kind}/{uid}", status_code=HTTPStatus.NO_CONTENT)
+def delete(kind: Kind, uid: str, author: Author, served: Served, if_match: IfMatch = None) -> None:
+    """Delete an entry of the author's with all its revisions and files."""
+    entry = known(served, kind, uid)
+    own(entry, author)
+    tag = expected(if_match, entry)
+    with served.writing:
+        served.store.delete(uid, author, tag, now())
+
+
+@router.get("/{kind}/{uid}/revisions")
+def revisions(kind: Kind, uid: str, served: Served) -> dict[str, Any]:
+    """Return the revisions that are kept, last first."""
+    known(served, kind, uid)
+    return {"revisions": served.store.revisions(uid)}
+
+
+class Rating(BaseModel):
+    """How good an entry is."""
+
+    rating: Annotated[int, Field(ge=LOWEST_RATING, le=HIGHEST_RATING, strict=True)]
+
+
+@router.put("/{kind}/{uid}/rating")
+def rate(kind: Kind, uid: str, rating: Rating, author: Author, served: Served) -> dict[str, Any]:
+    """Rate an entry, in the place of the author's earlier rating."""
+    known(served, kind, uid)
+    with served.writing:
+        return record(served.store.rate(uid, author, rating.rating, now()))

@@ -1,0 +1,83 @@
+"""What goes wrong, as problem documents (RFC 9457); the compiler's diagnostics are in them as in its other outputs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from http import HTTPStatus
+from typing import Any
+
+from fastapi import FastAPI, Request, Response
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import JSONResponse
+from starlette.exceptions import HTTPException
+
+from planlang.diagnostics import BadInput, Diagnostic, Span
+from planlang.knowledge.stores import Changed, EntryExists, NoSuchEntry, NotTheAuthor, Refused
+
+MEDIA_TYPE = "application/problem+json"
+
+_REFUSALS: dict[type[Refused], HTTPStatus] = {
+    NoSuchEntry: HTTPStatus.NOT_FOUND,
+    EntryExists: HTTPStatus.CONFLICT,
+    NotTheAuthor: HTTPStatus.FORBIDDEN,
+    Changed: HTTPStatus.PRECONDITION_FAILED,
+}
+
+
+class Problem(Exception):
+    """A request that is not done, with the status and the reason that the asker is given."""
+
+    def __init__(self, status: HTTPStatus, detail: str, diagnostics: Iterable[Diagnostic] = ()) -> None:
+        super().__init__(detail)
+        self.status, self.detail, self.diagnostics = status, detail, tuple(diagnostics)
+
+
+def diagnostic_json(diagnostic: Diagnostic) -> dict[str, Any]:
+    """Return a diagnostic as the server gives it: file, line and column beside the message."""
+    span = diagnostic.span or Span("", 0, 0)
+    return {
+        "severity": diagnostic.severity.value,
+        "code": diagnostic.code,
+        "message": diagnostic.message,
+        "file": span.file or None,
+        "line": span.line or None,
+        "column": span.column or None,
+        "help": diagnostic.help,
+    }
+
+
+def problem_response(status: HTTPStatus, detail: str, diagnostics: Iterable[Diagnostic] = ()) -> Response:
+    """Return the document for a status and a reason."""
+    listed = [diagnostic_json(one) for one in diagnostics]
+    body = {"type": "about:blank", "title": status.phrase, "status": int(status), "detail": detail}
+    headers = {"WWW-Authenticate": "Bearer"} if status is HTTPStatus.UNAUTHORIZED else None
+    return JSONResponse({**body, "diagnostics": listed}, int(status), headers, MEDIA_TYPE)
+
+
+def add_handlers(app: FastAPI) -> None:
+    """Let an application answer with problem documents."""
+
+    @app.exception_handler(Problem)
+    def refused(_: Request, problem: Problem) -> Response:
+        return problem_response(problem.status, problem.detail, problem.diagnostics)
+
+    @app.exception_handler(Refused)
+    def refused_by_store(_: Request, problem: Refused) -> Response:
+        return problem_response(_REFUSALS.get(type(problem), HTTPStatus.CONFLICT), str(problem))
+
+    @app.exception_handler(BadInput)
+    def refused_by_checks(_: Request, problem: BadInput) -> Response:
+        errors = sum(one.severity.value == "error" for one in problem.diagnostics)
+        detail = f"the checks found {errors} error{'s' if errors != 1 else ''}"
+        return problem_response(HTTPStatus.UNPROCESSABLE_ENTITY, detail, problem.diagnostics)
+
+    @app.exception_handler(RequestValidationError)
+    def malformed(_: Request, problem: RequestValidationError) -> Response:
+        reasons = (f"{'.'.join(map(str, one['loc'][1:]))}: {one['msg']}" for one in problem.errors())
+        return problem_response(HTTPStatus.UNPROCESSABLE_ENTITY, "; ".join(reasons))
+
+    @app.exception_handler(HTTPException)
+    def other(_: Request, problem: HTTPException) -> Response:
+        found = problem_response(HTTPStatus(problem.status_code), str(problem.detail))
+        found.headers.update(problem.headers or {})
+        return found

@@ -1,0 +1,91 @@
+"""Search: class expressions, words, places, and what a robot can do of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from http import HTTPStatus
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Query
+from pydantic import BaseModel, ConfigDict, Field
+
+from executive.serving.catalogue import Listed
+from executive.serving.entries import MOST_LISTED, listing
+from executive.serving.places import LEVELS
+from executive.serving.problems import Problem
+from executive.serving.records import record
+from executive.serving.serving import Served, Serving
+from planlang.knowledge.entries import Entry, Kind
+from planlang.knowledge.index import CannotAnswer
+from planlang.knowledge.questions import LONGEST, read_question
+
+router = APIRouter(prefix="/v1", tags=["search"])
+
+LONGEST_TEXT = 1000
+_Text = Annotated[str | None, Field(max_length=LONGEST_TEXT)]
+
+
+class Question(BaseModel):
+    """What is searched: entries that fit everything that is given."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    expression: Annotated[str | None, Field(max_length=LONGEST)] = None
+    """A class expression in Manchester syntax, of which the entry's subject is to be a specialisation or a member."""
+    label: _Text = None
+    """A part of the label, or of a name or label in the content."""
+    kind: Kind | None = None
+    room: _Text = None
+    floor: _Text = None
+    building: _Text = None
+    street: _Text = None
+    city: _Text = None
+    limit: Annotated[int, Field(ge=1, le=MOST_LISTED)] = 20
+    after: _Text = None
+    """The identifier behind which to go on."""
+
+
+class RobotsQuestion(Question):
+    """A question by a robot, which is told which of the recipes it can do."""
+
+    robot: Annotated[str | None, Field(max_length=8_000_000)] = None
+    """The text of its self-model."""
+
+
+@router.get("/search")
+def search(question: Annotated[Question, Query()], served: Served) -> dict[str, Any]:
+    """Return the entries that fit a question."""
+    return answered(question, served, record)
+
+
+@router.post("/search")
+def search_for_a_robot(question: RobotsQuestion, served: Served) -> dict[str, Any]:
+    """Return the entries that fit a question, with what a robot can do of them."""
+    robot = question.robot
+    if robot is None:
+        return answered(question, served, record)
+    served.abilities.check(robot)
+    return answered(question, served, lambda entry: record(entry) | served.abilities.of(robot, entry).as_json())
+
+
+def answered(question: Question, served: Serving, shown: Callable[[Entry], dict[str, Any]]) -> dict[str, Any]:
+    """Return the records that fit a question. Raises BadInput for an expression that is none, and Problem."""
+    expression = None
+    if question.expression is not None:
+        expression = read_question(question.expression, served.catalogue.names)
+    asked = {level: text.casefold() for level in LEVELS if (text := getattr(question, level)) is not None}
+    label = None if question.label is None else question.label.casefold()
+
+    def fits(listed: Listed) -> bool:
+        return (
+            question.kind in (None, listed.kind)
+            and (label is None or any(label in word for word in listed.words))
+            and all(text in listed.place.get(level, ()) for level, text in asked.items())
+        )
+
+    try:
+        found = served.catalogue.find(expression, fits)
+    except CannotAnswer as problem:
+        raise Problem(HTTPStatus.UNPROCESSABLE_ENTITY, str(problem)) from None
+    after = question.after or ""
+    return listing(served, tuple(uid for uid in found if uid > after), question.limit, shown)

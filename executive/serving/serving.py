@@ -1,0 +1,91 @@
+"""What every route works with: the store, its catalogue, and who is asking."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from http import HTTPStatus
+from typing import Annotated, cast
+
+from fastapi import Depends, Request, Security
+from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
+
+from executive.serving.abilities import Abilities
+from executive.serving.catalogue import Catalogue
+from executive.serving.problems import Problem
+from executive.serving.vocabulary import Vocabulary
+from planlang.knowledge.stores import Store
+
+LARGEST_BODY = 16_000_000
+"""Bytes of a body."""
+
+
+@dataclass(frozen=True, slots=True)
+class Serving:
+    """A store that is served. ``writing`` is held while something is changed."""
+
+    store: Store
+    catalogue: Catalogue
+    vocabulary: Vocabulary
+    abilities: Abilities
+    writing: threading.Lock = field(default_factory=threading.Lock)
+
+
+def now() -> str:
+    """Return the time, UTC in ISO 8601: the one place in which the clock is read."""
+    return datetime.now(UTC).isoformat(timespec="seconds").replace("+00:00", "Z")
+
+
+def _serving(request: Request) -> Serving:
+    return cast(Serving, request.app.state.serving)
+
+
+_bearer = HTTPBearer(auto_error=False, description="A key that the operator made by planlang serve --new-key AUTHOR")
+
+
+def _asker(request: Request, given: Annotated[HTTPAuthorizationCredentials | None, Security(_bearer)]) -> str | None:
+    """Return the author whose key a request has, None without a key. Raises Problem for a wrong one."""
+    if given is None:
+        if "authorization" in request.headers:
+            raise Problem(HTTPStatus.UNAUTHORIZED, "write Authorization: Bearer KEY")
+        return None
+    author = _serving(request).store.author_of(given.credentials)
+    if author is None:
+        raise Problem(HTTPStatus.UNAUTHORIZED, "this key is nobody's")
+    return author
+
+
+def _author(asker: Annotated[str | None, Depends(_asker)]) -> str:
+    if asker is None:
+        raise Problem(HTTPStatus.UNAUTHORIZED, "this needs a key: Authorization: Bearer KEY")
+    return asker
+
+
+async def _body(request: Request) -> bytes:
+    """Return the body of a request. Raises Problem for a compressed one, and for one that is too large."""
+    if request.headers.get("content-encoding", "identity") != "identity":
+        raise Problem(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "compressed bodies are not read")
+    found = bytearray()
+    stated = request.headers.get("content-length", "0")
+    size = int(stated) if stated.isdecimal() else 0
+    if size <= LARGEST_BODY:
+        async for part in request.stream():
+            found += part
+            size = len(found)
+            if size > LARGEST_BODY:
+                break
+    if size > LARGEST_BODY:
+        message = f"a body has at most {LARGEST_BODY // 1_000_000} MB"
+        raise Problem(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, message)
+    return bytes(found)
+
+
+Served = Annotated[Serving, Depends(_serving)]
+"""What is served."""
+Asker = Annotated[str | None, Depends(_asker)]
+"""Who is asking; None for a stranger."""
+Author = Annotated[str, Depends(_author)]
+"""Who is asking, by a key."""
+Body = Annotated[bytes, Depends(_body)]
+"""The body, of bounded size."""

@@ -1,0 +1,203 @@
+"""What is uploaded: checked as the compiler and the readers of maps and robots check it, and described for the index.
+
+Uploads come from strangers: imports are found among the bundled ontologies and in the operator's folders only, and
+nothing of an upload is ever written to a file or executed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from executive.belief.semantic_map import read_map
+from executive.robots.robot import read_self_model
+from executive.serving.places import places
+from executive.serving.vocabulary import Vocabulary
+from planlang.compiler import compile_ontology
+from planlang.designators import local_name
+from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors
+from planlang.files import decode
+from planlang.knowledge.axioms import own_axioms_of
+from planlang.knowledge.completion import TooLarge
+from planlang.knowledge.descriptions import Description, described
+from planlang.knowledge.entries import Content, Kind, Syntax, uid_of
+from planlang.ontology import BNode, Literal, Ontology, documents, expand, load
+from planlang.ontology.terms import OWL, RDF, RDFS
+
+MOST_WORDS, LONGEST_WORD = 500, 200
+"""Names and labels that an entry is found by, and characters of one."""
+
+_SYNTAXES = {
+    documents.Syntax.RDFXML: (Syntax.RDFXML, ".owl"),
+    documents.Syntax.TURTLE: (Syntax.TURTLE, ".ttl"),
+    documents.Syntax.MANCHESTER: (Syntax.MANCHESTER, ".omn"),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Upload:
+    """An upload that was taken, what it is found by, and notes and warnings about it."""
+
+    content: Content
+    description: Description
+    diagnostics: tuple[Diagnostic, ...]
+
+
+def read_upload(kind: Kind, name: str, data: bytes, about: str | None, vocabulary: Vocabulary) -> Upload:
+    """Check and describe an upload. ``about``: local name or IRI of its subject, where it could have several.
+
+    Raises BadInput with everything that is wrong with it.
+    """
+    ontology, syntax, file = _loaded(name, data, vocabulary)
+    found = [one for one in ontology.diagnostics if _concerns(one, file)]
+    subject = _checked(kind, ontology, about, found)
+    found = list(dict.fromkeys(one for one in found if _concerns(one, file)))
+    try:
+        uid_of(subject, name)
+    except ValueError as problem:
+        raise BadInput([*found, error("K012", str(problem), Span(file))]) from None
+    if has_errors(found):
+        raise BadInput(found)
+    description = _described(ontology, subject, vocabulary, file)
+    label = (ontology.label(subject) or local_name(subject))[:LONGEST_WORD]
+    content = Content(kind, subject, name, label, syntax, data, description.packed())
+    return Upload(content, description, tuple(found))
+
+
+def load_upload(name: str, data: bytes, vocabulary: Vocabulary) -> Ontology:
+    """Return the ontology that a content is, with its imports and the bundled vocabulary. Raises BadInput."""
+    return _loaded(name, data, vocabulary)[0]
+
+
+def _loaded(name: str, data: bytes, vocabulary: Vocabulary) -> tuple[Ontology, Syntax, str]:
+    stem = "".join(name.split()) or "upload"
+    read = documents.syntax_of(decode(data, stem), stem)
+    if read not in _SYNTAXES:
+        advice = "planlang convert writes a world in URDF as a map in Manchester syntax"
+        raise BadInput([error("K014", f"{read.value} is not kept here", Span(stem), advice)])
+    syntax, suffix = _SYNTAXES[read]
+    file = stem.replace("/", "_")[:100] + suffix
+    return load(Path(file), folders=vocabulary.folders, content=data), syntax, file
+
+
+def _concerns(diagnostic: Diagnostic, file: str) -> bool:
+    return diagnostic.span is None or diagnostic.span.file == file or has_errors([diagnostic])
+
+
+# the subject
+
+
+def _checked(kind: Kind, ontology: Ontology, about: str | None, found: list[Diagnostic]) -> str:
+    """Return the IRI of an upload's subject; appends what its kind's reader finds. Raises BadInput."""
+    if kind is Kind.RECIPE:
+        plan = compile_ontology(ontology, task=about)
+        found += plan.diagnostics
+        return plan.recipes.main.iri
+    if kind is Kind.ENVIRONMENT:
+        return _map_of(ontology, about, found)
+    if kind is Kind.ROBOT:
+        robot = read_self_model(ontology).iri
+        return robot if about is None else _named(ontology, about)
+    if about is not None:
+        return _named(ontology, about)
+    return _only(kind, ontology, _subjects(ontology, kind))
+
+
+def _map_of(ontology: Ontology, about: str | None, found: list[Diagnostic]) -> str:
+    maps = [one for one in ontology.individuals(expand("SemanticEnvironmentMap")) if ontology.main(one)]
+    try:
+        found += read_map(ontology).diagnostics
+    except BadInput as problem:
+        if not maps or {one.code for one in problem.diagnostics if has_errors([one])} != {"M009"}:
+            raise
+        found += (one for one in problem.diagnostics if one.code != "M009")  # a map may be a picture beside it
+    if about is not None:
+        return _named(ontology, about)
+    return _only(Kind.ENVIRONMENT, ontology, maps)
+
+
+def _named(ontology: Ontology, about: str) -> str:
+    """Return the IRI of what the main document states under a local name or an IRI. Raises BadInput."""
+    own = dict.fromkeys(term for term in ontology.alone().store.terms if isinstance(term, str) and ontology.main(term))
+    meant = [iri for iri in own if about in (iri, local_name(iri))]
+    if about in meant:
+        return about
+    if len(meant) == 1:
+        return meant[0]
+    span = Span(str(ontology.documents[0].path))
+    if meant:
+        raise BadInput([error("K010", f"{about} has several meanings", span, f"about is one of {_listed(meant)}")])
+    raise BadInput([error("K011", f"nothing in this file is called {about}", span)])
+
+
+def _only(kind: Kind, ontology: Ontology, candidates: list[str]) -> str:
+    span = Span(str(ontology.documents[0].path))
+    if len(candidates) == 1:
+        return candidates[0]
+    if candidates:
+        message = f"{len(candidates)} things of this file could be what the {kind.word} is about"
+        raise BadInput([error("K010", message, span, f"name one by about: {_listed(candidates)}")])
+    raise BadInput([error("K011", f"nothing in this file is what a {kind.word} is about", span)])
+
+
+def _listed(iris: list[str]) -> str:
+    return ", ".join(iris[:5]) + (", ..." if len(iris) > 5 else "")
+
+
+def _subjects(ontology: Ontology, kind: Kind) -> list[str]:
+    """Return what a file could be about: classes that it says something about, else individuals; no parts of others."""
+    main = ontology.alone()
+    stated = dict.fromkeys(t.subject for t in main.triples() if isinstance(t.subject, str))
+    things = [iri for iri in stated if not _is_language(main, iri)]
+    classes = [iri for iri in things if any(main.triples(iri, RDFS.subClassOf)) and kind is Kind.OBJECT]
+    events = {iri for iri in things if ontology.is_a(iri, expand("Event"))} if kind is Kind.OBJECT else set()
+    candidates = classes or [iri for iri in things if main.is_individual(iri) and iri not in events]
+    inside = {t.object for t in main.triples() if t.subject not in events and t.predicate != RDF.type}
+    return [iri for iri in candidates if iri not in inside]
+
+
+def _is_language(main: Ontology, iri: str) -> bool:
+    return main.is_property(iri) or OWL.Ontology in main.values(iri, RDF.type)
+
+
+# what it is found by
+
+
+def _described(ontology: Ontology, subject: str, vocabulary: Vocabulary, file: str) -> Description:
+    own = own_axioms_of(ontology, vocabulary.axioms)
+    is_individual = not ontology.is_class(subject)
+    try:
+        found = described(subject, vocabulary.axioms, own, is_individual=is_individual, words=_words(ontology, subject))
+    except TooLarge as problem:
+        raise BadInput([error("K013", str(problem), Span(file))]) from None
+    return replace(found, place=places(ontology))
+
+
+def describe(content: Content, vocabulary: Vocabulary) -> Description:
+    """Return the description of a content that was taken before. Raises BadInput if it would not be taken now."""
+    ontology, _, file = _loaded(content.name, content.data, vocabulary)
+    return _described(ontology, content.about, vocabulary, file)
+
+
+def _words(ontology: Ontology, subject: str) -> Iterator[str]:
+    found: dict[str, None] = {}
+    for word in _all_words(ontology, subject):
+        found.setdefault(word[:LONGEST_WORD])
+        if len(found) == MOST_WORDS:
+            break
+    yield from found
+
+
+def _all_words(ontology: Ontology, subject: str) -> Iterable[str]:
+    """Yield names and labels: those of the subject first, then those that the main document speaks of."""
+    main = ontology.alone()
+    yield local_name(subject)
+    for text in main.values(subject, RDFS.label):
+        if isinstance(text, Literal):
+            yield text.value.strip()
+    for triple in main.triples():
+        if triple.predicate == RDFS.label and isinstance(triple.object, Literal):
+            yield triple.object.value.strip()
+        elif not isinstance(triple.subject, BNode) and not _is_language(main, triple.subject):
+            yield local_name(triple.subject)

@@ -1,0 +1,34 @@
+"""What a run says at its end about things, containers and devices, from the simulator's truth."""
+
+from __future__ import annotations
+
+from executive.robots import bind_robot
+from executive.runs.final_state import state_lines
+from planlang.files import bundled
+from planlang.geometry import Pose
+from sim import Body, PyBulletWorld, Scene
+from sim.joints import Articulation, JointKind
+from sim.matter import ON, Portion
+
+UP = (0.0, 0.0, 1.0)
+DOOR = Articulation("door", JointKind.HINGED, (2.0, 0.3, 0.5), UP, 0.0, 1.57, "oven", ("handle",), "handle")
+
+
+def test_containers_devices_and_vessels_are_told_of_beside_where_things_are() -> None:
+    oven = Body("oven", Pose((2.3, 0.0, 0.5)), (0.5, 0.6, 1.0))
+    door = Body("door", Pose((2.0, 0.0, 0.5)), (0.02, 0.6, 1.0))
+    handle = Body("handle", Pose((1.96, -0.25, 0.5)), (0.02, 0.02, 0.2))
+    cup = Body("cup", Pose((2.3, 0.0, 1.05)), (0.08, 0.08, 0.1), "cylinder", movable=True)
+    scene = Scene((oven, door, handle, cup), start=(0.0, 0.0, 0.0), joints=(DOOR,))
+    robot = bind_robot(bundled("ontologies") / "robots" / "amigo.omn")
+    world = PyBulletWorld(scene, robot.body())
+    try:
+        names = ("cup", "oven")
+        assert list(state_lines(world, names)) == ["cup: at rest on oven", "door: closed"]
+        world.set_joint("door", 1.0)
+        world.changes.matter.states["oven"] = ON
+        world.changes.matter.put("cup", Portion("http://example.org/x#Milk", 50.0, ()))
+        told = ["cup: at rest on oven", "cup: holds 50 ml of Milk", "door: open by 57 degrees", "oven: on"]
+        assert list(state_lines(world, names)) == told
+    finally:
+        world.close()
