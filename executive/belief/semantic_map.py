@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -71,7 +71,8 @@ def read_map(ontology: Ontology) -> SemanticMap:
     A thing is what a perception places, or what has a size, parts, a hinge, a room or ``describedInMap``. Its pose is
     that of its latest perception (``startTime``, later in the file on a tie), composed with those it is relative to;
     without perception, the matrix that it states itself (``orientation``, ``pose``).
-    What cannot be read costs the thing, with a warning. Raises BadInput with everything found if nothing has a place.
+    What cannot be read costs the thing, with a warning. Raises BadInput with everything found if nothing has a place
+    and no file of a map is named.
     """
     found: list[Diagnostic] = []
     things = _things(ontology)
@@ -98,12 +99,40 @@ def read_map(ontology: Ontology) -> SemanticMap:
                 span=ontology.span(iri),
             )
         )
-    if not any(thing.pose for thing in objects):
+    objects = _with_places_turned(objects, ontology, found)
+    if not any(thing.pose for thing in objects) and not _is_linked(ontology):
         document = ontology.documents[0] if ontology.documents else None
         span = Span(str(document.path)) if document else None
         help = "a map says where things are: SemanticMapPerception with objectActedOn and eventOccursAt"
         raise BadInput([*found, error("M009", "nothing in this file has a place: it is no map", span, help)])
     return SemanticMap(ontology.iri, ontology, tuple(objects), tuple(found))
+
+
+def _is_linked(ontology: Ontology) -> bool:
+    """Return whether a map is stated that is a picture or another file beside the ontology."""
+    return any(True for iri in ontology.individuals(expand("Map")) for _ in ontology.said(iri, "linkToMapFile"))
+
+
+def _with_places_turned(objects: list[MapObject], ontology: Ontology, found: list[Diagnostic]) -> list[MapObject]:
+    """Return the things with larger places having the smaller ones as parts, where a file states the inverse."""
+    room, city = expand("RoomInAConstruction"), expand("City")
+    parts = {part for thing in objects for part in thing.parts}
+    if not any(ontology.is_a(thing.iri, room) and thing.parts for thing in objects) and not any(
+        ontology.is_a(part, city) for part in parts
+    ):
+        return objects
+    from planlang.knowledge.places import inverted  # most maps state it the right way round
+
+    for triple in inverted(ontology):
+        smaller, larger = str(triple.subject), str(triple.object)
+        message = f"{local_name(larger)} is stated as a part of {local_name(smaller)}, which is smaller: turned around"
+        found.append(note("M021", message, triple.span))
+        for index, thing in enumerate(objects):
+            if thing.iri == smaller:
+                objects[index] = replace(thing, parts=tuple(part for part in thing.parts if part != larger))
+            elif thing.iri == larger and smaller not in thing.parts:
+                objects[index] = replace(thing, parts=(*thing.parts, smaller))
+    return objects
 
 
 IN_HAND = "srdl2-comp:predecessorInKinematicChain"
