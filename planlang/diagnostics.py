@@ -333,5 +333,8 @@ CODES: dict[str, str] = {
     "K012": "the name of an upload, or of its subject, makes no identifier",
     "K013": "an upload says more than can be indexed",
     "K014": "an upload is in a syntax that is not kept",
+    "K040": "what a knowledge base gives has not the hash that its entry states",
+    "K041": "the list of what a robot took from a knowledge base is damaged",
+    "K042": "a knowledge base names an entry or a file by what is no name",
 }
 """Code -> what it means, one line each; the README's table is made from it."""
