@@ -54,22 +54,25 @@ def problem_response(status: HTTPStatus, detail: str, diagnostics: Iterable[Diag
     return JSONResponse({**body, "diagnostics": listed}, int(status), headers, MEDIA_TYPE)
 
 
+def refusal(problem: Problem | Refused | BadInput) -> tuple[HTTPStatus, str, tuple[Diagnostic, ...]]:
+    """Return the status, the reason and the diagnostics of what is not done."""
+    if isinstance(problem, Problem):
+        return problem.status, problem.detail, problem.diagnostics
+    if isinstance(problem, Refused):
+        return _REFUSALS.get(type(problem), HTTPStatus.CONFLICT), str(problem), ()
+    errors = sum(one.severity.value == "error" for one in problem.diagnostics)
+    detail = f"the checks found {errors} error{'s' if errors != 1 else ''}"
+    return HTTPStatus.UNPROCESSABLE_ENTITY, detail, problem.diagnostics
+
+
 def add_handlers(app: FastAPI) -> None:
     """Let an application answer with problem documents."""
 
     @app.exception_handler(Problem)
-    def refused(_: Request, problem: Problem) -> Response:
-        return problem_response(problem.status, problem.detail, problem.diagnostics)
-
     @app.exception_handler(Refused)
-    def refused_by_store(_: Request, problem: Refused) -> Response:
-        return problem_response(_REFUSALS.get(type(problem), HTTPStatus.CONFLICT), str(problem))
-
     @app.exception_handler(BadInput)
-    def refused_by_checks(_: Request, problem: BadInput) -> Response:
-        errors = sum(one.severity.value == "error" for one in problem.diagnostics)
-        detail = f"the checks found {errors} error{'s' if errors != 1 else ''}"
-        return problem_response(HTTPStatus.UNPROCESSABLE_ENTITY, detail, problem.diagnostics)
+    def refused(_: Request, problem: Problem | Refused | BadInput) -> Response:
+        return problem_response(*refusal(problem))
 
     @app.exception_handler(RequestValidationError)
     def malformed(_: Request, problem: RequestValidationError) -> Response:
