@@ -33,6 +33,10 @@ class Changed(Refused):
     """The entry is not any more what the asker believes: the tag given is another revision's."""
 
 
+class Unreachable(Exception):
+    """What a store stands on does not answer; the text says what. The same call may succeed later."""
+
+
 @dataclass(frozen=True, slots=True)
 class Request:
     """A request that may reach a server twice: the asker's key for it (Idempotency-Key), and its digest."""
