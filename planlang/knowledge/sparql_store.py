@@ -34,10 +34,7 @@ from planlang.knowledge.entries import (
     Syntax,
     uid_of,
 )
-from planlang.knowledge.stores import Changed, EntryExists, NoSuchEntry, NotTheAuthor, Request, Unreachable
-
-SCHEME = "sparql+"
-"""What the address of such a store begins with, before http or https."""
+from planlang.knowledge.stores import SCHEME, Changed, EntryExists, NoSuchEntry, NotTheAuthor, Request, Unreachable
 
 _GRAPH = "urn:planlang:catalogue"
 _SECONDS = 30.0

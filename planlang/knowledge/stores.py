@@ -12,6 +12,9 @@ from typing import Protocol
 
 from planlang.knowledge.entries import Attachment, Content, Entry, Kind, News, Revision
 
+SCHEME = "sparql+"
+"""What the address of a store over a SPARQL endpoint begins with, before http or https."""
+
 
 class Refused(Exception):
     """A store does not do what was asked; the text says why."""
