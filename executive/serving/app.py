@@ -1,8 +1,8 @@
 """The application: a list of routers, each of one subject in a file of its own.
 
 General layout: ``serving`` is what routes work with. ``vocabulary`` is what the server knows beforehand; ``uploads``
-checks and describes what it is given, with ``places`` of maps; ``catalogue`` finds it again for ``searching``, and
-``abilities`` compares it with robots.
+checks and describes what it is given, with ``places`` of maps; ``catalogue`` finds it again for ``searching``,
+``mirror`` for ``sparql``, and ``abilities`` compares it with robots.
 ``entries``, ``binaries`` and ``feed`` are routes; ``problems`` and ``records`` write answers.
 ``page`` and ``uploading`` are the web page: ``forms`` reads what it sends, ``details`` and ``sources`` are what it
 shows of a content, ``pages`` writes it by ``templates/`` and ``static/``.
@@ -16,9 +16,10 @@ from typing import Any
 
 from fastapi import APIRouter, FastAPI
 
-from executive.serving import binaries, entries, feed, page, searching, uploading
+from executive.serving import binaries, entries, feed, page, searching, sparql, uploading
 from executive.serving.abilities import Abilities
 from executive.serving.catalogue import Catalogue
+from executive.serving.mirror import Mirror
 from executive.serving.problems import add_handlers
 from executive.serving.serving import Served, Serving
 from executive.serving.vocabulary import read_vocabulary
@@ -33,7 +34,10 @@ def healthy(served: Served) -> dict[str, Any]:
     return {"status": "ok", "entries": len(served.catalogue)}
 
 
-ROUTERS = (health, searching.router, feed.router, binaries.router, entries.router, page.router, uploading.router)
+ROUTERS = (
+    *(health, searching.router, sparql.router, feed.router, binaries.router, entries.router),
+    *(page.router, uploading.router),
+)
 """In the order in which addresses are compared: those of entries, which take any first word, last."""
 
 
@@ -42,7 +46,7 @@ def application(store: Store, folders: Sequence[Path] = (), *, routers: Sequence
     vocabulary = read_vocabulary(folders)
     app = FastAPI(title="planlang knowledge base", version="1", docs_url=None, redoc_url=None)
     catalogue, abilities = Catalogue(store, vocabulary), Abilities(store, vocabulary)
-    app.state.serving = Serving(store, catalogue, vocabulary, abilities)
+    app.state.serving = Serving(store, catalogue, vocabulary, abilities, Mirror(store))
     for router in routers:
         app.include_router(router)
     add_handlers(app)

@@ -23,14 +23,14 @@ from executive.serving.entries import MOST_LISTED, known, listing
 from executive.serving.forms import Filled, Form
 from executive.serving.pages import FILES, HEADERS, PageRoute, page
 from executive.serving.places import LEVELS
-from executive.serving.problems import Problem, refusal
+from executive.serving.problems import REFUSALS, Problem, Refusal, refusal
 from executive.serving.searching import Question, answered
 from executive.serving.serving import Served, Serving, now
 from executive.serving.sources import LARGEST_SHOWN, MOST_SHOWN, lines_of, text_of
 from planlang.diagnostics import BadInput, Diagnostic
 from planlang.files import decode
 from planlang.knowledge.entries import HIGHEST_RATING, LOWEST_RATING, Entry, Kind
-from planlang.knowledge.stores import NoSuchEntry, Refused
+from planlang.knowledge.stores import NoSuchEntry
 
 MOST_ROBOTS = 20
 """Robots of the store that an entry is compared with unasked, and that are offered for a search."""
@@ -93,7 +93,7 @@ def search(request: Request, served: Served) -> Response:
         return page("search", **shown)
     try:
         found = _found(served, asked, robot)
-    except (Problem, Refused, BadInput) as problem:
+    except REFUSALS as problem:
         _, shown["reason"], shown["diagnostics"] = refusal(problem)
         return page("search", **shown)
     if found["next"]:
@@ -168,7 +168,7 @@ def compare(kind: OfKind, uid: str, served: Served, form: Filled) -> Response:
         if not data:
             raise Problem(HTTPStatus.UNPROCESSABLE_ENTITY, "choose the file of a self-model")
         sent = Compared(None, served.abilities.of(decode(data, "model"), entry))
-    except (Problem, Refused, BadInput) as problem:
+    except REFUSALS as problem:
         return _entry_page(served, entry, problem=problem, part="robots")
     return _entry_page(served, entry, sent=sent, part="robots")
 
@@ -185,7 +185,7 @@ def rate(kind: OfKind, uid: str, served: Served, form: Filled) -> Response:
             raise Problem(HTTPStatus.UNPROCESSABLE_ENTITY, reason)
         with served.writing:
             served.store.rate(uid, author, int(rating), now())
-    except (Problem, Refused) as problem:
+    except REFUSALS as problem:
         return _entry_page(served, entry, problem=problem, part="rating")
     return RedirectResponse(f"/{kind.value}/{uid}#rating", HTTPStatus.SEE_OTHER, HEADERS)
 
@@ -205,7 +205,7 @@ def _entry_page(
     revision: int | None = None,
     *,
     sent: Compared | None = None,
-    problem: Problem | Refused | BadInput | None = None,
+    problem: Refusal | None = None,
     part: str = "",
 ) -> Response:
     """Return the page of an entry; ``problem`` is what went wrong in a ``part`` of it."""

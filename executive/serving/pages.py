@@ -14,11 +14,10 @@ from fastapi.responses import HTMLResponse
 from fastapi.routing import APIRoute
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from executive.serving.problems import Problem, refusal
+from executive.serving.problems import REFUSALS, refusal
 from planlang.designators import local_name
-from planlang.diagnostics import BadInput, Diagnostic
+from planlang.diagnostics import Diagnostic
 from planlang.knowledge.entries import Kind
-from planlang.knowledge.stores import Refused
 
 _HERE = Path(__file__).parent
 HEADERS = {
@@ -69,7 +68,7 @@ class PageRoute(APIRoute):
         async def handled(request: Request) -> Response:
             try:
                 return await handle(request)
-            except (Problem, Refused, BadInput) as problem:
+            except REFUSALS as problem:
                 return _refused(*refusal(problem))
             except RequestValidationError as problem:
                 return _refused(HTTPStatus.UNPROCESSABLE_ENTITY, "; ".join(one["msg"] for one in problem.errors()))

@@ -12,13 +12,12 @@ from executive.serving.entries import own
 from executive.serving.forms import Filled, Form
 from executive.serving.page import author_of
 from executive.serving.pages import PageRoute, page
-from executive.serving.problems import Problem, refusal
+from executive.serving.problems import REFUSALS, Problem, refusal
 from executive.serving.serving import Served, Serving, now
 from executive.serving.sources import MOST_SHOWN, is_own, lines_with, text_of
 from executive.serving.uploads import Upload, read_upload
-from planlang.diagnostics import BadInput, Diagnostic
+from planlang.diagnostics import Diagnostic
 from planlang.knowledge.entries import Entry, Kind
-from planlang.knowledge.stores import Refused
 
 router = APIRouter(route_class=PageRoute, include_in_schema=False)
 
@@ -75,7 +74,7 @@ def upload(form: Filled, served: Served) -> Response:
         if form.text("only") == "check":
             return _page(draft, Outcome(diagnostics=checked.diagnostics))
         kept = _kept(served, draft, checked, author)
-    except (Problem, Refused, BadInput) as problem:
+    except REFUSALS as problem:
         _, reason, diagnostics = refusal(problem)
         return _page(draft, Outcome(None, reason, diagnostics))
     return _page(draft, Outcome(kept, diagnostics=checked.diagnostics))
