@@ -8,7 +8,9 @@ checks and describes what it is given, with ``places`` of maps; ``catalogue`` fi
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import threading
+from collections.abc import AsyncIterator, Sequence
+from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
@@ -35,10 +37,27 @@ ROUTERS = (health, searching.router, feed.router, binaries.router, entries.route
 """In the order in which addresses are compared: those of entries, which take any first word, last."""
 
 
+@asynccontextmanager
+async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
+    """While requests are answered, describe anew what another version or vocabulary described."""
+    ended = threading.Event()
+    catalogue: Catalogue = app.state.serving.catalogue
+
+    def renew() -> None:
+        while not ended.is_set() and catalogue.renew():
+            pass
+
+    worker = threading.Thread(target=renew)
+    worker.start()
+    yield
+    ended.set()
+    worker.join()
+
+
 def application(store: Store, folders: Sequence[Path] = (), *, routers: Sequence[APIRouter] = ROUTERS) -> FastAPI:
     """Return the application that serves a store. Imports of uploads are looked for in ``folders``."""
     vocabulary = read_vocabulary(folders)
-    app = FastAPI(title="planlang knowledge base", version="1", docs_url=None, redoc_url=None)
+    app = FastAPI(title="planlang knowledge base", version="1", docs_url=None, redoc_url=None, lifespan=_lifespan)
     catalogue, abilities = Catalogue(store, vocabulary), Abilities(store, vocabulary)
     app.state.serving = Serving(store, catalogue, vocabulary, abilities)
     for router in routers:
