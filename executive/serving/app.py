@@ -3,7 +3,8 @@
 General layout: ``serving`` is what routes work with. ``vocabulary`` is what the server knows beforehand; ``uploads``
 checks and describes what it is given, with ``places`` of maps; ``catalogue`` finds it again for ``searching``, and
 ``abilities`` compares it with robots.
-``entries``, ``binaries`` and ``feed`` are routes; ``problems`` and ``records`` write answers.
+``entries``, ``binaries`` and ``feed`` are routes; ``problems`` and ``records`` write answers,
+``bodies`` bounds requests.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from fastapi import APIRouter, FastAPI
 
 from executive.serving import binaries, entries, feed, searching
 from executive.serving.abilities import Abilities
+from executive.serving.bodies import BoundedBodies
 from executive.serving.catalogue import Catalogue
 from executive.serving.problems import add_handlers
 from executive.serving.serving import Served, Serving
@@ -63,4 +65,5 @@ def application(store: Store, folders: Sequence[Path] = (), *, routers: Sequence
     for router in routers:
         app.include_router(router)
     add_handlers(app)
+    app.add_middleware(BoundedBodies)
     return app
