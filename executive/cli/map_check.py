@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from executive.belief import read_map, scene_of
 from executive.cli.console import Answer
 from planlang.diagnostics import BadInput
-from planlang.ontology import load
+from planlang.ontology import Ontology, load
 from sim import Scene
 from sim.scene import BodyShape
 
@@ -27,10 +27,21 @@ def check_map(path: Path, folders: Sequence[Path], no_recipe: BadInput) -> Answe
         raise BadInput((*ontology.diagnostics, *problem.diagnostics)) from None
     found = [*ontology.diagnostics, *semantic_map.diagnostics]
     counts = _counts(scene_of(semantic_map, found))
-    held = ", ".join(f"{number} {one if number == 1 else many}" for one, many, number in counts.values() if number)
-    text = f"{path}: a map of {held}\nplanlang run RECIPE --environment {path} runs a recipe in it"
+    text = f"{path}: a map of {_held(counts)}\nplanlang run RECIPE --environment {path} runs a recipe in it"
     data = {"kind": "map", **{kind: number for kind, (_, _, number) in counts.items()}}
     return Answer(diagnostics=tuple(found), text=text, data=data)
+
+
+def what_it_holds(ontology: Ontology) -> str | None:
+    """Return what the map of an ontology holds, in words; None if it is none that can be read."""
+    try:
+        return _held(_counts(scene_of(read_map(ontology), [])))
+    except BadInput:
+        return None
+
+
+def _held(counts: Mapping[str, tuple[str, str, int]]) -> str:
+    return ", ".join(f"{number} {one if number == 1 else many}" for one, many, number in counts.values() if number)
 
 
 def _counts(scene: Scene) -> dict[str, tuple[str, str, int]]:

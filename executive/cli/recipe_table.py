@@ -9,6 +9,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from executive.cli.console import Answer, ExitCode
+from executive.cli.map_check import what_it_holds
 from planlang.compiler import compile_ontology
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, Severity, error
@@ -36,6 +37,8 @@ class Row:
     unperformed: int = 0
     warnings: str = ""
     refused: str | None = None
+    map: str | None = None
+    """What the file holds, if it is a map and no recipe."""
 
 
 def check_folder(folder: Path, folders: Sequence[Path]) -> Answer:
@@ -49,11 +52,15 @@ def check_folder(folder: Path, folders: Sequence[Path]) -> Answer:
             [error("C001", f"more than {MOST_FILES} files in the folder {folder}", help="name one below it")]
         )
     rows = [row for file in files for row in _rows(file, folder, folders)]
-    compiled = sum(row.refused is None for row in rows)
+    maps = sum(row.map is not None for row in rows)
+    compiled = sum(row.refused is None for row in rows) - maps
     lines = ["| file | task | steps | nothing performs | warnings | refused for |", "|---|---|---|---|---|---|"]
     lines += [f"| {' | '.join(_cells(row))} |" for row in rows]
-    text = "\n".join((*lines, "", f"{compiled} of {len(rows)} compile"))
-    code = ExitCode.DONE if compiled == len(rows) else ExitCode.BAD_INPUT
+    last = f"{compiled} of {len(rows) - maps} compile"
+    if maps:
+        last += f"; {maps} {'is a map' if maps == 1 else 'are maps'}"
+    text = "\n".join((*lines, "", last))
+    code = ExitCode.DONE if compiled + maps == len(rows) else ExitCode.BAD_INPUT
     return Answer(code, (), text, {"kind": "folder", "recipes": [asdict(row) for row in rows]})
 
 
@@ -76,7 +83,8 @@ def _rows(file: Path, folder: Path, folders: Sequence[Path]) -> Iterator[Row]:
         try:
             plan = compile_ontology(ontology, task=task)
         except BadInput as problem:
-            yield Row(name, short, refused=_reason(problem.diagnostics))
+            held = what_it_holds(ontology) if task is None else None
+            yield Row(name, short, refused=_reason(problem.diagnostics) if held is None else None, map=held)
             continue
         steps = sum(len(recipe.steps) for recipe in plan.recipes.recipes.values())
         codes = Counter(one.code for one in plan.diagnostics if one.severity is Severity.WARNING)
@@ -92,5 +100,7 @@ def _reason(diagnostics: Sequence[Diagnostic]) -> str:
 
 
 def _cells(row: Row) -> tuple[str, ...]:
+    if row.map is not None:
+        return row.file, f"a map of {row.map}", "", "", "", ""
     numbers = ("", "") if row.refused else (str(row.steps), str(row.unperformed))
     return row.file, row.task or "", *numbers, row.warnings, (row.refused or "").replace("|", "\\|")

@@ -1,10 +1,9 @@
 """The application: a list of routers, each of one subject in a file of its own.
 
 General layout: ``serving`` is what routes work with. ``vocabulary`` is what the server knows beforehand; ``uploads``
-checks and describes what it is given, with ``places`` of maps; ``catalogue`` finds it again for ``searching``, and
-``abilities`` compares it with robots.
-``entries``, ``binaries`` and ``feed`` are routes; ``problems`` and ``records`` write answers,
-``bodies`` bounds requests.
+checks and describes what it is given, with ``places`` of maps; ``catalogue`` finds it again for ``searching``,
+``mirror`` for ``sparql``, and ``abilities`` compares it with robots. ``entries``, ``binaries`` and ``feed`` are routes;
+``problems`` and ``records`` write answers, ``bodies`` bounds requests.
 """
 
 from __future__ import annotations
@@ -17,10 +16,11 @@ from typing import Any
 
 from fastapi import APIRouter, FastAPI
 
-from executive.serving import binaries, entries, feed, searching
+from executive.serving import binaries, entries, feed, searching, sparql
 from executive.serving.abilities import Abilities
 from executive.serving.bodies import BoundedBodies
 from executive.serving.catalogue import Catalogue
+from executive.serving.mirror import Mirror
 from executive.serving.problems import add_handlers
 from executive.serving.serving import Served, Serving
 from executive.serving.vocabulary import read_vocabulary
@@ -35,7 +35,7 @@ def healthy(served: Served) -> dict[str, Any]:
     return {"status": "ok", "entries": len(served.catalogue)}
 
 
-ROUTERS = (health, searching.router, feed.router, binaries.router, entries.router)
+ROUTERS = (health, searching.router, sparql.router, feed.router, binaries.router, entries.router)
 """In the order in which addresses are compared: those of entries, which take any first word, last."""
 
 
@@ -61,7 +61,7 @@ def application(store: Store, folders: Sequence[Path] = (), *, routers: Sequence
     vocabulary = read_vocabulary(folders)
     app = FastAPI(title="planlang knowledge base", version="1", docs_url=None, redoc_url=None, lifespan=_lifespan)
     catalogue, abilities = Catalogue(store, vocabulary), Abilities(store, vocabulary)
-    app.state.serving = Serving(store, catalogue, vocabulary, abilities)
+    app.state.serving = Serving(store, catalogue, vocabulary, abilities, Mirror(store))
     for router in routers:
         app.include_router(router)
     add_handlers(app)

@@ -267,6 +267,15 @@ def test_a_folder_of_recipes_is_tabulated_task_by_task(tmp_path: Path, recipe: P
     assert "1 of 3 compile" in CliRunner().invoke(app, ["check", str(tmp_path)]).stdout
 
 
+def test_a_map_in_a_folder_of_recipes_is_no_recipe_that_is_refused(tmp_path: Path) -> None:
+    room = bundled("ontologies") / "environments" / "hospital_room.omn"
+    (tmp_path / "room.omn").write_text(room.read_text(encoding="utf-8"), encoding="utf-8")
+    result = CliRunner().invoke(app, ["check", str(tmp_path), "--json"])
+    (row,) = json.loads(result.stdout)["recipes"]
+    assert (result.exit_code, row["refused"]) == (0, None)
+    assert row["map"].startswith("7 things, 1 that a hand takes")
+
+
 def test_a_folder_without_recipes_is_an_error(tmp_path: Path) -> None:
     result = CliRunner().invoke(app, ["check", str(tmp_path)])
     assert (result.exit_code, "no recipes in the folder" in result.stderr) == (2, True)

@@ -23,8 +23,10 @@ def store(tmp_path: Path) -> Iterator[SqliteStore]:
 
 
 @pytest.fixture
-def app(store: SqliteStore) -> FastAPI:
-    return application(store)
+def app(store: SqliteStore) -> Iterator[FastAPI]:
+    served = application(store)
+    yield served
+    served.state.serving.mirror.close()
 
 
 def client_of(app: FastAPI, store: SqliteStore, author: str) -> TestClient:

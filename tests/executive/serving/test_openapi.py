@@ -15,6 +15,7 @@ from planlang.knowledge.sqlite_store import SqliteStore
 
 schemathesis = pytest.importorskip("schemathesis")
 NOW = "2026-01-01T00:00:00Z"
+schemathesis.serializer("application/sparql-query")(lambda _, value: str(value).encode(errors="replace"))
 RECIPE = Bundled.RECIPE.find("serve_a_drink").read_bytes()
 
 

@@ -29,6 +29,8 @@ READING = (
     ("GET", "/v1/news"),
     ("GET", "/v1/search"),
     ("POST", "/v1/search"),
+    ("GET", "/v1/sparql?query=ASK{}"),
+    ("POST", "/v1/sparql"),
     ("GET", "/openapi.json"),
 )
 OWN = (("GET", "/v1/subscriptions"), ("GET", "/v1/news?mine=true"), ("PUT", f"{ENTRY}/rating"))
@@ -41,6 +43,8 @@ def ask(asker: TestClient, method: str, path: str, headers: dict[str, str] | Non
     body: dict[str, object] = {"content": RECIPE}
     if path.endswith(("rating", "search")):
         body = {"json": {"rating": 7} if path.endswith("rating") else {}}
+    if path.endswith("sparql"):
+        body, headers = {"content": "ASK {}"}, {"Content-Type": "application/sparql-query"} | (headers or {})
     if method in ("GET", "DELETE"):
         body = {}
     return asker.request(method, path, headers=headers, **body).status_code  # type: ignore[arg-type]
