@@ -7,14 +7,13 @@ from dataclasses import dataclass
 
 from executive.robots import requirements
 from executive.serving.sources import LARGEST_SHOWN
-from executive.serving.uploads import load_upload
+from executive.serving.uploads import load_upload, unpacked
 from executive.serving.vocabulary import Vocabulary
 from planlang.compiler import compile_ontology
 from planlang.compiler.drawing import figure, task_graph
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic
 from planlang.knowledge.axioms import THING
-from planlang.knowledge.descriptions import Description
 from planlang.knowledge.entries import Entry, Kind
 from planlang.ontology import Ontology
 from planlang.recipe import RecipeSet
@@ -84,13 +83,10 @@ class Known:
     place: tuple[tuple[str, str], ...] = ()
 
 
-def known_of(packed: bytes) -> Known:
+def known_of(stored: bytes, vocabulary: Vocabulary) -> Known:
     """Return what a stored description says; nothing for one that an earlier version wrote."""
-    try:
-        description = Description.unpacked(packed)
-    except (ValueError, KeyError, TypeError):
-        return Known()
-    if not description.nodes:
+    description, _ = unpacked(stored, vocabulary)
+    if description is None or not description.nodes:
         return Known()
     root = description.nodes[0]
     expressions: dict[str, None] = {}

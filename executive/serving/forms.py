@@ -12,8 +12,9 @@ from python_multipart import FormParser
 from python_multipart.exceptions import FormParserError
 from python_multipart.multipart import parse_options_header
 
+from executive.serving.bodies import LARGEST_BODY
 from executive.serving.problems import Problem
-from executive.serving.serving import LARGEST_BODY, Body
+from executive.serving.serving import Body
 
 MOST_FIELDS = 50
 _LIMITS = {"MAX_MEMORY_FILE_SIZE": LARGEST_BODY + 1, "MAX_FIELD_SIZE": LARGEST_BODY}

@@ -220,7 +220,7 @@ def _entry_page(
         size=len(data),
         lines=None if text is None else lines_of(text),
         details=details_of(entry, data, served.vocabulary),
-        known=known_of(served.store.description(entry.uid)),
+        known=known_of(served.store.description(entry.uid), served.vocabulary),
         is_judged=entry.kind in _JUDGED,
         robots=[*([sent] if sent else []), *_compared(served, entry, len(data))],
         ratings=range(LOWEST_RATING, HIGHEST_RATING + 1),
