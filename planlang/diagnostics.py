@@ -334,5 +334,16 @@ CODES: dict[str, str] = {
     "K012": "the name of an upload, or of its subject, makes no identifier",
     "K013": "an upload says more than can be indexed",
     "K014": "an upload is in a syntax that is not kept",
+    "K020": "contents are kept in a file, or beside an endpoint, not both",
+    "K030": "no server was named, or its address is none",
+    "K031": "a server does not answer",
+    "K032": "an answer is none of a knowledge base, or is damaged",
+    "K033": "a server does not answer; what was read from it before is used",
+    "K034": "a file or environment variable holds no key",
+    "K035": "the record of what was pulled into a folder is damaged",
+    "K036": "a server refuses a request",
+    "K037": "a robot has no self-model to ask with",
+    "K038": "a file was pulled and is a program: it runs only with --trust",
+    "K039": "the name of what is pushed means nothing, or several things",
 }
 """Code -> what it means, one line each; the README's table is made from it."""
