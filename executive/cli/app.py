@@ -27,6 +27,13 @@ from executive.cli.arguments import (
     ServeArguments,
 )
 from executive.cli.console import Answer, ExitCode, answer, give
+from executive.cli.server_arguments import (
+    PullArguments,
+    PushArguments,
+    RateArguments,
+    SearchArguments,
+    WatchArguments,
+)
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -100,6 +107,11 @@ for name, arguments, example in (
         '"in reach of the patient with the right arm" --robot amigo --environment hospital_room --explain where.png',
     ),
     ("serve", ServeArguments, "--store kb.sqlite --port 8080"),
+    ("search", SearchArguments, '"ServingADrink and objectActedOn some Bottle" --robot amigo --from URL'),
+    ("pull", PullArguments, "serveadrink.ward -o pulled --from URL"),
+    ("push", PushArguments, "my_recipe.owl --kind recipe --name ward --to URL --key-file my.key"),
+    ("rate", RateArguments, "serveadrink.ward 8 --to URL --key-file my.key"),
+    ("watch", WatchArguments, "serveadrink.ward --from URL --key-file my.key"),
     ("robot inspect", InspectArguments, "amigo --picture reach.png"),
     ("robot make", MakeArguments, "my_arm.urdf -o my_arm.toml"),
 ):

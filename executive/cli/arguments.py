@@ -75,6 +75,7 @@ Modules = Annotated[
     list[Path] | None,
     typer.Option(metavar="FILE.py", help="Also use the process modules of this file, which is executed; repeatable."),
 ]
+Trust = Annotated[bool, typer.Option("--trust", help="Run Python that was pulled from a server: you have read it.")]
 Accept = Annotated[
     list[str] | None,
     typer.Option(metavar="CODE", help="Fix the recipe in memory first, with uncertain fixes of this code; repeatable."),
@@ -170,6 +171,7 @@ class MatchArguments(TaskArguments):
     robot: Robot = None
     urdf: Urdf = None
     modules: Modules = None
+    trust: Trust = False
     environment: Annotated[
         list[str] | None,
         typer.Option(
@@ -236,6 +238,7 @@ class RunArguments(TaskArguments, VerboseArguments):
         typer.Option(min=0, metavar="K", help="Run concurrent tasks in another order, the same for the same number."),
     ] = None
     modules: Modules = None
+    trust: Trust = False
     gui: Annotated[bool, typer.Option("--gui", help="Show the world in a window.")] = False
     trace: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the trace of the run, as JSON Lines.")] = (
         None
@@ -294,6 +297,7 @@ class EnableArguments(OntologyArguments, VerboseArguments):
     ] = None
     task: Annotated[str | None, typer.Option(metavar="CLASS", help="The task of a RECIPE that states several.")] = None
     modules: Modules = None
+    trust: Trust = False
     dry: Annotated[bool, typer.Option("--dry", help="Explain what would be taken; take nothing.")] = False
     run: Annotated[bool, typer.Option("--run", help="Run the task with what the robot has then.")] = False
     seed: Annotated[
@@ -316,6 +320,7 @@ class ReplayArguments(TaskArguments):
     ] = None
     accept: Accept = None
     modules: Modules = None
+    trust: Trust = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -383,8 +388,17 @@ class ServeArguments(OntologyArguments):
     """
 
     store: Annotated[
-        Path, typer.Option(metavar="FILE", help="The file of the knowledge base; it is made if there is none.")
+        str,
+        typer.Option(
+            metavar="FILE|URL",
+            help="The file of the knowledge base; it is made if there is none. Or a SPARQL 1.1 endpoint that several "
+            "servers share: sparql+https://HOST/PATH, with --contents.",
+        ),
     ]
+    contents: Annotated[
+        str | None,
+        typer.Option(metavar="URL", help="Where contents are kept beside an endpoint: s3://, gs://, az://, file://."),
+    ] = None
     host: Annotated[str, typer.Option(metavar="ADDRESS", help="The address to listen at.")] = "127.0.0.1"
     port: Annotated[int, typer.Option(min=0, max=65535, help="The port to listen at; 0: any free one.")] = 8080
     new_key: Annotated[

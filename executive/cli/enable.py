@@ -8,7 +8,7 @@ from pathlib import Path
 from executive.cli import run
 from executive.cli.arguments import EnableArguments, RunArguments
 from executive.cli.console import Answer, ExitCode, say
-from executive.cli.inputs import check_files, chosen, environments, refuse
+from executive.cli.inputs import check_files, check_trusted, chosen, environments, refuse
 from executive.enabling.explanation import Explanation
 from executive.enabling.folder import Folder
 from executive.enabling.needs import Enabling
@@ -25,6 +25,7 @@ def command(arguments: EnableArguments) -> Answer:
     """Explain, take what is missing, and run if that is asked for. Raises BadInput."""
     problems: list[Diagnostic] = []
     check_files(problems, urdf=arguments.urdf, modules=arguments.modules)
+    check_trusted(problems, arguments.modules or (), trust=arguments.trust)
     robot = chosen(Bundled.ROBOT, arguments.robot, None, problems, needs="what is missing depends on the robot: enable")
     maps = environments(arguments.environment, problems)
     refuse(problems)
@@ -80,6 +81,7 @@ def _run(arguments: EnableArguments, explanation: Explanation, folder: Folder) -
         environment=arguments.environment or maps,
         models=[path for kind in (Kind.OBJECT, Kind.ENVIRONMENT) if (path := folder.path / kind.value).is_dir()],
         modules=arguments.modules,
+        trust=arguments.trust,
         ontologies=arguments.ontologies,
         seed=arguments.seed,
         trace=arguments.trace,

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from executive.cli.arguments import MatchArguments
 from executive.cli.console import Answer, ExitCode
-from executive.cli.inputs import check_files, chosen, environments, read_recipe_file, refuse
+from executive.cli.inputs import check_files, check_trusted, chosen, environments, programs, read_recipe_file, refuse
 from executive.modules.bundled import performed_by
 from executive.robots import Semantics, bind_robot, match, possessions_of
 from executive.robots.matching import Matcher, Possessions
@@ -32,6 +32,7 @@ def command(arguments: MatchArguments) -> Answer:
     file = read_recipe_file(arguments.recipe)
     problems: list[Diagnostic] = []
     check_files(problems, urdf=arguments.urdf, modules=arguments.modules)
+    check_trusted(problems, programs(file, arguments.modules), trust=arguments.trust)
     robot = chosen(Bundled.ROBOT, arguments.robot, "amigo" if file.is_bundled else None, problems)
     maps = environments(arguments.environment, problems)
     refuse(problems)

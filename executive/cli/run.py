@@ -15,7 +15,19 @@ import typer
 from executive.belief.environments import DEFAULT_ENVIRONMENT, default_environment
 from executive.cli.arguments import RunArguments
 from executive.cli.console import Answer, ExitCode, say, show, silent
-from executive.cli.inputs import PlanFile, RecipeFile, accepted, check_files, chosen, environments, planar, read, refuse
+from executive.cli.inputs import (
+    PlanFile,
+    RecipeFile,
+    accepted,
+    check_files,
+    check_trusted,
+    chosen,
+    environments,
+    planar,
+    programs,
+    read,
+    refuse,
+)
 from executive.runs.plan_run import Outcome, RunOptions, RunResult, run_plan_file
 from executive.runs.traces import TraceHeader, read_trace
 from planlang.diagnostics import BadInput, Diagnostic, Span, error
@@ -43,6 +55,7 @@ def options_of(arguments: RunArguments) -> RunOptions:
     is_bundled = isinstance(found, RecipeFile) and found.is_bundled
     problems: list[Diagnostic] = []
     check_files(problems, urdf=arguments.urdf, modules=arguments.modules)
+    check_trusted(problems, programs(found, arguments.modules), trust=arguments.trust)
     robot = chosen(
         Bundled.ROBOT, arguments.robot or header.robot, "amigo" if is_bundled else None, problems, needs=_NEEDS
     )

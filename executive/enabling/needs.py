@@ -276,8 +276,9 @@ def _plain(text: str) -> str:
     return "".join(one for one in local_name(text).casefold() if one.isalnum())
 
 
-def _names(found: Found) -> tuple[str, ...]:
-    return _plain(found.entry.about), _plain(found.entry.label)
+def _is_called(found: Found, name: str) -> bool:
+    entry = found.entry
+    return name in (entry.uid, entry.about) or _plain(name) in (_plain(entry.about), _plain(entry.label))
 
 
 def _spellings(name: str) -> tuple[str, ...]:
