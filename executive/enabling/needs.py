@@ -119,11 +119,7 @@ class Enabling:
 
         def search() -> Iterator[Found]:
             recipes = {one.entry.uid: one for text in _spellings(name) for one in self._recipes(label=text)}
-            named = [
-                one
-                for one in recipes.values()
-                if name in (one.entry.uid, one.entry.about) or _plain(name) in _names(one)
-            ]
+            named = [one for one in recipes.values() if _is_called(one, name)]
             yield from named
             yield from self._recipes(name) if not named else ()
 
