@@ -249,6 +249,7 @@ CODES: dict[str, str] = {
     "M019": "a link of a world in URDF has no box: its mesh is not there, and no label tells its size",
     "M020": "a file of labels for a world in URDF is not as it should be",
     "M021": "a larger place is stated as a part of a smaller one; it is turned around",
+    "M030": "a number is in a unit of another dimension, or in an unknown one",
     # B: binding robots
     "B001": "a robot file is not as it should be",
     "B002": "there is no robot in the file",
@@ -334,5 +335,19 @@ CODES: dict[str, str] = {
     "K012": "the name of an upload, or of its subject, makes no identifier",
     "K013": "an upload says more than can be indexed",
     "K014": "an upload is in a syntax that is not kept",
+    "K020": "contents are kept in a file, or beside an endpoint, not both",
+    "K030": "no server was named, or its address is none",
+    "K031": "a server does not answer",
+    "K032": "an answer is none of a knowledge base, or is damaged",
+    "K033": "a server does not answer; what was read from it before is used",
+    "K034": "a file or environment variable holds no key",
+    "K035": "the record of what was pulled into a folder is damaged",
+    "K036": "a server refuses a request",
+    "K037": "a robot has no self-model to ask with",
+    "K038": "a file was pulled and is a program: it runs only with --trust",
+    "K039": "the name of what is pushed means nothing, or several things",
+    "K040": "what a knowledge base gives has not the hash that its entry states",
+    "K041": "the list of what a robot took from a knowledge base is damaged",
+    "K042": "a knowledge base names an entry or a file by what is no name",
 }
 """Code -> what it means, one line each; the README's table is made from it."""

@@ -49,6 +49,13 @@ NO_FURTHER = 0.02
 """Share of its range by which a leaf has to move that is not stuck."""
 
 
+def ways_tried(count: int) -> str:
+    """Return how many ways of a hand were found and tried in vain, in words."""
+    if count == 0:
+        return "no way was found from any base pose that the base can drive to"
+    return "the one way that was found failed" if count == 1 else f"{count} ways were tried and failed"
+
+
 @process_module
 class Containers(HandWork):
     """Opens and closes doors, drawers and lids."""
@@ -113,7 +120,8 @@ class Containers(HandWork):
                 await self.tuck(self.platform.arms.untucked())
             if (tried := tried + 1) == WAYS:
                 break
-        raise HandleNotReachable(what=joint.leaf) from problem
+        said = f"the handle of {joint.leaf} is out of reach: {ways_tried(tried)}"
+        raise HandleNotReachable(said, what=joint.leaf) from problem
 
     async def _along(self, path: LeafPath, joint: Articulation) -> None:
         """Drive there, take the handle, go with the leaf, let it go."""

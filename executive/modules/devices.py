@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from executive.modules.containers import WAYS, Containers
+from executive.modules.containers import WAYS, Containers, ways_tried
 from executive.modules.hand_work import HandWork
 from executive.robots.arms import ArmModel
 from planlang import checkpoint
@@ -103,7 +103,8 @@ class Devices(HandWork):
                     await self.tuck(self.platform.arms.untucked())
                 if (tried := tried + 1) == WAYS:
                     break
-        raise HandleNotReachable(f"the button of {button.device} is out of reach", what=button.body) from problem
+        said = f"the button of {button.device} is out of reach: {ways_tried(tried)}"
+        raise HandleNotReachable(said, what=button.body) from problem
 
     def _ways(self, arm: ArmModel, button: Control) -> Iterator[LeafPath | None]:
         """Yield ways to push a button, None between them; the search begins again when it is seen elsewhere."""

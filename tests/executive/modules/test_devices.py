@@ -65,7 +65,7 @@ def test_a_button_that_no_map_has_is_pushed_where_the_device_would_have_it(stack
 def test_a_device_stays_off_whose_button_the_hand_did_not_meet(stack: ExitStack) -> None:
     bare = thing("maker", "PancakeMaker", *_at())
     stage = room(stack, (TABLE, MAKER, button()), truth=(TABLE, bare))
-    with pytest.raises(HandleNotReachable):
+    with pytest.raises(HandleNotReachable, match="failed"):
         stage.do(ON, "maker")
     assert not stage.truth.changes.matter.is_on("maker")
     assert not stage.executive.holds(Condition("switched_on", (stage.designator("maker"),)))
