@@ -2,17 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from pathlib import Path
-
-import pytest
 from fastapi.testclient import TestClient
 
-from executive.serving.app import application
 from planlang.files import Bundled
-from planlang.knowledge.sqlite_store import SqliteStore
 
-NOW = "2026-01-01T00:00:00Z"
 RECIPE = Bundled.RECIPE.find("serve_a_drink").read_bytes()
 
 BARE_ROBOT = """Prefix: : <http://example.org/bare.owl#>
@@ -21,18 +14,6 @@ Ontology: <http://example.org/bare.owl>
 Individual: bare
     Types: knowrob:Robot
 """
-
-
-@pytest.fixture
-def store(tmp_path: Path) -> Iterator[SqliteStore]:
-    opened = SqliteStore(tmp_path / "kb.sqlite")
-    yield opened
-    opened.close()
-
-
-@pytest.fixture
-def client(store: SqliteStore) -> TestClient:
-    return TestClient(application(store), headers={"Authorization": f"Bearer {store.new_key('ada', NOW)}"})
 
 
 def test_a_recipe_is_handed_in_read_and_found(client: TestClient) -> None:
