@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Protocol
 
 from executive.serving.catalogue import Catalogue, Listed
+from executive.serving.uploads import unpacked
 from executive.serving.vocabulary import read_vocabulary
 from planlang.diagnostics import BadInput, Span, error
 from planlang.knowledge.descriptions import Description
@@ -60,7 +61,8 @@ class LocalShelf:
         """``folders``: those of ontologies that its entries import. Raises BadInput for what is no knowledge base."""
         self.name = str(path)
         self._store = SqliteStore(path)
-        self._catalogue = Catalogue(self._store, read_vocabulary(folders))
+        self._vocabulary = read_vocabulary(folders)
+        self._catalogue = Catalogue(self._store, self._vocabulary)
 
     def search(
         self,
@@ -83,8 +85,12 @@ class LocalShelf:
         with suppress(BadInput, CannotAnswer):  # a class that nothing here knows
             asked = None if expression is None else read_question(expression, self._catalogue.names)
             uids = self._catalogue.find(asked, fits)
-            return [Found(self._store.entry(uid), links_of(self._store.description(uid))) for uid in uids]
+            return [Found(self._store.entry(uid), self._links(uid)) for uid in uids]
         return ()
+
+    def _links(self, uid: str) -> Links:
+        description, _ = unpacked(self._store.description(uid), self._vocabulary)
+        return () if description is None else tuple(_links(description))
 
     def content(self, entry: Entry) -> bytes:
         """Return the content of an entry's last revision. Raises BadInput if it is not what the entry says."""
@@ -94,11 +100,6 @@ class LocalShelf:
         """Return a file of an entry. Raises BadInput if it is not what the entry says."""
         _, data = self._store.attachment(entry.uid, attachment.name)
         return verified(data, attachment.sha256, f"{entry.uid}/{attachment.name}")
-
-
-def links_of(packed: bytes) -> Links:
-    """Return what a description says that its subject is linked to."""
-    return tuple(_links(Description.unpacked(packed)))
 
 
 def _links(description: Description) -> Iterator[tuple[str, str]]:
