@@ -347,6 +347,5 @@ CODES: dict[str, str] = {
     "K039": "the name of what is pushed means nothing, or several things",
     "K040": "what a knowledge base gives has not the hash that its entry states",
     "K041": "the list of what a robot took from a knowledge base is damaged",
-    "K042": "a knowledge base names an entry or a file by what is no name",
 }
 """Code -> what it means, one line each; the README's table is made from it."""

@@ -11,15 +11,12 @@ from executive.cli.inputs import refuse
 from executive.cli.server import ask, kind_of
 from executive.cli.server_arguments import PullArguments
 from planlang.diagnostics import BadInput, Diagnostic, error, warning
-from planlang.knowledge.answers import NotAsAgreed
 from planlang.knowledge.client import Client
 from planlang.knowledge.entries import Entry, Kind, Syntax
-from planlang.knowledge.pulled import Origin, check_free, is_as_pulled, record
+from planlang.knowledge.pulled import Origin, check_bounds, check_free, is_as_pulled, record
 from planlang.outputs import replace
 
 SUFFIXES = {Syntax.RDFXML: ".owl", Syntax.TURTLE: ".ttl", Syntax.MANCHESTER: ".omn"}
-MOST_FILES, LARGEST_ENTRY = 1_000, 2_000_000_000
-"""Files of an entry that are pulled, and bytes of all of them."""
 _USES = {
     Kind.RECIPE: "planlang run {} runs it",
     Kind.ENVIRONMENT: "planlang run RECIPE --environment {} runs a recipe in it",
@@ -38,7 +35,7 @@ def pull(client: Client, arguments: PullArguments) -> Answer:
     entry = client.entry(arguments.uid, kind_of(arguments.kind))
     revision = client.revision(entry, arguments.revision)
     main = entry.uid + SUFFIXES[entry.syntax]
-    _check_bounds(entry, main)
+    check_bounds(entry, main)
 
     def origin(sha256: str) -> Origin:
         return Origin(client.url, entry.uid, entry.author, revision.number, sha256)
@@ -62,15 +59,6 @@ def pull(client: Client, arguments: PullArguments) -> Answer:
         "files": [str(folder / one) for one in files],
     }
     return Answer(diagnostics=tuple(_programs(folder, entry)), text="\n".join(lines), data=data)
-
-
-def _check_bounds(entry: Entry, main: str) -> None:
-    sizes = [one.size for one in entry.attachments]
-    if main in (one.name for one in entry.attachments):
-        raise NotAsAgreed(f"a file of {entry.uid} has the name of its content")
-    if len(sizes) > MOST_FILES or sum(sizes) > LARGEST_ENTRY:
-        limit = f"{MOST_FILES:,} files, {LARGEST_ENTRY // 1_000_000_000} GB"
-        raise BadInput([error("K036", f"{entry.uid} has more than can be pulled at once: {limit}")])
 
 
 def _make(folder: Path) -> None:

@@ -8,8 +8,8 @@ from typing import Any
 
 from executive.enabling.needs import OWN, Enabling
 from executive.enabling.search import Answer, Combination, Need, Offer
-from executive.enabling.shelf import Found
 from executive.robots.requirements import Availability, Finding, FindingKind
+from planlang.knowledge.answers import Found
 from planlang.knowledge.entries import Entry
 
 MOST_REFUSED = 20

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from executive.enabling.shelf import Found, Shelf, verified
+from executive.enabling.shelf import Shelf, verified
 from planlang.diagnostics import BadInput, Span, error
 from planlang.files import read_file
-from planlang.knowledge.entries import Attachment, Entry, Kind, Revision, Syntax
+from planlang.knowledge.answers import Found, NotAsAgreed, as_json, read_as, read_found
+from planlang.knowledge.entries import Entry, Syntax
+from planlang.knowledge.pulled import Origin, check_bounds, record
 
 LIST = "taken.json"
-_UID = re.compile(r"[a-z0-9][a-z0-9_-]{0,99}\.[a-z0-9][a-z0-9_-]{0,99}")
-_FILE = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,199}")
 _SUFFIXES = {Syntax.RDFXML: ".owl", Syntax.TURTLE: ".ttl", Syntax.MANCHESTER: ".omn"}
 
 
@@ -47,9 +47,9 @@ class Folder:
         if not listed.is_file():
             return cls(path)
         try:
-            records = json.loads(read_file(listed))
-            kept = [_kept(one) for one in records]
-        except (ValueError, KeyError, TypeError, AttributeError):
+            records = as_json(read_file(listed)).get("taken")
+            kept = [_kept(one) for one in records] if isinstance(records, list) else []
+        except NotAsAgreed:
             message = "this is no list of what a robot took from a knowledge base"
             raise BadInput([error("K041", message, Span(str(listed)), "remove it to take everything anew")]) from None
         return cls(path, {one.found.entry.uid: one for one in kept})
@@ -65,22 +65,23 @@ class Folder:
     def take(self, found: Found, needs: Iterable[str], shelf: Shelf) -> tuple[Path, ...]:
         """Download an entry with its files, and list it; returns what was written. Raises BadInput, OSError."""
         entry = found.entry
-        _check_names(entry)
-        files = {self.file(entry): shelf.content(entry)}
+        check_bounds(entry)
         beside = self.path / entry.kind.value / entry.uid
-        for one in entry.attachments:
-            files[beside / one.name] = shelf.attachment(entry, one)
+        files = {beside / one.name: shelf.attachment(entry, one) for one in entry.attachments}
+        files[self.file(entry)] = shelf.content(entry)
         for path, data in files.items():
             self._write(path, data, is_own=entry.uid in self.kept)
+            origin = Origin(shelf.name, entry.uid, entry.author, entry.revision.number, sha256(data).hexdigest())
+            record(path.parent, {path.name: origin}, force=True)
         self.kept[entry.uid] = Kept(found, tuple(needs), shelf.name)
-        records = [asdict(self.kept[uid]) for uid in sorted(self.kept)]
-        text = json.dumps(records, indent=1, ensure_ascii=False) + "\n"
+        records = [_record(self.kept[uid]) for uid in sorted(self.kept)]
+        text = json.dumps({"taken": records}, indent=1, ensure_ascii=False) + "\n"
         self._write(self.path / LIST, text.encode(), is_own=True)
         return tuple(files)
 
     def _write(self, path: Path, data: bytes, *, is_own: bool) -> None:
         """Write a file, whole or not at all. Raises BadInput for one that is somebody else's, or cannot be written."""
-        if path.exists() and not is_own:
+        if path.exists() and not is_own and (path.is_dir() or path.read_bytes() != data):
             raise BadInput([error("C004", f"{path} is there already", help="move it, or name another folder")])
         unfinished = path.with_name(f".{path.name}.part")
         try:
@@ -91,17 +92,13 @@ class Folder:
             raise BadInput([error("C004", f"{path} cannot be written: {problem.strerror or problem}")]) from None
 
 
-def _check_names(entry: Entry) -> None:
-    """Raise BadInput for an entry that names files outside the folder: a knowledge base may be a stranger's."""
-    for name, form in ((entry.uid, _UID), *((one.name, _FILE) for one in entry.attachments)):
-        if not form.fullmatch(name):
-            raise BadInput([error("K042", f"{name[:80]!r} is no name of an entry or of a file")])
+def _record(kept: Kept) -> dict[str, Any]:
+    found = kept.found
+    return {**asdict(found.entry), "links": found.links, "needs": kept.needs, "source": kept.source}
 
 
-def _kept(data: Any) -> Kept:
-    record = dict(data["found"]["entry"])
-    record["kind"], record["syntax"] = Kind(record["kind"]), Syntax(record["syntax"])
-    record["revision"] = Revision(**record["revision"])
-    record["attachments"] = tuple(Attachment(**one) for one in record["attachments"])
-    links = tuple((str(prop), str(target)) for prop, target in data["found"]["links"])
-    return Kept(Found(Entry(**record), links), tuple(map(str, data["needs"])), str(data["source"]))
+def _kept(record: object) -> Kept:
+    """Return what a record is of. Raises NotAsAgreed."""
+    stated = record if isinstance(record, dict) else {}
+    needs = read_as(tuple[str, ...], stated.get("needs"))
+    return Kept(read_found(record), needs, read_as(str, stated.get("source")))

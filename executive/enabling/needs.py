@@ -14,12 +14,13 @@ from pathlib import Path
 from executive.belief.semantic_map import read_map
 from executive.enabling.folder import Folder
 from executive.enabling.search import Combination, Need, Offer, combine
-from executive.enabling.shelf import Found, Links, Shelf
+from executive.enabling.shelf import Shelf
 from executive.robots.matching import Matcher, Possessions
 from executive.robots.requirements import NEEDED, WORDS, Availability, Finding, FindingKind, Requirement
 from executive.robots.tasks import HARDWARE, UNKNOWN_STEP, match
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Span, has_errors
+from planlang.knowledge.answers import Found, Links
 from planlang.knowledge.entries import Kind
 from planlang.ontology import Ontology, expand, load
 from planlang.ontology.expressions import Expression
