@@ -14,7 +14,7 @@ from planlang.diagnostics import BadInput, Diagnostic, error, warning
 from planlang.knowledge.answers import NotAsAgreed
 from planlang.knowledge.client import Client
 from planlang.knowledge.entries import Entry, Kind, Syntax
-from planlang.knowledge.pulled import Origin, check_free, digest_of, record
+from planlang.knowledge.pulled import Origin, check_free, is_as_pulled, record
 from planlang.outputs import replace
 
 SUFFIXES = {Syntax.RDFXML: ".owl", Syntax.TURTLE: ".ttl", Syntax.MANCHESTER: ".omn"}
@@ -81,7 +81,7 @@ def _make(folder: Path) -> None:
 
 
 def _write(path: Path, origin: Origin, read: Callable[[], bytes]) -> None:
-    if path.is_file() and digest_of(path) == origin.sha256:
+    if is_as_pulled(path, origin):
         return
     data = read()
     replace(path, lambda temporary: temporary.write_bytes(data))

@@ -77,6 +77,19 @@ class Catalogue:
             start = bisect_right(known, after)
             return tuple(known[start : start + limit])
 
+    def count(self, kind: Kind) -> int:
+        """Return how many entries of a kind there are."""
+        with self._lock:
+            self._follow()
+            return len(self._uids[kind])
+
+    def names_like(self, text: str, most: int) -> tuple[str, ...]:
+        """Return names that may be asked for and that begin with a text, or else contain it, the shortest first."""
+        wanted = text.casefold()
+        with self._lock:
+            found = [name for name in self._names if wanted in name.casefold()]
+        return tuple(sorted(found, key=lambda name: (not name.casefold().startswith(wanted), len(name), name))[:most])
+
     def find(self, expression: Expression | None, fits: Callable[[Listed], bool]) -> tuple[str, ...]:
         """Return the entries that an expression includes and that fit otherwise, sorted. Raises CannotAnswer."""
         with self._lock:

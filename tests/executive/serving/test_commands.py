@@ -217,8 +217,11 @@ def test_without_the_server_what_was_pulled_is_there_and_said_to_be_old(
 ) -> None:
     monkeypatch.setattr("planlang.knowledge.connection.FIRST_PAUSE", 0.001)
     assert invoke("pull", "serveadrink.ada", "-o", "first").exit_code == 0
+    found = invoke("search", "ServingFoodOrDrink")
     server.stop()
     try:
+        same = invoke("search", "ServingFoodOrDrink")
+        assert (same.stdout, codes(same)) == (found.stdout, ["K033"])
         again = invoke("pull", "serveadrink.ada", "-o", "second")
         assert (again.exit_code, codes(again)) == (0, ["K038", "K033"]), again.output
         assert (tmp_path / "second" / "hello.py").read_text() == PLAN
