@@ -14,7 +14,7 @@ from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
 from planlang.knowledge.answers import Declined, Found, NoAnswer, NotAsAgreed, RefusedByChecks
 from planlang.knowledge.client import Client
 from planlang.knowledge.connection import kept_answers
-from planlang.knowledge.entries import Attachment, Entry, Kind
+from planlang.knowledge.entries import Attachment, Entry, Kind, Revision
 from planlang.knowledge.index import CannotAnswer
 from planlang.knowledge.questions import read_question
 from planlang.knowledge.sqlite_store import SqliteStore
@@ -27,8 +27,8 @@ MOST_FOUND = 1000
 class Shelf(Protocol):
     """A knowledge base, as a robot asks it. All calls raise BadInput if it cannot be asked."""
 
-    name: str
-    """What messages call it."""
+    url: str
+    """Its address, or its file."""
 
     def search(
         self,
@@ -40,8 +40,11 @@ class Shelf(Protocol):
     ) -> Sequence[Found]:
         """Return the entries that fit, sorted by identifier; none for classes that the knowledge base does not know."""
 
-    def content(self, entry: Entry) -> bytes:
-        """Return the content of an entry's last revision. Raises BadInput if it is not what the entry says."""
+    def revision(self, entry: Entry, number: int | None = None) -> Revision:
+        """Return a revision of an entry, the last one unless told otherwise."""
+
+    def content(self, entry: Entry, revision: int | None = None) -> bytes:
+        """Return the content of a revision. Raises BadInput if it is not what the entry says."""
 
     def attachment(self, entry: Entry, attachment: Attachment) -> bytes:
         """Return a file of an entry. Raises BadInput if it is not what the entry says."""
@@ -58,7 +61,7 @@ class LocalShelf:
 
     def __init__(self, path: Path, folders: Sequence[Path] = ()) -> None:
         """``folders``: those of ontologies that its entries import. Raises BadInput for what is no knowledge base."""
-        self.name = str(path)
+        self.url = str(path)
         self._store = SqliteStore(path)
         self._catalogue = Catalogue(self._store, read_vocabulary(folders))
 
@@ -78,9 +81,14 @@ class LocalShelf:
             return [Found(self._store.entry(uid), links=catalogue.links(uid)) for uid in uids]
         return ()
 
-    def content(self, entry: Entry) -> bytes:
-        """Return the content of an entry's last revision. Raises BadInput if it is not what the entry says."""
-        return verified(self._store.content(entry.uid, entry.revision.number), entry.revision.sha256, entry.uid)
+    def revision(self, entry: Entry, number: int | None = None) -> Revision:
+        """Return a revision of an entry, the last one unless told otherwise."""
+        return next((one for one in self._store.revisions(entry.uid) if one.number == number), entry.revision)
+
+    def content(self, entry: Entry, revision: int | None = None) -> bytes:
+        """Return the content of a revision. Raises BadInput if it is not what the entry says."""
+        wanted = self.revision(entry, revision)
+        return verified(self._store.content(entry.uid, wanted.number), wanted.sha256, entry.uid)
 
     def attachment(self, entry: Entry, attachment: Attachment) -> bytes:
         """Return a file of an entry. Raises BadInput if it is not what the entry says."""
@@ -100,7 +108,7 @@ class RemoteShelf:
     """A server, asked over HTTP; what was read before is read again from the user's cache while it does not answer."""
 
     def __init__(self, client: Client) -> None:
-        self.name = client.url
+        self.url = client.url
         self._client = client
 
     def search(
@@ -117,10 +125,15 @@ class RemoteShelf:
             return list(self._client.search(most=MOST_FOUND, **question))
         return ()
 
-    def content(self, entry: Entry) -> bytes:
-        """Return the content of an entry's last revision. Raises BadInput if it is not what the entry says."""
+    def revision(self, entry: Entry, number: int | None = None) -> Revision:
+        """Return a revision of an entry, the last one unless told otherwise."""
         with self._asked():
-            return self._client.content(entry)
+            return self._client.revision(entry, number)
+
+    def content(self, entry: Entry, revision: int | None = None) -> bytes:
+        """Return the content of a revision. Raises BadInput if it is not what the entry says."""
+        with self._asked():
+            return self._client.content(entry, revision)
 
     def attachment(self, entry: Entry, attachment: Attachment) -> bytes:
         """Return a file of an entry. Raises BadInput if it is not what the entry says."""
@@ -145,10 +158,10 @@ class RemoteShelf:
         except NoAnswer as problem:
             raise BadInput([error("K031", str(problem), help="try again later")]) from None
         except NotAsAgreed as problem:
-            raise BadInput([error("K032", f"{self.name}: {problem}")]) from None
+            raise BadInput([error("K032", f"{self.url}: {problem}")]) from None
         except Refused as problem:
             found = problem.diagnostics if isinstance(problem, Declined) else ()
-            raise BadInput([*found, error("K036", f"{self.name} refuses: {problem}")]) from None
+            raise BadInput([*found, error("K036", f"{self.url} refuses: {problem}")]) from None
 
 
 def verified(data: bytes, sha256: str, what: str) -> bytes:

@@ -13,7 +13,6 @@ from pathlib import Path
 from executive.belief.object_models import WHOLES
 from executive.belief.semantic_map import read_map
 from executive.robots.robot import read_self_model
-from executive.serving.places import places
 from executive.serving.vocabulary import Vocabulary
 from planlang.compiler import compile_ontology
 from planlang.designators import local_name
@@ -23,6 +22,7 @@ from planlang.knowledge.axioms import own_axioms_of
 from planlang.knowledge.completion import TooLarge
 from planlang.knowledge.descriptions import Description, described
 from planlang.knowledge.entries import Content, Kind, Syntax, uid_of
+from planlang.knowledge.places import places
 from planlang.ontology import BNode, Literal, Ontology, documents, expand, load
 from planlang.ontology.terms import OWL, RDF, RDFS
 

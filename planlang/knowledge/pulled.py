@@ -15,13 +15,10 @@ from pathlib import Path
 from planlang.diagnostics import BadInput, Diagnostic, error
 from planlang.files import read_file
 from planlang.knowledge.answers import NotAsAgreed, as_json, read_as
-from planlang.knowledge.entries import Entry
 from planlang.outputs import replace
 
 RECORD = ".planlang-pulled.json"
 """Name of the record; no file of an entry can have it, as these begin with a letter or digit."""
-MOST_FILES, LARGEST_ENTRY = 1_000, 2_000_000_000
-"""Files of an entry that are pulled, and bytes of all of them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,16 +48,6 @@ def origins(folder: Path) -> dict[str, Origin]:
         raise BadInput(
             [error("K035", f"the record of what was pulled is damaged: {path}: {problem}", help=advice)]
         ) from None
-
-
-def check_bounds(entry: Entry, main: str = "") -> None:
-    """Raise for an entry with more files than are taken, or one named as its content: BadInput, NotAsAgreed."""
-    sizes = [one.size for one in entry.attachments]
-    if main in (one.name for one in entry.attachments):
-        raise NotAsAgreed(f"a file of {entry.uid} has the name of its content")
-    if len(sizes) > MOST_FILES or sum(sizes) > LARGEST_ENTRY:
-        limit = f"{MOST_FILES:,} files, {LARGEST_ENTRY // 1_000_000_000} GB"
-        raise BadInput([error("K036", f"{entry.uid} has more than can be pulled at once: {limit}")])
 
 
 def check_free(folder: Path, names: Mapping[str, Origin], *, force: bool) -> list[Diagnostic]:

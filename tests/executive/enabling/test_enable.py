@@ -15,7 +15,12 @@ from executive.cli.app import app
 from tests.support.knowledge_bases import PIECES, hospital
 from tests.support.servers import running_server
 
-FOLDERS = ("recipes", "environments", "objects", "objects/patientmodel.ada")
+FOLDERS = (
+    "recipes/serveadrink.ward",
+    "environments/hospital_room.ward",
+    "objects/drinkingbottlemodel.ada",
+    "objects/patientmodel.ada",
+)
 
 
 def enable(store: Path | str, folder: Path, *words: str, task: str = "serve_a_drink") -> tuple[int, dict[str, Any]]:
@@ -36,10 +41,10 @@ def test_a_robot_that_has_nothing_takes_exactly_what_it_needs_and_serves_the_dri
     assert files(tmp_path / "amigo") == {
         "taken.json",
         *(f"{folder}/.planlang-pulled.json" for folder in FOLDERS),
-        "recipes/serveadrink.ward.omn",
-        "environments/hospital_room.ward.omn",
-        "objects/drinkingbottlemodel.ada.omn",
-        "objects/patientmodel.ada.omn",
+        "recipes/serveadrink.ward/serveadrink.ward.omn",
+        "environments/hospital_room.ward/hospital_room.ward.omn",
+        "objects/drinkingbottlemodel.ada/drinkingbottlemodel.ada.omn",
+        "objects/patientmodel.ada/patientmodel.ada.omn",
         "objects/patientmodel.ada/patient.model",
     }
 

@@ -8,6 +8,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -210,6 +211,24 @@ def test_ctrl_c_is_the_usual_end_of_watching() -> None:
         process.send_signal(signal.SIGINT)
         _, said = process.communicate(timeout=20)
     assert (process.returncode, said) == (0, "watching serveadrink.ada, serveadrink.ben\n")
+
+
+def test_watching_goes_on_when_the_server_was_away(server: RunningServer) -> None:
+    words = [sys.executable, "-m", "executive", "watch", "serveadrink.ada", "--every", "0.1", "--after", "0"]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        server.stop()
+        server.start()
+        invoke("rate", "serveadrink.ada", "1")
+        last = server.store.last_news()
+        lost = threading.Timer(30, process.kill)
+        lost.start()
+        assert any(int(line.split()[0]) == last for line in process.stdout)
+        lost.cancel()
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=20)
+    assert process.returncode == 0
 
 
 def test_without_the_server_what_was_pulled_is_there_and_said_to_be_old(
