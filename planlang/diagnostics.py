@@ -333,5 +333,6 @@ CODES: dict[str, str] = {
     "K012": "the name of an upload, or of its subject, makes no identifier",
     "K013": "an upload says more than can be indexed",
     "K014": "an upload is in a syntax that is not kept",
+    "K020": "contents are kept in a file, or beside an endpoint, not both",
 }
 """Code -> what it means, one line each; the README's table is made from it."""

@@ -339,8 +339,17 @@ class ServeArguments(OntologyArguments):
     """
 
     store: Annotated[
-        Path, typer.Option(metavar="FILE", help="The file of the knowledge base; it is made if there is none.")
+        str,
+        typer.Option(
+            metavar="FILE|URL",
+            help="The file of the knowledge base; it is made if there is none. Or a SPARQL 1.1 endpoint that several "
+            "servers share: sparql+https://HOST/PATH, with --contents.",
+        ),
     ]
+    contents: Annotated[
+        str | None,
+        typer.Option(metavar="URL", help="Where contents are kept beside an endpoint: s3://, gs://, az://, file://."),
+    ] = None
     host: Annotated[str, typer.Option(metavar="ADDRESS", help="The address to listen at.")] = "127.0.0.1"
     port: Annotated[int, typer.Option(min=0, max=65535, help="The port to listen at; 0: any free one.")] = 8080
     new_key: Annotated[

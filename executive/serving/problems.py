@@ -12,7 +12,7 @@ from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
 
 from planlang.diagnostics import BadInput, Diagnostic, Span
-from planlang.knowledge.stores import Changed, EntryExists, NoSuchEntry, NotTheAuthor, Refused
+from planlang.knowledge.stores import Changed, EntryExists, NoSuchEntry, NotTheAuthor, Refused, Unreachable
 
 MEDIA_TYPE = "application/problem+json"
 
@@ -64,6 +64,12 @@ def add_handlers(app: FastAPI) -> None:
     @app.exception_handler(Refused)
     def refused_by_store(_: Request, problem: Refused) -> Response:
         return problem_response(_REFUSALS.get(type(problem), HTTPStatus.CONFLICT), str(problem))
+
+    @app.exception_handler(Unreachable)
+    def unreachable(_: Request, problem: Unreachable) -> Response:
+        found = problem_response(HTTPStatus.SERVICE_UNAVAILABLE, str(problem))
+        found.headers["Retry-After"] = "5"
+        return found
 
     @app.exception_handler(BadInput)
     def refused_by_checks(_: Request, problem: BadInput) -> Response:

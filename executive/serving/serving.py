@@ -13,6 +13,7 @@ from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 
 from executive.serving.abilities import Abilities
 from executive.serving.catalogue import Catalogue
+from executive.serving.mirror import Mirror
 from executive.serving.problems import Problem
 from executive.serving.vocabulary import Vocabulary
 from planlang.knowledge.stores import Store
@@ -29,6 +30,7 @@ class Serving:
     catalogue: Catalogue
     vocabulary: Vocabulary
     abilities: Abilities
+    mirror: Mirror
     writing: threading.Lock = field(default_factory=threading.Lock)
 
 
