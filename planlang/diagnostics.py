@@ -334,5 +334,7 @@ CODES: dict[str, str] = {
     "K013": "an upload says more than can be indexed",
     "K014": "an upload is in a syntax that is not kept",
     "K020": "contents are kept in a file, or beside an endpoint, not both",
+    "K031": "a narrative tells of no episode, or contradicts itself",
+    "K032": "a log of poses is none, or of another run than the trace",
 }
 """Code -> what it means, one line each; the README's table is made from it."""

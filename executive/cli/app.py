@@ -17,6 +17,7 @@ from executive.cli.arguments import (
     CheckArguments,
     CompileArguments,
     ConvertArguments,
+    ExportArguments,
     InspectArguments,
     LocateArguments,
     MakeArguments,
@@ -92,6 +93,7 @@ for name, arguments, example in (
     ("match", MatchArguments, "serve_a_drink --robot amigo"),
     ("run", RunArguments, "serve_a_drink --seed 3 --trace run.jsonl --picture scene.png"),
     ("replay", ReplayArguments, "run.jsonl"),
+    ("export", ExportArguments, "run.jsonl --to neem -o experience"),
     (
         "locate",
         LocateArguments,

@@ -57,7 +57,7 @@ class _Writer:
         self.triples: list[Triple] = []
         self._experience, self._base, self._began = experience, base, began
         plan = re.sub(r"[^A-Za-z0-9_-]", "_", local_name(experience.iri or experience.plan))[:80]
-        self._episode = f"{base}#{plan if _NAME.fullmatch(plan) else 'run'}"
+        self._episode = f"{base}#{plan if _NAME.fullmatch(plan) else 'plan'}_episode"
         self._named: dict[object, str] = {}
         """IRIs of individuals that several activities share."""
         self._counts: dict[str, int] = {}

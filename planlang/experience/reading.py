@@ -20,7 +20,7 @@ from planlang.experience.model import (
 )
 from planlang.experience.terms import DESIGNATORS, DUL, EXPERIENCE, SOMA, STATES
 from planlang.experience.traces import MOST_ACTIVITIES, MOST_CAUSES
-from planlang.ontology.terms import RDF, Literal, Term, Triple
+from planlang.ontology.terms import RDF, RDFS, Literal, Term, Triple
 from planlang.ontology.turtle import read_turtle
 
 _STATES = {iri: state for state, iri in STATES.items()}
@@ -39,8 +39,10 @@ def experience_in(triples: Iterable[Triple], file: str) -> Experience:
 
 
 def episode_in(triples: Iterable[Triple], file: str) -> str:
-    """Return the IRI of the one episode in a graph. Raises BadInput with K031 if there is none, or several."""
-    return _Reader(triples, file).episode
+    """Return the IRI of the episode whose experience a graph tells. Raises BadInput as :func:`experience_in` does."""
+    reader = _Reader(triples, file)
+    reader.experience()
+    return reader.episode
 
 
 class _Reader:
@@ -66,7 +68,7 @@ class _Reader:
                 if parents.setdefault(below, node) != node:
                     self._refuse("an action is a constituent of two", below)
         numbers = {node: self._whole(node, EXPERIENCE.number) for node in nodes}
-        things = {self._text(one, _LABEL): one for one in self._many(top, DUL.includesObject)}
+        things = {self._text(one, RDFS.label): one for one in self._many(top, DUL.includesObject)}
         names = {iri: name for name, iri in things.items()}
         activities = sorted(
             (self._activity(node, numbers, parents.get(node), names) for node in nodes), key=lambda one: one.number
@@ -89,9 +91,7 @@ class _Reader:
         seen: set[int] = set()
         for one in activities:  # also finds circles
             if one.number in seen or (one.parent is not None and one.parent not in seen):
-                self._refuse(
-                    f"number {one.number} is given twice, or not behind that of the action around it", None
-                )
+                self._refuse(f"number {one.number} is given twice, or not behind that of the action around it", None)
             seen.add(one.number)
 
     def _thing(self, name: str, node: str) -> Thing:
@@ -257,9 +257,6 @@ class _Reader:
         said = next(iter(self._about.get(node or "", {}).values()), None)
         where = "" if node is None else f"{node.rsplit('#', 1)[-1]}: "
         raise BadInput([error("K031", where + message, said[0].span if said else Span(self._file))])
-
-
-_LABEL = "http://www.w3.org/2000/01/rdf-schema#label"
 
 
 def _are_numbers(value: object) -> bool:

@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any
 
 from planlang.designators import local_name
@@ -29,6 +30,10 @@ MOST_CAUSES = 100
 DEEPEST = 200
 LATEST = 2**53
 """The last step of a run: up to here floating-point numbers tell steps apart."""
+MOST_STEPS = 1e9
+"""Steps in a second."""
+LONGEST = 3e9
+"""Seconds that a run may take: dates of it can be told."""
 
 _TOLD = frozenset(
     {"attempt", "recovery", "pose failed", "no more poses", "displaced", "skipped", "transition", "policy violated"}
@@ -74,6 +79,7 @@ class _Open:
 class _Reader:
     def __init__(self) -> None:
         self._header: Mapping[str, Any] = {}
+        self._rate = 1.0
         self._open: dict[int, _Open] = {}
         self._things: dict[str, Thing] = {}
         self._bound: dict[str, str] = {}
@@ -82,10 +88,12 @@ class _Reader:
 
     def read(self, record: Mapping[str, Any]) -> None:
         event, step = str(record["event"]), int(record["step"])
-        if step > LATEST:
-            raise ValueError(f"step {step} is too large")
         if event == "header":
-            self._header = record
+            self._header, self._rate = record, _number(record.get("rate"))
+            if not 0 < self._rate <= MOST_STEPS:
+                raise ValueError("the rate is no number of steps per second")
+        if step > min(LATEST, self._rate * LONGEST):
+            raise ValueError(f"step {step} is too late")
         self._find_things(record, step)
         if "node" in record:
             self._in_node(event, step, record)
@@ -98,7 +106,7 @@ class _Reader:
             node.parameters.update(more)
             node.designator = _designator(more) or node.designator
         elif event == "ended":
-            node.told |= {"end": step, "state": State(more.get("status")), "result": more.get("result")}
+            node.told |= {"end": step, "state": State(_text(more.get("status"))), "result": more.get("result")}
             node.told["failure"] = failure_of(more["failure"]) if "failure" in more else None
         elif event == "plan":
             node.parameters.update(more)
@@ -173,15 +181,12 @@ class _Reader:
 
     def experience(self) -> Experience:
         header = self._header
-        rate = _number(header.get("rate"))
-        if not 0 < rate <= 1e9:
-            raise DamagedTrace("the rate of the header is no number of steps per second", 1)
         words = {name: text if isinstance(text := header.get(name), str) else None for name in ("iri", "robot", "map")}
         numbers = {name: _whole(header.get(name)) for name in ("seed", "schedule")}
         activities = tuple(self._activities())
         return Experience(
             _text(header.get("plan") or "plan"),
-            rate,
+            self._rate,
             words["iri"],
             numbers["seed"],
             numbers["schedule"],
@@ -252,7 +257,7 @@ def roles_of(action: str) -> Iterator[Role]:
         depth += (character == "(") - (character == ")")
         if depth == 0 and (place == 0 or inside.endswith(", ", 0, place)) and _FILLED.match(inside, place):
             starts.append(place)
-    for begin, end in zip(starts, [*starts[1:], len(inside) + 2], strict=True):
+    for begin, end in pairwise([*starts, len(inside) + 2]):
         key, _, filler = inside[begin : end - 2].partition("=")
         first, *rest = key.split("_")
         yield Role(first + "".join(word.capitalize() for word in rest), filler)
