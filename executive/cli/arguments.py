@@ -75,6 +75,7 @@ Modules = Annotated[
     list[Path] | None,
     typer.Option(metavar="FILE.py", help="Also use the process modules of this file, which is executed; repeatable."),
 ]
+Trust = Annotated[bool, typer.Option("--trust", help="Run Python that was pulled from a server: you have read it.")]
 Accept = Annotated[
     list[str] | None,
     typer.Option(metavar="CODE", help="Fix the recipe in memory first, with uncertain fixes of this code; repeatable."),
@@ -199,6 +200,7 @@ class MatchArguments(TaskArguments):
     robot: Robot = None
     urdf: Urdf = None
     modules: Modules = None
+    trust: Trust = False
     environment: Annotated[
         list[str] | None,
         typer.Option(
@@ -228,6 +230,14 @@ class RunArguments(TaskArguments, VerboseArguments):
     accept: Accept = None
     environment: Environment = None
     start: Start = None
+    models: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="FOLDER",
+            help="The recognition models (and programs and maps) that the robot has: other classes are not recognised; "
+            "repeatable.",
+        ),
+    ] = None
     trust_map: Annotated[
         bool, typer.Option("--trust-map", help="Things count as seen where the map has them; needs no camera.")
     ] = False
@@ -257,6 +267,7 @@ class RunArguments(TaskArguments, VerboseArguments):
         typer.Option(min=0, metavar="K", help="Run concurrent tasks in another order, the same for the same number."),
     ] = None
     modules: Modules = None
+    trust: Trust = False
     gui: Annotated[bool, typer.Option("--gui", help="Show the world in a window.")] = False
     trace: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the trace of the run, as JSON Lines.")] = (
         None
@@ -291,6 +302,43 @@ class RunArguments(TaskArguments, VerboseArguments):
 
 
 @dataclass(frozen=True, kw_only=True)
+class EnableArguments(OntologyArguments, VerboseArguments):
+    """Find out what a robot lacks for a task, take exactly that from a knowledge base, and run the task.
+
+    Taken are the recipe, recognition models of the things among its parameters, a map that has them, and what these
+    depend on. Exit code 3: something is missing on both sides; then nothing is taken.
+    """
+
+    recipe: Annotated[
+        str, typer.Argument(metavar="TASK|RECIPE", help="A class of actions, a recipe's label or name, or its file.")
+    ]
+    source: Annotated[
+        str, typer.Option("--from", metavar="URL|STORE", help="The knowledge base: a server, or the file of a store.")
+    ]
+    robot: Robot = None
+    urdf: Urdf = None
+    environment: Environment = None
+    room: Annotated[str | None, typer.Option(metavar="TEXT", help="The map is of this room: number or name.")] = None
+    floor: Annotated[str | None, typer.Option(metavar="TEXT", help="The floor that the map shows.")] = None
+    building: Annotated[str | None, typer.Option(metavar="TEXT", help="The building that the map shows.")] = None
+    street: Annotated[str | None, typer.Option(metavar="TEXT", help="The street, with or without number.")] = None
+    city: Annotated[str | None, typer.Option(metavar="TEXT", help="The city that the map shows.")] = None
+    store: Annotated[
+        Path | None,
+        typer.Option(metavar="FOLDER", help="Keep what is taken in this folder; default: ROBOT_knowledge, here."),
+    ] = None
+    task: Annotated[str | None, typer.Option(metavar="CLASS", help="The task of a RECIPE that states several.")] = None
+    modules: Modules = None
+    trust: Trust = False
+    dry: Annotated[bool, typer.Option("--dry", help="Explain what would be taken; take nothing.")] = False
+    run: Annotated[bool, typer.Option("--run", help="Run the task with what the robot has then.")] = False
+    seed: Annotated[
+        int, typer.Option(min=0, metavar="N", help="With --run: displace things by this seed; 0: none.")
+    ] = 0
+    trace: Annotated[Path | None, typer.Option(metavar="FILE", help="With --run: write the trace.")] = None
+
+
+@dataclass(frozen=True, kw_only=True)
 class ReplayArguments(TaskArguments):
     """Run a plan again from the trace of its run, without robot or world; stops at the first difference.
 
@@ -304,6 +352,7 @@ class ReplayArguments(TaskArguments):
     ] = None
     accept: Accept = None
     modules: Modules = None
+    trust: Trust = False
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -81,12 +81,12 @@ def _logged(path: Path, header: Mapping[str, Any]) -> list[Transform]:
     try:
         known, found = read_poses(lines)
     except ValueError as problem:
-        raise BadInput([error("K032", f"this is no log of poses: {problem}", Span(str(path)))]) from None
+        raise BadInput([error("K081", f"this is no log of poses: {problem}", Span(str(path)))]) from None
     differing = [key for key in IDENTITY if known.get(key) != header.get(key)]
     if differing:
         advice = "planlang run PLAN --trace run.jsonl --poses poses.jsonl writes both"
         message = f"the poses are of another run: {', '.join(differing)} differ"
-        raise BadInput([error("K032", message, Span(str(path)), advice)])
+        raise BadInput([error("K081", message, Span(str(path)), advice)])
     return found
 
 

@@ -55,6 +55,7 @@ from planlang.runs.codec import dump
 from sim import PyBulletWorld
 
 if TYPE_CHECKING:
+    from executive.belief.recognition_models import GivenPart
     from planlang.language.replaying import Replay
 
 BUDGET, PER_STEP = 600.0, 60.0
@@ -80,6 +81,8 @@ class RunOptions:
     accepted: tuple[str, ...] = ()
     """Codes of fixes that the recipe gets before it is compiled, though they may be guesses."""
     ontologies: tuple[Path, ...] = ()
+    recipes: tuple[Path, ...] = ()
+    """Files with recipes of steps that the recipe leaves to others."""
     modules: tuple[Path, ...] = ()
     """The user's files of process modules."""
     robot: Path | None = None
@@ -88,6 +91,8 @@ class RunOptions:
     additions: tuple[Path, ...] = ()
     """Maps of further things in the environment."""
     start: tuple[float, float, float] | None = None
+    models: tuple[Path, ...] | None = None
+    """Folders with the recognition models, programs and maps that the robot has; None: it recognises all classes."""
     trust_map: bool = False
     """The poses of the map count as seen: a robot without camera works from them."""
     unknown: tuple[str, ...] = ()
@@ -156,7 +161,7 @@ class Run:
                 if options.accepted:
                     file = fixed_recipe(file, stack, self.found, options.task, folders, options.accepted)
                     folders = (options.recipe.parent, *folders)
-                recipe = load(file, folders=folders)
+                recipe = load(file, folders=folders, also=options.recipes)
                 self.path, recipes = compiled_plan(recipe, stack, self.found, task=options.task)
                 self.found = [located(one, file, options.recipe) for one in self.found]
                 self._requirements = required(recipe, recipes)
@@ -226,6 +231,12 @@ class Run:
             return self._refused(assessment.missing)
         bare = bind_robot(options.robot, urdf=options.urdf, folders=options.ontologies)
         bare = trusting_map(bare) if options.trust_map else bare
+        given: tuple[GivenPart, ...] | None = None
+        if options.models is not None:
+            from executive.belief.recognition_models import read_given_parts, with_given_parts
+
+            given = read_given_parts(options.models, options.ontologies)
+            bare = with_given_parts(bare, given)
         assessment = assess(needs, partial(missing_capabilities, semantic_map.ontology, robot=bare), unperformed)
         if self._requirements is not None:
             assessment = assessment.also(self._requirements(bare))
@@ -260,6 +271,7 @@ class Run:
             options.progress,
             trusts_map=trusts_map,
             unknown=unknown,
+            models=None if given is None else [cls for one in given for cls in one.recognises],
         )
         platform.upload = options.upload
         executive = RobotExecutive(platform, self._modules)
@@ -279,6 +291,8 @@ class Run:
         }
         if options.trust_map:
             header["trusts_map"] = True
+        if given is not None:
+            header["given"] = [one.iri for one in given]
         if options.unknown:
             header["unknown"] = list(options.unknown)
         if self.registry.identity:

@@ -28,7 +28,7 @@ class Vocabulary:
     names: Mapping[str, Sequence[str]]
     """Local name -> IRIs."""
     digest: str
-    """Of everything that was read."""
+    """Digest of everything that was read."""
     diagnostics: tuple[Diagnostic, ...] = ()
     """What could not be read."""
 

@@ -29,12 +29,12 @@ T = TypeVar("T")
 
 
 def read_narrative(content: bytes | str, file: str) -> Experience:
-    """Return the experience that a file in Turtle tells. Raises BadInput: K031, and as the reader of Turtle does."""
+    """Return the experience that a file in Turtle tells. Raises BadInput: K080, and as the reader of Turtle does."""
     return experience_in(read_turtle(content, file, base=f"file:///{file}").triples, file)
 
 
 def experience_in(triples: Iterable[Triple], file: str) -> Experience:
-    """Return the experience that a graph tells. Raises BadInput with K031 if it tells none, or contradicts itself."""
+    """Return the experience that a graph tells. Raises BadInput with K080 if it tells none, or contradicts itself."""
     return _Reader(triples, file).experience()
 
 
@@ -256,7 +256,7 @@ class _Reader:
     def _refuse(self, message: str, node: str | None) -> NoReturn:
         said = next(iter(self._about.get(node or "", {}).values()), None)
         where = "" if node is None else f"{node.rsplit('#', 1)[-1]}: "
-        raise BadInput([error("K031", where + message, said[0].span if said else Span(self._file))])
+        raise BadInput([error("K080", where + message, said[0].span if said else Span(self._file))])
 
 
 def _are_numbers(value: object) -> bool:

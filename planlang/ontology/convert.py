@@ -11,7 +11,7 @@ from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, note, warning
 from planlang.ontology.canonical import differences, labelled
 from planlang.ontology.checks import malformed, repair
-from planlang.ontology.documents import read_bytes, read_syntax
+from planlang.ontology.documents import base_of, read_bytes, read_syntax
 from planlang.ontology.manchester_writer import manchester
 from planlang.ontology.nested_writers import ntriples, rdfxml, turtle
 from planlang.ontology.terms import OWL, RDF, BNode, Term, Triple
@@ -63,7 +63,7 @@ def convert(path: Path, target: Target) -> Converted:
 def convert_content(content: bytes, path: Path, target: Target) -> Converted:
     """Write what is or was in a file of some name in another syntax, as :func:`convert` does."""
     file = str(path)
-    base = f"file:///{path.name}"
+    base = base_of(path)
     parsed = read_syntax(content, file, base=base, label="b")
     triples, repairs = parsed.triples, repair(parsed.triples)
     text, lost = write(triples, target, parsed.prefixes)

@@ -76,7 +76,7 @@ def test_the_log_of_poses_follows_the_bottle_and_belongs_to_its_run_only(run: Pa
     ):
         other.write_text(text)
         refused = planlang(*words, other)
-        assert [one["code"] for one in refused["diagnostics"]] == ["K032"]
+        assert [one["code"] for one in refused["diagnostics"]] == ["K081"]
         assert said in refused["diagnostics"][0]["message"]
 
 
@@ -136,5 +136,5 @@ def test_a_run_that_was_pushed_is_found_by_what_was_recovered_in_it(run: Path, t
     other = content.replace(b"a soma:Episode", b"a owl:Thing")
     refused = client.post("/v1/experiences", params={"name": "two"}, content=other)
     assert refused.status_code == 422
-    assert refused.json()["diagnostics"][0]["code"] == "K031"
+    assert refused.json()["diagnostics"][0]["code"] == "K080"
     store.close()

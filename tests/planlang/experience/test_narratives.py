@@ -197,7 +197,7 @@ def test_a_narrative_that_contradicts_itself_is_refused(old: str, new: str, reas
     assert old in text
     with pytest.raises(BadInput, match=reason) as refused:
         read_narrative(text.replace(old, new), "narrative.ttl")
-    assert {one.code for one in refused.value.diagnostics} == {"K031"}
+    assert {one.code for one in refused.value.diagnostics} == {"K080"}
 
 
 def test_the_vocabulary_has_all_failures_of_the_plan_language_below_each_other_as_there() -> None:
