@@ -65,7 +65,7 @@ def _recipe_or_map(found: RecipeFile, arguments: CheckArguments) -> Answer:
 
 
 def _lacks_task(problem: BadInput) -> bool:
-    return [one.code for one in problem.diagnostics if one.severity is Severity.ERROR] == ["R001"]
+    return any(one.code == "R001" and one.severity is Severity.ERROR for one in problem.diagnostics)
 
 
 # Fixes of a recipe

@@ -13,12 +13,14 @@ from planlang.diagnostics import BadInput, error
 from planlang.knowledge.sqlite_store import SqliteStore
 from planlang.knowledge.stores import SCHEME, Store
 
+NEEDED = ("fastapi", "uvicorn", "jinja2", "python_multipart")
+"""Modules of the extra that every server needs."""
 LONGEST_AUTHOR = 100
 
 
 def command(arguments: ServeArguments) -> Answer:
     """Serve until somebody ends it, or make a key. Raises BadInput."""
-    missing = [name for name in ("fastapi", "uvicorn") if find_spec(name) is None]
+    missing = [name for name in NEEDED if find_spec(name) is None]
     if missing:
         message = f"the server needs packages that are not installed: {', '.join(missing)}"
         raise BadInput([error("K004", message, help="pip install 'planlang[serve]'")])
