@@ -17,6 +17,8 @@ from executive.cli.arguments import (
     CheckArguments,
     CompileArguments,
     ConvertArguments,
+    EnableArguments,
+    ExportArguments,
     InspectArguments,
     LocateArguments,
     MakeArguments,
@@ -98,7 +100,9 @@ for name, arguments, example in (
     ("convert", ConvertArguments, "my_recipe.owl --to manchester -o my_recipe.omn"),
     ("match", MatchArguments, "serve_a_drink --robot amigo"),
     ("run", RunArguments, "serve_a_drink --seed 3 --trace run.jsonl --picture scene.png"),
+    ("enable", EnableArguments, "serve_a_drink --robot amigo --from http://localhost:8080 --run"),
     ("replay", ReplayArguments, "run.jsonl"),
+    ("export", ExportArguments, "run.jsonl --to neem -o experience"),
     (
         "locate",
         LocateArguments,

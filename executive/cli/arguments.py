@@ -159,6 +159,35 @@ class ConvertArguments(Arguments):
     force: Force = False
 
 
+class Form(Enum):
+    """How experience is written."""
+
+    NEEM = "neem"
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExportArguments(Arguments):
+    """Write what was done in a run as others do: a NEEM, a narrative in Turtle with poses over time.
+
+    The narrative has SOMA's and DUL's terms: actions, participants, intervals, outcomes, failures, designators and
+    what they were resolved to.
+    """
+
+    trace: Annotated[Path, typer.Argument(metavar="TRACE", help="The trace of a run.")]
+    to: Annotated[Form, typer.Option("--to", help="The form to write.", show_default=False)]
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="FOLDER", help="Write narrative.ttl and poses.jsonl here.")
+    ]
+    began: Annotated[
+        str | None,
+        typer.Option(metavar="TIME", help="When the run began, in ISO 8601; default: 0 h on 1 January 1970, UTC."),
+    ] = None
+    poses: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Also use the log of planlang run --poses of the same run.")
+    ] = None
+    force: Force = False
+
+
 @dataclass(frozen=True, kw_only=True)
 class MatchArguments(TaskArguments):
     """Check whether a robot has what a recipe requires, and say why.
@@ -201,6 +230,14 @@ class RunArguments(TaskArguments, VerboseArguments):
     accept: Accept = None
     environment: Environment = None
     start: Start = None
+    models: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="FOLDER",
+            help="The recognition models (and programs and maps) that the robot has: other classes are not recognised; "
+            "repeatable.",
+        ),
+    ] = None
     trust_map: Annotated[
         bool, typer.Option("--trust-map", help="Things count as seen where the map has them; needs no camera.")
     ] = False
@@ -241,6 +278,9 @@ class RunArguments(TaskArguments, VerboseArguments):
     record: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write a recording for rerun (needs planlang[record]).")
     ] = None
+    poses: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Log where things and links are, as JSON Lines, for export.")
+    ] = None
     upload: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write the map that the plan uploads, in Manchester syntax.")
     ] = None
@@ -259,6 +299,43 @@ class RunArguments(TaskArguments, VerboseArguments):
             help="Run although robot or program lack something; overwrite files that planlang did not write.",
         ),
     ] = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class EnableArguments(OntologyArguments, VerboseArguments):
+    """Find out what a robot lacks for a task, take exactly that from a knowledge base, and run the task.
+
+    Taken are the recipe, recognition models of the things among its parameters, a map that has them, and what these
+    depend on. Exit code 3: something is missing on both sides; then nothing is taken.
+    """
+
+    recipe: Annotated[
+        str, typer.Argument(metavar="TASK|RECIPE", help="A class of actions, a recipe's label or name, or its file.")
+    ]
+    source: Annotated[
+        str, typer.Option("--from", metavar="URL|STORE", help="The knowledge base: a server, or the file of a store.")
+    ]
+    robot: Robot = None
+    urdf: Urdf = None
+    environment: Environment = None
+    room: Annotated[str | None, typer.Option(metavar="TEXT", help="The map is of this room: number or name.")] = None
+    floor: Annotated[str | None, typer.Option(metavar="TEXT", help="The floor that the map shows.")] = None
+    building: Annotated[str | None, typer.Option(metavar="TEXT", help="The building that the map shows.")] = None
+    street: Annotated[str | None, typer.Option(metavar="TEXT", help="The street, with or without number.")] = None
+    city: Annotated[str | None, typer.Option(metavar="TEXT", help="The city that the map shows.")] = None
+    store: Annotated[
+        Path | None,
+        typer.Option(metavar="FOLDER", help="Keep what is taken in this folder; default: ROBOT_knowledge, here."),
+    ] = None
+    task: Annotated[str | None, typer.Option(metavar="CLASS", help="The task of a RECIPE that states several.")] = None
+    modules: Modules = None
+    trust: Trust = False
+    dry: Annotated[bool, typer.Option("--dry", help="Explain what would be taken; take nothing.")] = False
+    run: Annotated[bool, typer.Option("--run", help="Run the task with what the robot has then.")] = False
+    seed: Annotated[
+        int, typer.Option(min=0, metavar="N", help="With --run: displace things by this seed; 0: none.")
+    ] = 0
+    trace: Annotated[Path | None, typer.Option(metavar="FILE", help="With --run: write the trace.")] = None
 
 
 @dataclass(frozen=True, kw_only=True)

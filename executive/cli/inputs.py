@@ -60,8 +60,10 @@ def check_trusted(problems: list[Diagnostic], programs: Iterable[Path], *, trust
 
     for path in programs:
         if (path.resolve().parent / RECORD).exists() and (origin := origin_of(path)) is not None:
-            advice = "it is Python and can do all that you can: read it, then add --trust"
-            problems.append(error("K038", f"{path} was pulled from a server ({origin})", Span(str(path)), advice))
+            advice = "it can do all that you can: read it, then add --trust"
+            problems.append(
+                error("K038", f"a program that was pulled from a server: {origin}", Span(str(path)), advice)
+            )
 
 
 def refuse(problems: Sequence[Diagnostic]) -> None:

@@ -18,6 +18,9 @@ from planlang.knowledge.answers import RefusedByChecks, Taken
 from planlang.knowledge.client import Client
 from planlang.knowledge.entries import Entry, Kind
 
+_BUNDLED = {Kind.RECIPE: Bundled.RECIPE, Kind.ENVIRONMENT: Bundled.ENVIRONMENT, Kind.ROBOT: Bundled.ROBOT}
+"""Kinds of which some come with planlang, and may be named without a path."""
+
 
 def command(arguments: PushArguments) -> Answer:
     """Hand in a file and what is attached to it. Raises BadInput with what the server's checks found."""
@@ -29,10 +32,9 @@ def command(arguments: PushArguments) -> Answer:
         error("K039", f"two files are called {name}") for name in dict.fromkeys(names) if names.count(name) > 1
     ]
     refuse(problems)
-    path, kind = Path(arguments.file), kind_of(arguments.kind)
-    if kind is Kind.RECIPE:
-        path = Bundled.RECIPE.find(arguments.file)
+    kind = kind_of(arguments.kind)
     assert kind is not None
+    path = _BUNDLED[kind].find(arguments.file) if kind in _BUNDLED else Path(arguments.file)
     data = read_file(path)
 
     def work(client: Client) -> Answer:

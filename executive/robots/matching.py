@@ -360,9 +360,7 @@ class Matcher:
         enough = compared(kind, needed.number, answers)
         found = [part for part, answer in zip(self.robot.parts, answers, strict=True) if answer]
         if enough:
-            named = ", ".join(part.name for part in found[:3]) + (", ..." if len(found) > 3 else "")
-            span = next((part.span for part in found if part.span), None)
-            return Finding(FindingKind.COMPONENT, text, name, AVAILABLE, named or "none", span, (), needed.span)
+            return self._usable(needed, found)
         who = self.robot.robot
         if enough is None or (name is not None and not self.world.is_known(name)):
             return Finding(FindingKind.COMPONENT, text, name, UNKNOWN, "no ontology defines it", None, (), needed.span)
@@ -371,6 +369,29 @@ class Matcher:
             return Finding(FindingKind.COMPONENT, text, name, UNKNOWN, reason, None, (), needed.span)
         reason = f"{who} has {f'only {len(found)}' if found and kind != 'max' else len(found) or 'none'}"
         return Finding(FindingKind.COMPONENT, text, name, MISSING, reason, None, (), needed.span)
+
+    def _usable(self, needed: Requirement, found: Sequence[Part]) -> Finding:
+        """Return the finding about parts that are there: some may require others, as a recognition system its model."""
+        named = ", ".join(part.name for part in found[:3]) + (", ..." if len(found) > 3 else "")
+        span = next((part.span for part in found if part.span), None)
+        takes = [self._requirements(part) for part in found if needed.quantifier in ("some", "value")]
+        below = () if () in takes else min(takes, key=_worst, default=())
+        state = together(one.state for one in below)
+        reason = (named or "none") if state is AVAILABLE else f"{named} {_lacking(state, below)}"
+        return Finding(FindingKind.COMPONENT, needed.text, needed.name, state, reason, span, below, needed.span)
+
+    def _requirements(self, part: Part) -> tuple[Finding, ...]:
+        """Return the findings about the components that a part requires, by the classes that it is stated to be of."""
+        types = self.world.types(part.iri) if part.iri is not None else ()
+        stated = (needed for cls in types for needed in requirements_of(self.ontology, cls))
+        required = [one for one in stated if one.kind is FindingKind.COMPONENT]
+        key = f"{part.iri}"
+        if not required or key in self._open:
+            return ()
+        self._open[key] = None
+        found = tuple(self.component(one) for one in required)
+        del self._open[key]
+        return found
 
     def _fits(self, part: Part, needed: Requirement) -> bool | None:
         name = needed.name
@@ -448,6 +469,11 @@ class Matcher:
         if state is AVAILABLE:
             return AVAILABLE, stated
         return state, f"{stated}, but {_lacking(state, components)}"
+
+
+def _worst(findings: Iterable[Finding]) -> int:
+    """Return 0 if all that findings are about is there, 2 if something is missing, else 1."""
+    return (AVAILABLE, UNKNOWN, MISSING).index(together(one.state for one in findings))
 
 
 def _lacking(state: Availability, below: Iterable[Finding]) -> str:

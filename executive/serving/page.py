@@ -22,7 +22,6 @@ from executive.serving.details import details_of, known_of
 from executive.serving.entries import MOST_LISTED, known, listing
 from executive.serving.forms import Filled, Form
 from executive.serving.pages import FILES, HEADERS, PageRoute, page
-from executive.serving.places import LEVELS
 from executive.serving.problems import REFUSALS, Problem, Refusal, refusal
 from executive.serving.searching import Question, answered
 from executive.serving.serving import Served, Serving, now
@@ -30,6 +29,7 @@ from executive.serving.sources import LARGEST_SHOWN, MOST_SHOWN, lines_of, text_
 from planlang.diagnostics import BadInput, Diagnostic
 from planlang.files import decode
 from planlang.knowledge.entries import HIGHEST_RATING, LOWEST_RATING, Entry, Kind
+from planlang.knowledge.places import LEVELS
 from planlang.knowledge.stores import NoSuchEntry
 
 MOST_ROBOTS = 20

@@ -150,10 +150,13 @@ def _shown(data: object) -> str:
     return ascii(data)[:60] if not isinstance(data, dict | list) else type(data).__name__
 
 
-def printed(text: str) -> str:
-    """Return a stranger's text so that a terminal takes it as text: of bounded length, without control characters."""
+def printed(text: str, breaks: str = "") -> str:
+    """Return a stranger's text so that a terminal takes it as text: of bounded length, without control characters.
+
+    ``breaks``: those that are left.
+    """
     short = text[:LONGEST_TEXT]
-    return "".join(one if one.isprintable() or one in "\n\t" else "\N{REPLACEMENT CHARACTER}" for one in short)
+    return "".join(one if one.isprintable() or one in breaks else "\N{REPLACEMENT CHARACTER}" for one in short)
 
 
 def read_diagnostics(data: Mapping[str, Any]) -> tuple[Diagnostic, ...]:
@@ -175,7 +178,8 @@ def _diagnostic(data: object) -> Diagnostic | None:
     if not isinstance(code, str) or not isinstance(message, str):
         return None
     span = Span(printed(file), line, column) if isinstance(file, str) else None
-    return Diagnostic(severity, printed(code), printed(message), span, printed(help) if isinstance(help, str) else None)
+    advice = printed(help, "\n") if isinstance(help, str) else None
+    return Diagnostic(severity, printed(code), printed(message, "\n"), span, advice)
 
 
 _REFUSALS: dict[int, type[Refused]] = {403: NotTheAuthor, 404: NoSuchEntry, 409: EntryExists, 412: Changed}
@@ -191,7 +195,7 @@ def refusal(status: int, body: bytes) -> Exception:
     except NotAsAgreed:
         problem = {}
     stated = problem.get("detail") or problem.get("title")
-    detail = printed(stated) if isinstance(stated, str) else f"status {status}"
+    detail = printed(stated, "\n") if isinstance(stated, str) else f"status {status}"
     if status in _REFUSALS and problem:
         return _REFUSALS[status](detail)
     return _DECLINED.get(status, Declined)(status, detail, read_diagnostics(problem))

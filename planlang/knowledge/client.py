@@ -15,6 +15,7 @@ import json
 import secrets
 import time
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from itertools import islice
 from types import TracebackType
 from typing import Any
@@ -180,8 +181,9 @@ class Client:
         return read_taken(as_json(reply.body))
 
     def delete(self, entry: Entry) -> None:
-        """Delete an entry with all that belongs to it. Raises Changed, NoSuchEntry."""
-        self._connection.send("DELETE", _path(entry.kind.value, entry.uid), headers={"If-Match": entry.etag})
+        """Delete an entry with all that belongs to it; one that is gone already is as it should be. Raises Changed."""
+        with suppress(NoSuchEntry):
+            self._connection.send("DELETE", _path(entry.kind.value, entry.uid), headers={"If-Match": entry.etag})
 
     def attach(self, uid: str, name: str, media_type: str, data: bytes) -> Entry:
         """Keep a file with an entry, in the place of one of that name."""

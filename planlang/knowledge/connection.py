@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from email.utils import parsedate_to_datetime
+from http.cookiejar import DefaultCookiePolicy
 from random import SystemRandom
 from urllib.parse import urlsplit
 
@@ -64,6 +65,7 @@ class Connection:
         if key is not None:
             headers["Authorization"] = f"Bearer {key}"
         self._http = httpx.Client(headers=headers, timeout=_TIMEOUT, transport=transport)
+        self._http.cookies.jar.set_policy(DefaultCookiePolicy(allowed_domains=[]))
 
     def close(self) -> None:
         """Close the connection."""
@@ -150,9 +152,9 @@ def checked_url(url: str) -> str:
     """Return a server's address without a slash at its end. Raises ValueError, with the reason, for what is none."""
     try:
         parts = urlsplit(url)
-        _ = parts.port
-    except ValueError as problem:
-        raise ValueError(f"{problem}") from None
+        httpx.URL(url).host.encode("idna")
+    except (httpx.InvalidURL, UnicodeError) as problem:
+        raise ValueError(str(problem)) from None
     if parts.scheme not in ("http", "https") or not parts.hostname or not url.isprintable() or " " in url:
         raise ValueError("it begins with http:// or https:// and a host")
     if parts.username is not None or parts.query or parts.fragment:

@@ -58,11 +58,9 @@ def check_free(folder: Path, names: Mapping[str, Origin], *, force: bool) -> lis
         path = folder / name
         if path.is_dir():
             problems.append(error("C004", f"{path} is a folder"))
-        elif path.exists() and not force:
-            known = [one.sha256 for one in (origin, before.get(name)) if one is not None]
-            if digest_of(path) not in known:
-                advice = "-o FOLDER names another folder, --force overwrites it"
-                problems.append(error("C005", f"{path} exists and has another text", help=advice))
+        elif path.exists() and not force and not is_as_pulled(path, origin, before.get(name)):
+            advice = "-o FOLDER names another folder, --force overwrites it"
+            problems.append(error("C005", f"{path} exists and has another text", help=advice))
     return problems
 
 
@@ -79,9 +77,12 @@ def record(folder: Path, names: Mapping[str, Origin], *, force: bool) -> None:
     replace(folder / RECORD, lambda temporary: temporary.write_text(text, encoding="utf-8"))
 
 
-def digest_of(path: Path) -> str:
-    """Return the SHA-256 of a file in hexadecimal digits. Raises BadInput."""
-    return sha256(read_file(path)).hexdigest()
+def is_as_pulled(path: Path, *origins: Origin | None) -> bool:
+    """Return True if a file is there and is what was pulled, of one of some origins."""
+    try:
+        return sha256(read_file(path)).hexdigest() in [one.sha256 for one in origins if one is not None]
+    except BadInput:
+        return False
 
 
 def origin_of(path: Path) -> Origin | None:

@@ -8,6 +8,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -212,13 +213,34 @@ def test_ctrl_c_is_the_usual_end_of_watching() -> None:
     assert (process.returncode, said) == (0, "watching serveadrink.ada, serveadrink.ben\n")
 
 
+def test_watching_goes_on_when_the_server_was_away(server: RunningServer) -> None:
+    words = [sys.executable, "-m", "executive", "watch", "serveadrink.ada", "--every", "0.1", "--after", "0"]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        server.stop()
+        server.start()
+        invoke("rate", "serveadrink.ada", "1")
+        last = server.store.last_news()
+        lost = threading.Timer(30, process.kill)
+        lost.start()
+        assert any(int(line.split()[0]) == last for line in process.stdout)
+        lost.cancel()
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=20)
+    assert process.returncode == 0
+
+
 def test_without_the_server_what_was_pulled_is_there_and_said_to_be_old(
     server: RunningServer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("planlang.knowledge.connection.FIRST_PAUSE", 0.001)
     assert invoke("pull", "serveadrink.ada", "-o", "first").exit_code == 0
+    found = invoke("search", "ServingFoodOrDrink")
     server.stop()
     try:
+        same = invoke("search", "ServingFoodOrDrink")
+        assert (same.stdout, codes(same)) == (found.stdout, ["K033"])
         again = invoke("pull", "serveadrink.ada", "-o", "second")
         assert (again.exit_code, codes(again)) == (0, ["K038", "K033"]), again.output
         assert (tmp_path / "second" / "hello.py").read_text() == PLAN
