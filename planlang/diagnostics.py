@@ -248,6 +248,7 @@ CODES: dict[str, str] = {
     "M018": "a direction has no three numbers, or is of length zero",
     "M019": "a link of a world in URDF has no box: its mesh is not there, and no label tells its size",
     "M020": "a file of labels for a world in URDF is not as it should be",
+    "M021": "a larger place is stated as a part of a smaller one; it is turned around",
     "M030": "a number is in a unit of another dimension, or in an unknown one",
     # B: binding robots
     "B001": "a robot file is not as it should be",
@@ -348,5 +349,7 @@ CODES: dict[str, str] = {
     "K040": "what a knowledge base gives has not the hash that its entry states",
     "K041": "the list of what a robot took from a knowledge base is damaged",
     "K042": "a knowledge base names an entry or a file by what is no name",
+    "K080": "a narrative tells of no episode, or contradicts itself",
+    "K081": "a log of poses is none, or of another run than the trace",
 }
 """Code -> what it means, one line each; the README's table is made from it."""

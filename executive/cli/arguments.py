@@ -159,6 +159,35 @@ class ConvertArguments(Arguments):
     force: Force = False
 
 
+class Form(Enum):
+    """How experience is written."""
+
+    NEEM = "neem"
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExportArguments(Arguments):
+    """Write what was done in a run as others do: a NEEM, a narrative in Turtle with poses over time.
+
+    The narrative has SOMA's and DUL's terms: actions, participants, intervals, outcomes, failures, designators and
+    what they were resolved to.
+    """
+
+    trace: Annotated[Path, typer.Argument(metavar="TRACE", help="The trace of a run.")]
+    to: Annotated[Form, typer.Option("--to", help="The form to write.", show_default=False)]
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="FOLDER", help="Write narrative.ttl and poses.jsonl here.")
+    ]
+    began: Annotated[
+        str | None,
+        typer.Option(metavar="TIME", help="When the run began, in ISO 8601; default: 0 h on 1 January 1970, UTC."),
+    ] = None
+    poses: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Also use the log of planlang run --poses of the same run.")
+    ] = None
+    force: Force = False
+
+
 @dataclass(frozen=True, kw_only=True)
 class MatchArguments(TaskArguments):
     """Check whether a robot has what a recipe requires, and say why.
@@ -248,6 +277,9 @@ class RunArguments(TaskArguments, VerboseArguments):
     ] = None
     record: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write a recording for rerun (needs planlang[record]).")
+    ] = None
+    poses: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Log where things and links are, as JSON Lines, for export.")
     ] = None
     upload: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write the map that the plan uploads, in Manchester syntax.")

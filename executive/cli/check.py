@@ -54,7 +54,7 @@ def command(arguments: CheckArguments) -> Answer:
 
 
 def _lacks_task(problem: BadInput) -> bool:
-    return [one.code for one in problem.diagnostics if one.severity is Severity.ERROR] == ["R001"]
+    return any(one.code == "R001" and one.severity is Severity.ERROR for one in problem.diagnostics)
 
 
 # Fixes of a recipe

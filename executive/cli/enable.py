@@ -15,10 +15,10 @@ from executive.enabling.needs import Enabling
 from executive.enabling.shelf import open_shelf
 from executive.modules.bundled import performed_by
 from executive.robots import bind_robot, possessions_of
-from executive.serving.places import LEVELS
 from planlang.diagnostics import Diagnostic
 from planlang.files import Bundled
 from planlang.knowledge.entries import Kind
+from planlang.knowledge.places import LEVELS
 
 
 def command(arguments: EnableArguments) -> Answer:

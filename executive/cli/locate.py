@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from itertools import islice
@@ -67,7 +67,7 @@ def command(arguments: LocateArguments) -> Answer:
         truth = PyBulletWorld(world.scene, robot.body())  # which is as believed: nothing moves
         stack.callback(truth.close)
         platform = platform_of(robot, semantic_map, truth, world, 0, silent if arguments.json else say)
-        meant = _meant([*location.things(), *([] if what is None else [what])], lexicon, platform)
+        meant = _meant([*location.things(), *([] if what is None else [what])], lexicon, platform, found)
         found.extend(_choices(meant, lexicon, platform))
         try:
             return _resolved(location, what, lexicon, platform, meant, found, arguments)
@@ -84,8 +84,10 @@ def _missing(message: str, found: Iterable[Diagnostic]) -> Answer:
     return Answer(ExitCode.MISSING_CAPABILITY, tuple(found), text, data)
 
 
-def _meant(designators: Iterable[Object], lexicon: Lexicon, platform: Platform) -> dict[Object, str]:
-    """Return the body that each designator means; raises BadInput when the map has none."""
+def _meant(
+    designators: Iterable[Object], lexicon: Lexicon, platform: Platform, found: Sequence[Diagnostic]
+) -> dict[Object, str]:
+    """Return the body that each designator means; raises BadInput, with what was found, when the map has none."""
     meant: dict[Object, str] = {}
     problems = []
     for what in dict.fromkeys(designators):
@@ -96,7 +98,7 @@ def _meant(designators: Iterable[Object], lexicon: Lexicon, platform: Platform) 
             message = f"the map has no {write_thing(what, lexicon).removeprefix('the ')}"
             problems.append(error("P008", message, help=f"it has {known}"))
     if problems:
-        raise BadInput(problems)
+        raise BadInput([*found, *problems])
     return meant
 
 

@@ -43,6 +43,7 @@ class Catalogue:
         self._listed: dict[str, Listed] = {}
         self._uids: dict[Kind | None, list[str]] = {kind: [] for kind in (None, *Kind)}
         self._names: dict[str, set[str]] = {name: set(iris) for name, iris in vocabulary.names.items()}
+        self._known_names: Mapping[str, Iterable[str]] | None = None  # what others look through is not added to
         self._stale: dict[str, None] = {}
         self._lock = threading.RLock()
         self._seen = store.last_news()
@@ -57,7 +58,16 @@ class Catalogue:
     @property
     def names(self) -> Mapping[str, Iterable[str]]:
         """Local names that may be asked for -> their IRIs: a name of the vocabulary's own is no other one's."""
-        return self._names
+        with self._lock:
+            self._follow()
+            if self._known_names is None:
+                self._known_names = {name: tuple(iris) for name, iris in self._names.items()}
+            return self._known_names
+
+    @property
+    def stale(self) -> int:
+        """The number of entries that :meth:`renew` has still to describe."""
+        return len(self._stale)
 
     def uids(self, kind: Kind | None = None, after: str = "", limit: int = 100) -> tuple[str, ...]:
         """Return identifiers behind one, sorted."""
@@ -122,6 +132,7 @@ class Catalogue:
             name = local_name(iri)
             if name not in self._vocabulary.names:
                 self._names.setdefault(name, set()).add(iri)
+                self._known_names = None
 
     def _remove(self, uid: str) -> None:
         listed = self._listed.pop(uid, None)
@@ -135,7 +146,7 @@ class Catalogue:
         with self._lock:
             if not self._stale:
                 return False
-            uid, _ = self._stale.popitem()
+            uid = next(iter(self._stale))
         with suppress(NoSuchEntry, Changed, BadInput):  # it is another entry by now, or keeps what it has
             entry = self._store.entry(uid)
             name, data = uid.partition(".")[2], self._store.content(uid, entry.revision.number)
@@ -144,4 +155,6 @@ class Catalogue:
                 self._store.describe(uid, packed(made, self._vocabulary), entry.etag)
                 self._remove(uid)
                 self._list(entry, made)
+        with self._lock:
+            self._stale.pop(uid, None)
         return True

@@ -11,12 +11,12 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from executive.serving.catalogue import Listed
 from executive.serving.entries import MOST_LISTED, listing
-from executive.serving.places import LEVELS
 from executive.serving.problems import Problem
 from executive.serving.records import record
 from executive.serving.serving import Served, Serving
 from planlang.knowledge.entries import Entry, Kind
 from planlang.knowledge.index import CannotAnswer
+from planlang.knowledge.places import LEVELS
 from planlang.knowledge.questions import LONGEST, read_question
 
 router = APIRouter(prefix="/v1", tags=["search"])

@@ -13,16 +13,17 @@ from pathlib import Path
 from executive.belief.object_models import WHOLES
 from executive.belief.semantic_map import read_map
 from executive.robots.robot import read_self_model
-from executive.serving.places import places
 from executive.serving.vocabulary import Vocabulary
 from planlang.compiler import compile_ontology
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors
+from planlang.experience import episode_in
 from planlang.files import decode
 from planlang.knowledge.axioms import own_axioms_of
 from planlang.knowledge.completion import TooLarge
 from planlang.knowledge.descriptions import Description, described
 from planlang.knowledge.entries import Content, Kind, Syntax, uid_of
+from planlang.knowledge.places import places
 from planlang.ontology import BNode, Literal, Ontology, documents, expand, load
 from planlang.ontology.terms import OWL, RDF, RDFS
 
@@ -129,6 +130,8 @@ def _checked(kind: Kind, ontology: Ontology, about: str | None, found: list[Diag
         return plan.recipes.main.iri
     if kind is Kind.ENVIRONMENT:
         return _map_of(ontology, about, found)
+    if kind is Kind.EXPERIENCE:
+        return episode_in(ontology.alone().triples(), str(ontology.documents[0].path))
     if kind is Kind.ROBOT:
         robot = read_self_model(ontology).iri
         return robot if about is None else _named(ontology, about)
