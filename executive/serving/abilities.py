@@ -83,7 +83,8 @@ class Abilities:
         if reading.recipes is None:  # it was taken when more was known, or by another version
             return Judgement(Availability.UNKNOWN)
         found = match(ontology, reading.recipes, possessions, performed=_performed())
-        return Judgement(found.tree.state, found.lacking())
+        unknown = (Missing(one.iri or one.text, one.kind, one.state, (), one.reason) for one in found.unknown())
+        return Judgement(found.tree.state, (*found.lacking(), *unknown))
 
 
 def _by_classes(ontology: Ontology, about: str, possessions: Possessions) -> Judgement:

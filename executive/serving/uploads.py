@@ -18,6 +18,7 @@ from executive.serving.vocabulary import Vocabulary
 from planlang.compiler import compile_ontology
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors
+from planlang.experience import episode_in
 from planlang.files import decode
 from planlang.knowledge.axioms import own_axioms_of
 from planlang.knowledge.completion import TooLarge
@@ -135,6 +136,8 @@ def _checked(kind: Kind, ontology: Ontology, about: str | None, found: list[Diag
         return plan.recipes.main.iri
     if kind is Kind.ENVIRONMENT:
         return _map_of(ontology, about, found)
+    if kind is Kind.EXPERIENCE:
+        return episode_in(ontology.alone().triples(), str(ontology.documents[0].path))
     if kind is Kind.ROBOT:
         robot = read_self_model(ontology).iri
         return robot if about is None else _named(ontology, about)
