@@ -15,13 +15,19 @@ from planlang.knowledge.answers import Declined, KeyNeeded, NoAnswer, NotAsAgree
 from planlang.knowledge.client import Client
 from planlang.knowledge.connection import kept_answers
 from planlang.knowledge.entries import Kind
-from planlang.knowledge.stores import Refused
+from planlang.knowledge.stores import Changed, EntryExists, NoSuchEntry, Refused
 
 SERVER, KEY = "PLANLANG_SERVER", "PLANLANG_KEY"
 """Environment variables of the server's address and of the author's key."""
 LARGEST_KEY_FILE = 1_000
 _KEY = re.compile(r"[A-Za-z0-9._~+/=-]{1,500}")
 _MAKE = "planlang serve --store FILE --new-key AUTHOR makes one where the server runs"
+_ADVICE: dict[type[Refused], str] = {
+    KeyNeeded: f"--key-file FILE, or {KEY}, gives your key; {_MAKE}",
+    NoSuchEntry: "planlang search lists what there is",
+    EntryExists: "--update makes the next revision of your own; another --name makes another entry",
+    Changed: "pull it, and push again what you have changed in it",
+}
 
 
 def ask(arguments: ServerArguments, work: Callable[[Client], Answer]) -> Answer:
@@ -72,11 +78,8 @@ def _refused(url: str, problem: Refused) -> BadInput:
     found = problem.diagnostics if isinstance(problem, Declined) else ()
     if has_errors(found):
         return BadInput(found)
-    advice = None
-    if isinstance(problem, KeyNeeded):
-        advice = f"--key-file FILE, or {KEY}, gives your key; {_MAKE}"
     message = "; ".join((str(problem), *getattr(problem, "__notes__", ())))
-    return BadInput([*found, error("K036", f"{url} refuses: {message}", help=advice)])
+    return BadInput([*found, error("K036", f"{url} refuses: {message}", help=_ADVICE.get(type(problem)))])
 
 
 def kind_of(word: KindWord | None) -> Kind | None:
