@@ -175,6 +175,11 @@ CODES: dict[str, str] = {
     "O050": "a syntax cannot say what a file says: it is lost in converting it",
     "O051": "a syntax declares what a converted file does not declare",
     "O052": "a syntax says in another way what a converted file says",
+    "O060": "a class is unsatisfiable: nothing can be of it",
+    "O061": "what is said of individuals contradicts itself",
+    "O062": "a reasoner is not given a statement as it is",
+    "O063": "a reasoner has not ended in its time, or cannot take an ontology",
+    "O064": "reasoning needs Java and owlready2",
     # R: recipes
     "R001": "the file has no task, or not the requested one",
     "R002": "the file has several tasks, and none was chosen",

@@ -48,7 +48,7 @@ class Question(BaseModel):
 class RobotsQuestion(Question):
     """A question by a robot, which is told which of the recipes it can do."""
 
-    robot: Annotated[str | None, Field(max_length=8_000_000)] = None
+    robot: Annotated[str | None, Field(max_length=2_000_000)] = None
     """The text of its self-model."""
 
 
