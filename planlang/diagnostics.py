@@ -175,6 +175,11 @@ CODES: dict[str, str] = {
     "O050": "a syntax cannot say what a file says: it is lost in converting it",
     "O051": "a syntax declares what a converted file does not declare",
     "O052": "a syntax says in another way what a converted file says",
+    "O060": "a class is unsatisfiable: nothing can be of it",
+    "O061": "what is said of individuals contradicts itself",
+    "O062": "a reasoner is not given a statement as it is",
+    "O063": "a reasoner has not ended in its time, or cannot take an ontology",
+    "O064": "reasoning needs Java and owlready2",
     # R: recipes
     "R001": "the file has no task, or not the requested one",
     "R002": "the file has several tasks, and none was chosen",
@@ -350,6 +355,8 @@ CODES: dict[str, str] = {
     "K039": "the name of what is pushed means nothing, or several things",
     "K040": "what a knowledge base gives has not the hash that its entry states",
     "K041": "the list of what a robot took from a knowledge base is damaged",
-    "K042": "a knowledge base names an entry or a file by what is no name",
+    "K043": "a key was sent over a network without TLS",
+    "K080": "a narrative tells of no episode, or contradicts itself",
+    "K081": "a log of poses is none, or of another run than the trace",
 }
 """Code -> what it means, one line each; the README's table is made from it."""

@@ -18,6 +18,7 @@ from executive.cli.arguments import (
     CompileArguments,
     ConvertArguments,
     EnableArguments,
+    ExportArguments,
     InspectArguments,
     LocateArguments,
     MakeArguments,
@@ -103,6 +104,7 @@ for name, arguments, example in (
     ("run", RunArguments, "serve_a_drink --seed 3 --trace run.jsonl --picture scene.png"),
     ("enable", EnableArguments, "serve_a_drink --robot amigo --from http://localhost:8080 --run"),
     ("replay", ReplayArguments, "run.jsonl"),
+    ("export", ExportArguments, "run.jsonl --to neem -o experience"),
     (
         "locate",
         LocateArguments,

@@ -99,6 +99,13 @@ class Reading(Enum):
     ORIGINAL = "original"
 
 
+class LogicReasoner(Enum):
+    """The reasoners that ``check`` may ask."""
+
+    HERMIT = "hermit"
+    PELLET = "pellet"
+
+
 @dataclass(frozen=True, kw_only=True)
 class CompileArguments(TaskArguments, VerboseArguments):
     """Compile a recipe to a plan in Python."""
@@ -145,6 +152,14 @@ class CheckArguments(TaskArguments):
     force: Annotated[
         bool, typer.Option("--force", help="With --output: overwrite a file that planlang did not write.")
     ] = False
+    reason: Annotated[
+        bool,
+        typer.Option("--reason", help="Also let a reasoner for description logic look for contradictions; needs Java."),
+    ] = False
+    reasoner: Annotated[LogicReasoner, typer.Option(help="With --reason: which one.")] = LogicReasoner.HERMIT
+    reason_seconds: Annotated[
+        float, typer.Option(min=1.0, metavar="SECONDS", help="With --reason: the time that it has.")
+    ] = 120.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -155,6 +170,35 @@ class ConvertArguments(Arguments):
     to: Annotated[Syntax, typer.Option("--to", help="The syntax to write.", show_default=False)]
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="FILE", help="Write the text to this file, not to stdout.")
+    ] = None
+    force: Force = False
+
+
+class Form(Enum):
+    """How experience is written."""
+
+    NEEM = "neem"
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExportArguments(Arguments):
+    """Write what was done in a run as others do: a NEEM, a narrative in Turtle with poses over time.
+
+    The narrative has SOMA's and DUL's terms: actions, participants, intervals, outcomes, failures, designators and
+    what they were resolved to.
+    """
+
+    trace: Annotated[Path, typer.Argument(metavar="TRACE", help="The trace of a run.")]
+    to: Annotated[Form, typer.Option("--to", help="The form to write.", show_default=False)]
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="FOLDER", help="Write narrative.ttl and poses.jsonl here.")
+    ]
+    began: Annotated[
+        str | None,
+        typer.Option(metavar="TIME", help="When the run began, in ISO 8601; default: 0 h on 1 January 1970, UTC."),
+    ] = None
+    poses: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Also use the log of planlang run --poses of the same run.")
     ] = None
     force: Force = False
 
@@ -264,6 +308,9 @@ class RunArguments(TaskArguments, VerboseArguments):
     ] = None
     record: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write a recording for rerun (needs planlang[record]).")
+    ] = None
+    poses: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Log where things and links are, as JSON Lines, for export.")
     ] = None
     upload: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write the map that the plan uploads, in Manchester syntax.")

@@ -69,6 +69,7 @@ def options_of(arguments: RunArguments) -> RunOptions:
     additions = environments(further, problems)
     trace = arguments.trace or arguments.resume
     outputs = {"--picture": arguments.picture, "--trace": trace, "--record": arguments.record}
+    outputs["--poses"] = arguments.poses
     outputs["--upload"] = arguments.upload
     inputs = {"the plan": found.path, "--urdf": arguments.urdf, "--robot": robot, "--environment": semantic_map}
     inputs |= {f"--modules {file}": file for file in arguments.modules or ()}
@@ -105,6 +106,7 @@ def options_of(arguments: RunArguments) -> RunOptions:
         trace=trace,
         picture=arguments.picture,
         record=arguments.record,
+        poses=arguments.poses,
         upload=arguments.upload,
         force=arguments.force,
         resume=recorded,

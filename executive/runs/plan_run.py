@@ -104,6 +104,8 @@ class RunOptions:
     trace: Path | None = None
     picture: Path | None = None
     record: Path | None = None
+    poses: Path | None = None
+    """The file for a log of where things and links are."""
     upload: Path | None = None
     """The file for maps that the plan uploads."""
     force: bool = False
@@ -383,6 +385,12 @@ class Run:
             film = recording = Recording(truth.rate, drawn, title=self.plan.name)
             listeners.append(lines_of(recording.event))
             watchers.append(lambda world: film.frame(world.steps))
+        log = None
+        if options.poses is not None:
+            from executive.runs.pose_log import PoseLog  # most runs leave none
+
+            log = PoseLog(truth, {**header, "seed": options.seed, "schedule": options.schedule})
+            watchers.append(log)
         trace = ListenedTrace.to(options.trace, header, tuple(listeners), past)
         world = _WatchedWorld(truth, watchers)
         outcome, message = Outcome.DONE, "done"
@@ -423,6 +431,8 @@ class Run:
                 write_complete(options.picture, partial(truth.save_picture, of=meant))
             if recording is not None and options.record is not None:
                 write_complete(options.record, recording.save)
+            if log is not None and options.poses is not None:
+                write_complete(options.poses, log.save)
         state = tuple(state_lines(truth, _bodies_of(bound, executive.platform.belief, truth)))
         return RunResult(outcome, message, state, tuple(self.found), truth.steps / truth.rate, failures, tilts)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from executive.robots import requirements
 from executive.serving.sources import LARGEST_SHOWN
@@ -80,7 +80,7 @@ class Known:
 
     classes: tuple[str, ...] = ()
     expressions: tuple[str, ...] = ()
-    place: tuple[tuple[str, str], ...] = ()
+    place: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
 def known_of(stored: bytes, vocabulary: Vocabulary) -> Known:
@@ -91,12 +91,12 @@ def known_of(stored: bytes, vocabulary: Vocabulary) -> Known:
     root = description.nodes[0]
     expressions: dict[str, None] = {}
     for prop, target in root.links:
-        label = target if isinstance(target, str) else next(iter(description.nodes[target].labels), THING)
-        quantifier = "value" if label.startswith("{") else "some"
-        expressions[f"{local_name(prop)} {quantifier} {_name(label)}"] = None
-    classes = dict.fromkeys(_name(label) for label in root.labels if label != THING)
-    return Known(tuple(classes)[:MOST_CLASSES], tuple(expressions)[:MOST_CLASSES], description.place[:MOST_PLACES])
-
-
-def _name(label: str) -> str:
-    return local_name(label.strip("{}"))
+        labels = (target,) if isinstance(target, str) else description.nodes[target].labels
+        cls = next((label for label in labels if label != THING and not label.startswith("{")), None)
+        if cls is not None:
+            expressions[f"{local_name(prop)} some {local_name(cls)}"] = None
+    place: dict[str, tuple[str, ...]] = {}
+    for level, text in description.place[:MOST_PLACES]:
+        place[level] = (*place.get(level, ()), text)
+    classes = dict.fromkeys(local_name(label.strip("{}")) for label in root.labels if label != THING)
+    return Known(tuple(classes)[:MOST_CLASSES], tuple(expressions)[:MOST_CLASSES], place)

@@ -7,7 +7,7 @@ adds to the vocabulary, and names of the vocabulary for everything else.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass
 
 from planlang.knowledge.axioms import Axioms, One
@@ -75,7 +75,7 @@ def described(
     found = []
     for number in queue:
         links: list[tuple[str, int | Label]] = []
-        for prop, target in nodes[number].links:
+        for prop, target in _with_own_above(nodes[number].links, vocabulary, own):
             if nodes[target].is_own or label_of(nodes[target].concept) is None:
                 if target not in numbers:
                     numbers[target] = len(numbers)
@@ -85,6 +85,15 @@ def described(
                 links.append((prop, label_of(nodes[target].concept) or ""))
         found.append(Described(_most_specific(nodes[number], vocabulary), tuple(sorted(links, key=repr))))
     return Description(tuple(found), tuple(words), tuple(place))
+
+
+def _with_own_above(links: Iterable[tuple[str, int]], vocabulary: Axioms, own: Axioms) -> Iterator[tuple[str, int]]:
+    """Yield links, each also by the properties that only the entry states above its own one."""
+    for prop, target in links:
+        yield prop, target
+        for upper in own.properties_above.get(prop, ()):
+            if upper != prop and upper not in vocabulary.properties_above.get(prop, ()):
+                yield upper, target
 
 
 def _spread_ownership(nodes: list[Node]) -> None:

@@ -185,3 +185,24 @@ def test_names_are_completed_from_their_beginning_first(client: TestClient) -> N
     names = client.get("/names", params={"start": "servingf"}).json()["names"]
     assert names[0] == "ServingFoodOrDrink"
     assert client.get("/names", params={"start": "FoodOrDr"}).json()["names"][0] == "FoodOrDrink"
+
+
+def test_a_step_that_nothing_performs_is_named_where_a_robot_perhaps_can_do_it(client: TestClient, key: str) -> None:
+    steps = "Class: Dream\n    SubClassOf: knowrob:Event\nClass: "
+    unperformed = RECIPE.replace(
+        "subAction some GraspBottle", "subAction some GraspBottle, knowrob:subAction some Dream"
+    )
+    assert "Taken." in upload(client, key, unperformed.replace("Class: ", steps, 1))
+    page = client.post("/recipes/serveadrink.ward/robots", files={"model": ("amigo.omn", AMIGO)}).text
+    assert "perhaps it can do it" in page
+    assert "Dream" in page.partition("lacks or may lack")[2].partition("</summary>")[0]
+
+
+def test_a_robot_of_the_store_is_asked_for_by_its_identifier(client: TestClient, key: str) -> None:
+    upload(client, key)
+    upload(client, key, BARE_ROBOT, kind="robots", name="own")
+    assert "cannot do it" in client.get("/recipes/serveadrink.ward", params={"robot": "bare.own"}).text
+    assert client.get("/recipes/serveadrink.ward", params={"robot": "serveadrink.ward"}).status_code == 404
+    found = client.get("/search", params={"robot": "bare.own"}).text
+    assert "cannot do it" in found
+    assert 'href="/robots/bare.own"' not in found
