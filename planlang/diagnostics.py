@@ -353,7 +353,6 @@ CODES: dict[str, str] = {
     "K039": "the name of what is pushed means nothing, or several things",
     "K040": "what a knowledge base gives has not the hash that its entry states",
     "K041": "the list of what a robot took from a knowledge base is damaged",
-    "K042": "a knowledge base names an entry or a file by what is no name",
     "K043": "a key was sent over a network without TLS",
     "K080": "a narrative tells of no episode, or contradicts itself",
     "K081": "a log of poses is none, or of another run than the trace",
