@@ -14,12 +14,13 @@ from pathlib import Path
 from executive.belief.semantic_map import read_map
 from executive.enabling.folder import Folder
 from executive.enabling.search import Combination, Need, Offer, combine
-from executive.enabling.shelf import Found, Links, Shelf
+from executive.enabling.shelf import Shelf
 from executive.robots.matching import Matcher, Possessions
 from executive.robots.requirements import NEEDED, WORDS, Availability, Finding, FindingKind, Requirement
 from executive.robots.tasks import HARDWARE, UNKNOWN_STEP, match
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Span, has_errors
+from planlang.knowledge.answers import Found, Links
 from planlang.knowledge.entries import Kind
 from planlang.ontology import Ontology, expand, load
 from planlang.ontology.expressions import Expression
@@ -172,7 +173,7 @@ class Enabling:
         if iri is not None and (is_disproved or self.vocabulary.taxonomy.is_below(iri, HARDWARE)):
             reason = f"{finding.reason}; that is hardware or depends on it, which no knowledge base has"
             return self._want(need, Wanted(finding.kind, finding.text, iri, lacks=reason, own=own))
-        reason = finding.reason if own else f"{finding.reason}, and {self.shelf.name} has none"
+        reason = finding.reason if own else f"{finding.reason}, and {self.shelf.url} has none"
         search = partial(self.shelf.search, asked)
         return self._want(need, Wanted(finding.kind, finding.text, iri, lacks=reason, own=own, search=search))
 
@@ -248,15 +249,15 @@ class Enabling:
         matcher = Matcher(self.vocabulary, self.robot)
         if kind is FindingKind.CAPABILITY:
             return self._of_requirement(matcher.capability(target))
-        expression = Expression("name", Span(self.shelf.name), term=target)
-        return self._of_requirement(matcher.component(Requirement(kind, "some", expression, 1, Span(self.shelf.name))))
+        expression = Expression("name", Span(self.shelf.url), term=target)
+        return self._of_requirement(matcher.component(Requirement(kind, "some", expression, 1, Span(self.shelf.url))))
 
     def _want(self, need: Need, wanted: Wanted) -> Need:
         self.wanted[need] = wanted
         return need
 
     def _none(self) -> str:
-        return f"{self.robot.robot} has none, and {self.shelf.name} has none"
+        return f"{self.robot.robot} has none, and {self.shelf.url} has none"
 
     def _recipes(self, expression: str | None = None, label: str | None = None) -> Sequence[Found]:
         return self.shelf.search(expression, label=label, kind=Kind.RECIPE)
