@@ -254,6 +254,8 @@ CODES: dict[str, str] = {
     "M019": "a link of a world in URDF has no box: its mesh is not there, and no label tells its size",
     "M020": "a file of labels for a world in URDF is not as it should be",
     "M021": "a larger place is stated as a part of a smaller one; it is turned around",
+    "M022": "maps that are merged disagree: about a pose, a value or a class",
+    "M023": "maps that are merged have one thing by two names",
     "M030": "a number is in a unit of another dimension, or in an unknown one",
     # B: binding robots
     "B001": "a robot file is not as it should be",

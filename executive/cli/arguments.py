@@ -204,6 +204,22 @@ class ExportArguments(Arguments):
 
 
 @dataclass(frozen=True, kw_only=True)
+class MergeArguments(OntologyArguments, VerboseArguments):
+    """Merge maps of one place, in one frame, and list what they disagree about.
+
+    The newest pose of each thing counts; of equally new ones, and of other facts, those of the map that is named later.
+    """
+
+    maps: Annotated[
+        list[str], typer.Argument(metavar="MAP...", help="Files of maps (OWL or URDF), or bundled environments' names.")
+    ]
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="FILE", help="Write the map to this file, not to stdout.")
+    ] = None
+    force: Force = False
+
+
+@dataclass(frozen=True, kw_only=True)
 class MatchArguments(TaskArguments):
     """Check whether a robot has what a recipe requires, and say why.
 
