@@ -175,6 +175,11 @@ CODES: dict[str, str] = {
     "O050": "a syntax cannot say what a file says: it is lost in converting it",
     "O051": "a syntax declares what a converted file does not declare",
     "O052": "a syntax says in another way what a converted file says",
+    "O060": "a class is unsatisfiable: nothing can be of it",
+    "O061": "what is said of individuals contradicts itself",
+    "O062": "a reasoner is not given a statement as it is",
+    "O063": "a reasoner has not ended in its time, or cannot take an ontology",
+    "O064": "reasoning needs Java and owlready2",
     # R: recipes
     "R001": "the file has no task, or not the requested one",
     "R002": "the file has several tasks, and none was chosen",
@@ -249,6 +254,8 @@ CODES: dict[str, str] = {
     "M019": "a link of a world in URDF has no box: its mesh is not there, and no label tells its size",
     "M020": "a file of labels for a world in URDF is not as it should be",
     "M021": "a larger place is stated as a part of a smaller one; it is turned around",
+    "M022": "maps that are merged disagree: about a pose, a value or a class",
+    "M023": "maps that are merged have one thing by two names",
     "M030": "a number is in a unit of another dimension, or in an unknown one",
     # B: binding robots
     "B001": "a robot file is not as it should be",
@@ -348,7 +355,7 @@ CODES: dict[str, str] = {
     "K039": "the name of what is pushed means nothing, or several things",
     "K040": "what a knowledge base gives has not the hash that its entry states",
     "K041": "the list of what a robot took from a knowledge base is damaged",
-    "K042": "a knowledge base names an entry or a file by what is no name",
+    "K043": "a key was sent over a network without TLS",
     "K080": "a narrative tells of no episode, or contradicts itself",
     "K081": "a log of poses is none, or of another run than the trace",
 }

@@ -99,6 +99,13 @@ class Reading(Enum):
     ORIGINAL = "original"
 
 
+class LogicReasoner(Enum):
+    """The reasoners that ``check`` may ask."""
+
+    HERMIT = "hermit"
+    PELLET = "pellet"
+
+
 @dataclass(frozen=True, kw_only=True)
 class CompileArguments(TaskArguments, VerboseArguments):
     """Compile a recipe to a plan in Python."""
@@ -145,6 +152,14 @@ class CheckArguments(TaskArguments):
     force: Annotated[
         bool, typer.Option("--force", help="With --output: overwrite a file that planlang did not write.")
     ] = False
+    reason: Annotated[
+        bool,
+        typer.Option("--reason", help="Also let a reasoner for description logic look for contradictions; needs Java."),
+    ] = False
+    reasoner: Annotated[LogicReasoner, typer.Option(help="With --reason: which one.")] = LogicReasoner.HERMIT
+    reason_seconds: Annotated[
+        float, typer.Option(min=1.0, metavar="SECONDS", help="With --reason: the time that it has.")
+    ] = 120.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -184,6 +199,22 @@ class ExportArguments(Arguments):
     ] = None
     poses: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Also use the log of planlang run --poses of the same run.")
+    ] = None
+    force: Force = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class MergeArguments(OntologyArguments, VerboseArguments):
+    """Merge maps of one place, in one frame, and list what they disagree about.
+
+    The newest pose of each thing counts; of equally new ones, and of other facts, those of the map that is named later.
+    """
+
+    maps: Annotated[
+        list[str], typer.Argument(metavar="MAP...", help="Files of maps (OWL or URDF), or bundled environments' names.")
+    ]
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="FILE", help="Write the map to this file, not to stdout.")
     ] = None
     force: Force = False
 

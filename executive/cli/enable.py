@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from planlang.diagnostics import Diagnostic
 from planlang.files import Bundled
 from planlang.knowledge.entries import Kind
 from planlang.knowledge.places import LEVELS
+from planlang.ontology import expand
 
 
 def command(arguments: EnableArguments) -> Answer:
@@ -32,38 +34,47 @@ def command(arguments: EnableArguments) -> Answer:
     assert robot is not None
     bound = bind_robot(robot, urdf=arguments.urdf, folders=arguments.folders)
     folder = Folder.read(arguments.store or Path(f"{bound.name}_knowledge"))
-    enabling = Enabling(
-        possessions_of(bound),
-        open_shelf(arguments.source, arguments.folders),
-        folder,
-        performed_by(arguments.modules or (), problems),
-        arguments.folders,
-        next(iter(maps), None),
-        (bound.camera.recognises if bound.camera else None) or (),
-        {level: text for level in LEVELS if (text := getattr(arguments, level)) is not None},
-    )
-    explanation = _explained(arguments, enabling)
-    lines, data = [*explanation.tree().lines()], explanation.as_json()
-    if explanation.combination.unmet:
-        lines.append(f"{bound.name} cannot do it; neither side has {', '.join(explanation.unmet())}")
-        return Answer(ExitCode.MISSING_CAPABILITY, tuple(problems), "\n".join(lines), data)
-    if not arguments.dry:
-        written = [file for found, needs in explanation.taken() for file in folder.take(found, needs, enabling.shelf)]
-        lines += [f"wrote {file}" for file in written]
-        data["written"] = [str(file) for file in written]
-    if not arguments.run or arguments.dry:
-        return Answer(ExitCode.DONE, tuple(problems), "\n".join(lines), data)
-    if not arguments.json:
-        say("\n".join(lines))
-    result = _run(arguments, explanation, folder)
-    return replace(result, diagnostics=(*problems, *result.diagnostics), data={**data, **result.data})
+    with closing(open_shelf(arguments.source, arguments.folders)) as shelf:
+        enabling = Enabling(
+            possessions_of(bound),
+            shelf,
+            folder,
+            performed_by(arguments.modules or (), problems),
+            arguments.folders,
+            next(iter(maps), None),
+            tuple(map(expand, (bound.camera.recognises if bound.camera else None) or ())),
+            {level: text for level in LEVELS if (text := getattr(arguments, level)) is not None},
+        )
+        explanation, reply = _explained(arguments, enabling)
+        reply = replace(reply, diagnostics=(*problems, *reply.diagnostics, *shelf.diagnostics()))
+    return _with_run(arguments, explanation, folder, reply) if arguments.run and not arguments.dry else reply
 
 
-def _explained(arguments: EnableArguments, enabling: Enabling) -> Explanation:
-    path = Path(arguments.recipe)
+def _explained(arguments: EnableArguments, enabling: Enabling) -> tuple[Explanation, Answer]:
+    """Return why the robot can do the task, or not, and the answer after what is missing has been taken."""
+    path, robot = Path(arguments.recipe), enabling.robot.robot
     is_file = path.is_file()
     root = enabling.given_task(path, arguments.task) if is_file else enabling.task(arguments.recipe)
-    return Explanation(enabling, enabling.combination(root))
+    explanation = Explanation(enabling, enabling.combination(root))
+    lines, data = [*explanation.tree().lines()], explanation.as_json()
+    if explanation.combination.unmet:
+        lines.append(f"{robot} cannot do it; neither side has {', '.join(explanation.unmet())}")
+        return explanation, Answer(ExitCode.MISSING_CAPABILITY, (), "\n".join(lines), data)
+    taken = explanation.taken() if not arguments.dry else ()
+    written = [str(file) for found, needs in taken for file in enabling.folder.take(found, needs, enabling.shelf)]
+    lines += [f"wrote {file}" for file in written]
+    return explanation, Answer(ExitCode.DONE, (), "\n".join(lines), {**data, "written": written})
+
+
+def _with_run(arguments: EnableArguments, explanation: Explanation, folder: Folder, reply: Answer) -> Answer:
+    """Run the task unless something is missing, and return both answers as one."""
+    if reply.exit_code is not ExitCode.DONE:
+        return reply
+    if not arguments.json:
+        say(reply.text)
+    result = _run(arguments, explanation, folder)
+    diagnostics = (*reply.diagnostics, *result.diagnostics)
+    return replace(result, diagnostics=diagnostics, data={**reply.data, **result.data})
 
 
 def _run(arguments: EnableArguments, explanation: Explanation, folder: Folder) -> Answer:

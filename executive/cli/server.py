@@ -6,6 +6,7 @@ import os
 import re
 from collections.abc import Callable
 from dataclasses import replace
+from urllib.parse import urlsplit
 
 from executive.cli.console import Answer, ExitCode
 from executive.cli.server_arguments import AuthorArguments, KindWord, ServerArguments
@@ -15,13 +16,19 @@ from planlang.knowledge.answers import Declined, KeyNeeded, NoAnswer, NotAsAgree
 from planlang.knowledge.client import Client
 from planlang.knowledge.connection import kept_answers
 from planlang.knowledge.entries import Kind
-from planlang.knowledge.stores import Refused
+from planlang.knowledge.stores import Changed, EntryExists, NoSuchEntry, Refused
 
 SERVER, KEY = "PLANLANG_SERVER", "PLANLANG_KEY"
 """Environment variables of the server's address and of the author's key."""
 LARGEST_KEY_FILE = 1_000
 _KEY = re.compile(r"[A-Za-z0-9._~+/=-]{1,500}")
 _MAKE = "planlang serve --store FILE --new-key AUTHOR makes one where the server runs"
+_ADVICE: dict[type[Refused], str] = {
+    KeyNeeded: f"--key-file FILE, or {KEY}, gives your key; {_MAKE}",
+    NoSuchEntry: "planlang search lists what there is",
+    EntryExists: "--update makes the next revision of your own; another --name makes another entry",
+    Changed: "pull it, and push again what you have changed in it",
+}
 
 
 def ask(arguments: ServerArguments, work: Callable[[Client], Answer]) -> Answer:
@@ -38,10 +45,18 @@ def ask(arguments: ServerArguments, work: Callable[[Client], Answer]) -> Answer:
             return Answer(ExitCode.FAILED, (error("K032", f"{client.url}: {problem}"),))
         except Refused as problem:
             raise _refused(client.url, problem) from None
-        if client.offline is None:
-            return reply
-        warned = warning("K033", f"{client.offline}; this is what was read from it before")
-        return replace(reply, diagnostics=(*reply.diagnostics, warned))
+        warned = []
+        if client.offline is not None:
+            warned.append(warning("K033", f"{client.offline}; this is what was read from it before"))
+        if isinstance(arguments, AuthorArguments) and _can_be_read(client.url):
+            warned.append(warning("K043", f"your key went to {client.url} unencrypted", help="use https"))
+        return replace(reply, diagnostics=(*reply.diagnostics, *warned))
+
+
+def _can_be_read(url: str) -> bool:
+    """Return True if what is sent to an address can be read on its way: without TLS, to another machine."""
+    parts = urlsplit(url)
+    return parts.scheme == "http" and parts.hostname not in ("localhost", "127.0.0.1", "::1")
 
 
 def _client(arguments: ServerArguments) -> Client:
@@ -72,11 +87,8 @@ def _refused(url: str, problem: Refused) -> BadInput:
     found = problem.diagnostics if isinstance(problem, Declined) else ()
     if has_errors(found):
         return BadInput(found)
-    advice = None
-    if isinstance(problem, KeyNeeded):
-        advice = f"--key-file FILE, or {KEY}, gives your key; {_MAKE}"
     message = "; ".join((str(problem), *getattr(problem, "__notes__", ())))
-    return BadInput([*found, error("K036", f"{url} refuses: {message}", help=advice)])
+    return BadInput([*found, error("K036", f"{url} refuses: {message}", help=_ADVICE.get(type(problem)))])
 
 
 def kind_of(word: KindWord | None) -> Kind | None:

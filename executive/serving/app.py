@@ -16,6 +16,7 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
+from anyio import to_thread
 from fastapi import APIRouter, FastAPI
 
 from executive.serving import binaries, entries, feed, page, searching, sparql, uploading
@@ -23,8 +24,10 @@ from executive.serving.abilities import Abilities
 from executive.serving.bodies import BoundedBodies
 from executive.serving.catalogue import Catalogue
 from executive.serving.mirror import Mirror
+from executive.serving.pages import add_pages
 from executive.serving.problems import add_handlers
 from executive.serving.serving import Served, Serving
+from executive.serving.turns import MOST_THREADS
 from executive.serving.vocabulary import read_vocabulary
 from planlang.knowledge.stores import Store
 
@@ -46,7 +49,8 @@ ROUTERS = (
 
 @asynccontextmanager
 async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
-    """While requests are answered, describe anew what another version or vocabulary described."""
+    """Let requests wait in many threads, and describe anew what another version or vocabulary described."""
+    to_thread.current_default_thread_limiter().total_tokens = MOST_THREADS
     ended = threading.Event()
     catalogue: Catalogue = app.state.serving.catalogue
 
@@ -70,5 +74,6 @@ def application(store: Store, folders: Sequence[Path] = (), *, routers: Sequence
     for router in routers:
         app.include_router(router)
     add_handlers(app)
+    add_pages(app)
     app.add_middleware(BoundedBodies)
     return app

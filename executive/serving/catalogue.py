@@ -7,20 +7,24 @@ from __future__ import annotations
 
 import threading
 from bisect import bisect_right, insort
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import islice
 
 from executive.serving.uploads import describe, packed, unpacked
 from executive.serving.vocabulary import Vocabulary
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput
+from planlang.knowledge.answers import Links
 from planlang.knowledge.descriptions import Described, Description
 from planlang.knowledge.entries import Change, Entry, Kind
 from planlang.knowledge.index import Index
 from planlang.knowledge.stores import Changed, NoSuchEntry, Store
 from planlang.ontology.expressions import Expression
 
+MOST_LINKS = 200
+"""Links of one subject that are listed."""
 _CONTENT = frozenset((Change.CREATED, Change.CHANGED))
 
 
@@ -31,6 +35,16 @@ class Listed:
     kind: Kind
     words: tuple[str, ...]
     place: Mapping[str, tuple[str, ...]]
+    links: Links = ()
+    """What the subject is linked to, also by what its classes require."""
+
+    def fits(self, kind: Kind | None, label: str | None, place: Mapping[str, str]) -> bool:
+        """Return True for an entry of a kind, with a part of a label or name, of a room, floor, building, ..."""
+        return (
+            kind in (None, self.kind)
+            and (label is None or any(label.casefold() in word for word in self.words))
+            and all(text.casefold() in self.place.get(level, ()) for level, text in place.items())
+        )
 
 
 class Catalogue:
@@ -97,6 +111,11 @@ class Catalogue:
             uids: Iterable[str] = self._uids[None] if expression is None else self._index.answers(expression)
             return tuple(uid for uid in uids if fits(self._listed[uid]))
 
+    def links(self, uid: str) -> Links:
+        """Return the properties and classes that an entry's subject is linked to; nothing for one that is not there."""
+        listed = self._listed.get(uid)
+        return () if listed is None else listed.links
+
     def _follow(self) -> None:
         while news := self._store.news(self._seen):
             changed = {one.uid: one.change for one in news if one.change in (*_CONTENT, Change.DELETED)}
@@ -122,7 +141,7 @@ class Catalogue:
             place[level] = (*place.get(level, ()), text.casefold())
         self._index.add(entry.uid, description)
         self._add_names(description)
-        self._listed[entry.uid] = Listed(entry.kind, tuple(words), place)
+        self._listed[entry.uid] = Listed(entry.kind, tuple(words), place, tuple(_links(description)))
         for kind in (None, entry.kind):
             insort(self._uids[kind], entry.uid)
 
@@ -158,3 +177,10 @@ class Catalogue:
         with self._lock:
             self._stale.pop(uid, None)
         return True
+
+
+def _links(description: Description) -> Iterator[tuple[str, str]]:
+    root, *_ = description.nodes
+    found = ((prop, one if isinstance(one, str) else description.nodes[one].labels) for prop, one in root.links)
+    each = ((prop, label) for prop, stated in found for label in ((stated,) if isinstance(stated, str) else stated))
+    yield from islice((one for one in each if not one[1].startswith("{")), MOST_LINKS)

@@ -87,9 +87,11 @@ def search(request: Request, served: Served) -> Response:
     asked = {name: text.strip() for name, text in request.query_params.items() if text.strip()}
     robot = asked.pop("robot", "")
     asked = {name: text for name, text in asked.items() if name in Question.model_fields}
+    if robot and not asked:
+        asked["kind"] = Kind.RECIPE.value
     shown: dict[str, Any] = {"asked": asked, "robot": robot, "robots": _robots(served), "levels": tuple(LEVELS)}
     shown |= {"reason": "", "diagnostics": (), "found": None, "onward": None}
-    if not asked and not robot:
+    if not asked:
         return page("search", **shown)
     try:
         found = _found(served, asked, robot)
@@ -103,7 +105,7 @@ def search(request: Request, served: Served) -> Response:
 
 def _found(served: Serving, asked: dict[str, str], robot: str) -> dict[str, Any]:
     try:
-        question = Question.model_validate(asked or {"kind": Kind.RECIPE.value})
+        question = Question.model_validate(asked)
     except ValidationError as problem:
         reasons = "; ".join(f"{'.'.join(map(str, one['loc']))}: {one['msg']}" for one in problem.errors())
         raise Problem(HTTPStatus.UNPROCESSABLE_ENTITY, reasons) from None
@@ -117,7 +119,11 @@ def _found(served: Serving, asked: dict[str, str], robot: str) -> dict[str, Any]
 
 
 def _robots(served: Serving) -> list[Entry]:
-    return [served.store.entry(uid) for uid in served.catalogue.uids(Kind.ROBOT, limit=MOST_ROBOTS)]
+    found = []
+    for uid in served.catalogue.uids(Kind.ROBOT, limit=MOST_ROBOTS):
+        with suppress(NoSuchEntry):  # deleted in the meantime
+            found.append(served.store.entry(uid))
+    return found
 
 
 def _self_model(served: Serving, robot: Entry) -> str:
@@ -153,10 +159,20 @@ def _plain(entry: Entry) -> dict[str, Any]:
 
 @_entries.get("/{uid}")
 def read(
-    kind: OfKind, uid: str, served: Served, revision: Annotated[int | None, Query(ge=1, lt=2**53)] = None
+    kind: OfKind,
+    uid: str,
+    served: Served,
+    revision: Annotated[int | None, Query(ge=1, lt=2**53)] = None,
+    robot: str = "",
 ) -> Response:
-    """Return everything about an entry."""
-    return _entry_page(served, known(served, kind, uid), revision)
+    """Return everything about an entry, and what a robot can do of it."""
+    return _entry_page(served, known(served, kind, uid), revision, robot=robot.strip())
+
+
+@_entries.get("/{uid}/{part}")
+def part_of(kind: OfKind, uid: str, part: str) -> Response:
+    """Lead from the address of a form, if it is opened as a page, to its entry."""
+    return RedirectResponse(f"/{kind.value}/{uid}", HTTPStatus.SEE_OTHER, HEADERS)
 
 
 @_entries.post("/{uid}/robots")
@@ -204,6 +220,7 @@ def _entry_page(
     entry: Entry,
     revision: int | None = None,
     *,
+    robot: str = "",
     sent: Compared | None = None,
     problem: Refusal | None = None,
     part: str = "",
@@ -220,9 +237,10 @@ def _entry_page(
         size=len(data),
         lines=None if text is None else lines_of(text),
         details=details_of(entry, data, served.vocabulary),
-        known=known_of(served.store.description(entry.uid), served.vocabulary),
+        known=known_of(served.store.description(entry.uid), served.vocabulary, served.catalogue.names),
         is_judged=entry.kind in _JUDGED,
-        robots=[*([sent] if sent else []), *_compared(served, entry, len(data))],
+        robot=robot,
+        robots=[*([sent] if sent else []), *_compared(served, entry, robot, len(data))],
         ratings=range(LOWEST_RATING, HIGHEST_RATING + 1),
         reason=reason,
         diagnostics=_first(diagnostics),
@@ -230,12 +248,15 @@ def _entry_page(
     )
 
 
-def _compared(served: Serving, entry: Entry, size: int) -> list[Compared]:
-    """Return what the store's robots can do of an entry; nothing for kinds and sizes that are not compared unasked."""
-    if entry.kind not in _JUDGED or size > LARGEST_SHOWN:
+def _compared(served: Serving, entry: Entry, asked: str, size: int) -> list[Compared]:
+    """Return what robots of the store can do of an entry: the one that is asked for, and others if that is quick."""
+    if entry.kind not in _JUDGED:
         return []
+    robots = [known(served, Kind.ROBOT, asked)] if asked else []
+    if size <= LARGEST_SHOWN:
+        robots += (robot for robot in _robots(served) if robot.uid != asked)
     found = []
-    for robot in _robots(served):
+    for robot in robots:
         try:
             found.append(Compared(robot, served.abilities.of(_self_model(served, robot), entry)))
         except BadInput as problem:  # it was taken when more was known, or by another version

@@ -151,11 +151,16 @@ class Client:
             yield read_found(record)
 
     def sparql(self, query: str) -> Mapping[str, Any]:
-        """Return the JSON results of a SPARQL 1.1 query."""
-        headers = {"Content-Type": "application/sparql-query", "Accept": "application/sparql-results+json"}
-        return as_json(
-            self._connection.send("POST", "/v1/sparql", headers=headers, content=query.encode(), attempts=1).body
-        )
+        """Return the answer to SELECT or ASK, as SPARQL 1.1 writes it in JSON. Raises Declined for what is neither."""
+        return as_json(self._sparql(query))
+
+    def sparql_graph(self, query: str) -> str:
+        """Return the answer to CONSTRUCT or DESCRIBE, as N-Triples."""
+        return self._sparql(query).decode(errors="replace")
+
+    def _sparql(self, query: str) -> bytes:
+        headers = {"Content-Type": "application/sparql-query"}
+        return self._connection.send("POST", "/v1/sparql", headers=headers, content=query.encode(), attempts=1).body
 
     # changing
 

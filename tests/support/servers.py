@@ -54,6 +54,12 @@ class RunningServer:
         self._server.should_exit = True
         self._thread.join()
 
+    def close(self) -> None:
+        """Answer no more, and end what belongs to it."""
+        self.stop()
+        self._app.state.serving.mirror.close()
+        self.store.close()
+
 
 @contextmanager
 def running_server(file: Path) -> Iterator[RunningServer]:
@@ -62,5 +68,4 @@ def running_server(file: Path) -> Iterator[RunningServer]:
     try:
         yield server
     finally:
-        server.stop()
-        server.store.close()
+        server.close()

@@ -8,6 +8,7 @@ import httpx
 import pytest
 
 from planlang.files import Bundled
+from planlang.knowledge.answers import Declined
 from planlang.knowledge.client import Client
 from planlang.knowledge.entries import Kind
 from tests.support.servers import RunningServer, running_server
@@ -56,3 +57,14 @@ def test_what_is_sent_again_is_done_once(server: RunningServer) -> None:
         assert len(transport.lost) == 6
         created = [one.uid for one in client.news()[0] if one.change == "created"]
         assert created == [made.uid]
+
+
+def test_questions_in_sparql_have_tables_and_graphs_as_answers(server: RunningServer) -> None:
+    with Client(server.url, server.key("ada")) as client:
+        client.create(Kind.RECIPE, "asked", RECIPE)
+        about = "<http://www.w3.org/2000/01/rdf-schema#label>"
+        table = client.sparql(f"SELECT ?label WHERE {{ GRAPH ?graph {{ ?thing {about} ?label }} }}")
+        assert table["results"]["bindings"]
+        assert about in client.sparql_graph(f"CONSTRUCT {{ ?s {about} ?o }} WHERE {{ GRAPH ?g {{ ?s {about} ?o }} }}")
+        with pytest.raises(Declined):
+            client.sparql("DROP ALL")
