@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from executive.belief.belief import Belief
+from executive.belief.map_statements import number as shown
 from executive.belief.measures import EXTENTS
 from executive.belief.semantic_map import MapObject
 from planlang.geometry import Pose

@@ -31,7 +31,8 @@ from planlang.recipe.model import Kind as ThingKind
 
 OWN = "own:"
 """Before the identifier of an offer that is the robot's or the user's own: nothing is downloaded for it."""
-MODEL_OF = expand("providesModelFor")
+MODELS = "providesModelFor"
+MODEL_OF = expand(MODELS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,12 +189,12 @@ class Enabling:
         def search() -> Iterator[Found]:
             yield from (one for one in self._recipes(f"<{iri}>") if one.entry.about == iri)
 
-        wanted = Wanted(FindingKind.RECIPE, finding.text, iri, None, self._none(), (), search)
+        wanted = Wanted(FindingKind.RECIPE, local_name(iri or ""), iri, None, self._none(), (), search)
         return self._want(f"recipe {iri}", wanted)
 
     def model(self, cls: str, ontology: Ontology) -> Need:
         """Return the need of a recognition model of a class: one of it or below it, else of a class above it."""
-        above = ontology.ancestors(cls)
+        above = [one for one in ontology.ancestors(cls) if one != cls]
         models = filter(None, (self._recognises(iri, (cls, *above)) for iri in self.robot_models()))
         own = (one for one in (cls, *above) if one in self.recognised)
         has = next((f"{self.robot.robot} recognises {local_name(one)}" for one in own), None)
@@ -241,7 +242,7 @@ class Enabling:
     def _dependencies(self, links: Links) -> Iterator[tuple[str, str]]:
         """Yield the links that are dependencies, without classes that are above another one."""
         stated = [one for one in links if local_name(one[0]) in WORDS and one[1] != OWL.Thing]
-        above = {(prop, upper) for prop, target in stated for upper in self.vocabulary.ancestors(target)}
+        above = {(prop, up) for prop, cls in stated for up in self.vocabulary.ancestors(cls) if up != cls}
         yield from (one for one in stated if one not in above)
 
     def _dependency(self, prop: str, target: str) -> Need:
@@ -264,9 +265,13 @@ class Enabling:
 
 
 def _best_first(wanted: Wanted) -> list[Found]:
-    """Return what is found: what is about the very class first, then the best rated."""
-    found = list(wanted.search())
-    return sorted(found, key=lambda one: (one.entry.about != wanted.iri, -(one.entry.rating or 0.0)))
+    """Return what is found: what is about the very class, or a model of it, first, then the best rated."""
+
+    def rank(found: Found) -> tuple[bool, float]:
+        subjects = (found.entry.about, *(target for prop, target in found.links if local_name(prop) == MODELS))
+        return wanted.iri not in subjects, -(found.entry.rating or 0.0)
+
+    return sorted(wanted.search(), key=rank)
 
 
 def _plain(text: str) -> str:

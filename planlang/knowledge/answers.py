@@ -11,13 +11,12 @@ from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from enum import Enum
 from types import NoneType, UnionType
-from typing import Any, TypeVar, get_args, get_origin, get_type_hints
+from typing import Any, get_args, get_origin, get_type_hints
 
 from planlang.diagnostics import Diagnostic, Severity, Span
 from planlang.knowledge.entries import Entry, News
 from planlang.knowledge.stores import Changed, EntryExists, NoSuchEntry, NotTheAuthor, Refused
 
-T = TypeVar("T")
 Links = tuple[tuple[str, str], ...]
 """Pairs of a property and a class (IRIs)."""
 
