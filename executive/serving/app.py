@@ -24,6 +24,7 @@ from executive.serving.abilities import Abilities
 from executive.serving.bodies import BoundedBodies
 from executive.serving.catalogue import Catalogue
 from executive.serving.mirror import Mirror
+from executive.serving.pages import add_pages
 from executive.serving.problems import add_handlers
 from executive.serving.serving import Served, Serving
 from executive.serving.turns import MOST_THREADS
@@ -73,5 +74,6 @@ def application(store: Store, folders: Sequence[Path] = (), *, routers: Sequence
     for router in routers:
         app.include_router(router)
     add_handlers(app)
+    add_pages(app)
     app.add_middleware(BoundedBodies)
     return app

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from itertools import islice
 
 from executive.robots import requirements
 from executive.serving.sources import LARGEST_SHOWN
@@ -76,27 +77,39 @@ def _listed(found: Mapping[str, tuple[str, ...]]) -> tuple[Required, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Known:
-    """What an entry is found by: the names of its classes, class expressions that it is in, and its place."""
+    """What an entry is found by: class expressions that it is in, as shown and as asked, and names of its place."""
 
-    classes: tuple[str, ...] = ()
-    expressions: tuple[str, ...] = ()
+    classes: Mapping[str, str] = field(default_factory=dict)
+    expressions: Mapping[str, str] = field(default_factory=dict)
     place: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
-def known_of(stored: bytes, vocabulary: Vocabulary) -> Known:
-    """Return what a stored description says; nothing for one that an earlier version wrote."""
+def known_of(stored: bytes, vocabulary: Vocabulary, names: Mapping[str, Iterable[str]]) -> Known:
+    """Return what a stored description says; nothing for one that an earlier version wrote.
+
+    ``names`` has the IRIs of every local name that may be asked for: others are asked for by their IRI.
+    """
     description, _ = unpacked(stored, vocabulary)
     if description is None or not description.nodes:
         return Known()
+
+    def asked(iri: str) -> str:
+        name = local_name(iri)
+        return name if {*names.get(name, ())} == {iri} else f"<{iri}>"
+
     root = description.nodes[0]
-    expressions: dict[str, None] = {}
+    classes = {local_name(label): asked(label) for label in _classes(root.labels)[:MOST_CLASSES]}
+    expressions: dict[str, str] = {}
     for prop, target in root.links:
         labels = (target,) if isinstance(target, str) else description.nodes[target].labels
-        cls = next((label for label in labels if label != THING and not label.startswith("{")), None)
-        if cls is not None:
-            expressions[f"{local_name(prop)} some {local_name(cls)}"] = None
+        for cls in _classes(labels)[:1]:
+            expressions[f"{local_name(prop)} some {local_name(cls)}"] = f"{asked(prop)} some {asked(cls)}"
     place: dict[str, tuple[str, ...]] = {}
     for level, text in description.place[:MOST_PLACES]:
         place[level] = (*place.get(level, ()), text)
-    classes = dict.fromkeys(local_name(label.strip("{}")) for label in root.labels if label != THING)
-    return Known(tuple(classes)[:MOST_CLASSES], tuple(expressions)[:MOST_CLASSES], place)
+    return Known(classes, dict(islice(expressions.items(), MOST_CLASSES)), place)
+
+
+def _classes(labels: Iterable[str]) -> list[str]:
+    """Return the IRIs of classes among labels, without individuals and what everything is."""
+    return [label for label in labels if label != THING and not label.startswith("{")]

@@ -169,6 +169,12 @@ def read(
     return _entry_page(served, known(served, kind, uid), revision, robot=robot.strip())
 
 
+@_entries.get("/{uid}/{part}")
+def part_of(kind: OfKind, uid: str, part: str) -> Response:
+    """Lead from the address of a form, if it is opened as a page, to its entry."""
+    return RedirectResponse(f"/{kind.value}/{uid}", HTTPStatus.SEE_OTHER, HEADERS)
+
+
 @_entries.post("/{uid}/robots")
 def compare(kind: OfKind, uid: str, served: Served, form: Filled) -> Response:
     """Return the page of an entry, compared with a self-model that was sent along."""
@@ -231,7 +237,7 @@ def _entry_page(
         size=len(data),
         lines=None if text is None else lines_of(text),
         details=details_of(entry, data, served.vocabulary),
-        known=known_of(served.store.description(entry.uid), served.vocabulary),
+        known=known_of(served.store.description(entry.uid), served.vocabulary, served.catalogue.names),
         is_judged=entry.kind in _JUDGED,
         robot=robot,
         robots=[*([sent] if sent else []), *_compared(served, entry, robot, len(data))],
