@@ -355,8 +355,14 @@ class EnableArguments(OntologyArguments, VerboseArguments):
         str, typer.Argument(metavar="TASK|RECIPE", help="A class of actions, a recipe's label or name, or its file.")
     ]
     source: Annotated[
-        str, typer.Option("--from", metavar="URL|STORE", help="The knowledge base: a server, or the file of a store.")
-    ]
+        str | None,
+        typer.Option(
+            "--from",
+            metavar="URL|STORE",
+            envvar="PLANLANG_SERVER",
+            help="The knowledge base: a server, or the file of a store.",
+        ),
+    ] = None
     robot: Robot = None
     urdf: Urdf = None
     environment: Environment = None
