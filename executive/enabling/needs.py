@@ -13,6 +13,7 @@ from pathlib import Path
 
 from executive.belief.semantic_map import read_map
 from executive.enabling.folder import Folder
+from executive.enabling.parameters import class_of, made_by, things_of
 from executive.enabling.search import Combination, Need, Offer, combine
 from executive.enabling.shelf import Shelf
 from executive.robots.matching import Matcher, Possessions
@@ -25,12 +26,12 @@ from planlang.knowledge.entries import Kind
 from planlang.ontology import Ontology, expand, load
 from planlang.ontology.expressions import Expression
 from planlang.ontology.terms import OWL
-from planlang.recipe import Actions, RecipeSet, read_recipe
-from planlang.recipe.model import Constraint, Filler, Parameter, Part, Place, Thing
-from planlang.recipe.model import Kind as ThingKind
+from planlang.recipe import Actions, read_recipe
 
 OWN = "own:"
 """Before the identifier of an offer that is the robot's or the user's own: nothing is downloaded for it."""
+MOST_READ = 30
+"""Recipes, or maps, that are read to meet one need: a second each for large ones."""
 MODELS = "providesModelFor"
 MODEL_OF = expand(MODELS)
 
@@ -89,17 +90,21 @@ class Enabling:
         offers = list(wanted.own)
         kept = [one.found for one in self.folder.kept.values() if need in one.needs]
         uids = {one.entry.uid for one in kept}
-        for found in (*kept, *(one for one in _best_first(wanted) if one.entry.uid not in uids)):
+        candidates = [*kept, *(one for one in _best_first(wanted) if one.entry.uid not in uids)]
+        most = MOST_READ if wanted.kind in (FindingKind.RECIPE, FindingKind.MAP) else len(candidates)
+        refused = [(one.entry.uid, f"only the best {MOST_READ} are read") for one in candidates[most:]]
+        for found in candidates[:most]:
             try:
                 reason = wanted.fits(found)
                 needs = self.needs_of(found) if reason is None else ()
             except BadInput as problem:
                 reason = f"it cannot be used: {problem.diagnostics[0].message}"
-            if reason is not None:
-                self.refused.setdefault(need, []).append((found.entry.uid, reason))
-                continue
-            self.found[found.entry.uid] = found
-            offers.append(Offer(found.entry.uid, found.entry.about, needs))
+            if reason is None:
+                self.found[found.entry.uid] = found
+                offers.append(Offer(found.entry.uid, found.entry.about, needs))
+            else:
+                refused.append((found.entry.uid, reason))
+        self.refused[need] = refused
         return offers
 
     def content(self, found: Found) -> Ontology:
@@ -135,13 +140,15 @@ class Enabling:
 
     def of_recipe(self, ontology: Ontology, task: str | None) -> tuple[Need, ...]:
         """Return what a recipe needs. Raises BadInput for one that cannot be compiled."""
-        reading = read_recipe(Actions(ontology), task)
+        actions = Actions(ontology)
+        reading = read_recipe(actions, task)
         if reading.recipes is None or has_errors(reading.diagnostics):
             raise BadInput([one for one in reading.diagnostics if has_errors([one])])
         matched = match(ontology, reading.recipes, self.robot, performed=self.performed)
-        classes = tuple(dict.fromkeys(things_of(reading.recipes)))
-        needs = [*self._of_finding(matched.tree), *(self.model(cls, ontology) for cls in classes)]
-        return tuple(dict.fromkeys([*needs, self.map(classes, ontology)]))
+        things, made = things_of(actions, reading.recipes), made_by(actions, reading.recipes)
+        models = (self.model(class_of(one), ontology) for one in things)
+        there = tuple(dict.fromkeys(class_of(one) for one in things if one not in made))
+        return tuple(dict.fromkeys([*self._of_finding(matched.tree), *models, self.map(there, ontology)]))
 
     def _of_finding(self, finding: Finding) -> Iterator[Need]:
         """Yield the needs that a tree of findings stands for, without what available alternatives make unneeded."""
@@ -286,28 +293,3 @@ def _is_called(found: Found, name: str) -> bool:
 def _spellings(name: str) -> tuple[str, ...]:
     local = local_name(name)
     return tuple(dict.fromkeys((local.replace("_", " "), _plain(name.partition(".")[0]), _plain(name))))
-
-
-def things_of(recipes: RecipeSet) -> Iterator[str]:
-    """Yield the classes (IRIs) of the objects and persons among the parameters of a recipe and those below it."""
-    for recipe in recipes.recipes.values():
-        for stated in (recipe.parameters, *(step.parameters for step in recipe.steps)):
-            yield from (cls for one in stated for cls in _classes(one))
-
-
-def _classes(parameter: Parameter) -> Iterator[str]:
-    for thing in _things(parameter.filler):
-        if thing.kind in (ThingKind.OBJECT, ThingKind.PERSON) and thing.slot is None:
-            yield thing.stated or expand(thing.type)
-
-
-def _things(filler: Filler) -> Iterator[Thing]:
-    match filler:
-        case Thing():
-            yield filler
-        case Place():
-            yield from filler.things()
-        case Part(of=of):
-            yield of
-        case Constraint(tool=tool, world=world):
-            yield from (tool.of, world.of)
