@@ -131,6 +131,12 @@ class ObjectNotFound(PerceptionFailure):
     text: ClassVar[str] = "object not found"
 
 
+class RecognitionModelMissing(ObjectNotFound):
+    """There is no recognition model of the object's class: it would not be recognised wherever it is."""
+
+    text: ClassVar[str] = "no recognition model"
+
+
 class ObjectLost(PerceptionFailure):
     """An object that was seen is not where it was."""
 

@@ -7,14 +7,12 @@ reports its warnings on stdout only, and moves no joint that mimics another.
 from __future__ import annotations
 
 import copy
-import hashlib
 import math
 import tempfile
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +20,6 @@ import numpy as np
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
 from planlang.geometry import Array
 from planlang.geometry.matrices import angles_of, product, rotation_of
-from planlang.geometry.mesh import BadMesh, mesh_content, mesh_of, mesh_places
 from planlang.geometry.urdf import Element, Joint, extents_of, numbers, read_urdf, tree_of
 
 MOST_JOINTS = 127
@@ -98,13 +95,21 @@ def read_description(path: Path) -> Description:
     found = []
     if robot.find("link/collision") is None:
         found.append(_looks_touched(path, robot))
-    meshes = _Meshes(path)
-    bare = _replace_meshes(robot, meshes)
-    if meshes.absent:
-        found.append(_warned(meshes.absent, bare, path))
+    files: Mapping[str, bytes] = {}
+    if not meshless:
+        from sim.meshes import Meshes  # robots that are made of simple shapes have none
+
+        meshes = Meshes(path)
+        bare = _replace_meshes(robot, meshes.replace)
+        files = meshes.files
+        if meshes.absent:
+            found.append(_warned(meshes.absent, bare, path))
+    for texture_holder in robot.iter("material"):
+        for texture in texture_holder.findall("texture"):
+            texture_holder.remove(texture)
     ElementTree.indent(robot)
     description = Description(
-        path, ElementTree.tostring(robot, "unicode"), meshes.files, urdf.root, _followers(urdf.joints), tuple(found)
+        path, ElementTree.tostring(robot, "unicode"), files, urdf.root, _followers(urdf.joints), tuple(found)
     )
     if meshless:
         while len(_meshless) >= MOST_KEPT:
@@ -138,60 +143,6 @@ def _without_empty_shapes(robot: Element) -> None:
                     primitive.set(name, _text([max(value, THINNEST) if value == 0 else value for value in values]))
 
 
-# Meshes
-
-
-class _Meshes:
-    """The meshes that a URDF names: read, checked, and written plainly under names of their own."""
-
-    def __init__(self, urdf: Path) -> None:
-        self.urdf = urdf
-        self.files: dict[str, bytes] = {}
-        self.absent: dict[str, tuple[int, str]] = {}
-        """Name of one that is not there or cannot be read -> the line that names it, and the reason if it is there."""
-        self._names: dict[str, str | None] = {}
-
-    def replace(self, mesh: Element) -> bool:
-        """Have an element name the checked mesh; False if there is none."""
-        name = mesh.get("filename", "")
-        if name not in self._names:
-            self._names[name] = self._read(name, mesh.line)
-        found = self._names[name]
-        if found is not None:
-            mesh.set("filename", found)
-        return found is not None
-
-    def _read(self, name: str, line: int) -> str | None:
-        reason = ""
-        for place in mesh_places(self.urdf, name):
-            try:
-                suffix, content = checked_mesh(place)
-            except BadMesh as problem:
-                reason = reason or str(problem)
-                continue
-            except OSError:
-                continue
-            own = hashlib.sha256(content).hexdigest()[:32] + suffix
-            self.files[own] = content
-            return own
-        self.absent[name] = line, reason
-        return None
-
-
-@lru_cache(maxsize=256)
-def _checked(content: bytes, suffix: str) -> tuple[str, bytes]:
-    return mesh_of(content, suffix).written()
-
-
-def checked_mesh(path: Path) -> tuple[str, bytes]:
-    """Return a suffix and the content of a file that holds a mesh as PyBullet reads it without harm.
-
-    Raises OSError for one that is not there, :class:`BadMesh` for one that cannot be used. A mesh is worked out once in
-    a process, however many worlds load it.
-    """
-    return _checked(mesh_content(path), path.suffix.lower())
-
-
 def _looks_touched(path: Path, robot: Element) -> Diagnostic:
     """Let what is seen of the links be what touches."""
     for link in robot.findall("link"):
@@ -214,13 +165,13 @@ def _shapes_as(link: ElementTree.Element, kind: str, other: str) -> list[Element
     return shapes
 
 
-def _replace_meshes(robot: Element, meshes: _Meshes) -> list[str]:
+def _replace_meshes(robot: Element, checked: Callable[[Element], bool]) -> list[str]:
     """Replace meshes by checked ones, or by shapes; returns links that have no shape for contacts any more."""
     bare: list[str] = []
 
     def is_absent(shape: ElementTree.Element) -> bool:
         mesh = shape.find("geometry/mesh")
-        return isinstance(mesh, Element) and not meshes.replace(mesh)
+        return isinstance(mesh, Element) and not checked(mesh)
 
     for link in robot.findall("link"):
         collisions, visuals = ([s for s in link.findall(kind) if is_absent(s)] for kind in ("collision", "visual"))
@@ -232,9 +183,6 @@ def _replace_meshes(robot: Element, meshes: _Meshes) -> list[str]:
                 bare.append(link.get("name", ""))
         if visuals:
             link.extend(_shapes_as(link, "collision", "visual"))
-    for texture_holder in robot.iter("material"):
-        for texture in texture_holder.findall("texture"):
-            texture_holder.remove(texture)
     return bare
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from executive.belief.belief import Belief
-from executive.belief.semantic_map import EXTENTS, MapObject
+from executive.belief.measures import EXTENTS
+from executive.belief.semantic_map import MapObject
 from planlang.geometry import Pose
 from planlang.ontology import expand
 from planlang.outputs import MARK

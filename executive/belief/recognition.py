@@ -42,6 +42,11 @@ class Recognition:
             return False
         return self.classes is None or any(self._ontology.is_a(one, cls) for one in thing.types for cls in self.classes)
 
+    def may_recognise(self, classes: Iterable[str]) -> bool:
+        """Return whether there is a model of one of some classes (IRIs), or of one above or below it."""
+        known, is_a = self.classes, self._ontology.is_a
+        return known is None or any(is_a(one, cls) or is_a(cls, one) for one in classes for cls in known)
+
     def snapshot(self) -> dict[str, Any]:
         """Return the state as JSON."""
         return {"stopped": list(self._stopped), "classes": None if self.classes is None else list(self.classes)}

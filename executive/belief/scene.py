@@ -146,7 +146,7 @@ def scene_of(semantic_map: SemanticMap, found: list[Diagnostic] | None = None) -
             found.append(note("M012", f"{thing.name} has a size but no place: not in the world", thing.span))
     bodies, joints = articulated(bodies, semantic_map, found)
     bodies = _opened(bodies, joints, semantic_map, found)
-    bodies = with_contents(bodies, semantic_map)
+    bodies = with_contents(bodies, semantic_map, found)
     controls = controls_of(bodies, joints, semantic_map)
     rules = rules_of(semantic_map.ontology)
     scene = Scene(tuple(bodies), _bounds(bodies), joints=joints, controls=controls, rules=rules)

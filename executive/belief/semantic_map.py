@@ -1,245 +1,20 @@
-"""Semantic maps: things with their classes, poses, sizes and parts, read from an ontology; the bundled ones.
-
-The numbers, sizes and poses that a map states are finite, in metres, poses rigid, each with its place in the file.
-"""
+"""Semantic maps: things with their classes, poses, sizes and parts, read from an ontology."""
 
 from __future__ import annotations
 
-import math
 import re
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
+from executive.belief.measures import EXTENTS, TRIPLES, Size, length, read_size, read_transform, stated
 from planlang.designators import local_name
-from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors, note, warning
+from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
 from planlang.geometry import Array, Pose
-from planlang.geometry.matrices import orthonormal, product
-from planlang.ontology import Literal, Ontology, Triple, expand
-
-METRES: dict[str, float] = {
-    "Meter": 1.0,
-    "Decimeter": 0.1,
-    "Centimeter": 0.01,
-    "Millimeter": 0.001,
-    "Inch": 0.0254,
-    "Foot": 0.3048,
-}
-"""Local name of a QUDT unit that types a literal -> metres; any other datatype means the number as it is."""
-
-
-def stated(ontology: Ontology, subject: str, prop: str) -> Triple | None:
-    """Return the last statement of a property about a subject, which replaces earlier ones; None if there is none."""
-    found = tuple(ontology.triples(subject, expand(prop)))
-    return found[-1] if found else None
-
-
-def length(triple: Triple, found: list[Diagnostic]) -> float | None:
-    """Return the number a triple states, lengths in metres; None with a diagnostic if it is none or not finite."""
-    values = lengths(triple, found)
-    if values is None:
-        return None
-    if len(values) != 1:
-        found.append(error("M002", f"one number is expected, {_text(triple)!r} is {len(values)}", triple.span))
-        return None
-    return values[0]
-
-
-def lengths(triple: Triple, found: list[Diagnostic]) -> tuple[float, ...] | None:
-    """Return the numbers of a literal such as "0.4 0.8 1.2", in metres; None with a diagnostic if one is none."""
-    text = _text(triple)
-    try:
-        if "_" in text:  # Python would read 1_000
-            raise ValueError
-        numbers = tuple(float(word) for word in text.replace(",", " ").split())
-    except ValueError:
-        found.append(error("M002", f"not a number: {text!r}", triple.span))
-        return None
-    if not all(math.isfinite(number) for number in numbers):
-        found.append(error("M002", f"not a finite number: {text!r}", triple.span))
-        return None
-    datatype = triple.object.datatype if isinstance(triple.object, Literal) else None
-    factor = METRES.get((datatype or "").rsplit("#", 1)[-1], 1.0)
-    return tuple(factor * number for number in numbers)
-
-
-def _text(triple: Triple) -> str:
-    return triple.object.value if isinstance(triple.object, Literal) else str(triple.object)
-
-
-Size = tuple[float, float, float]
-"""Extents along the box's own x (depth), y (width) and z (height) [m]."""
-
-EXTENTS = ("depthOfObject", "widthOfObject", "heightOfObject")
-"""Properties for the extents along x, y, z."""
-
-TRIPLES = ("boundingBoxSize", "dimensionsOfObject", "dimensions")
-"""Properties whose one literal states all three extents."""
-
-THIN = 0.001
-"""Extent of a door that has none [m]."""
-
-
-def read_size(ontology: Ontology, iri: str, types: Iterable[str], found: list[Diagnostic]) -> Size | None:
-    """Return the size of an individual; extents that the file does not state are filled in, and noted.
-
-    It is None when an extent is negative, or neither stated nor known for a class: such a thing is a marker.
-    """
-    extents = stated_size(ontology, iri, found)
-    if any(value is not None and value < 0 for value in extents):
-        return None
-    if all(extents):
-        x, y, z = (value or 0.0 for value in extents)
-        return (x, y, z)
-    types = tuple(types)
-    size, origins = [], []
-    for name, value in zip(EXTENTS, extents, strict=True):
-        filled, origin = (value, "") if value else _default(ontology, types, name, any(extents), found)
-        size.append(filled)
-        origins.append(f"{name} {filled} m ({origin})" if origin else "")
-    span = ontology.span(iri)
-    if None in size:
-        if any(value is not None for value in extents):
-            missing = ", ".join(name for name, value in zip(EXTENTS, size, strict=True) if value is None)
-            found.append(note("M006", f"{local_name(iri)} has no {missing} and no class that knows one: a place", span))
-        return None
-    found.append(note("M005", f"{local_name(iri)}: {', '.join(filter(None, origins))}", span))
-    x, y, z = (value or 0.0 for value in size)
-    return (x, y, z)
-
-
-def stated_size(ontology: Ontology, iri: str, found: list[Diagnostic]) -> tuple[float | None, ...]:
-    """Return the three extents that a file states, None for each that it does not."""
-    values: list[float | None] = [None, None, None]
-    for name in TRIPLES:
-        triple = stated(ontology, iri, name)
-        numbers = lengths(triple, found) if triple else None
-        if triple and numbers and len(numbers) == 3:
-            values = [_positive(number, name, triple.span, found) for number in numbers]
-    for index, name in enumerate(EXTENTS):
-        triple = stated(ontology, iri, name)
-        numbers = lengths(triple, found) if triple else None
-        if triple and numbers:
-            values[index] = _positive(numbers[0], name, triple.span, found)
-    radius = stated(ontology, iri, "radius")
-    numbers = lengths(radius, found) if radius else None
-    if radius and numbers and values[0] is None and values[1] is None:
-        diameter = _positive(2 * numbers[0], "radius", radius.span, found)
-        values[0] = values[1] = diameter
-    return tuple(values)
-
-
-def _positive(value: float, name: str, span: Span | None, found: list[Diagnostic]) -> float:
-    if value < 0:
-        message = f"{name} is {value} m; a thing cannot be smaller than nothing: it is taken for a mere place"
-        found.append(warning("M007", message, span))
-    return value
-
-
-def _default(
-    ontology: Ontology, types: tuple[str, ...], name: str, partly: bool, found: list[Diagnostic]
-) -> tuple[float | None, str]:
-    if partly and any(ontology.is_a(cls, expand("Door")) for cls in types):
-        return THIN, "doors are thin"
-    for cls in types:
-        for ancestor in ontology.ancestors(cls):
-            for restriction in ontology.restrictions(ancestor):
-                if restriction.property == expand(name) and isinstance(restriction.filler, Literal):
-                    try:
-                        return float(restriction.filler.number()), f"default of {local_name(ancestor)}"
-                    except ValueError as wrong:
-                        message = f"{name} of {local_name(ancestor)}: {wrong}"
-                        found.append(error("M002", message, restriction.span))
-    return None, ""
-
-
-TOLERANCE = 1e-3
-"""Entries of a rotation may differ by this from an orthonormal matrix before that is worth a note."""
-
-FLAT = 0.1
-"""Volume of a matrix's axes, relative to a cube of their mean length, that is no basis: one axis a twentieth."""
-
-_ROTATION = tuple(f"m{i}{j}" for i in range(3) for j in range(3))
-_TRANSLATION = ("m03", "m13", "m23")
-
-
-def read_transform(ontology: Ontology, iri: str, found: list[Diagnostic]) -> Array | None:
-    """Return the homogeneous (4, 4) matrix that an individual states, repaired to a rigid one; lengths in metres.
-
-    Understands RotationMatrix3D with m00..m23 (the last row is not needed), and ``translation "x y z"`` with
-    ``quaternion "x y z w"``. None, with an error in ``found``, if numbers are missing or not finite.
-    """
-    if stated(ontology, iri, "m00") or stated(ontology, iri, "m03"):
-        return _from_entries(ontology, iri, found)
-    return _from_quaternion(ontology, iri, found)
-
-
-def _from_entries(ontology: Ontology, iri: str, found: list[Diagnostic]) -> Array | None:
-    matrix = np.eye(4)
-    missing = []
-    complete = True
-    for name in (*_ROTATION, *_TRANSLATION):
-        triple = stated(ontology, iri, name)
-        if triple is None:
-            missing.append(name)
-            continue
-        value = length(triple, found)
-        if value is None:
-            complete = False
-        else:
-            matrix[int(name[1]), int(name[2])] = value
-    if missing:
-        message = f"the matrix {local_name(iri)} has no {', '.join(missing)}"
-        found.append(error("M003", message, ontology.span(iri), "a pose needs m00..m22 and m03, m13, m23"))
-    if missing or not complete:
-        return None
-    matrix[:3, :3] = rigid(matrix[:3, :3], local_name(iri), ontology.span(iri), found)
-    return matrix
-
-
-def _from_quaternion(ontology: Ontology, iri: str, found: list[Diagnostic]) -> Array | None:
-    values = {}
-    for name, count in (("translation", 3), ("quaternion", 4)):
-        triple = stated(ontology, iri, name)
-        numbers = lengths(triple, found) if triple else None
-        if triple and numbers is None:
-            return None
-        if triple is None or numbers is None or len(numbers) != count:
-            message = f"the pose {local_name(iri)} states neither a matrix nor a {name} of {count} numbers"
-            span = triple.span if triple else ontology.span(iri)
-            found.append(error("M003", message, span, "a pose needs m00..m22 and m03, m13, m23"))
-            return None
-        values[name] = numbers
-    norm = float(np.linalg.norm(values["quaternion"]))
-    if norm < 1e-6:
-        found.append(warning("M004", f"the quaternion of {local_name(iri)} is zero; not turned", ontology.span(iri)))
-        quaternion = (0.0, 0.0, 0.0, 1.0)
-    else:
-        x, y, z, w = (value / norm for value in values["quaternion"])
-        quaternion = (x, y, z, w)
-    px, py, pz = values["translation"]
-    return Pose((px, py, pz), quaternion).matrix()
-
-
-def rigid(rotation: Array, name: str, span: Span | None, found: list[Diagnostic]) -> Array:
-    """Return the rotation (3, 3) that a matrix means, which may be a reflection or not orthonormal; repairs are noted.
-
-    A reflection keeps its x axis (the front of a thing) and its z axis, y is turned around: a box looks the same.
-    Others become the nearest rotation (polar decomposition). One without three directions is replaced by no rotation.
-    """
-    volume = float(np.sum(np.cross(rotation[0], rotation[1]) * rotation[2]))
-    extent = float(np.sqrt(np.sum(rotation * rotation) / 3))
-    if abs(volume) <= FLAT * extent**3:
-        found.append(warning("M004", f"the matrix {name} has no three directions; taken as not turned", span))
-        return np.eye(3)
-    if np.abs(product(rotation.T, rotation) - np.eye(3)).max() > TOLERANCE:
-        found.append(note("M001", f"the matrix {name} is not orthonormal; the nearest rotation is used", span))
-    nearest = orthonormal(rotation)
-    if volume < 0:
-        found.append(note("M001", f"the matrix {name} is a reflection; its y axis is turned around", span))
-        nearest[:, 1] *= -1.0
-    return nearest
+from planlang.geometry.matrices import product
+from planlang.ontology import Literal, Ontology, expand
 
 
 @dataclass(frozen=True, slots=True)
@@ -297,7 +72,8 @@ def read_map(ontology: Ontology) -> SemanticMap:
     A thing is what a perception places, or what has a size, parts, a hinge, a room or ``describedInMap``. Its pose is
     that of its latest perception (``startTime``, later in the file on a tie), composed with those it is relative to;
     without perception, the matrix that it states itself (``orientation``, ``pose``).
-    Raises BadInput with everything found if a number is missing, not finite or negative, or poses depend on themselves.
+    What cannot be read costs the thing, with a warning. Raises BadInput with everything found if nothing has a place
+    and no file of a map is named.
     """
     found: list[Diagnostic] = []
     things = _things(ontology)
@@ -324,14 +100,40 @@ def read_map(ontology: Ontology) -> SemanticMap:
                 span=ontology.span(iri),
             )
         )
-    if not has_errors(found) and not any(thing.pose for thing in objects):
+    objects = _with_places_turned(objects, ontology, found)
+    if not any(thing.pose for thing in objects) and not _is_linked(ontology):
         document = ontology.documents[0] if ontology.documents else None
         span = Span(str(document.path)) if document else None
         help = "a map says where things are: SemanticMapPerception with objectActedOn and eventOccursAt"
-        found.append(error("M009", "nothing in this file has a place: it is no map", span, help))
-    if has_errors(found):
-        raise BadInput(found)
+        raise BadInput([*found, error("M009", "nothing in this file has a place: it is no map", span, help)])
     return SemanticMap(ontology.iri, ontology, tuple(objects), tuple(found))
+
+
+def _is_linked(ontology: Ontology) -> bool:
+    """Return whether a map is stated that is a picture or another file beside the ontology."""
+    return any(True for iri in ontology.individuals(expand("Map")) for _ in ontology.said(iri, "linkToMapFile"))
+
+
+def _with_places_turned(objects: list[MapObject], ontology: Ontology, found: list[Diagnostic]) -> list[MapObject]:
+    """Return the things with larger places having the smaller ones as parts, where a file states the inverse."""
+    room, city = expand("RoomInAConstruction"), expand("City")
+    parts = {part for thing in objects for part in thing.parts}
+    if not any(ontology.is_a(thing.iri, room) and thing.parts for thing in objects) and not any(
+        ontology.is_a(part, city) for part in parts
+    ):
+        return objects
+    from planlang.knowledge.places import inverted  # most maps state it the right way round
+
+    for triple in inverted(ontology):
+        smaller, larger = str(triple.subject), str(triple.object)
+        message = f"{local_name(larger)} is stated as a part of {local_name(smaller)}, which is smaller: turned around"
+        found.append(note("M021", message, triple.span))
+        for index, thing in enumerate(objects):
+            if thing.iri == smaller:
+                objects[index] = replace(thing, parts=tuple(part for part in thing.parts if part != larger))
+            elif thing.iri == larger and smaller not in thing.parts:
+                objects[index] = replace(thing, parts=(*thing.parts, smaller))
+    return objects
 
 
 IN_HAND = "srdl2-comp:predecessorInKinematicChain"
@@ -418,32 +220,50 @@ def _unique(name: str, names: set[str]) -> str:
     return candidate
 
 
+class Seen(NamedTuple):
+    """A perception of a thing, the newest one being the greatest."""
+
+    time: float
+    """Seconds; minus infinity if that is not stated."""
+    rank: int
+    """Its place in the file."""
+    place: str
+    """The pose, by IRI."""
+    event: str
+
+
 class PosesOfThings:
     """Poses of things as matrices, each read once, relative ones composed."""
 
     def __init__(self, ontology: Ontology, found: list[Diagnostic]) -> None:
         self.ontology = ontology
         self.found = found
-        self.places: dict[str, list[tuple[float, int, str]]] = {}
+        self.places: dict[str, list[Seen]] = {}
         for rank, event in enumerate(_perceptions(ontology)):
             when = self._time(event)
             for thing in _individuals(ontology, event, "objectActedOn"):
                 for place in _individuals(ontology, event, "eventOccursAt"):
-                    self.places.setdefault(thing, []).append((when, rank, place))
+                    self.places.setdefault(thing, []).append(Seen(when, rank, place, event))
         self.known: dict[str, Array | None] = {}
         self.open: list[str] = []
 
     def of(self, thing: str) -> Array | None:
-        """Return where a thing is, (4, 4) in the map; None if it is nowhere stated."""
-        place = self.place_of(thing)
-        return None if place is None else self._resolve(place)
+        """Return where a thing is, (4, 4) in the map; None if that is nowhere stated, or cannot be read."""
+        return next((matrix for matrix in map(self._resolve, self._places_of(thing)) if matrix is not None), None)
 
     def place_of(self, thing: str) -> str | None:
         """Return the pose of a thing: that of its latest perception, else the one that it states itself."""
-        if thing in self.places:
-            return max(self.places[thing])[2]
+        return next(iter(self._places_of(thing)), None)
+
+    def _places_of(self, thing: str) -> list[str]:
+        """Return the poses of a thing, the one that counts first: an earlier one stands in for one that is no pose."""
         own = [*_individuals(self.ontology, thing, "orientation"), *_individuals(self.ontology, thing, "pose")]
-        return own[-1] if own else None
+        return [seen.place for seen in sorted(self.places.get(thing, ()), reverse=True)] or own[::-1]
+
+    def newest(self, thing: str) -> Seen | None:
+        """Return the perception of a thing that counts: the latest one with a pose that can be read."""
+        seen = sorted(self.places.get(thing, ()), reverse=True)
+        return next((one for one in seen if self._resolve(one.place) is not None), None)
 
     def _resolve(self, place: str) -> Array | None:
         if place in self.known:
@@ -451,7 +271,7 @@ class PosesOfThings:
         if place in self.open:
             circle = " -> ".join(local_name(iri) for iri in (*self.open[self.open.index(place) :], place))
             help = "state one of them in the map frame, without relativeTo"
-            self.found.append(error("M008", f"poses relative to each other: {circle}", self._span(place), help))
+            self.found.append(warning("M008", f"poses relative to each other: {circle}", self._span(place), help))
             return None
         self.open.append(place)
         matrix = read_transform(self.ontology, place, self.found)
@@ -466,14 +286,13 @@ class PosesOfThings:
         """Return the frame that a pose is relative to: another pose, a thing's pose, or the map itself."""
         if self.ontology.is_a(parent, expand("SemanticEnvironmentMap")) or parent == expand("MapFrame"):
             return np.eye(4)
-        nested = self.place_of(parent)
-        if nested is None and stated(self.ontology, parent, "m03"):
-            nested = parent
-        if nested is None:
-            message = f"{local_name(place)} is relative to {local_name(parent)}, which has no place in this map"
-            self.found.append(warning("M010", message, self._span(place)))
-            return None
-        return self._resolve(nested)
+        if self._places_of(parent):
+            return self.of(parent)
+        if stated(self.ontology, parent, "m03"):
+            return self._resolve(parent)
+        message = f"{local_name(place)} is relative to {local_name(parent)}, which has no place in this map"
+        self.found.append(warning("M010", message, self._span(place)))
+        return None
 
     def _span(self, place: str) -> Span | None:
         triple = stated(self.ontology, place, "relativeTo")

@@ -17,15 +17,25 @@ from executive.cli.arguments import (
     CheckArguments,
     CompileArguments,
     ConvertArguments,
+    EnableArguments,
+    ExportArguments,
     InspectArguments,
     LocateArguments,
     MakeArguments,
     MatchArguments,
+    MergeArguments,
     ReplayArguments,
     RunArguments,
     ServeArguments,
 )
 from executive.cli.console import Answer, ExitCode, answer, give
+from executive.cli.server_arguments import (
+    PullArguments,
+    PushArguments,
+    RateArguments,
+    SearchArguments,
+    WatchArguments,
+)
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -89,15 +99,23 @@ for name, arguments, example in (
     ("compile", CompileArguments, "serve_a_drink -o serve_a_drink.py --graph serve_a_drink.svg"),
     ("check", CheckArguments, "my_recipe.owl --ontologies ../ontologies --fix"),
     ("convert", ConvertArguments, "my_recipe.owl --to manchester -o my_recipe.omn"),
+    ("merge", MergeArguments, "hospital_room seen_today.omn -o room.omn"),
     ("match", MatchArguments, "serve_a_drink --robot amigo"),
     ("run", RunArguments, "serve_a_drink --seed 3 --trace run.jsonl --picture scene.png"),
+    ("enable", EnableArguments, "serve_a_drink --robot amigo --from http://localhost:8080 --run"),
     ("replay", ReplayArguments, "run.jsonl"),
+    ("export", ExportArguments, "run.jsonl --to neem -o experience"),
     (
         "locate",
         LocateArguments,
         '"in reach of the patient with the right arm" --robot amigo --environment hospital_room --explain where.png',
     ),
     ("serve", ServeArguments, "--store kb.sqlite --port 8080"),
+    ("search", SearchArguments, '"ServingADrink and objectActedOn some Bottle" --robot amigo --from URL'),
+    ("pull", PullArguments, "serveadrink.ward -o pulled --from URL"),
+    ("push", PushArguments, "my_recipe.owl --kind recipe --name ward --to URL --key-file my.key"),
+    ("rate", RateArguments, "serveadrink.ward 8 --to URL --key-file my.key"),
+    ("watch", WatchArguments, "serveadrink.ward --from URL --key-file my.key"),
     ("robot inspect", InspectArguments, "amigo --picture reach.png"),
     ("robot make", MakeArguments, "my_arm.urdf -o my_arm.toml"),
 ):

@@ -75,11 +75,18 @@ Modules = Annotated[
     list[Path] | None,
     typer.Option(metavar="FILE.py", help="Also use the process modules of this file, which is executed; repeatable."),
 ]
+Trust = Annotated[bool, typer.Option("--trust", help="Run Python that was pulled from a server: you have read it.")]
 Accept = Annotated[
     list[str] | None,
     typer.Option(metavar="CODE", help="Fix the recipe in memory first, with uncertain fixes of this code; repeatable."),
 ]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite files that planlang did not write.")]
+
+
+Units = Annotated[
+    list[str] | None,
+    typer.Option(metavar="UNIT", help="Show numbers of its dimension in this unit of QUDT: Centimeter; repeatable."),
+]
 
 
 class Syntax(Enum):
@@ -96,6 +103,13 @@ class Reading(Enum):
 
     CLOSURE = "closure"
     ORIGINAL = "original"
+
+
+class LogicReasoner(Enum):
+    """The reasoners that ``check`` may ask."""
+
+    HERMIT = "hermit"
+    PELLET = "pellet"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -144,6 +158,14 @@ class CheckArguments(TaskArguments):
     force: Annotated[
         bool, typer.Option("--force", help="With --output: overwrite a file that planlang did not write.")
     ] = False
+    reason: Annotated[
+        bool,
+        typer.Option("--reason", help="Also let a reasoner for description logic look for contradictions; needs Java."),
+    ] = False
+    reasoner: Annotated[LogicReasoner, typer.Option(help="With --reason: which one.")] = LogicReasoner.HERMIT
+    reason_seconds: Annotated[
+        float, typer.Option(min=1.0, metavar="SECONDS", help="With --reason: the time that it has.")
+    ] = 120.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -154,6 +176,52 @@ class ConvertArguments(Arguments):
     to: Annotated[Syntax, typer.Option("--to", help="The syntax to write.", show_default=False)]
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="FILE", help="Write the text to this file, not to stdout.")
+    ] = None
+    units: Units = None
+    force: Force = False
+
+
+class Form(Enum):
+    """How experience is written."""
+
+    NEEM = "neem"
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExportArguments(Arguments):
+    """Write what was done in a run as others do: a NEEM, a narrative in Turtle with poses over time.
+
+    The narrative has SOMA's and DUL's terms: actions, participants, intervals, outcomes, failures, designators and
+    what they were resolved to.
+    """
+
+    trace: Annotated[Path, typer.Argument(metavar="TRACE", help="The trace of a run.")]
+    to: Annotated[Form, typer.Option("--to", help="The form to write.", show_default=False)]
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="FOLDER", help="Write narrative.ttl and poses.jsonl here.")
+    ]
+    began: Annotated[
+        str | None,
+        typer.Option(metavar="TIME", help="When the run began, in ISO 8601; default: 0 h on 1 January 1970, UTC."),
+    ] = None
+    poses: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Also use the log of planlang run --poses of the same run.")
+    ] = None
+    force: Force = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class MergeArguments(OntologyArguments, VerboseArguments):
+    """Merge maps of one place, in one frame, and list what they disagree about.
+
+    The newest pose of each thing counts; of equally new ones, and of other facts, those of the map that is named later.
+    """
+
+    maps: Annotated[
+        list[str], typer.Argument(metavar="MAP...", help="Files of maps (OWL or URDF), or bundled environments' names.")
+    ]
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="FILE", help="Write the map to this file, not to stdout.")
     ] = None
     force: Force = False
 
@@ -170,6 +238,7 @@ class MatchArguments(TaskArguments):
     robot: Robot = None
     urdf: Urdf = None
     modules: Modules = None
+    trust: Trust = False
     environment: Annotated[
         list[str] | None,
         typer.Option(
@@ -199,6 +268,14 @@ class RunArguments(TaskArguments, VerboseArguments):
     accept: Accept = None
     environment: Environment = None
     start: Start = None
+    models: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="FOLDER",
+            help="The recognition models (and programs and maps) that the robot has: other classes are not recognised; "
+            "repeatable.",
+        ),
+    ] = None
     trust_map: Annotated[
         bool, typer.Option("--trust-map", help="Things count as seen where the map has them; needs no camera.")
     ] = False
@@ -228,6 +305,7 @@ class RunArguments(TaskArguments, VerboseArguments):
         typer.Option(min=0, metavar="K", help="Run concurrent tasks in another order, the same for the same number."),
     ] = None
     modules: Modules = None
+    trust: Trust = False
     gui: Annotated[bool, typer.Option("--gui", help="Show the world in a window.")] = False
     trace: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the trace of the run, as JSON Lines.")] = (
         None
@@ -237,6 +315,9 @@ class RunArguments(TaskArguments, VerboseArguments):
     ] = None
     record: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write a recording for rerun (needs planlang[record]).")
+    ] = None
+    poses: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Log where things and links are, as JSON Lines, for export.")
     ] = None
     upload: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write the map that the plan uploads, in Manchester syntax.")
@@ -259,6 +340,43 @@ class RunArguments(TaskArguments, VerboseArguments):
 
 
 @dataclass(frozen=True, kw_only=True)
+class EnableArguments(OntologyArguments, VerboseArguments):
+    """Find out what a robot lacks for a task, take exactly that from a knowledge base, and run the task.
+
+    Taken are the recipe, recognition models of the things among its parameters, a map that has them, and what these
+    depend on. Exit code 3: something is missing on both sides; then nothing is taken.
+    """
+
+    recipe: Annotated[
+        str, typer.Argument(metavar="TASK|RECIPE", help="A class of actions, a recipe's label or name, or its file.")
+    ]
+    source: Annotated[
+        str, typer.Option("--from", metavar="URL|STORE", help="The knowledge base: a server, or the file of a store.")
+    ]
+    robot: Robot = None
+    urdf: Urdf = None
+    environment: Environment = None
+    room: Annotated[str | None, typer.Option(metavar="TEXT", help="The map is of this room: number or name.")] = None
+    floor: Annotated[str | None, typer.Option(metavar="TEXT", help="The floor that the map shows.")] = None
+    building: Annotated[str | None, typer.Option(metavar="TEXT", help="The building that the map shows.")] = None
+    street: Annotated[str | None, typer.Option(metavar="TEXT", help="The street, with or without number.")] = None
+    city: Annotated[str | None, typer.Option(metavar="TEXT", help="The city that the map shows.")] = None
+    store: Annotated[
+        Path | None,
+        typer.Option(metavar="FOLDER", help="Keep what is taken in this folder; default: ROBOT_knowledge, here."),
+    ] = None
+    task: Annotated[str | None, typer.Option(metavar="CLASS", help="The task of a RECIPE that states several.")] = None
+    modules: Modules = None
+    trust: Trust = False
+    dry: Annotated[bool, typer.Option("--dry", help="Explain what would be taken; take nothing.")] = False
+    run: Annotated[bool, typer.Option("--run", help="Run the task with what the robot has then.")] = False
+    seed: Annotated[
+        int, typer.Option(min=0, metavar="N", help="With --run: displace things by this seed; 0: none.")
+    ] = 0
+    trace: Annotated[Path | None, typer.Option(metavar="FILE", help="With --run: write the trace.")] = None
+
+
+@dataclass(frozen=True, kw_only=True)
 class ReplayArguments(TaskArguments):
     """Run a plan again from the trace of its run, without robot or world; stops at the first difference.
 
@@ -272,6 +390,7 @@ class ReplayArguments(TaskArguments):
     ] = None
     accept: Accept = None
     modules: Modules = None
+    trust: Trust = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -293,6 +412,7 @@ class LocateArguments(OntologyArguments, VerboseArguments):
     explain: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Draw the candidates and why they were rejected, as PNG.")
     ] = None
+    units: Units = None
     force: Force = False
 
 
@@ -339,8 +459,17 @@ class ServeArguments(OntologyArguments):
     """
 
     store: Annotated[
-        Path, typer.Option(metavar="FILE", help="The file of the knowledge base; it is made if there is none.")
+        str,
+        typer.Option(
+            metavar="FILE|URL",
+            help="The file of the knowledge base; it is made if there is none. Or a SPARQL 1.1 endpoint that several "
+            "servers share: sparql+https://HOST/PATH, with --contents.",
+        ),
     ]
+    contents: Annotated[
+        str | None,
+        typer.Option(metavar="URL", help="Where contents are kept beside an endpoint: s3://, gs://, az://, file://."),
+    ] = None
     host: Annotated[str, typer.Option(metavar="ADDRESS", help="The address to listen at.")] = "127.0.0.1"
     port: Annotated[int, typer.Option(min=0, max=65535, help="The port to listen at; 0: any free one.")] = 8080
     new_key: Annotated[

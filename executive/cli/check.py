@@ -28,6 +28,8 @@ def command(arguments: CheckArguments) -> Answer:
     """Check a recipe, a plan or a map, or fix a recipe; raises BadInput."""
     if not arguments.fix and (arguments.accept or arguments.output):
         raise typer.BadParameter("--accept and --output need --fix")
+    if arguments.reason and (arguments.fix or os.path.isdir(arguments.file)):
+        raise typer.BadParameter("--reason is for one file, without --fix")
     if arguments.fix:
         return _fixed(read_recipe_file(arguments.file), arguments)
     if os.path.isdir(arguments.file):  # False also for what can be no name of a folder
@@ -36,16 +38,11 @@ def command(arguments: CheckArguments) -> Answer:
         return check_folder(Path(arguments.file), arguments.folders)
     found = read(arguments.file)
     if isinstance(found, RecipeFile):
-        try:
-            plan = compile_recipe(found.path, task=arguments.task, folders=arguments.folders)
-        except BadInput as problem:
-            if arguments.task is not None or not _lacks_task(problem):
-                raise
-            from executive.cli.map_check import check_map  # most files are recipes
+        if not arguments.reason:
+            return _recipe_or_map(found, arguments)
+        from executive.cli.reasoned import reasoned  # on request
 
-            return check_map(found.path, arguments.folders, problem)
-        text = f"{found.path}: {plan.task} compiles"
-        return Answer(diagnostics=plan.diagnostics, text=text, data={"kind": "recipe", "task": plan.task})
+        return reasoned(found.path, arguments, lambda: _recipe_or_map(found, arguments))
     fresh = freshness(found, folders=arguments.folders)
     code = ExitCode.BAD_INPUT if has_errors(fresh.diagnostics) else ExitCode.DONE
     text = "\n".join(filter(None, (f"{found.path}: {fresh.state}", fresh.difference)))
@@ -53,8 +50,22 @@ def command(arguments: CheckArguments) -> Answer:
     return Answer(code, fresh.diagnostics, text, data)
 
 
+def _recipe_or_map(found: RecipeFile, arguments: CheckArguments) -> Answer:
+    """Check a recipe, or a map; raises BadInput."""
+    try:
+        plan = compile_recipe(found.path, task=arguments.task, folders=arguments.folders)
+    except BadInput as problem:
+        if arguments.task is not None or not _lacks_task(problem):
+            raise
+        from executive.cli.map_check import check_map  # most files are recipes
+
+        return check_map(found.path, arguments.folders, problem)
+    text = f"{found.path}: {plan.task} compiles"
+    return Answer(diagnostics=plan.diagnostics, text=text, data={"kind": "recipe", "task": plan.task})
+
+
 def _lacks_task(problem: BadInput) -> bool:
-    return [one.code for one in problem.diagnostics if one.severity is Severity.ERROR] == ["R001"]
+    return any(one.code == "R001" and one.severity is Severity.ERROR for one in problem.diagnostics)
 
 
 # Fixes of a recipe

@@ -51,6 +51,21 @@ def check_files(problems: list[Diagnostic], **files: Path | Sequence[Path] | Non
                 problems.append(error("C001", f"no such {what}: {path}"))
 
 
+def check_trusted(problems: list[Diagnostic], programs: Iterable[Path], *, trust: bool) -> None:
+    """Append an error for each program that was pulled from a server, unless the user trusts it."""
+    programs = tuple(programs)
+    if trust or not programs:
+        return
+    from planlang.knowledge.pulled import RECORD, origin_of  # few programs have been pulled
+
+    for path in programs:
+        if (path.resolve().parent / RECORD).exists() and (origin := origin_of(path)) is not None:
+            advice = "it can do all that you can: read it, then add --trust"
+            problems.append(
+                error("K038", f"a program that was pulled from a server: {origin}", Span(str(path)), advice)
+            )
+
+
 def refuse(problems: Sequence[Diagnostic]) -> None:
     """Raise BadInput if there are errors among the problems."""
     if has_errors(problems):
@@ -120,6 +135,11 @@ class RecipeFile:
     def is_bundled(self) -> bool:
         """True if the recipe came with planlang."""
         return self.path.resolve().is_relative_to(Bundled.RECIPE.folder.resolve())
+
+
+def programs(file: PlanFile | RecipeFile, modules: Sequence[Path] | None) -> tuple[Path, ...]:
+    """Return the files that are executed: a plan, which a recipe is not, and process modules."""
+    return (*([file.path] if isinstance(file, PlanFile) else []), *(modules or ()))
 
 
 def read(name: str) -> PlanFile | RecipeFile:

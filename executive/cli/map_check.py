@@ -7,13 +7,10 @@ from pathlib import Path
 
 from executive.belief import read_map, scene_of
 from executive.cli.console import Answer
-from planlang.diagnostics import BadInput
+from planlang.diagnostics import BadInput, Severity
 from planlang.ontology import Ontology, load
 from sim import Scene
 from sim.scene import BodyShape
-
-UNPLACED = "M009"
-"""The code of a file in which nothing has a place."""
 
 
 def check_map(path: Path, folders: Sequence[Path], no_recipe: BadInput) -> Answer:
@@ -22,8 +19,8 @@ def check_map(path: Path, folders: Sequence[Path], no_recipe: BadInput) -> Answe
     try:
         semantic_map = read_map(ontology)
     except BadInput as problem:
-        if any(one.code == UNPLACED for one in problem.diagnostics):
-            raise no_recipe from None
+        if not any(one.severity is Severity.WARNING for one in problem.diagnostics):
+            raise no_recipe from None  # nothing is stated that could have been a place
         raise BadInput((*ontology.diagnostics, *problem.diagnostics)) from None
     found = [*ontology.diagnostics, *semantic_map.diagnostics]
     counts = _counts(scene_of(semantic_map, found))

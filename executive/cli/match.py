@@ -7,7 +7,8 @@ from pathlib import Path
 
 from executive.cli.arguments import MatchArguments
 from executive.cli.console import Answer, ExitCode
-from executive.cli.inputs import check_files, chosen, environments, read_recipe_file, refuse
+from executive.cli.inputs import check_files, check_trusted, chosen, environments, programs, read_recipe_file, refuse
+from executive.modules.bundled import performed_by
 from executive.robots import Semantics, bind_robot, match, possessions_of
 from executive.robots.matching import Matcher, Possessions
 from executive.robots.robot import claims_of, parts_of, read_self_model
@@ -31,6 +32,7 @@ def command(arguments: MatchArguments) -> Answer:
     file = read_recipe_file(arguments.recipe)
     problems: list[Diagnostic] = []
     check_files(problems, urdf=arguments.urdf, modules=arguments.modules)
+    check_trusted(problems, programs(file, arguments.modules), trust=arguments.trust)
     robot = chosen(Bundled.ROBOT, arguments.robot, "amigo" if file.is_bundled else None, problems)
     maps = environments(arguments.environment, problems)
     refuse(problems)
@@ -39,7 +41,7 @@ def command(arguments: MatchArguments) -> Answer:
     ontology = load(file.path, folders=folders)
     found: list[Diagnostic] = []
     task = _task(ontology, arguments.task, semantics, found)
-    performed = _performed(arguments.modules or (), found)
+    performed = performed_by(arguments.modules or (), found)
     possessions = _possessions(robot, arguments.urdf, folders, found)
     matched = match(ontology, task, possessions, semantics, performed)
     if matched.feasible is not True and semantics is Semantics.CLOSURE:
@@ -70,18 +72,6 @@ def _action(actions: Actions, wanted: str, span: Span) -> str:
     """Return the IRI of a named class of actions, with a recipe or without; raises BadInput for anything else."""
     named = named_action(actions, wanted, span)
     return named if actions.ontology.is_a(named, expand("knowrob:Event")) else choose_task(actions, wanted)
-
-
-def _performed(files: Sequence[Path], found: list[Diagnostic]) -> frozenset[str]:
-    """Return the action classes that process modules perform; those of the user's files are executed."""
-    from executive.modules.bundled import bundled_registry
-
-    registry = bundled_registry()
-    registry.add_installed()
-    for file in files:
-        registry.add_file(file)
-    registry.resolve(found)
-    return registry.actions
 
 
 def _possessions(robot: Path, urdf: Path | None, folders: Sequence[Path], found: list[Diagnostic]) -> Possessions:

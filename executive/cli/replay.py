@@ -7,7 +7,7 @@ from typing import Any
 
 from executive.cli.arguments import ReplayArguments
 from executive.cli.console import Answer, ExitCode
-from executive.cli.inputs import PlanFile, RecipeFile, accepted, check_files, read, refuse
+from executive.cli.inputs import PlanFile, RecipeFile, accepted, check_files, check_trusted, programs, read, refuse
 from executive.runs.plan_run import Run, RunOptions
 from executive.runs.traces import read_trace
 from planlang.diagnostics import Diagnostic
@@ -19,11 +19,12 @@ WIDTH = 56
 
 def command(arguments: ReplayArguments) -> Answer:
     """Replay a trace; raises BadInput."""
-    problems: list[Diagnostic] = []
-    check_files(problems, modules=arguments.modules)
-    refuse(problems)
     recorded, header = read_trace(arguments.trace)
     found = read(arguments.file or header.plan(str(arguments.trace)))
+    problems: list[Diagnostic] = []
+    check_files(problems, modules=arguments.modules)
+    check_trusted(problems, programs(found, arguments.modules), trust=arguments.trust)
+    refuse(problems)
     options = RunOptions(
         plan=found.path if isinstance(found, PlanFile) else None,
         recipe=found.path if isinstance(found, RecipeFile) else None,

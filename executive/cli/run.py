@@ -6,6 +6,7 @@ import ctypes
 import os
 import sys
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,19 @@ import typer
 from executive.belief.environments import DEFAULT_ENVIRONMENT, default_environment
 from executive.cli.arguments import RunArguments
 from executive.cli.console import Answer, ExitCode, say, show, silent
-from executive.cli.inputs import PlanFile, RecipeFile, accepted, check_files, chosen, environments, planar, read, refuse
+from executive.cli.inputs import (
+    PlanFile,
+    RecipeFile,
+    accepted,
+    check_files,
+    check_trusted,
+    chosen,
+    environments,
+    planar,
+    programs,
+    read,
+    refuse,
+)
 from executive.runs.plan_run import Outcome, RunOptions, RunResult, run_plan_file
 from executive.runs.traces import TraceHeader, read_trace
 from planlang.diagnostics import BadInput, Diagnostic, Span, error
@@ -22,9 +35,10 @@ from planlang.files import Bundled, decode, read_file
 from planlang.outputs import check_outputs
 
 
-def command(arguments: RunArguments) -> Answer:
-    """Run or resume a plan; raises BadInput."""
-    return _answer(run_plan_file(options_of(arguments)), is_announced=not arguments.json)
+def command(arguments: RunArguments, *, recipes: tuple[Path, ...] = ()) -> Answer:
+    """Run or resume a plan; ``recipes`` are further files with recipes of its steps. Raises BadInput."""
+    options = replace(options_of(arguments), recipes=recipes)
+    return _answer(run_plan_file(options), is_announced=not arguments.json)
 
 
 def options_of(arguments: RunArguments) -> RunOptions:
@@ -41,6 +55,7 @@ def options_of(arguments: RunArguments) -> RunOptions:
     is_bundled = isinstance(found, RecipeFile) and found.is_bundled
     problems: list[Diagnostic] = []
     check_files(problems, urdf=arguments.urdf, modules=arguments.modules)
+    check_trusted(problems, programs(found, arguments.modules), trust=arguments.trust)
     robot = chosen(
         Bundled.ROBOT, arguments.robot or header.robot, "amigo" if is_bundled else None, problems, needs=_NEEDS
     )
@@ -54,6 +69,7 @@ def options_of(arguments: RunArguments) -> RunOptions:
     additions = environments(further, problems)
     trace = arguments.trace or arguments.resume
     outputs = {"--picture": arguments.picture, "--trace": trace, "--record": arguments.record}
+    outputs["--poses"] = arguments.poses
     outputs["--upload"] = arguments.upload
     inputs = {"the plan": found.path, "--urdf": arguments.urdf, "--robot": robot, "--environment": semantic_map}
     inputs |= {f"--modules {file}": file for file in arguments.modules or ()}
@@ -80,6 +96,7 @@ def options_of(arguments: RunArguments) -> RunOptions:
         environment=semantic_map,
         additions=additions,
         start=start or header.start,
+        models=None if arguments.models is None else tuple(arguments.models),
         trust_map=arguments.trust_map or header.trusts_map,
         unknown=tuple(arguments.unknown or header.unknown),
         bindings=bindings,
@@ -89,6 +106,7 @@ def options_of(arguments: RunArguments) -> RunOptions:
         trace=trace,
         picture=arguments.picture,
         record=arguments.record,
+        poses=arguments.poses,
         upload=arguments.upload,
         force=arguments.force,
         resume=recorded,

@@ -2,24 +2,30 @@
 
 from __future__ import annotations
 
+import os
+from contextlib import closing
 from importlib.util import find_spec
+from pathlib import Path
 
 from executive.cli.arguments import ServeArguments
 from executive.cli.console import Answer, say, show, silent
 from planlang.diagnostics import BadInput, error
 from planlang.knowledge.sqlite_store import SqliteStore
+from planlang.knowledge.stores import SCHEME, Store
 
+NEEDED = ("fastapi", "uvicorn", "jinja2", "python_multipart")
+"""Modules of the extra that every server needs."""
 LONGEST_AUTHOR = 100
 
 
 def command(arguments: ServeArguments) -> Answer:
     """Serve until somebody ends it, or make a key. Raises BadInput."""
-    missing = [name for name in ("fastapi", "uvicorn") if find_spec(name) is None]
+    missing = [name for name in NEEDED if find_spec(name) is None]
     if missing:
         message = f"the server needs packages that are not installed: {', '.join(missing)}"
         raise BadInput([error("K004", message, help="pip install 'planlang[serve]'")])
     folders = arguments.folders
-    store = SqliteStore(arguments.store)
+    store = _opened(arguments.store, arguments.contents)
     try:
         if arguments.new_key is not None:
             return _new_key(store, arguments.new_key)
@@ -30,13 +36,33 @@ def command(arguments: ServeArguments) -> Answer:
         serving = app.state.serving
         show(serving.vocabulary.diagnostics)
         tell = silent if arguments.json else say
-        address = run(app, arguments.host, arguments.port, lambda url: tell(f"{arguments.store} is served at {url}"))
+        with closing(serving.mirror):
+            address = run(
+                app, arguments.host, arguments.port, lambda url: tell(f"{arguments.store} is served at {url}")
+            )
         return Answer(text="", data={"url": address, "entries": len(serving.catalogue)})
     finally:
         store.close()
 
 
-def _new_key(store: SqliteStore, author: str) -> Answer:
+def _opened(address: str, contents: str | None) -> Store:
+    """Return the store in a file, or over a SPARQL endpoint with contents elsewhere. Raises BadInput."""
+    if not address.startswith(SCHEME):
+        if contents is not None:
+            raise BadInput([error("K020", "a file holds its contents itself: --contents goes with sparql+https://...")])
+        return SqliteStore(Path(address))
+    if find_spec("obstore") is None:
+        message = "object storage needs a package that is not installed: obstore"
+        raise BadInput([error("K004", message, help="pip install 'planlang[serve]'")])
+    if contents is None:
+        advice = "add --contents s3://BUCKET/FOLDER, or file:///FOLDER that all servers share"
+        raise BadInput([error("K020", "a catalogue behind SPARQL keeps contents elsewhere", help=advice)])
+    from planlang.knowledge.sparql_store import SparqlStore
+
+    return SparqlStore(address, contents, key=os.environ.get("PLANLANG_SPARQL_KEY"))
+
+
+def _new_key(store: Store, author: str) -> Answer:
     from executive.serving.serving import now
 
     if not author.strip() or len(author) > LONGEST_AUTHOR or not author.isprintable():

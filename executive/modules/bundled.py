@@ -5,7 +5,11 @@ For these it is stated here what their class says: name, action classes, failure
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from pathlib import Path
+
 from executive.modules import perception, process_modules
+from planlang.diagnostics import Diagnostic
 from planlang.failures import (
     DesignatorFailure,
     EnvironmentManipulationFailure,
@@ -99,3 +103,16 @@ def bundled_registry() -> ModuleRegistry:
     for one in ON_DEMAND:
         registry.add_on_demand(one, "planlang", Rank.BUNDLED)
     return registry
+
+
+def performed_by(files: Sequence[Path], found: list[Diagnostic]) -> frozenset[str]:
+    """Return the action classes that process modules perform, those of the user's files, which are executed, too.
+
+    Appends what is wrong with them; raises BadInput for a file that cannot be imported.
+    """
+    registry = bundled_registry()
+    registry.add_installed()
+    for file in files:
+        registry.add_file(file)
+    registry.resolve(found)
+    return registry.actions

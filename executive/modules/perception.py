@@ -19,9 +19,11 @@ from planlang.failures import (
     ObjectNotFound,
     ObjectNowhereToBeFound,
     PerceptionFailure,
+    RecognitionModelMissing,
 )
 from planlang.geometry import Array, Pose
 from planlang.modules import process_module
+from planlang.ontology import expand
 
 
 @process_module
@@ -81,6 +83,12 @@ class Perception(PlatformModule):
         if not platform.belief.recognition.runs(VISION):
             raise PerceptionFailure(f"{what} cannot be seen: what recognises things is stopped")
         name = platform.scene.bodies.known(what)
+        try:
+            self._check_model(what, name)
+        except RecognitionModelMissing as failure:
+            if self._goes(action):
+                raise ObjectNowhereToBeFound(what=str(what)) from failure
+            raise
         if name is None:
             return platform.belief.pose(await self._search(action, what))
         beyond: LookingGoalUnreachable | None = None
@@ -96,6 +104,17 @@ class Perception(PlatformModule):
                 return platform.belief.pose(name)
         platform.sensing.not_seen(name)
         raise ObjectNotFound(what=name) from beyond
+
+    def _check_model(self, what: Object, name: str | None) -> None:
+        """Raise RecognitionModelMissing for what would not be recognised wherever it is."""
+        belief = self.platform.belief
+        thing = None if name is None else belief.map.find(name) or belief.made.get(name)
+        if belief.recognition.may_recognise([expand(what.type)]) if thing is None else belief.recognises(thing.name):
+            return
+        from executive.belief.recognition_models import missing_model
+
+        types = (what.type,) if thing is None else thing.types
+        raise RecognitionModelMissing(missing_model(name or str(what), types), what=name or str(what))
 
     async def _search(self, action: Action, what: Object) -> str:
         """Look for something from here, or, if that is asked for, at one likely place after another."""

@@ -5,6 +5,7 @@ Three answers: available, missing, and unknown, when neither the self-model nor 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -24,6 +25,7 @@ from planlang.ontology import BNode, Literal, Ontology, Term, expand
 from planlang.ontology.expression_text import expression_of
 from planlang.ontology.expressions import Expression
 from planlang.ontology.terms import OWL, RDFS, XSD
+from planlang.units import stated_number, unit, unit_of
 
 DEEPEST = 30
 """Definitions inside definitions that are looked into."""
@@ -165,16 +167,28 @@ def _same(one: Term, other: Term | None) -> bool:
         return True
     if isinstance(one, Literal) and isinstance(other, Literal):
         try:
-            return one.number() == other.number()
+            return math.isclose(*_numbers(one, other), rel_tol=1e-9)
         except ValueError:
             return False
     return False
+
+
+def _numbers(one: Literal, other: Literal) -> tuple[float, float]:
+    """Return two numbers in one unit; raises ValueError if one is none, or their units have no common dimension."""
+    first, second = unit_of(one), unit_of(other)
+    if first is not None and second is not None and unit(first) is not None:
+        return one.number(), stated_number(other, first)
+    return stated_number(one), stated_number(other)
 
 
 def _of_datatype(value: Literal, datatype: str) -> bool | None:
     if datatype in (RDFS.Literal, value.datatype):
         return True
     stated = value.datatype or XSD.string
+    name = unit_of(value)
+    own, wanted = unit(name or ""), unit(local_name(datatype))
+    if own is not None and (datatype in _FRACTIONS or wanted is not None):
+        return wanted is None or own.dimension == wanted.dimension
     if datatype == XSD.string or not datatype.startswith(XSD):
         return stated == datatype if datatype.startswith(XSD) else None
     if stated in _WHOLE and (datatype in _FRACTIONS or datatype == XSD.integer):
@@ -197,7 +211,7 @@ def _facet(value: Term, facet: str, bound: Literal) -> bool | None:
     try:
         if name in lengths:
             return compared(lengths[name], int(bound.number()), [True] * len(value.value))
-        number, limit = value.number(), bound.number()
+        number, limit = _numbers(value, bound)
     except ValueError:
         return False
     match name:
@@ -360,9 +374,7 @@ class Matcher:
         enough = compared(kind, needed.number, answers)
         found = [part for part, answer in zip(self.robot.parts, answers, strict=True) if answer]
         if enough:
-            named = ", ".join(part.name for part in found[:3]) + (", ..." if len(found) > 3 else "")
-            span = next((part.span for part in found if part.span), None)
-            return Finding(FindingKind.COMPONENT, text, name, AVAILABLE, named or "none", span, (), needed.span)
+            return self._usable(needed, found)
         who = self.robot.robot
         if enough is None or (name is not None and not self.world.is_known(name)):
             return Finding(FindingKind.COMPONENT, text, name, UNKNOWN, "no ontology defines it", None, (), needed.span)
@@ -371,6 +383,29 @@ class Matcher:
             return Finding(FindingKind.COMPONENT, text, name, UNKNOWN, reason, None, (), needed.span)
         reason = f"{who} has {f'only {len(found)}' if found and kind != 'max' else len(found) or 'none'}"
         return Finding(FindingKind.COMPONENT, text, name, MISSING, reason, None, (), needed.span)
+
+    def _usable(self, needed: Requirement, found: Sequence[Part]) -> Finding:
+        """Return the finding about parts that are there: some may require others, as a recognition system its model."""
+        named = ", ".join(part.name for part in found[:3]) + (", ..." if len(found) > 3 else "")
+        span = next((part.span for part in found if part.span), None)
+        takes = [self._requirements(part) for part in found if needed.quantifier in ("some", "value")]
+        below = () if () in takes else min(takes, key=_worst, default=())
+        state = together(one.state for one in below)
+        reason = (named or "none") if state is AVAILABLE else f"{named} {_lacking(state, below)}"
+        return Finding(FindingKind.COMPONENT, needed.text, needed.name, state, reason, span, below, needed.span)
+
+    def _requirements(self, part: Part) -> tuple[Finding, ...]:
+        """Return the findings about the components that a part requires, by the classes that it is stated to be of."""
+        types = self.world.types(part.iri) if part.iri is not None else ()
+        stated = (needed for cls in types for needed in requirements_of(self.ontology, cls))
+        required = [one for one in stated if one.kind is FindingKind.COMPONENT]
+        key = f"{part.iri}"
+        if not required or key in self._open:
+            return ()
+        self._open[key] = None
+        found = tuple(self.component(one) for one in required)
+        del self._open[key]
+        return found
 
     def _fits(self, part: Part, needed: Requirement) -> bool | None:
         name = needed.name
@@ -448,6 +483,11 @@ class Matcher:
         if state is AVAILABLE:
             return AVAILABLE, stated
         return state, f"{stated}, but {_lacking(state, components)}"
+
+
+def _worst(findings: Iterable[Finding]) -> int:
+    """Return 0 if all that findings are about is there, 2 if something is missing, else 1."""
+    return (AVAILABLE, UNKNOWN, MISSING).index(together(one.state for one in findings))
 
 
 def _lacking(state: Availability, below: Iterable[Finding]) -> str:

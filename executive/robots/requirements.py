@@ -30,10 +30,16 @@ class FindingKind(Enum):
     ALTERNATIVES = "alternatives"
     CAPABILITY = "capability"
     COMPONENT = "component"
+    RECIPE = "recipe"
+    MODEL = "recognition model"
+    MAP = "map"
+    ENTRY = "entry"
+    """One that a knowledge base has, and that is of no use here."""
 
 
 NEEDED = (FindingKind.CAPABILITY, FindingKind.COMPONENT)
-"""Kinds that a robot has or lacks; the others are parts of the task."""
+"""Kinds that a robot has or lacks; the others are parts of the task, or knowledge."""
+_UNLABELLED = (FindingKind.TASK, FindingKind.ACTION, FindingKind.ALTERNATIVES)
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +77,7 @@ class Finding:
         key = (self.kind.value, self.iri or self.text)
         repeated = bool(self.below) and self.kind is FindingKind.CAPABILITY and key in shown
         shown.add(key)
-        label = f"{self.kind.value} {self.text}" if self.kind in NEEDED else self.text
+        label = self.text if self.kind in _UNLABELLED else f"{self.kind.value} {self.text}"
         reason = f": {self.reason}" if self.reason else ""
         where = f" ({self.span})" if self.span is not None and self.kind in NEEDED else ""
         yield f"{first}{label} - {self.state.value}{reason}{where}{'; see above' if repeated else ''}"

@@ -47,10 +47,14 @@ class Match:
         lacking = [one for one, _ in lacking_in(self.tree) if one.state is state]
         return _distinct(one for kind in NEEDED for one in lacking if one.kind is kind)
 
-    def unknown_steps(self) -> tuple[str, ...]:
-        """Return the names of the steps of which nothing is known: neither what they require nor who performs them."""
+    def unknown(self) -> tuple[Finding, ...]:
+        """Return the steps of which nothing is known: neither what they require nor who performs them."""
         found = [one for one, _ in lacking_in(self.tree) if one.kind not in NEEDED and one.reason == UNKNOWN_STEP]
-        return tuple(local_name(one.iri or one.text) for one in _distinct(found))
+        return _distinct(found)
+
+    def unknown_steps(self) -> tuple[str, ...]:
+        """Return the names of these steps."""
+        return tuple(local_name(one.iri or one.text) for one in self.unknown())
 
     def lacking(self) -> tuple[Missing, ...]:
         """Return what the task lacks or may lack, without what only one of several alternatives needs."""

@@ -112,13 +112,17 @@ def platform_of(
     *,
     trusts_map: bool = False,
     unknown: Iterable[str] = (),
+    models: Iterable[str] | None = None,
 ) -> Platform:
     """Return a robot in a true and a believed world; ``say`` is told of reachability maps that have to be built.
 
     With ``trusts_map`` the poses of the map count as seen; of things that are ``unknown`` they are not known.
+    ``models``: classes of which there are recognition models beside those of the robot file; None: of all.
     """
     belief = Belief(semantic_map, believed, trusts_map=trusts_map, unknown=unknown)
-    belief.recognition = Recognition(semantic_map.ontology, robot.camera.recognises if robot.camera else None)
+    own = robot.camera.recognises if robot.camera else None
+    classes = own if models is None else (*(own or ()), *models)
+    belief.recognition = Recognition(semantic_map.ontology, classes)
     belief.sync(believed, truth.configuration())
     planning_scene = PlanningScene(believed, robot, belief, arm_models(robot, believed), gaze_of(robot))
     ontology = semantic_map.ontology

@@ -55,6 +55,7 @@ from planlang.runs.codec import dump
 from sim import PyBulletWorld
 
 if TYPE_CHECKING:
+    from executive.belief.recognition_models import GivenPart
     from planlang.language.replaying import Replay
 
 BUDGET, PER_STEP = 600.0, 60.0
@@ -80,6 +81,8 @@ class RunOptions:
     accepted: tuple[str, ...] = ()
     """Codes of fixes that the recipe gets before it is compiled, though they may be guesses."""
     ontologies: tuple[Path, ...] = ()
+    recipes: tuple[Path, ...] = ()
+    """Files with recipes of steps that the recipe leaves to others."""
     modules: tuple[Path, ...] = ()
     """The user's files of process modules."""
     robot: Path | None = None
@@ -88,6 +91,8 @@ class RunOptions:
     additions: tuple[Path, ...] = ()
     """Maps of further things in the environment."""
     start: tuple[float, float, float] | None = None
+    models: tuple[Path, ...] | None = None
+    """Folders with the recognition models, programs and maps that the robot has; None: it recognises all classes."""
     trust_map: bool = False
     """The poses of the map count as seen: a robot without camera works from them."""
     unknown: tuple[str, ...] = ()
@@ -99,6 +104,8 @@ class RunOptions:
     trace: Path | None = None
     picture: Path | None = None
     record: Path | None = None
+    poses: Path | None = None
+    """The file for a log of where things and links are."""
     upload: Path | None = None
     """The file for maps that the plan uploads."""
     force: bool = False
@@ -154,7 +161,7 @@ class Run:
                 if options.accepted:
                     file = fixed_recipe(file, stack, self.found, options.task, folders, options.accepted)
                     folders = (options.recipe.parent, *folders)
-                recipe = load(file, folders=folders)
+                recipe = load(file, folders=folders, also=options.recipes)
                 self.path, recipes = compiled_plan(recipe, stack, self.found, task=options.task)
                 self.found = [located(one, file, options.recipe) for one in self.found]
                 self._requirements = required(recipe, recipes)
@@ -224,6 +231,12 @@ class Run:
             return self._refused(assessment.missing)
         bare = bind_robot(options.robot, urdf=options.urdf, folders=options.ontologies)
         bare = trusting_map(bare) if options.trust_map else bare
+        given: tuple[GivenPart, ...] | None = None
+        if options.models is not None:
+            from executive.belief.recognition_models import read_given_parts, with_given_parts
+
+            given = read_given_parts(options.models, options.ontologies)
+            bare = with_given_parts(bare, given)
         assessment = assess(needs, partial(missing_capabilities, semantic_map.ontology, robot=bare), unperformed)
         if self._requirements is not None:
             assessment = assessment.also(self._requirements(bare))
@@ -258,6 +271,7 @@ class Run:
             options.progress,
             trusts_map=trusts_map,
             unknown=unknown,
+            models=None if given is None else [cls for one in given for cls in one.recognises],
         )
         platform.upload = options.upload
         executive = RobotExecutive(platform, self._modules)
@@ -277,6 +291,8 @@ class Run:
         }
         if options.trust_map:
             header["trusts_map"] = True
+        if given is not None:
+            header["given"] = [one.iri for one in given]
         if options.unknown:
             header["unknown"] = list(options.unknown)
         if self.registry.identity:
@@ -369,6 +385,12 @@ class Run:
             film = recording = Recording(truth.rate, drawn, title=self.plan.name)
             listeners.append(lines_of(recording.event))
             watchers.append(lambda world: film.frame(world.steps))
+        log = None
+        if options.poses is not None:
+            from executive.runs.pose_log import PoseLog  # most runs leave none
+
+            log = PoseLog(truth, {**header, "seed": options.seed, "schedule": options.schedule})
+            watchers.append(log)
         trace = ListenedTrace.to(options.trace, header, tuple(listeners), past)
         world = _WatchedWorld(truth, watchers)
         outcome, message = Outcome.DONE, "done"
@@ -409,6 +431,8 @@ class Run:
                 write_complete(options.picture, partial(truth.save_picture, of=meant))
             if recording is not None and options.record is not None:
                 write_complete(options.record, recording.save)
+            if log is not None and options.poses is not None:
+                write_complete(options.poses, log.save)
         state = tuple(state_lines(truth, _bodies_of(bound, executive.platform.belief, truth)))
         return RunResult(outcome, message, state, tuple(self.found), truth.steps / truth.rate, failures, tilts)
 

@@ -162,7 +162,7 @@ def read_trace(path: Path) -> tuple[RecordedRun, TraceHeader]:
             raise BadInput([error("C001", f"{path} is not a file: a trace is read more than once")])
         recorded = RecordedRun.read(path)
     except DamagedTrace as damage:
-        raise BadInput([_damaged(str(path), damage)]) from None
+        raise BadInput([damaged(str(path), damage)]) from None
     except (OSError, ValueError) as problem:  # ValueError: a null character in the path
         reason = getattr(problem, "strerror", None) or problem
         raise BadInput([error("C001", f"{path} cannot be read: {reason}")]) from None
@@ -195,7 +195,7 @@ def past_of(recorded: RecordedRun) -> tuple[Past, list[Diagnostic]]:
     try:
         past = Past(recorded)
     except DamagedTrace as damage:
-        raise BadInput([_damaged(recorded.name, damage)]) from None
+        raise BadInput([damaged(recorded.name, damage)]) from None
     found: list[Diagnostic] = []
     if recorded.torn:
         message = "the last line is incomplete; it is ignored"
@@ -228,7 +228,8 @@ def sha256(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
-def _damaged(name: str, damage: DamagedTrace) -> Diagnostic:
+def damaged(name: str, damage: DamagedTrace) -> Diagnostic:
+    """Return the error that a file is no trace, or damaged."""
     return error("X020", f"not a trace, or damaged: {damage}", Span(name, damage.line))
 
 

@@ -13,6 +13,7 @@ from executive.robots import Availability, match
 from executive.robots.matching import Matcher, Missing, Possessions, missing_in
 from executive.robots.requirements import together
 from executive.robots.robot import claims_of, parts_of, read_self_model
+from executive.serving.turns import TURNS
 from executive.serving.uploads import load_upload
 from executive.serving.vocabulary import Vocabulary
 from planlang.knowledge.entries import Entry, Kind
@@ -59,12 +60,14 @@ class Abilities:
     def of(self, self_model: str, entry: Entry) -> Judgement:
         """Compare an entry with a self-model (text). Raises BadInput if that is none."""
         robot = _Robot(self_model)
-        self._possessions(robot)
-        return self._judgement(robot, entry.uid, entry.kind, entry.about, entry.etag)
+        with TURNS:
+            self._possessions(robot)
+            return self._judgement(robot, entry.uid, entry.kind, entry.about, entry.etag)
 
     def check(self, self_model: str) -> None:
         """Raise BadInput if a text is no self-model."""
-        self._possessions(_Robot(self_model))
+        with TURNS:
+            self._possessions(_Robot(self_model))
 
     def _read_possessions(self, robot: _Robot) -> Possessions:
         model = read_self_model(load_upload("robot", robot.text.encode(), self._vocabulary))
@@ -80,7 +83,8 @@ class Abilities:
         if reading.recipes is None:  # it was taken when more was known, or by another version
             return Judgement(Availability.UNKNOWN)
         found = match(ontology, reading.recipes, possessions, performed=_performed())
-        return Judgement(found.tree.state, found.lacking())
+        unknown = (Missing(one.iri or one.text, one.kind, one.state, (), one.reason) for one in found.unknown())
+        return Judgement(found.tree.state, (*found.lacking(), *unknown))
 
 
 def _by_classes(ontology: Ontology, about: str, possessions: Possessions) -> Judgement:

@@ -1,24 +1,33 @@
 """The application: a list of routers, each of one subject in a file of its own.
 
 General layout: ``serving`` is what routes work with. ``vocabulary`` is what the server knows beforehand; ``uploads``
-checks and describes what it is given, with ``places`` of maps; ``catalogue`` finds it again for ``searching``, and
-``abilities`` compares it with robots.
-``entries``, ``binaries`` and ``feed`` are routes; ``problems`` and ``records`` write answers.
+checks and describes what it is given, with ``places`` of maps; ``catalogue`` finds it again for ``searching``,
+``mirror`` for ``sparql``, and ``abilities`` compares it with robots. ``entries``, ``binaries`` and ``feed`` are routes;
+``problems`` and ``records`` write answers, ``bodies`` bounds requests.
+``page`` and ``uploading`` are the web page: ``forms`` reads what it sends, ``details`` and ``sources`` are what it
+shows of a content, ``pages`` writes it by ``templates/`` and ``static/``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import threading
+from collections.abc import AsyncIterator, Sequence
+from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
+from anyio import to_thread
 from fastapi import APIRouter, FastAPI
 
-from executive.serving import binaries, entries, feed, searching
+from executive.serving import binaries, entries, feed, page, searching, sparql, uploading
 from executive.serving.abilities import Abilities
+from executive.serving.bodies import BoundedBodies
 from executive.serving.catalogue import Catalogue
+from executive.serving.mirror import Mirror
+from executive.serving.pages import add_pages
 from executive.serving.problems import add_handlers
 from executive.serving.serving import Served, Serving
+from executive.serving.turns import MOST_THREADS
 from executive.serving.vocabulary import read_vocabulary
 from planlang.knowledge.stores import Store
 
@@ -31,17 +40,40 @@ def healthy(served: Served) -> dict[str, Any]:
     return {"status": "ok", "entries": len(served.catalogue)}
 
 
-ROUTERS = (health, searching.router, feed.router, binaries.router, entries.router)
+ROUTERS = (
+    *(health, searching.router, sparql.router, feed.router, binaries.router, entries.router),
+    *(page.router, uploading.router),
+)
 """In the order in which addresses are compared: those of entries, which take any first word, last."""
+
+
+@asynccontextmanager
+async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
+    """Let requests wait in many threads, and describe anew what another version or vocabulary described."""
+    to_thread.current_default_thread_limiter().total_tokens = MOST_THREADS
+    ended = threading.Event()
+    catalogue: Catalogue = app.state.serving.catalogue
+
+    def renew() -> None:
+        while not ended.is_set() and catalogue.renew():
+            pass
+
+    worker = threading.Thread(target=renew)
+    worker.start()
+    yield
+    ended.set()
+    worker.join()
 
 
 def application(store: Store, folders: Sequence[Path] = (), *, routers: Sequence[APIRouter] = ROUTERS) -> FastAPI:
     """Return the application that serves a store. Imports of uploads are looked for in ``folders``."""
     vocabulary = read_vocabulary(folders)
-    app = FastAPI(title="planlang knowledge base", version="1", docs_url=None, redoc_url=None)
+    app = FastAPI(title="planlang knowledge base", version="1", docs_url=None, redoc_url=None, lifespan=_lifespan)
     catalogue, abilities = Catalogue(store, vocabulary), Abilities(store, vocabulary)
-    app.state.serving = Serving(store, catalogue, vocabulary, abilities)
+    app.state.serving = Serving(store, catalogue, vocabulary, abilities, Mirror(store))
     for router in routers:
         app.include_router(router)
     add_handlers(app)
+    add_pages(app)
+    app.add_middleware(BoundedBodies)
     return app

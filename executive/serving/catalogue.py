@@ -7,20 +7,24 @@ from __future__ import annotations
 
 import threading
 from bisect import bisect_right, insort
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import islice
 
-from executive.serving.uploads import describe
+from executive.serving.uploads import describe, packed, unpacked
 from executive.serving.vocabulary import Vocabulary
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput
-from planlang.knowledge.descriptions import Description
-from planlang.knowledge.entries import Change, Content, Entry, Kind
+from planlang.knowledge.answers import Links
+from planlang.knowledge.descriptions import Described, Description
+from planlang.knowledge.entries import Change, Entry, Kind
 from planlang.knowledge.index import Index
 from planlang.knowledge.stores import Changed, NoSuchEntry, Store
 from planlang.ontology.expressions import Expression
 
+MOST_LINKS = 200
+"""Links of one subject that are listed."""
 _CONTENT = frozenset((Change.CREATED, Change.CHANGED))
 
 
@@ -31,6 +35,16 @@ class Listed:
     kind: Kind
     words: tuple[str, ...]
     place: Mapping[str, tuple[str, ...]]
+    links: Links = ()
+    """What the subject is linked to, also by what its classes require."""
+
+    def fits(self, kind: Kind | None, label: str | None, place: Mapping[str, str]) -> bool:
+        """Return True for an entry of a kind, with a part of a label or name, of a room, floor, building, ..."""
+        return (
+            kind in (None, self.kind)
+            and (label is None or any(label.casefold() in word for word in self.words))
+            and all(text.casefold() in self.place.get(level, ()) for level, text in place.items())
+        )
 
 
 class Catalogue:
@@ -43,12 +57,14 @@ class Catalogue:
         self._listed: dict[str, Listed] = {}
         self._uids: dict[Kind | None, list[str]] = {kind: [] for kind in (None, *Kind)}
         self._names: dict[str, set[str]] = {name: set(iris) for name, iris in vocabulary.names.items()}
+        self._known_names: Mapping[str, Iterable[str]] | None = None  # what others look through is not added to
+        self._stale: dict[str, None] = {}
         self._lock = threading.RLock()
         self._seen = store.last_news()
         kinds = {entry.uid: entry for entry in store.entries()}
-        for uid, packed in store.descriptions():
+        for uid, stored in store.descriptions():
             if uid in kinds:
-                self._add(kinds[uid], packed)
+                self._add(kinds[uid], stored)
 
     def __len__(self) -> int:
         return len(self._listed)
@@ -56,7 +72,16 @@ class Catalogue:
     @property
     def names(self) -> Mapping[str, Iterable[str]]:
         """Local names that may be asked for -> their IRIs: a name of the vocabulary's own is no other one's."""
-        return self._names
+        with self._lock:
+            self._follow()
+            if self._known_names is None:
+                self._known_names = {name: tuple(iris) for name, iris in self._names.items()}
+            return self._known_names
+
+    @property
+    def stale(self) -> int:
+        """The number of entries that :meth:`renew` has still to describe."""
+        return len(self._stale)
 
     def uids(self, kind: Kind | None = None, after: str = "", limit: int = 100) -> tuple[str, ...]:
         """Return identifiers behind one, sorted."""
@@ -66,12 +91,30 @@ class Catalogue:
             start = bisect_right(known, after)
             return tuple(known[start : start + limit])
 
+    def count(self, kind: Kind) -> int:
+        """Return how many entries of a kind there are."""
+        with self._lock:
+            self._follow()
+            return len(self._uids[kind])
+
+    def names_like(self, text: str, most: int) -> tuple[str, ...]:
+        """Return names that may be asked for and that begin with a text, or else contain it, the shortest first."""
+        wanted = text.casefold()
+        with self._lock:
+            found = [name for name in self._names if wanted in name.casefold()]
+        return tuple(sorted(found, key=lambda name: (not name.casefold().startswith(wanted), len(name), name))[:most])
+
     def find(self, expression: Expression | None, fits: Callable[[Listed], bool]) -> tuple[str, ...]:
         """Return the entries that an expression includes and that fit otherwise, sorted. Raises CannotAnswer."""
         with self._lock:
             self._follow()
             uids: Iterable[str] = self._uids[None] if expression is None else self._index.answers(expression)
             return tuple(uid for uid in uids if fits(self._listed[uid]))
+
+    def links(self, uid: str) -> Links:
+        """Return the properties and classes that an entry's subject is linked to; nothing for one that is not there."""
+        listed = self._listed.get(uid)
+        return () if listed is None else listed.links
 
     def _follow(self) -> None:
         while news := self._store.news(self._seen):
@@ -83,15 +126,22 @@ class Catalogue:
                         self._add(self._store.entry(uid), self._store.description(uid))
             self._seen = news[-1].number
 
-    def _add(self, entry: Entry, packed: bytes) -> None:
-        description = self._unpacked(entry, packed)
+    def _add(self, entry: Entry, stored: bytes) -> None:
+        description, is_stale = unpacked(stored, self._vocabulary)
+        if is_stale:
+            self._stale[entry.uid] = None
+        if description is None:
+            description = Description((Described((entry.about,)),))
+        self._list(entry, description)
+
+    def _list(self, entry: Entry, description: Description) -> None:
         words = dict.fromkeys(text.casefold() for text in (entry.label, *description.words))
         place: dict[str, tuple[str, ...]] = {}
         for level, text in description.place:
             place[level] = (*place.get(level, ()), text.casefold())
         self._index.add(entry.uid, description)
         self._add_names(description)
-        self._listed[entry.uid] = Listed(entry.kind, tuple(words), place)
+        self._listed[entry.uid] = Listed(entry.kind, tuple(words), place, tuple(_links(description)))
         for kind in (None, entry.kind):
             insort(self._uids[kind], entry.uid)
 
@@ -101,6 +151,7 @@ class Catalogue:
             name = local_name(iri)
             if name not in self._vocabulary.names:
                 self._names.setdefault(name, set()).add(iri)
+                self._known_names = None
 
     def _remove(self, uid: str) -> None:
         listed = self._listed.pop(uid, None)
@@ -109,20 +160,27 @@ class Catalogue:
             for kind in (None, listed.kind):
                 self._uids[kind].remove(uid)
 
-    def _unpacked(self, entry: Entry, packed: bytes) -> Description:
-        """Return a stored description; one of another layout is made anew from the content, and kept."""
-        try:
-            return Description.unpacked(packed)
-        except (ValueError, KeyError, TypeError):
-            pass
-        name = entry.uid.partition(".")[2]
-        data = self._store.content(entry.uid)
-        content = Content(entry.kind, entry.about, name, entry.label, entry.syntax, data)
-        try:
-            made = describe(content, self._vocabulary)
-            self._store.describe(entry.uid, made.packed(), entry.etag)
-        except BadInput:
-            return Description(())
-        except (Changed, NoSuchEntry):
-            pass
-        return made
+    def renew(self) -> bool:
+        """Describe one entry anew whose description another version or vocabulary made; False if there is none."""
+        with self._lock:
+            if not self._stale:
+                return False
+            uid = next(iter(self._stale))
+        with suppress(NoSuchEntry, Changed, BadInput):  # it is another entry by now, or keeps what it has
+            entry = self._store.entry(uid)
+            name, data = uid.partition(".")[2], self._store.content(uid, entry.revision.number)
+            made = describe(entry.about, name, data, self._vocabulary)
+            with self._lock:
+                self._store.describe(uid, packed(made, self._vocabulary), entry.etag)
+                self._remove(uid)
+                self._list(entry, made)
+        with self._lock:
+            self._stale.pop(uid, None)
+        return True
+
+
+def _links(description: Description) -> Iterator[tuple[str, str]]:
+    root, *_ = description.nodes
+    found = ((prop, one if isinstance(one, str) else description.nodes[one].labels) for prop, one in root.links)
+    each = ((prop, label) for prop, stated in found for label in ((stated,) if isinstance(stated, str) else stated))
+    yield from islice((one for one in each if not one[1].startswith("{")), MOST_LINKS)

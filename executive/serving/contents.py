@@ -6,6 +6,7 @@ from http import HTTPStatus
 from pathlib import Path
 
 from executive.serving.problems import Problem
+from executive.serving.turns import TURNS
 from planlang.knowledge.entries import Syntax
 from planlang.ontology.convert import Target, convert_content
 
@@ -27,7 +28,8 @@ def converted(data: bytes, uid: str, accept: str | None, syntax: Syntax) -> tupl
             if wanted in ("*/*", f"{family}/*", target.value):
                 if target is syntax:
                     return data, syntax
-                return convert_content(data, Path(uid), _TARGETS[target]).text.encode(), target
+                with TURNS:
+                    return convert_content(data, Path(uid), _TARGETS[target]).text.encode(), target
     names = ", ".join(one.value for one in Syntax)
     raise Problem(HTTPStatus.NOT_ACCEPTABLE, f"an ontology is written as one of {names}")
 

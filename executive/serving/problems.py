@@ -12,7 +12,7 @@ from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
 
 from planlang.diagnostics import BadInput, Diagnostic, Span
-from planlang.knowledge.stores import Changed, EntryExists, NoSuchEntry, NotTheAuthor, Refused
+from planlang.knowledge.stores import Changed, EntryExists, NoSuchEntry, NotTheAuthor, Refused, Unreachable
 
 MEDIA_TYPE = "application/problem+json"
 
@@ -21,6 +21,11 @@ _REFUSALS: dict[type[Refused], HTTPStatus] = {
     EntryExists: HTTPStatus.CONFLICT,
     NotTheAuthor: HTTPStatus.FORBIDDEN,
     Changed: HTTPStatus.PRECONDITION_FAILED,
+}
+
+_HEADERS = {
+    HTTPStatus.UNAUTHORIZED: {"WWW-Authenticate": "Bearer"},
+    HTTPStatus.SERVICE_UNAVAILABLE: {"Retry-After": "5"},
 }
 
 
@@ -50,26 +55,36 @@ def problem_response(status: HTTPStatus, detail: str, diagnostics: Iterable[Diag
     """Return the document for a status and a reason."""
     listed = [diagnostic_json(one) for one in diagnostics]
     body = {"type": "about:blank", "title": status.phrase, "status": int(status), "detail": detail}
-    headers = {"WWW-Authenticate": "Bearer"} if status is HTTPStatus.UNAUTHORIZED else None
-    return JSONResponse({**body, "diagnostics": listed}, int(status), headers, MEDIA_TYPE)
+    return JSONResponse({**body, "diagnostics": listed}, int(status), _HEADERS.get(status), MEDIA_TYPE)
+
+
+Refusal = Problem | Refused | Unreachable | BadInput
+REFUSALS = (Problem, Refused, Unreachable, BadInput)
+"""Why something is not done."""
+
+
+def refusal(problem: Refusal) -> tuple[HTTPStatus, str, tuple[Diagnostic, ...]]:
+    """Return the status, the reason and the diagnostics of what is not done."""
+    if isinstance(problem, Problem):
+        return problem.status, problem.detail, problem.diagnostics
+    if isinstance(problem, Refused):
+        return _REFUSALS.get(type(problem), HTTPStatus.CONFLICT), str(problem), ()
+    if isinstance(problem, Unreachable):
+        return HTTPStatus.SERVICE_UNAVAILABLE, str(problem), ()
+    errors = sum(one.severity.value == "error" for one in problem.diagnostics)
+    detail = f"the checks found {errors} error{'s' if errors != 1 else ''}"
+    return HTTPStatus.UNPROCESSABLE_ENTITY, detail, problem.diagnostics
 
 
 def add_handlers(app: FastAPI) -> None:
     """Let an application answer with problem documents."""
 
     @app.exception_handler(Problem)
-    def refused(_: Request, problem: Problem) -> Response:
-        return problem_response(problem.status, problem.detail, problem.diagnostics)
-
     @app.exception_handler(Refused)
-    def refused_by_store(_: Request, problem: Refused) -> Response:
-        return problem_response(_REFUSALS.get(type(problem), HTTPStatus.CONFLICT), str(problem))
-
+    @app.exception_handler(Unreachable)
     @app.exception_handler(BadInput)
-    def refused_by_checks(_: Request, problem: BadInput) -> Response:
-        errors = sum(one.severity.value == "error" for one in problem.diagnostics)
-        detail = f"the checks found {errors} error{'s' if errors != 1 else ''}"
-        return problem_response(HTTPStatus.UNPROCESSABLE_ENTITY, detail, problem.diagnostics)
+    def refused(_: Request, problem: Refusal) -> Response:
+        return problem_response(*refusal(problem))
 
     @app.exception_handler(RequestValidationError)
     def malformed(_: Request, problem: RequestValidationError) -> Response:

@@ -9,14 +9,13 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Query
 from pydantic import BaseModel, ConfigDict, Field
 
-from executive.serving.catalogue import Listed
 from executive.serving.entries import MOST_LISTED, listing
-from executive.serving.places import LEVELS
 from executive.serving.problems import Problem
 from executive.serving.records import record
 from executive.serving.serving import Served, Serving
 from planlang.knowledge.entries import Entry, Kind
 from planlang.knowledge.index import CannotAnswer
+from planlang.knowledge.places import LEVELS
 from planlang.knowledge.questions import LONGEST, read_question
 
 router = APIRouter(prefix="/v1", tags=["search"])
@@ -48,7 +47,7 @@ class Question(BaseModel):
 class RobotsQuestion(Question):
     """A question by a robot, which is told which of the recipes it can do."""
 
-    robot: Annotated[str | None, Field(max_length=8_000_000)] = None
+    robot: Annotated[str | None, Field(max_length=2_000_000)] = None
     """The text of its self-model."""
 
 
@@ -73,19 +72,14 @@ def answered(question: Question, served: Serving, shown: Callable[[Entry], dict[
     expression = None
     if question.expression is not None:
         expression = read_question(question.expression, served.catalogue.names)
-    asked = {level: text.casefold() for level in LEVELS if (text := getattr(question, level)) is not None}
-    label = None if question.label is None else question.label.casefold()
-
-    def fits(listed: Listed) -> bool:
-        return (
-            question.kind in (None, listed.kind)
-            and (label is None or any(label in word for word in listed.words))
-            and all(text in listed.place.get(level, ()) for level, text in asked.items())
-        )
-
+    place = {level: text for level in LEVELS if (text := getattr(question, level)) is not None}
     try:
-        found = served.catalogue.find(expression, fits)
+        found = served.catalogue.find(expression, lambda one: one.fits(question.kind, question.label, place))
     except CannotAnswer as problem:
         raise Problem(HTTPStatus.UNPROCESSABLE_ENTITY, str(problem)) from None
     after = question.after or ""
-    return listing(served, tuple(uid for uid in found if uid > after), question.limit, shown)
+
+    def linked(entry: Entry) -> dict[str, Any]:
+        return shown(entry) | {"links": served.catalogue.links(entry.uid)}
+
+    return listing(served, tuple(uid for uid in found if uid > after), question.limit, linked)

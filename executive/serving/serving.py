@@ -13,12 +13,10 @@ from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 
 from executive.serving.abilities import Abilities
 from executive.serving.catalogue import Catalogue
+from executive.serving.mirror import Mirror
 from executive.serving.problems import Problem
 from executive.serving.vocabulary import Vocabulary
 from planlang.knowledge.stores import Store
-
-LARGEST_BODY = 16_000_000
-"""Bytes of a body."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +27,7 @@ class Serving:
     catalogue: Catalogue
     vocabulary: Vocabulary
     abilities: Abilities
+    mirror: Mirror
     writing: threading.Lock = field(default_factory=threading.Lock)
 
 
@@ -63,22 +62,7 @@ def _author(asker: Annotated[str | None, Depends(_asker)]) -> str:
 
 
 async def _body(request: Request) -> bytes:
-    """Return the body of a request. Raises Problem for a compressed one, and for one that is too large."""
-    if request.headers.get("content-encoding", "identity") != "identity":
-        raise Problem(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "compressed bodies are not read")
-    found = bytearray()
-    stated = request.headers.get("content-length", "0")
-    size = int(stated) if stated.isdecimal() else 0
-    if size <= LARGEST_BODY:
-        async for part in request.stream():
-            found += part
-            size = len(found)
-            if size > LARGEST_BODY:
-                break
-    if size > LARGEST_BODY:
-        message = f"a body has at most {LARGEST_BODY // 1_000_000} MB"
-        raise Problem(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, message)
-    return bytes(found)
+    return await request.body()
 
 
 Served = Annotated[Serving, Depends(_serving)]
@@ -88,4 +72,4 @@ Asker = Annotated[str | None, Depends(_asker)]
 Author = Annotated[str, Depends(_author)]
 """Who is asking, by a key."""
 Body = Annotated[bytes, Depends(_body)]
-"""The body, of bounded size."""
+"""The body (its size is bounded by :mod:`executive.serving.bodies`)."""

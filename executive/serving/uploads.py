@@ -10,23 +10,33 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from executive.belief.object_models import WHOLES
 from executive.belief.semantic_map import read_map
 from executive.robots.robot import read_self_model
-from executive.serving.places import places
+from executive.serving.turns import TURNS
 from executive.serving.vocabulary import Vocabulary
 from planlang.compiler import compile_ontology
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors
+from planlang.experience import episode_in
 from planlang.files import decode
 from planlang.knowledge.axioms import own_axioms_of
 from planlang.knowledge.completion import TooLarge
 from planlang.knowledge.descriptions import Description, described
 from planlang.knowledge.entries import Content, Kind, Syntax, uid_of
+from planlang.knowledge.places import places
 from planlang.ontology import BNode, Literal, Ontology, documents, expand, load
 from planlang.ontology.terms import OWL, RDF, RDFS
 
 MOST_WORDS, LONGEST_WORD = 500, 200
 """Names and labels that an entry is found by, and characters of one."""
+
+LAYOUT = "1"
+"""Of descriptions in a store; those of another one are made anew from the content."""
+MAPS = ("knowrob:SemanticEnvironmentMap", "srdl2-comp:EnvironmentMap")
+"""Classes of maps."""
+OUTWARD = ("objectActedOn", "relativeTo", "providesModelFor", "subClassOf")
+"""Properties from what says something about a thing, or from a part of it, to the thing."""
 
 _SYNTAXES = {
     documents.Syntax.RDFXML: (Syntax.RDFXML, ".owl"),
@@ -49,20 +59,50 @@ def read_upload(kind: Kind, name: str, data: bytes, about: str | None, vocabular
 
     Raises BadInput with everything that is wrong with it.
     """
+    _check_name("upload", name, name)
+    with TURNS:
+        return _read(kind, name, data, about, vocabulary)
+
+
+def _read(kind: Kind, name: str, data: bytes, about: str | None, vocabulary: Vocabulary) -> Upload:
     ontology, syntax, file = _loaded(name, data, vocabulary)
     found = [one for one in ontology.diagnostics if _concerns(one, file)]
     subject = _checked(kind, ontology, about, found)
     found = list(dict.fromkeys(one for one in found if _concerns(one, file)))
-    try:
-        uid_of(subject, name)
-    except ValueError as problem:
-        raise BadInput([*found, error("K012", str(problem), Span(file))]) from None
+    _check_name(subject, name, file)
     if has_errors(found):
         raise BadInput(found)
     description = _described(ontology, subject, vocabulary, file)
     label = (ontology.label(subject) or local_name(subject))[:LONGEST_WORD]
-    content = Content(kind, subject, name, label, syntax, data, description.packed())
+    content = Content(kind, subject, name, label, syntax, data, packed(description, vocabulary))
     return Upload(content, description, tuple(found))
+
+
+def _check_name(about: str, name: str, file: str) -> None:
+    try:
+        uid_of(about, name)
+    except ValueError as problem:
+        raise BadInput([error("K012", str(problem), Span(file))]) from None
+
+
+def packed(description: Description, vocabulary: Vocabulary) -> bytes:
+    """Return a description as a store keeps it: behind the layout of descriptions and the vocabulary it was made by."""
+    return f"{_stamp(vocabulary)}\n".encode() + description.packed()
+
+
+def unpacked(stored: bytes, vocabulary: Vocabulary) -> tuple[Description | None, bool]:
+    """Return a kept description, None if it has another layout, and whether it has to be made anew."""
+    stamp, _, data = stored.partition(b"\n")
+    if stamp.partition(b" ")[0] != LAYOUT.encode():
+        return None, True
+    try:
+        return Description.unpacked(data), stamp.decode() != _stamp(vocabulary)
+    except (ValueError, KeyError, TypeError):
+        return None, True
+
+
+def _stamp(vocabulary: Vocabulary) -> str:
+    return f"{LAYOUT} {vocabulary.digest}"
 
 
 def load_upload(name: str, data: bytes, vocabulary: Vocabulary) -> Ontology:
@@ -96,6 +136,8 @@ def _checked(kind: Kind, ontology: Ontology, about: str | None, found: list[Diag
         return plan.recipes.main.iri
     if kind is Kind.ENVIRONMENT:
         return _map_of(ontology, about, found)
+    if kind is Kind.EXPERIENCE:
+        return episode_in(ontology.alone().triples(), str(ontology.documents[0].path))
     if kind is Kind.ROBOT:
         robot = read_self_model(ontology).iri
         return robot if about is None else _named(ontology, about)
@@ -105,7 +147,7 @@ def _checked(kind: Kind, ontology: Ontology, about: str | None, found: list[Diag
 
 
 def _map_of(ontology: Ontology, about: str | None, found: list[Diagnostic]) -> str:
-    maps = [one for one in ontology.individuals(expand("SemanticEnvironmentMap")) if ontology.main(one)]
+    maps = _maps(ontology)
     try:
         found += read_map(ontology).diagnostics
     except BadInput as problem:
@@ -114,7 +156,17 @@ def _map_of(ontology: Ontology, about: str | None, found: list[Diagnostic]) -> s
         found += (one for one in problem.diagnostics if one.code != "M009")  # a map may be a picture beside it
     if about is not None:
         return _named(ontology, about)
-    return _only(Kind.ENVIRONMENT, ontology, maps)
+    rooms = [one for one in ontology.individuals(expand("RoomInAConstruction")) if ontology.main(one)]
+    return _only(Kind.ENVIRONMENT, ontology, maps or rooms or _subjects(ontology, Kind.ENVIRONMENT))
+
+
+def _maps(ontology: Ontology) -> list[str]:
+    """Return the individuals of the main document that are maps: by their class, their files, or what is in them."""
+    main = ontology.alone()
+    found = [one for name in MAPS for one in ontology.individuals(expand(name)) if ontology.main(one)]
+    found += [str(t.object) for t in main.using("describedInMap") if isinstance(t.object, str)]
+    found += [t.subject for t in main.using("linkToMapFile") if isinstance(t.subject, str)]
+    return list(dict.fromkeys(found))
 
 
 def _named(ontology: Ontology, about: str) -> str:
@@ -151,10 +203,16 @@ def _subjects(ontology: Ontology, kind: Kind) -> list[str]:
     stated = dict.fromkeys(t.subject for t in main.triples() if isinstance(t.subject, str))
     things = [iri for iri in stated if not _is_language(main, iri)]
     classes = [iri for iri in things if any(main.triples(iri, RDFS.subClassOf)) and kind is Kind.OBJECT]
-    events = {iri for iri in things if ontology.is_a(iri, expand("Event"))} if kind is Kind.OBJECT else set()
-    candidates = classes or [iri for iri in things if main.is_individual(iri) and iri not in events]
-    inside = {t.object for t in main.triples() if t.subject not in events and t.predicate != RDF.type}
+    candidates = classes or [iri for iri in things if main.is_individual(iri) and not _is_sight(ontology, iri, kind)]
+    outward = set(main.properties_named(*OUTWARD))
+    inside = {t.object for t in main.triples() if t.predicate not in (RDF.type, *outward)}
+    inside |= {t.subject for t in main.using(*WHOLES)}
     return [iri for iri in candidates if iri not in inside]
+
+
+def _is_sight(ontology: Ontology, iri: str, kind: Kind) -> bool:
+    """Return True for a perception: it says where a thing is, and is what nothing but an experience is about."""
+    return kind is not Kind.EXPERIENCE and ontology.is_a(iri, expand("Event"))
 
 
 def _is_language(main: Ontology, iri: str) -> bool:
@@ -174,10 +232,11 @@ def _described(ontology: Ontology, subject: str, vocabulary: Vocabulary, file: s
     return replace(found, place=places(ontology))
 
 
-def describe(content: Content, vocabulary: Vocabulary) -> Description:
-    """Return the description of a content that was taken before. Raises BadInput if it would not be taken now."""
-    ontology, _, file = _loaded(content.name, content.data, vocabulary)
-    return _described(ontology, content.about, vocabulary, file)
+def describe(about: str, name: str, data: bytes, vocabulary: Vocabulary) -> Description:
+    """Return the description of a content that was taken before. Raises BadInput if it cannot be read any more."""
+    with TURNS:
+        ontology, _, file = _loaded(name, data, vocabulary)
+        return _described(ontology, about, vocabulary, file)
 
 
 def _words(ontology: Ontology, subject: str) -> Iterator[str]:

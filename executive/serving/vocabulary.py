@@ -28,7 +28,7 @@ class Vocabulary:
     names: Mapping[str, Sequence[str]]
     """Local name -> IRIs."""
     digest: str
-    """Of everything that was read."""
+    """Digest of everything that was read."""
     diagnostics: tuple[Diagnostic, ...] = ()
     """What could not be read."""
 
@@ -37,7 +37,8 @@ def read_vocabulary(folders: Sequence[Path] = ()) -> Vocabulary:
     """Read the bundled ontologies and every file in some folders; what cannot be read is left out and reported."""
     problems: list[Diagnostic] = []
     files = [path for path in _files(folders) if _is_readable(path, folders, problems)]
-    ontology = load(bundled("ontologies") / "knowrob.omn", folders=folders, also=files)
+    words = bundled("ontologies") / "experience.omn"  # recipes, maps and robots say nothing of what was done
+    ontology = load(bundled("ontologies") / "knowrob.omn", folders=folders, also=[words, *files])
     digest = hashlib.sha256("".join(document.sha256 for document in ontology.documents).encode())
     terms = (term for term in ontology.store.terms if isinstance(term, str))
     named = [

@@ -10,9 +10,10 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 
 from planlang.ontology import BNode, Ontology, Term
+from planlang.ontology.classes import twin
 from planlang.ontology.expression_text import expression_of
 from planlang.ontology.expressions import Expression
-from planlang.ontology.terms import OWL, RDF, RDFS, XSD
+from planlang.ontology.terms import OWL, RDF, RDFS, ROBOEARTH, XSD
 
 THING, NOTHING = str(OWL.Thing), str(OWL.Nothing)
 
@@ -70,7 +71,7 @@ def axioms_of(ontology: Ontology) -> Axioms:
         for upper in ontology.taxonomy.parents(cls):
             found.state(cls, upper)
     _read_class_axioms(ontology, found)
-    _read_property_axioms(ontology, found)
+    _read_property_axioms(ontology, found, ontology)
     _read_facts(ontology, found, ontology, found)
     return found
 
@@ -88,7 +89,7 @@ def own_axioms_of(ontology: Ontology, vocabulary: Axioms) -> Axioms:
             if upper not in known:
                 found.state(name, upper)
     _read_class_axioms(main, found)
-    _read_property_axioms(main, found)
+    _read_property_axioms(main, found, ontology)
     _read_facts(main, found, ontology, vocabulary)
     return found
 
@@ -138,7 +139,11 @@ def _items(ontology: Ontology, cell: Term) -> Iterator[Term]:
         cell = ontology.value(cell, RDF.rest) or RDF.nil
 
 
-def _read_property_axioms(ontology: Ontology, found: Axioms) -> None:
+def _read_property_axioms(ontology: Ontology, found: Axioms, known: Ontology) -> None:
+    for name in ontology.store.terms:
+        other = twin(name) if isinstance(name, str) and name.startswith(ROBOEARTH) else None
+        if isinstance(name, str) and other is not None and known.is_property(other):
+            found.properties_above[name] = {*ontology.superproperties(name), *known.superproperties(other)}
     for p in (RDFS.subPropertyOf, OWL.equivalentProperty):
         for triple in ontology.triples(p=p):
             for prop in (triple.subject, triple.object):

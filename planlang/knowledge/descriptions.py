@@ -83,7 +83,7 @@ def described(
                     queue.append(target)
                 end = numbers[target]
             links += [(one, end) for one in _shown(completion, prop)]
-        found.append(Described(_most_specific(nodes[number], vocabulary), tuple(sorted(links, key=repr))))
+        found.append(Described(_most_specific(nodes[number], vocabulary), tuple(sorted(set(links), key=repr))))
     return Description(tuple(found), tuple(words), tuple(place))
 
 

@@ -78,6 +78,11 @@ class Endpoint:
             return {"head": found["head"], "results": {"bindings": found["rows"]}}
         return found
 
+    @property
+    def is_running(self) -> bool:
+        """True if the child is there; one that starts reads all contents."""
+        return self._child is not None and self._child.poll() is None
+
     def put(self, uid: str, triples: str) -> None:
         """Add the N-Triples of an entry, in the place of earlier ones."""
         self._change({"put": uid, "triples": triples})
@@ -95,7 +100,7 @@ class Endpoint:
                     self._end()
 
     def _started(self) -> subprocess.Popen[str]:
-        if self._child is not None and self._child.poll() is None:
+        if self._child is not None and self.is_running:
             return self._child
         arguments = [sys.executable, "-m", "planlang.knowledge.sparql_child"]
         self._child = subprocess.Popen(
@@ -104,6 +109,8 @@ class Endpoint:
         for uid, triples in self._contents():
             self._send(self._child, {"put": uid, "triples": triples})
         self._send(self._child, {"limit": self._limits.memory})
+        assert self._child.stdout is not None
+        self._child.stdout.readline()
         return self._child
 
     @staticmethod

@@ -2,7 +2,7 @@
 
 It reads messages from its standard input and writes one answer for each question to its standard output; each is a line
 of JSON. ``{"put": uid, "triples": text}`` and ``{"drop": uid}`` change the graph of an entry, ``{"limit": bytes}``
-closes the process off, ``{"query": text, "rows": number}`` asks.
+closes the process off (answered, too), ``{"query": text, "rows": number}`` asks.
 """
 
 from __future__ import annotations
@@ -104,6 +104,8 @@ def main() -> None:
         message = json.loads(line)
         if "limit" in message:
             close_off(message["limit"])
+            sys.stdout.write("{}\n")  # ready: the time of a question does not begin before
+            sys.stdout.flush()
         elif "query" in message:
             sys.stdout.write(json.dumps(answer(store, message["query"], message["rows"])) + "\n")
             sys.stdout.flush()

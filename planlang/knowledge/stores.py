@@ -12,6 +12,9 @@ from typing import Protocol
 
 from planlang.knowledge.entries import Attachment, Content, Entry, Kind, News, Revision
 
+SCHEME = "sparql+"
+"""What the address of a store over a SPARQL endpoint begins with, before http or https."""
+
 
 class Refused(Exception):
     """A store does not do what was asked; the text says why."""
@@ -31,6 +34,10 @@ class NotTheAuthor(Refused):
 
 class Changed(Refused):
     """The entry is not any more what the asker believes: the tag given is another revision's."""
+
+
+class Unreachable(Exception):
+    """What a store stands on does not answer; the text says what. The same call may succeed later."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from difflib import get_close_matches
-from functools import cache
+from functools import lru_cache
 from pathlib import Path
 from typing import Protocol
 
@@ -178,7 +178,7 @@ def _near(namespace: str, local: str, least: float) -> list[str]:
     return get_close_matches(local, sorted(terms), n=1, cutoff=least)
 
 
-@cache
+@lru_cache(100_000)  # a server meets names without end
 def _is_misspelt(iri: str) -> bool:
     """Return True for a name that is nearly a term of RDF, RDFS or OWL, or an attribute of RDF/XML, but is none."""
     local = local_name(iri)

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import glob
 import hashlib
+import os
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from functools import cache, lru_cache
 from pathlib import Path
-from urllib.parse import unquote
+from urllib.parse import quote, unquote
 
 from planlang.cache import Cache
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
@@ -88,6 +89,8 @@ def read_syntax(content: bytes, file: str, *, base: str, label: str) -> Parsed:
     return read(text, file, base=base, label=label)
 
 
+_IN_IRIS = "@:+,;=~!$&'()*"
+"""Characters of a file's name that stay as they are."""
 MOST_DOCUMENTS = 200
 """Files that one ontology may be made of."""
 
@@ -125,10 +128,15 @@ def read_bytes(path: Path) -> bytes:
     return read_file(path, "O001", largest=LARGEST_ONTOLOGY, code_if_large="O003")
 
 
+def base_of(path: Path) -> str:
+    """Return the IRI against which the relative names of a file are resolved; of its folders it tells nothing."""
+    return f"file:///{quote(os.fsencode(path.name), safe=_IN_IRIS)}"
+
+
 def _read(path: Path, content: bytes) -> Reading:
     file = str(path)
     digest = hashlib.sha256(content).hexdigest()
-    base, label = f"file:///{path.name}", f"{digest[:8]}-"
+    base, label = base_of(path), f"{digest[:8]}-"
     key = f"{digest} {_reader_digest()}" if _is_ours(path) else None
     kept = _CACHE.load(key) if key is not None else None
     if kept is not None:

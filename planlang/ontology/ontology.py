@@ -92,6 +92,22 @@ class Ontology:
         main, *others = self._readings
         return Ontology([replace(main, triples=main.triples.renamed(names)), *others])
 
+    def to_owlready(self) -> Any:
+        """Return a ``World`` of owlready2 with the repaired statements of all documents; nothing is imported again.
+
+        Nameless nodes keep their statements, not their labels. Raises ImportError without owlready2.
+        """
+        from io import BytesIO
+
+        from owlready2 import World
+
+        from planlang.ontology.nested_writers import ntriples
+
+        statements = (triple for triple in self.triples() if triple.predicate != OWL.imports)
+        world = World()
+        world.get_ontology(self.iri or "http://planlang/").load(fileobj=BytesIO(ntriples(statements).encode()))
+        return world
+
     # triples
 
     def triples(self, s: str | BNode | None = None, p: str | None = None, o: Term | None = None) -> Iterator[Triple]:

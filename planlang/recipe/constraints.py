@@ -17,6 +17,7 @@ from planlang.ontology.terms import OWL, RDFS
 from planlang.recipe.fillers import CONSTRAINED_BY, kind_of, nearest_in_vocabulary
 from planlang.recipe.model import Constraint, Kind, Name, Parameter, Part, Thing
 from planlang.recipe.statements import KINDS, is_word
+from planlang.units import IncompatibleUnits, stated_number, unit_of
 
 ROLES = ("deviceUsed", "objectActedOn")
 """The properties of a motion whose fillers features are parts of that name no whole: the tool's and the world's."""
@@ -100,15 +101,25 @@ def kind_of_constraint(ontology: Ontology, iri: str) -> ConstraintKind | None:
 
 
 def number_of(ontology: Ontology, iri: str, word: str) -> float | str | None:
-    """Return the number that a constraint states or inherits, the text of what is no number, None without any."""
+    """Return the number that a constraint states or inherits, the text of what is no number, None without any.
+
+    A limit with a unit is in metres, or a mere number, as the kind of the constraint measures it; in another one it is
+    no number.
+    """
     stated = _stated(ontology, iri, word)
     if stated is None:
         return None
     term = stated[1]
+    if not isinstance(term, Literal):
+        return local_name(str(term))
+    kind = kind_of_constraint(ontology, iri)
+    is_length = kind is not None and kind.value.unit == "m" and word != "constrWeight"
     try:
-        return term.number() if isinstance(term, Literal) else local_name(str(term))
+        return float(stated_number(term, "Meter" if is_length else "Unitless"))
+    except IncompatibleUnits:
+        return f"{term.value} {unit_of(term)}"
     except ValueError:
-        return term.value if isinstance(term, Literal) else str(term)
+        return term.value
 
 
 def _is_above(lower: float | None, upper: float | None) -> bool:

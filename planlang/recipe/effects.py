@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from planlang.diagnostics import BadInput, Span, error
 from planlang.ontology import Literal, Ontology, Term, expand
+from planlang.units import IncompatibleUnits, stated_number, unit_of_property
 
 Classes = tuple[str, ...]
 """IRIs of classes."""
@@ -142,7 +143,9 @@ def _each(several: Iterable[Classes]) -> Classes:
 
 def _checked(term: Term, name: str, span: Span | None) -> float:
     try:
-        number = float(term.number()) if isinstance(term, Literal) else -1.0
+        number = float(stated_number(term, unit_of_property(name))) if isinstance(term, Literal) else -1.0
+    except IncompatibleUnits as wrong:
+        raise BadInput([error("M030", f"{name}: {wrong}", span)]) from None
     except ValueError:
         number = -1.0
     if not (math.isfinite(number) and number >= 0):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from planlang.ontology import Literal, Ontology, expand
+from planlang.units import stated_number, unit_of_property
 
 UPRIGHT = 1e-3
 """The distance of the last number of a matrix from 1 up to which its z axis points up."""
@@ -25,7 +26,7 @@ def stated_pose(ontology: Ontology, iri: str) -> tuple[float, float, float, floa
 def _number(ontology: Ontology, iri: str, name: str) -> float | None:
     """Return the number that an individual states last by a property; None if there is none, or it is not finite."""
     try:
-        values = [float(one.value) for one in ontology.values(iri, expand(name)) if isinstance(one, Literal)]
+        values = [one for one in ontology.values(iri, expand(name)) if isinstance(one, Literal)]
+        return stated_number(values[-1], unit_of_property(name)) if values else None
     except ValueError:
         return None
-    return values[-1] if values and math.isfinite(values[-1]) else None

@@ -77,24 +77,7 @@ class RecordedRun:
     @staticmethod
     def read(path: str | os.PathLike[str]) -> RecordedRun:
         """Read a trace from a file; raises OSError, DamagedTrace."""
-        place = Path(path)
-        texts: list[bytes] = []
-        with place.open("rb") as file:
-            while text := file.readline(LONGEST_LINE + 1):
-                if len(text) > LONGEST_LINE:
-                    raise DamagedTrace(f"a line of more than {LONGEST_LINE // 1_000_000} MB", len(texts) + 1)
-                texts.append(text)
-        torn = bool(texts) and not texts[-1].endswith(b"\n")
-        records: list[object] = []
-        for number, text in enumerate(texts, 1):
-            try:
-                records.append(json.loads(text))
-            except (ValueError, RecursionError) as problem:
-                if torn and number == len(texts) and number > 1:
-                    break
-                raise DamagedTrace(f"this is no JSON: {_reason(problem)}", number) from None
-        else:
-            torn = False
+        records, torn = read_records(path)
         return RecordedRun(_lines(records), torn, str(path))
 
     @staticmethod
@@ -103,14 +86,33 @@ class RecordedRun:
         return RecordedRun(_lines(events))
 
 
+def read_records(path: str | os.PathLike[str]) -> tuple[list[Any], bool]:
+    """Return the records in a file, unchecked, and whether the last was cut off; raises OSError, DamagedTrace."""
+    texts: list[bytes] = []
+    with Path(path).open("rb") as file:
+        while text := file.readline(LONGEST_LINE + 1):
+            if len(text) > LONGEST_LINE:
+                raise DamagedTrace(f"a line of more than {LONGEST_LINE // 1_000_000} MB", len(texts) + 1)
+            texts.append(text)
+    torn = bool(texts) and not texts[-1].endswith(b"\n")
+    records: list[Any] = []
+    for number, text in enumerate(texts, 1):
+        try:
+            records.append(json.loads(text))
+        except (ValueError, RecursionError) as problem:
+            if torn and number == len(texts) and number > 1:
+                return records, True
+            raise DamagedTrace(f"this is no JSON: {_reason(problem)}", number) from None
+    return records, False
+
+
 def _reason(problem: Exception) -> str:
     return getattr(problem, "msg", None) or ("too deeply nested" if isinstance(problem, RecursionError) else "no UTF-8")
 
 
-def _lines(records: Iterable[object]) -> list[Line]:
-    lines: list[Line] = []
-    paths: dict[int, str] = {}
-    step = 0
+def checked_records(records: Iterable[object]) -> Iterator[tuple[int, Mapping[str, Any]]]:
+    """Yield the records, counted from 1, each with its step and event, the header first; raises DamagedTrace."""
+    number = step = 0
     for number, record in enumerate(records, 1):
         match record:
             case {"step": int(now), "event": str()} if not isinstance(now, bool) and now >= 0:
@@ -123,10 +125,14 @@ def _lines(records: Iterable[object]) -> list[Line]:
         if now < step:
             raise DamagedTrace(f"step {now} comes after step {step}", number)
         step = now
-        lines.append(Line(number, record, _path(record, paths, number)))
-    if not lines:
+        yield number, record
+    if not number:
         raise DamagedTrace("the trace is empty", 1)
-    return lines
+
+
+def _lines(records: Iterable[object]) -> list[Line]:
+    paths: dict[int, str] = {}
+    return [Line(number, record, _path(record, paths, number)) for number, record in checked_records(records)]
 
 
 def _check_header(record: Mapping[str, Any]) -> None:

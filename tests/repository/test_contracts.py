@@ -23,6 +23,7 @@ BREACHES = {
     "no file of sim imports one that imports it": ("sim/robot.py", "import sim.contact"),
     "sim does not import the plan author's names": ("sim", "from planlang import run"),
     "the compiler reads recipes, recipes read ontologies": ("planlang/ontology", "import planlang.recipe"),
+    "what was done is told without recipes and knowledge bases": ("planlang/experience", "import planlang.recipe"),
     "the language stands on recorded runs, these on the kernel": ("planlang/kernel", "import planlang.runs"),
     "phrases know designators and ontologies only": ("planlang/phrases", "import planlang.failures"),
     "the language does not know recipes": ("planlang/language", "import planlang.recipe"),

@@ -23,7 +23,7 @@ CHECKOUT = Path(__file__).resolve().parents[2]
 README = CHECKOUT / "README.md"
 CODES_PAGE = CHECKOUT / "docs" / "codes.md"
 PAGES = {page.name: page.read_text(encoding="utf-8") for page in (README, *sorted(CHECKOUT.glob("docs/*.md")))}
-OF_THEIR_OWN = ("locations.md",)
+OF_THEIR_OWN = ("knowledge.md", "locations.md")
 """Pages whose outputs another test compares."""
 PACKAGES = ("planlang", "executive", "sim")
 

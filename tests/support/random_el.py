@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from random import Random
@@ -28,11 +29,10 @@ class Drawn:
     entries: dict[str, str]
     questions: tuple[str, ...]
 
-    def whole(self) -> bytes:
-        """Return one ontology in RDF/XML of everything, in which question number n is the class Qn."""
-        asked = (f"Class: Q{n}\n  EquivalentTo: {text}\n" for n, text in enumerate(self.questions))
-        text = f"{_HEAD}Ontology: <{START[:-1]}>\n{self.vocabulary}\n{''.join(self.entries.values())}{''.join(asked)}"
-        return convert_content(text.encode(), Path("whole.omn"), Target.RDFXML).text.encode()
+    def whole(self) -> str:
+        """Return one ontology of everything, in which question number n is the class Qn."""
+        frames = f"{self.vocabulary}\n{''.join(self.entries.values())}"
+        return f"{_HEAD}Ontology: <{START[:-1]}>\n{frames}{asked(self.questions)}"
 
     def answers(self, folder: Path) -> list[set[str]]:
         """Return what the index answers to each question when every entry is described on its own."""
@@ -51,6 +51,17 @@ class Drawn:
         text = f"{_HEAD}Ontology: <urn:{uid}>\n{frames}"
         entry = load(folder / f"{uid}.omn", builtin=False, also=[folder / "vocabulary.omn"], content=text.encode())
         return described(START + uid, vocabulary, own_axioms_of(entry, vocabulary))
+
+
+def asked(questions: Sequence[str]) -> str:
+    """Return frames of classes Q0, Q1, ... that are equivalent to some expressions."""
+    return "".join(f"Class: <{START}Q{n}>\n  EquivalentTo: {text}\n" for n, text in enumerate(questions))
+
+
+def write_for_reasoners(text: str, path: Path) -> Path:
+    """Write an ontology in Manchester syntax as RDF/XML without what only some readers read."""
+    path.write_text(convert_content(text.encode(), path.with_suffix(".omn"), Target.RDFXML).text)
+    return path
 
 
 class Draw:

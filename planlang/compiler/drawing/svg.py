@@ -43,9 +43,16 @@ text { font-family: Helvetica, Arial, "Liberation Sans", sans-serif; fill: #1f2d
 .head-transition { fill: #3f6b4f; }
 """
 
+_STYLED = f"<style>\n{STYLE}</style>"
+
 
 def svg(graph: TaskGraph) -> str:
     """Return the graph as an SVG document: stated orders solid, added ones dashed, implied ones left out."""
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{figure(graph, _STYLED)}'
+
+
+def figure(graph: TaskGraph, *inside: str) -> str:
+    """Return the graph as an SVG element for a page that has a style for it; ``inside`` are elements of a document."""
     found = arranged(graph.group)
     has_added = any(route.arrow.order is Order.ADDED for route in found.routes)
     legend = "dashed: added by the compiler, as steps at one place are performed together" if has_added else ""
@@ -54,11 +61,10 @@ def svg(graph: TaskGraph) -> str:
     high = found.height + HEAD + 2 * MARGIN + (LINE_HEIGHT * 1.5 if legend else 0.0)
     left, top = (wide - found.width) / 2, MARGIN + HEAD
     lines = [
-        '<?xml version="1.0" encoding="UTF-8"?>',
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{_n(wide)}" height="{_n(high)}"'
         f' viewBox="0 0 {_n(wide)} {_n(high)}" role="img">',
         f"<title>{escape(graph.title)}</title>",
-        f"<style>\n{STYLE}</style>",
+        *inside,
         *_heads(),
         f'<rect width="{_n(wide)}" height="{_n(high)}" fill="#ffffff"/>',
         f'<text class="title" x="{_n(MARGIN)}" y="{_n(MARGIN + 18)}">{escape(title)}</text>',

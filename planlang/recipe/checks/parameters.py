@@ -26,7 +26,6 @@ from planlang.recipe.fillers import (
     OBJECT_PROPERTY,
     action_class,
     classes_of,
-    dimension_of,
     fillings,
     is_of_unknown_kind,
     is_place,
@@ -37,11 +36,8 @@ from planlang.recipe.fillers import (
     read_thing,
     references,
     references_of_unknown_kind,
-    si_unit,
     takes_numbers,
     takes_things,
-    unit,
-    unit_of,
     unread_facts,
     unread_references,
 )
@@ -50,6 +46,7 @@ from planlang.recipe.readers import OUTPUTS, made
 from planlang.recipe.readers.workflow import is_interval_relation
 from planlang.recipe.statements import Filling, is_word
 from planlang.relations import RELATIONS, owl_properties
+from planlang.units import dimension_of, si_unit, unit, unit_of
 
 
 @check("R030", "R034", unless=("R022", "R023"))
@@ -352,26 +349,24 @@ def _of_unknown_kind(ontology: Ontology, what: str, term: str, span: Span) -> Di
 def _literal(ontology: Ontology, owner: str, property_name: str, literal: Literal, span: Span) -> Iterator[Diagnostic]:
     """Judge a value: a number where its type or the property wants one, in a unit that fits the property."""
     name, short = unit_of(literal), local_name(shorten(property_name))
-    datatype = local_name(literal.datatype or "")
-    is_number = takes_numbers(ontology, property_name)
-    if name is not None or datatype in NUMERIC or is_number:
-        value = read_literal(literal, is_number=is_number)
-        if isinstance(value, str | bool):
-            message = f"{short} of `{local_name(owner)}` is {literal.value!r}, which is not a number"
-            yield error("R037", message, span, "write a number, such as 0.5")
-            return
-    if name is None:
-        return
-    known, wanted = unit(name), dimension_of(short)
-    if known is None:
-        message = f"{short} of `{local_name(owner)}` is in {name}, an unknown unit; the number is read without it"
-        yield warning("R037", message, span, "use a unit of QUDT, such as Meter, SecondTime or MeterPerSecond")
-    elif wanted is not None and known.dimension != wanted:
+    known, wanted = None if name is None else unit(name), dimension_of(short)
+    if known is not None and wanted is not None and known.dimension != wanted:
         message = (
             f"{short} of `{local_name(owner)}` is in {name} ({si_unit(known.dimension)}),"
             f" but is measured in {si_unit(wanted)}"
         )
         yield error("R037", message, span, "convert it to such a unit")
+        return
+    is_numeric = local_name(literal.datatype or "") in NUMERIC
+    if name is not None or is_numeric or takes_numbers(ontology, property_name):
+        value = read_literal(ontology, literal, property_name)
+        if isinstance(value, str | bool):
+            message = f"{short} of `{local_name(owner)}` is {literal.value!r}, which is not a number"
+            yield error("R037", message, span, "write a number, such as 0.5")
+            return
+    if name is not None and known is None:
+        message = f"{short} of `{local_name(owner)}` is in {name}, an unknown unit; the number is read without it"
+        yield warning("R037", message, span, "use a unit of QUDT, such as Meter, SecondTime or MeterPerSecond")
 
 
 def _meant(ontology: Ontology, undefined: str) -> Rename | None:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Iterable
 from importlib.util import find_spec
 from pathlib import Path
+from random import Random
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from random_el import START, Draw, Drawn
+from random_el import START, Draw, Drawn, asked, write_for_reasoners
 
 from planlang.diagnostics import Span
 from planlang.knowledge.axioms import Axioms, Some, axioms_of, own_axioms_of
@@ -17,20 +19,25 @@ from planlang.knowledge.descriptions import Described, Description, described
 from planlang.knowledge.index import CannotAnswer, Index
 from planlang.knowledge.questions import names_in, read_question
 from planlang.ontology import load
+from planlang.ontology.convert import Target, convert
 from planlang.ontology.expressions import Expression
 
 
-def ask_elk(drawn: Drawn, folder: Path) -> list[set[str]]:
-    """Return what ELK's reimplementation in Rust answers to each question."""
+def ask_elk(whole: str, entries: Iterable[str], questions: int, folder: Path) -> list[set[str]]:
+    """Return what ELK's reimplementation in Rust answers to each question.
+
+    It is given functional syntax: its own reader of RDF refuses files with any triple that means nothing in OWL.
+    """
     pyelk = pytest.importorskip("pyelk", reason="pyelk-reasoner is not installed")
-    (folder / "whole.owl").write_bytes(drawn.whole())
+    horned = pytest.importorskip("pyhornedowl", reason="py-horned-owl is not installed")
+    horned.open_ontology(str(write_for_reasoners(whole, folder / "whole.owl"))).save_to_file(str(folder / "whole.ofn"))
     answers = []
-    with pyelk.Reasoner(folder / "whole.owl") as reasoner:
-        for number in range(len(drawn.questions)):
+    with pyelk.Reasoner(folder / "whole.ofn") as reasoner:
+        for number in range(questions):
             asked = pyelk.Class(pyelk.IRI(f"{START}Q{number}"))
             below = (*reasoner.subclasses(asked).value, *reasoner.equivalent_classes(asked).value)
             answers.append({one.iri.value for node in below for one in node.members})
-    return [{uid for uid in drawn.entries if START + uid in found} for found in answers]
+    return [{uid for uid in entries if START + uid in found} for found in answers]
 
 
 def ask_hermit(drawn: Drawn, folder: Path) -> list[set[str]]:
@@ -39,9 +46,8 @@ def ask_hermit(drawn: Drawn, folder: Path) -> list[set[str]]:
         pytest.skip("HermiT needs owlready2 and Java")
     import owlready2
 
-    (folder / "whole.owl").write_bytes(drawn.whole())
     world = owlready2.World()
-    world.get_ontology(f"file://{folder / 'whole.owl'}").load()
+    world.get_ontology(f"file://{write_for_reasoners(drawn.whole(), folder / 'whole.owl')}").load()
     owlready2.sync_reasoner_hermit(world, infer_property_values=False, debug=0)
     answers = []
     for number in range(len(drawn.questions)):
@@ -54,12 +60,12 @@ def ask_hermit(drawn: Drawn, folder: Path) -> list[set[str]]:
 def test_answers_to_two_hundred_questions_are_those_of_elk(seed: int, tmp_path: Path) -> None:
     """Left out is what pyelk-reasoner 0.2 does not answer as HermiT does: ranges, chains, individuals, and seed 3."""
     drawn = Draw(seed).ontology(entries=8, questions=25)
-    assert drawn.answers(tmp_path) == ask_elk(drawn, tmp_path)
+    assert drawn.answers(tmp_path) == ask_elk(drawn.whole(), drawn.entries, 25, tmp_path)
 
 
 @pytest.mark.long
 @pytest.mark.filterwarnings("ignore")
-@pytest.mark.parametrize(("seed", "rich"), [(3, False), (13, False), (2, True), (3, True)])
+@pytest.mark.parametrize(("seed", "rich"), [(3, False), (19, False), (2, True), (3, True)])
 def test_answers_are_those_of_hermit(seed: int, rich: bool, tmp_path: Path) -> None:
     drawn = Draw(seed, rich=rich).ontology(entries=8, questions=25)
     assert drawn.answers(tmp_path) == ask_hermit(drawn, tmp_path)
@@ -189,3 +195,36 @@ def test_names_that_nothing_has_are_answered_by_nothing() -> None:
     index = Index(VOCABULARY)
     index.add("e", Description((Described(("urn:A",)),)))
     assert index.answers(Expression("name", Span("question"), "urn:unknown")) == ()
+
+
+# real classes
+
+KNOWROB = "http://knowrob.org/kb/knowrob.owl#"
+
+
+def test_answers_over_knowrob_itself_are_those_of_elk(corpus: Path, tmp_path: Path) -> None:
+    path = corpus / "ontologies" / "knowrob@hydro.owl"
+    vocabulary = load(path, builtin=False)
+    axioms, random = axioms_of(vocabulary), Random(0)
+    actions, things = (vocabulary.subclasses(KNOWROB + name) for name in ("Event", "SpatialThing"))
+    roles = ("objectActedOn", "toLocation", "fromLocation", "deviceUsed", "bodyPartsUsed")
+
+    def draw() -> str:
+        some = f"(<{KNOWROB}{random.choice(roles)}> some <{random.choice(things)}>)"
+        return f"<{random.choice(actions)}> and {some}"
+
+    entries = {f"E{number}": f"{draw()} and {draw()}" for number in range(100)}
+    broad = f"<{KNOWROB}Event> and (<{KNOWROB}objectActedOn> some <{KNOWROB}SpatialThing>)"
+    questions = (broad, *(draw() for _ in range(20)), *entries.values())
+    index, frames = Index(axioms), ""
+    for uid, expression in entries.items():
+        frame = f"Class: <{START}{uid}>\n  SubClassOf: {expression}\n"
+        content = f"Ontology: <urn:e>\n{frame}".encode()
+        own = own_axioms_of(load(tmp_path / "e.omn", builtin=False, also=[path], content=content), axioms)
+        index.add(uid, described(START + uid, axioms, own))
+        frames += frame
+    names = names_in(term for term in vocabulary.store.terms if isinstance(term, str))
+    answers = [set(index.answers(read_question(text, names))) for text in questions]
+    assert len(answers[0]) > 20
+    whole = convert(path, Target.MANCHESTER).text + frames + asked(questions)
+    assert answers == ask_elk(whole, entries, len(questions), tmp_path)

@@ -23,7 +23,6 @@ from planlang.recipe import (
     read_recipe,
     top_tasks,
 )
-from planlang.recipe.fillers import si_unit, unit
 from planlang.recipe.model import Point, Reason
 from planlang.recipe.order import Intervals, implied_by_overlaps
 from planlang.recipe.statements import ending_of
@@ -355,31 +354,17 @@ def test_what_holds_in_a_schedule_is_no_contradiction_and_implies_only_what_hold
         assert len(Intervals(against).contradiction()) >= 2
 
 
-@pytest.mark.parametrize(
-    ("name", "value", "si", "words"),
-    [
-        ("Centimeter", 12.0, 0.12, "m"),
-        ("DegreeCelsius", 100.0, 373.15, "K"),
-        ("DegreeFahrenheit", 212.0, 373.15, "K"),
-        ("KilometerPerHour", 36.0, 10.0, "m s-1"),
-        ("MeterPerSecondSquared", 2.0, 2.0, "m s-2"),
-        ("SquareCentimeter", 1.0, 1e-4, "m2"),
-        ("Milliliter", 5.0, 5e-6, "m3"),
-    ],
-)
-def test_units_are_converted_to_si(name: str, value: float, si: float, words: str) -> None:
-    known = unit(name)
-    assert known is not None
-    assert known.to_si(value) == pytest.approx(si, rel=1e-9)
-    assert si_unit(known.dimension) == words
-
-
 def test_a_value_with_a_unit_is_a_number_in_si_units(tmp_path: Path) -> None:
     text = "\nClass: T\n    SubClassOf: k:Action, k:subAction some E\n\nClass: E\n    SubClassOf: k:Perceiving, "
     recipe = read(tmp_path, text + 'k:duration value "2"^^unit:MinuteTime\n')
     assert recipe.steps[0].fillers("duration") == (120.0,)
-    assert unit("Parsnip") is None
     assert Literal("2", "http://qudt.org/vocab/unit#MinuteTime").number() == 2.0
+
+
+def test_an_amount_in_any_unit_of_volume_is_in_millilitres(tmp_path: Path) -> None:
+    text = "\nClass: T\n    SubClassOf: k:Action, k:subAction some E\n\nClass: E\n    SubClassOf: k:Pouring, "
+    recipe = read(tmp_path, text + 'k:amount value "0.25"^^unit:Liter\n')
+    assert recipe.steps[0].fillers("amount") == (250.0,)
 
 
 @pytest.mark.parametrize(

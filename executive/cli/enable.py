@@ -1,0 +1,102 @@
+"""``planlang enable``: what a robot lacks for a task is taken from a knowledge base, and the task is run."""
+
+from __future__ import annotations
+
+from contextlib import closing
+from dataclasses import replace
+from pathlib import Path
+
+from executive.cli import run
+from executive.cli.arguments import EnableArguments, RunArguments
+from executive.cli.console import Answer, ExitCode, say
+from executive.cli.inputs import check_files, check_trusted, chosen, environments, refuse
+from executive.enabling.explanation import Explanation
+from executive.enabling.folder import Folder
+from executive.enabling.needs import Enabling
+from executive.enabling.shelf import open_shelf
+from executive.modules.bundled import performed_by
+from executive.robots import bind_robot, possessions_of
+from planlang.diagnostics import Diagnostic
+from planlang.files import Bundled
+from planlang.knowledge.entries import Kind
+from planlang.knowledge.places import LEVELS
+from planlang.ontology import expand
+
+
+def command(arguments: EnableArguments) -> Answer:
+    """Explain, take what is missing, and run if that is asked for. Raises BadInput."""
+    problems: list[Diagnostic] = []
+    check_files(problems, urdf=arguments.urdf, modules=arguments.modules)
+    check_trusted(problems, arguments.modules or (), trust=arguments.trust)
+    robot = chosen(Bundled.ROBOT, arguments.robot, None, problems, needs="what is missing depends on the robot: enable")
+    maps = environments(arguments.environment, problems)
+    refuse(problems)
+    assert robot is not None
+    bound = bind_robot(robot, urdf=arguments.urdf, folders=arguments.folders)
+    folder = Folder.read(arguments.store or Path(f"{bound.name}_knowledge"))
+    with closing(open_shelf(arguments.source, arguments.folders)) as shelf:
+        enabling = Enabling(
+            possessions_of(bound),
+            shelf,
+            folder,
+            performed_by(arguments.modules or (), problems),
+            arguments.folders,
+            next(iter(maps), None),
+            tuple(map(expand, (bound.camera.recognises if bound.camera else None) or ())),
+            {level: text for level in LEVELS if (text := getattr(arguments, level)) is not None},
+        )
+        explanation, reply = _explained(arguments, enabling)
+        reply = replace(reply, diagnostics=(*problems, *reply.diagnostics, *shelf.diagnostics()))
+    return _with_run(arguments, explanation, folder, reply) if arguments.run and not arguments.dry else reply
+
+
+def _explained(arguments: EnableArguments, enabling: Enabling) -> tuple[Explanation, Answer]:
+    """Return why the robot can do the task, or not, and the answer after what is missing has been taken."""
+    path, robot = Path(arguments.recipe), enabling.robot.robot
+    is_file = path.is_file()
+    root = enabling.given_task(path, arguments.task) if is_file else enabling.task(arguments.recipe)
+    explanation = Explanation(enabling, enabling.combination(root))
+    lines, data = [*explanation.tree().lines()], explanation.as_json()
+    if explanation.combination.unmet:
+        lines.append(f"{robot} cannot do it; neither side has {', '.join(explanation.unmet())}")
+        return explanation, Answer(ExitCode.MISSING_CAPABILITY, (), "\n".join(lines), data)
+    taken = explanation.taken() if not arguments.dry else ()
+    written = [str(file) for found, needs in taken for file in enabling.folder.take(found, needs, enabling.shelf)]
+    lines += [f"wrote {file}" for file in written]
+    return explanation, Answer(ExitCode.DONE, (), "\n".join(lines), {**data, "written": written})
+
+
+def _with_run(arguments: EnableArguments, explanation: Explanation, folder: Folder, reply: Answer) -> Answer:
+    """Run the task unless something is missing, and return both answers as one."""
+    if reply.exit_code is not ExitCode.DONE:
+        return reply
+    if not arguments.json:
+        say(reply.text)
+    result = _run(arguments, explanation, folder)
+    diagnostics = (*reply.diagnostics, *result.diagnostics)
+    return replace(result, diagnostics=diagnostics, data={**reply.data, **result.data})
+
+
+def _run(arguments: EnableArguments, explanation: Explanation, folder: Folder) -> Answer:
+    """Run the task with the recipes, the map and the models of the folder."""
+    used = [one.entry for one in explanation.entries()]
+    *further, recipe = [folder.file(one) for one in used if one.kind is Kind.RECIPE] or [Path(arguments.recipe)]
+    is_own = Path(arguments.recipe).is_file()
+    about = next((one.about for one in reversed(used) if one.kind is Kind.RECIPE), None)
+    maps = [str(folder.file(one)) for one in explanation.maps()]
+    wanted = RunArguments(
+        file=arguments.recipe if is_own else str(recipe),
+        task=arguments.task if is_own else about,
+        robot=arguments.robot,
+        urdf=arguments.urdf,
+        environment=arguments.environment or maps,
+        models=[path for kind in (Kind.OBJECT, Kind.ENVIRONMENT) if (path := folder.path / kind.value).is_dir()],
+        modules=arguments.modules,
+        trust=arguments.trust,
+        ontologies=arguments.ontologies,
+        seed=arguments.seed,
+        trace=arguments.trace,
+        verbose=arguments.verbose,
+        json=arguments.json,
+    )
+    return run.command(wanted, recipes=tuple([*further, recipe] if is_own and about else further))

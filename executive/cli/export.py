@@ -1,0 +1,122 @@
+"""``planlang export``: what was done in a run, as others write it."""
+
+from __future__ import annotations
+
+import hashlib
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import typer
+
+from executive.cli.arguments import ExportArguments
+from executive.cli.console import Answer
+from executive.cli.inputs import refuse
+from executive.runs.traces import damaged
+from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
+from planlang.experience import Experience, experience_of, narrative
+from planlang.experience.poses import IDENTITY, Transform, pose_lines, read_poses, transforms_in
+from planlang.files import read_file
+from planlang.outputs import check_outputs, write_text
+from planlang.runs.recorded_run import DamagedTrace, read_records
+
+LARGEST = 200_000_000
+"""Bytes of a trace, or of a log of poses, that are read."""
+NAMESPACE = "http://planlang.org/experience/"
+
+
+def command(arguments: ExportArguments) -> Answer:
+    """Export a trace; raises BadInput."""
+    began = _began(arguments.began)
+    folder, trace = arguments.output, arguments.trace
+    outputs = {"the narrative": folder / "narrative.ttl", "the poses": folder / "poses.jsonl"}
+    _make(folder)
+    refuse(check_outputs(outputs, {"the trace": trace, "--poses": arguments.poses}, force=arguments.force))
+    content = read_file(trace, "C001", largest=LARGEST)
+    found: list[Diagnostic] = []
+    try:
+        records, torn = read_records(trace)
+        experience = experience_of(records)
+    except DamagedTrace as damage:
+        raise BadInput([damaged(str(trace), damage)]) from None
+    if torn:
+        found.append(warning("X026", "the last line is incomplete and left out", Span(str(trace), len(records) + 1)))
+    digest = hashlib.sha256(content).hexdigest()
+    poses = list(transforms_in(records))
+    if arguments.poses is not None:
+        poses = sorted((*poses, *_logged(arguments.poses, records[0])), key=lambda one: one.step)
+    write_text(outputs["the narrative"], narrative(experience, NAMESPACE + digest[:16], began))
+    write_text(outputs["the poses"], "".join(pose_lines(poses, experience.rate, began, trace_sha256=digest)))
+    told = dict(_told(experience))
+    files = [str(path) for path in outputs.values()]
+    text = f"{files[0]}: {', '.join(told.values())}\n{files[1]}: {len(poses)} poses"
+    return Answer(diagnostics=tuple(found), text=text, data={"files": files, "poses": len(poses), **_data(experience)})
+
+
+def _make(folder: Path) -> None:
+    try:
+        folder.mkdir(exist_ok=True)
+    except (OSError, ValueError) as problem:
+        reason = getattr(problem, "strerror", None) or problem
+        raise BadInput([error("C004", f"--output {folder} cannot be made: {reason}")]) from None
+
+
+def _began(text: str | None) -> datetime | None:
+    if text is None:
+        return None
+    try:
+        moment = datetime.fromisoformat(text)
+    except ValueError:
+        raise typer.BadParameter(f"{text!r} is no time; write for example --began 2026-11-23T14:00:00+01:00") from None
+    if moment.tzinfo is None or not 1971 <= moment.year <= 9000:
+        raise typer.BadParameter(f"{text!r} needs its zone, Z or for example +01:00, and a year from 1971 to 9000")
+    return moment
+
+
+def _logged(path: Path, header: Mapping[str, Any]) -> list[Transform]:
+    """Return the poses of a log that was written with the same run. Raises BadInput."""
+    lines = read_file(path, "C001", largest=LARGEST).decode(errors="replace").splitlines(keepends=True)
+    try:
+        known, found = read_poses(lines)
+    except ValueError as problem:
+        raise BadInput([error("K081", f"this is no log of poses: {problem}", Span(str(path)))]) from None
+    differing = [key for key in IDENTITY if known.get(key) != header.get(key)]
+    if differing:
+        advice = "planlang run PLAN --trace run.jsonl --poses poses.jsonl writes both"
+        message = f"the poses are of another run: {', '.join(differing)} differ"
+        raise BadInput([error("K081", message, Span(str(path)), advice)])
+    return found
+
+
+def _told(run: Experience) -> Iterator[tuple[str, str]]:
+    resolved = [one for activity in run.activities for one in activity.resolutions]
+    yield "actions", f"{len(run.activities)} actions"
+    designators = len({one.designator for one in resolved})
+    yield "resolutions", f"{designators} designators resolved {len(resolved)} times"
+    for name, failures in (("failed", _failures(run)), ("recovered", _recovered(run))):
+        if failures:
+            words = ", ".join(f"{kind} {number} times" if number > 1 else kind for kind, number in failures.items())
+            yield name, f"{name}: {words}"
+    if not run.is_whole:
+        yield "end", "the trace ends before the plan"
+
+
+def _failures(run: Experience) -> Counter[str]:
+    return Counter(one.type for one in dict.fromkeys(one for node in run.activities for one in node.failures()))
+
+
+def _recovered(run: Experience) -> Counter[str]:
+    return Counter(one.type for one in dict.fromkeys(failure for _, failure in run.recovered()))
+
+
+def _data(run: Experience) -> dict[str, Any]:
+    return {
+        "plan": run.plan,
+        "actions": len(run.activities),
+        "resolutions": sum(len(one.resolutions) for one in run.activities),
+        "failed": dict(_failures(run)),
+        "recovered": dict(_recovered(run)),
+        "is_whole": run.is_whole,
+    }

@@ -1,0 +1,102 @@
+"""``planlang push``: an ontology handed in at a server, with files that belong to it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from hashlib import sha256
+from mimetypes import guess_type
+from pathlib import Path
+
+from executive.cli.console import Answer
+from executive.cli.inputs import check_files, refuse
+from executive.cli.server import ask, kind_of
+from executive.cli.server_arguments import PushArguments
+from planlang.diagnostics import BadInput, Diagnostic, error
+from planlang.files import Bundled, read_file
+from planlang.knowledge.answers import RefusedByChecks, Taken
+from planlang.knowledge.client import Client
+from planlang.knowledge.entries import Entry, Kind
+
+_BUNDLED = {Kind.RECIPE: Bundled.RECIPE, Kind.ENVIRONMENT: Bundled.ENVIRONMENT, Kind.ROBOT: Bundled.ROBOT}
+"""Kinds of which some come with planlang, and may be named without a path."""
+
+
+def command(arguments: PushArguments) -> Answer:
+    """Hand in a file and what is attached to it. Raises BadInput with what the server's checks found."""
+    problems: list[Diagnostic] = []
+    attached = arguments.attach or []
+    check_files(problems, attach=attached)
+    names = [path.name for path in attached]
+    problems += [
+        error("K039", f"two files are called {name}") for name in dict.fromkeys(names) if names.count(name) > 1
+    ]
+    refuse(problems)
+    kind = kind_of(arguments.kind)
+    assert kind is not None
+    path = _BUNDLED[kind].find(arguments.file) if kind in _BUNDLED else Path(arguments.file)
+    data = read_file(path)
+
+    def work(client: Client) -> Answer:
+        try:
+            taken = _handed_in(client, kind, arguments, data)
+        except RefusedByChecks as problem:
+            raise RefusedByChecks(
+                problem.status, str(problem), _placed(problem.diagnostics, arguments.name, path)
+            ) from None
+        entry, sent = _attached(client, taken.entry, attached)
+        lines = [f"{entry.uid}: revision {entry.revision.number}", *(f"attached {name}" for name in sent)]
+        data_ = {"uid": entry.uid, "revision": entry.revision.number, "etag": entry.etag, "attached": sent}
+        return Answer(diagnostics=_placed(taken.diagnostics, arguments.name, path), text="\n".join(lines), data=data_)
+
+    return ask(arguments, work)
+
+
+def _handed_in(client: Client, kind: Kind, arguments: PushArguments, data: bytes) -> Taken:
+    """Create or change an entry; one that has this content already is left as it is."""
+    if not arguments.update:
+        return client.create(kind, arguments.name, data, arguments.about)
+    entry = _named(client, kind, arguments.name)
+    if entry.revision.sha256 == sha256(data).hexdigest():
+        return Taken(entry)
+    return client.change(entry, data)
+
+
+def _named(client: Client, kind: Kind, name: str) -> Entry:
+    """Return the entry of an identifier, or the only one of an author's name for it. Raises BadInput."""
+    if "." in name:
+        return client.entry(name, kind)
+    second = "".join(name.split()).lower()
+    found = [entry for entry in client.entries(kind) if entry.uid.partition(".")[2] == second]
+    if len(found) == 1:
+        return found[0]
+    if not found:
+        advice = "without --update it becomes a new entry"
+        raise BadInput([error("K039", f"there is no {kind.word} of the name {name} to update", help=advice)])
+    advice = f"--name {' or '.join(entry.uid for entry in found[:5])}"
+    raise BadInput([error("K039", f"{len(found)} entries have the name {name}", help=advice)])
+
+
+def _attached(client: Client, entry: Entry, paths: Sequence[Path]) -> tuple[Entry, list[str]]:
+    """Send the files that the entry does not have yet; returns the entry, and their names."""
+    known = {one.name: one.sha256 for one in entry.attachments}
+    sent = []
+    for path in paths:
+        data = read_file(path)
+        if known.get(path.name) != sha256(data).hexdigest():
+            media_type = guess_type(path.name)[0] or "application/octet-stream"
+            entry = client.attach(entry.uid, path.name, media_type, data)
+            sent.append(path.name)
+    return entry, sent
+
+
+def _placed(diagnostics: Iterable[Diagnostic], name: str, path: Path) -> tuple[Diagnostic, ...]:
+    """Return what the server says of the upload, which it knows by the author's name for it, as said of the file."""
+    stem = "".join(name.split()).rpartition(".")[2].replace("/", "_")[:100]
+
+    def placed(one: Diagnostic) -> Diagnostic:
+        if one.span is None or one.span.file not in (stem, *(f"{stem}{suffix}" for suffix in (".owl", ".ttl", ".omn"))):
+            return one
+        return replace(one, span=one.span._replace(file=str(path)))
+
+    return tuple(map(placed, diagnostics))

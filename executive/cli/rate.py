@@ -1,0 +1,19 @@
+"""``planlang rate``: how good an entry is."""
+
+from __future__ import annotations
+
+from executive.cli.console import Answer
+from executive.cli.server import ask
+from executive.cli.server_arguments import RateArguments
+from planlang.knowledge.client import Client
+
+
+def command(arguments: RateArguments) -> Answer:
+    """Rate an entry. Raises BadInput."""
+
+    def work(client: Client) -> Answer:
+        entry = client.rate(client.entry(arguments.uid), arguments.rating)
+        text = f"{entry.uid}: rated {entry.rating or 0:.1f} by {entry.ratings}"
+        return Answer(text=text, data={"uid": entry.uid, "rating": entry.rating, "ratings": entry.ratings})
+
+    return ask(arguments, work)

@@ -1,0 +1,51 @@
+"""``planlang check --reason``: what a reasoner for description logic finds in a recipe, a map or another ontology."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+from executive.cli.arguments import CheckArguments
+from executive.cli.console import Answer, ExitCode
+from planlang.diagnostics import BadInput, Severity, has_errors
+from planlang.ontology import load
+from planlang.ontology.reasoning import Reasoner, missing, reason
+
+NO_TASK = "R001"
+"""The code of a file that states no recipe."""
+
+
+def reasoned(path: Path, arguments: CheckArguments, check: Callable[[], Answer]) -> Answer:
+    """Return the answer of a check, with what the reasoner finds in the file and its imports; raises BadInput.
+
+    A file that is neither a recipe nor a map is an ontology; what is wrong with a recipe does not keep it from the
+    reasoner.
+    """
+    answer = _checked(path, check)
+    ontology = load(path, folders=arguments.folders)
+    reasoner = Reasoner(arguments.reasoner.value)
+    code = answer.exit_code
+    try:
+        found = reason(ontology, reasoner, arguments.reason_seconds)
+    except BadInput as problem:
+        code = ExitCode.MISSING_CAPABILITY if missing() else ExitCode.BAD_INPUT
+        return replace(answer, exit_code=code, diagnostics=(*answer.diagnostics, *problem.diagnostics))
+    wrong = sum(one.severity is Severity.ERROR for one in found.diagnostics)
+    what = f"{found.classes} classes and {found.individuals} individuals"
+    verdict = f"{wrong} contradictions in" if wrong > 1 else "a contradiction in" if wrong else "no contradiction in"
+    text = "\n".join(filter(None, (answer.text, f"{reasoner.title}: {verdict} {what}")))
+    data = {**answer.data, "reasoner": arguments.reasoner.value, "contradictions": wrong}
+    code = ExitCode.BAD_INPUT if has_errors(found.diagnostics) else code
+    return Answer(code, (*answer.diagnostics, *found.diagnostics), text, data)
+
+
+def _checked(path: Path, check: Callable[[], Answer]) -> Answer:
+    try:
+        return check()
+    except BadInput as problem:
+        errors = [one for one in problem.diagnostics if one.severity is Severity.ERROR]
+        if [one.code for one in errors] != [NO_TASK]:
+            return Answer(ExitCode.BAD_INPUT, problem.diagnostics, data={"kind": "recipe"})
+        others = tuple(one for one in problem.diagnostics if one not in errors)
+        return Answer(diagnostics=others, text=f"{path}: an ontology", data={"kind": "ontology"})

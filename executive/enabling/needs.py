@@ -1,0 +1,313 @@
+"""What a task needs of a robot, and what a knowledge base offers for it: the graph that is searched.
+
+A task needs a recipe. A recipe needs what matching it with the robot finds required, recognition models of all classes
+of things among its parameters, and a map that has such things. An entry needs what its subject's class depends on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+
+from executive.belief.semantic_map import read_map
+from executive.enabling.folder import Folder
+from executive.enabling.search import Combination, Need, Offer, combine
+from executive.enabling.shelf import Shelf
+from executive.robots.matching import Matcher, Possessions
+from executive.robots.requirements import NEEDED, WORDS, Availability, Finding, FindingKind, Requirement
+from executive.robots.tasks import HARDWARE, UNKNOWN_STEP, match
+from planlang.designators import local_name
+from planlang.diagnostics import BadInput, Span, has_errors
+from planlang.knowledge.answers import Found, Links
+from planlang.knowledge.entries import Kind
+from planlang.ontology import Ontology, expand, load
+from planlang.ontology.expressions import Expression
+from planlang.ontology.terms import OWL
+from planlang.recipe import Actions, RecipeSet, read_recipe
+from planlang.recipe.model import Constraint, Filler, Parameter, Part, Place, Thing
+from planlang.recipe.model import Kind as ThingKind
+
+OWN = "own:"
+"""Before the identifier of an offer that is the robot's or the user's own: nothing is downloaded for it."""
+MODELS = "providesModelFor"
+MODEL_OF = expand(MODELS)
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """What a need is about: how it is met, beside by the robot itself.
+
+    ``own`` are offers of the robot's own, each with what it takes; ``lacks`` says why the robot does not have it.
+    """
+
+    kind: FindingKind
+    text: str
+    iri: str | None = None
+    has: str | None = None
+    lacks: str = ""
+    own: tuple[Offer, ...] = ()
+    search: Callable[[], Iterable[Found]] = tuple
+    fits: Callable[[Found], str | None] = lambda found: None
+    """Why an entry that was found is of no use after all."""
+
+
+@dataclass(slots=True)
+class Enabling:
+    """One task, one robot, one knowledge base. ``place`` has the room, floor, building, street or city of the map."""
+
+    robot: Possessions
+    shelf: Shelf
+    folder: Folder
+    performed: frozenset[str] = frozenset()
+    folders: tuple[Path, ...] = ()
+    own_map: Path | None = None
+    """The user's map; no other one is looked for."""
+    recognised: tuple[str, ...] = ()
+    """Classes that the robot recognises without further models."""
+    place: Mapping[str, str] = field(default_factory=dict)
+    wanted: dict[Need, Wanted] = field(default_factory=dict)
+    found: dict[str, Found] = field(default_factory=dict)
+    """Entries that were offered, by identifier."""
+    refused: dict[Need, list[tuple[str, str]]] = field(default_factory=dict)
+    """Entries that are of no use for a need, with the reason."""
+    vocabulary: Ontology = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.vocabulary = load(Path("vocabulary.omn"), folders=self.folders, content=b"Ontology: <urn:vocabulary>")
+
+    def combination(self, root: Need) -> Combination:
+        """Return how a need and all that it leads to are met."""
+        return combine([root], lambda need: self.wanted[need].has, self.offers)
+
+    # offers
+
+    def offers(self, need: Need) -> Sequence[Offer]:
+        """Return what meets a need: the robot's own, what it took before, then what the knowledge base has."""
+        wanted = self.wanted[need]
+        offers = list(wanted.own)
+        kept = [one.found for one in self.folder.kept.values() if need in one.needs]
+        uids = {one.entry.uid for one in kept}
+        for found in (*kept, *(one for one in _best_first(wanted) if one.entry.uid not in uids)):
+            try:
+                reason = wanted.fits(found)
+                needs = self.needs_of(found) if reason is None else ()
+            except BadInput as problem:
+                reason = f"it cannot be used: {problem.diagnostics[0].message}"
+            if reason is not None:
+                self.refused.setdefault(need, []).append((found.entry.uid, reason))
+                continue
+            self.found[found.entry.uid] = found
+            offers.append(Offer(found.entry.uid, found.entry.about, needs))
+        return offers
+
+    def content(self, found: Found) -> Ontology:
+        """Return the ontology of an entry. Raises BadInput."""
+        entry = found.entry
+        data = self.folder.content(entry) if entry.uid in self.folder.kept else self.shelf.content(entry)
+        return load(self.folder.file(entry), folders=self.folders, content=data)
+
+    def needs_of(self, found: Found) -> tuple[Need, ...]:
+        """Return what an entry needs: a recipe what it asks of the robot, anything else what its classes depend on."""
+        if found.entry.kind is Kind.RECIPE:
+            return self.of_recipe(self.content(found), found.entry.about)
+        return tuple(dict.fromkeys(self._dependency(prop, target) for prop, target in self._dependencies(found.links)))
+
+    # needs
+
+    def task(self, name: str) -> Need:
+        """Return the need of a recipe for a task: a class of actions, the name or the label of a recipe."""
+
+        def search() -> Iterator[Found]:
+            recipes = {one.entry.uid: one for text in _spellings(name) for one in self._recipes(label=text)}
+            named = [one for one in recipes.values() if _is_called(one, name)]
+            yield from named
+            yield from self._recipes(name) if not named else ()
+
+        return self._want(f"recipe {name}", Wanted(FindingKind.RECIPE, name, search=search, lacks=self._none()))
+
+    def given_task(self, recipe: Path, task: str | None) -> Need:
+        """Return the need of a recipe that the user has. Raises BadInput for one that cannot be used."""
+        needs = self.of_recipe(load(recipe, folders=self.folders), task)
+        own = (Offer(f"{OWN}{recipe}", str(recipe), needs),)
+        return self._want(f"recipe {recipe}", Wanted(FindingKind.RECIPE, str(recipe), own=own))
+
+    def of_recipe(self, ontology: Ontology, task: str | None) -> tuple[Need, ...]:
+        """Return what a recipe needs. Raises BadInput for one that cannot be compiled."""
+        reading = read_recipe(Actions(ontology), task)
+        if reading.recipes is None or has_errors(reading.diagnostics):
+            raise BadInput([one for one in reading.diagnostics if has_errors([one])])
+        matched = match(ontology, reading.recipes, self.robot, performed=self.performed)
+        classes = tuple(dict.fromkeys(things_of(reading.recipes)))
+        needs = [*self._of_finding(matched.tree), *(self.model(cls, ontology) for cls in classes)]
+        return tuple(dict.fromkeys([*needs, self.map(classes, ontology)]))
+
+    def _of_finding(self, finding: Finding) -> Iterator[Need]:
+        """Yield the needs that a tree of findings stands for, without what available alternatives make unneeded."""
+        if finding.kind in NEEDED:
+            yield self._of_requirement(finding)
+        elif finding.kind is FindingKind.ALTERNATIVES and finding.state is not Availability.AVAILABLE:
+            text = f"one of {', '.join(one.text for one in finding.below)}"
+            own = tuple(Offer(f"{OWN}{one.text}", one.text, tuple(self._of_finding(one))) for one in finding.below)
+            yield self._want(text, Wanted(FindingKind.ALTERNATIVES, text, own=own))
+        elif finding.reason == UNKNOWN_STEP and finding.iri is not None:
+            yield self._of_step(finding)
+        elif finding.kind is not FindingKind.ALTERNATIVES:
+            for below in finding.below:
+                yield from self._of_finding(below)
+
+    def _of_requirement(self, finding: Finding) -> Need:
+        need = f"{finding.kind.value} {finding.iri or finding.text}"
+        if need in self.wanted:
+            return need
+        if finding.state is Availability.AVAILABLE:
+            return self._want(need, Wanted(finding.kind, finding.text, finding.iri, has=finding.reason))
+        own: tuple[Offer, ...] = ()
+        self.wanted[need] = Wanted(finding.kind, finding.text)  # what it takes may take it in turn
+        is_disproved = any(above in self.robot.lacks for above in self._names_above(finding.iri))
+        if finding.below and not is_disproved:
+            below = tuple(dict.fromkeys(self._of_requirement(one) for one in finding.below))
+            own = (Offer(f"{OWN}{finding.text}", finding.iri or finding.text, below),)
+        iri = finding.iri
+        asked = finding.text if iri is None else f"<{iri}>"
+        if iri is not None and (is_disproved or self.vocabulary.taxonomy.is_below(iri, HARDWARE)):
+            reason = f"{finding.reason}; that is hardware or depends on it, which no knowledge base has"
+            return self._want(need, Wanted(finding.kind, finding.text, iri, lacks=reason, own=own))
+        reason = finding.reason if own else f"{finding.reason}, and {self.shelf.url} has none"
+        search = partial(self.shelf.search, asked)
+        return self._want(need, Wanted(finding.kind, finding.text, iri, lacks=reason, own=own, search=search))
+
+    def _names_above(self, iri: str | None) -> Iterator[str]:
+        if iri is not None:
+            yield from map(local_name, (iri, *self.vocabulary.ancestors(iri)))
+
+    def _of_step(self, finding: Finding) -> Need:
+        """Return the need of a recipe for a step that nothing performs: for its very class."""
+        iri = finding.iri
+
+        def search() -> Iterator[Found]:
+            yield from (one for one in self._recipes(f"<{iri}>") if one.entry.about == iri)
+
+        wanted = Wanted(FindingKind.RECIPE, local_name(iri or ""), iri, None, self._none(), (), search)
+        return self._want(f"recipe {iri}", wanted)
+
+    def model(self, cls: str, ontology: Ontology) -> Need:
+        """Return the need of a recognition model of a class: one of it or below it, else of a class above it."""
+        above = [one for one in ontology.ancestors(cls) if one != cls]
+        models = filter(None, (self._recognises(iri, (cls, *above)) for iri in self.robot_models()))
+        own = (one for one in (cls, *above) if one in self.recognised)
+        has = next((f"{self.robot.robot} recognises {local_name(one)}" for one in own), None)
+        asked = f"<{expand('ObjectRecognitionModel')}> and <{MODEL_OF}> some <{cls}>"
+        wider = " or ".join(f"<{MODEL_OF}> value <{one}>" for one in above)
+
+        def search() -> Iterator[Found]:
+            near = self.shelf.search(asked)
+            yield from near
+            further = self.shelf.search(f"<{expand('ObjectRecognitionModel')}> and ({wider})") if wider else ()
+            uids = {one.entry.uid for one in near}
+            yield from (one for one in further if one.entry.uid not in uids)
+
+        wanted = Wanted(FindingKind.MODEL, local_name(cls), cls, has or next(models, None), self._none(), (), search)
+        return self._want(f"model {cls}", wanted)
+
+    def robot_models(self) -> Iterator[str]:
+        """Yield the recognition models among the parts of the robot."""
+        model = expand("ObjectRecognitionModel")
+        yield from (one.iri for one in self.robot.parts if one.iri is not None and model in one.classes)
+
+    def _recognises(self, model: str, classes: Sequence[str]) -> str | None:
+        assert self.robot.model is not None
+        targets = self.robot.model.ontology.values(model, MODEL_OF, subproperties=True)
+        return f"{local_name(model)} of {self.robot.robot}" if any(one in targets for one in classes) else None
+
+    def map(self, classes: Sequence[str], ontology: Ontology) -> Need:
+        """Return the need of a map in which there is a thing of each class."""
+        if self.own_map is not None:
+            return self._want("map", Wanted(FindingKind.MAP, "", has=f"{self.own_map} is given"))
+        names = ", ".join(map(local_name, classes))
+
+        def fits(found: Found) -> str | None:
+            things = read_map(self.content(found)).objects
+            kinds = {cls for thing in things for one in thing.types for cls in (one, *ontology.ancestors(one))}
+            lacking = [local_name(cls) for cls in classes if cls not in kinds]
+            return f"there is no {', '.join(lacking)} in it" if lacking else None
+
+        def search() -> Sequence[Found]:
+            return self.shelf.search(f"<{expand('SemanticEnvironmentMap')}>", kind=Kind.ENVIRONMENT, place=self.place)
+
+        wanted = Wanted(FindingKind.MAP, f"with {names}" if names else "", None, None, self._none(), (), search, fits)
+        return self._want(f"map {names}", wanted)
+
+    def _dependencies(self, links: Links) -> Iterator[tuple[str, str]]:
+        """Yield the links that are dependencies, without classes that are above another one."""
+        stated = [one for one in links if local_name(one[0]) in WORDS and one[1] != OWL.Thing]
+        above = {(prop, up) for prop, cls in stated for up in self.vocabulary.ancestors(cls) if up != cls}
+        yield from (one for one in stated if one not in above)
+
+    def _dependency(self, prop: str, target: str) -> Need:
+        kind = WORDS[local_name(prop)]
+        matcher = Matcher(self.vocabulary, self.robot)
+        if kind is FindingKind.CAPABILITY:
+            return self._of_requirement(matcher.capability(target))
+        expression = Expression("name", Span(self.shelf.url), term=target)
+        return self._of_requirement(matcher.component(Requirement(kind, "some", expression, 1, Span(self.shelf.url))))
+
+    def _want(self, need: Need, wanted: Wanted) -> Need:
+        self.wanted[need] = wanted
+        return need
+
+    def _none(self) -> str:
+        return f"{self.robot.robot} has none, and {self.shelf.url} has none"
+
+    def _recipes(self, expression: str | None = None, label: str | None = None) -> Sequence[Found]:
+        return self.shelf.search(expression, label=label, kind=Kind.RECIPE)
+
+
+def _best_first(wanted: Wanted) -> list[Found]:
+    """Return what is found: what is about the very class, or a model of it, first, then the best rated."""
+
+    def rank(found: Found) -> tuple[bool, float]:
+        subjects = (found.entry.about, *(target for prop, target in found.links if local_name(prop) == MODELS))
+        return wanted.iri not in subjects, -(found.entry.rating or 0.0)
+
+    return sorted(wanted.search(), key=rank)
+
+
+def _plain(text: str) -> str:
+    return "".join(one for one in local_name(text).casefold() if one.isalnum())
+
+
+def _is_called(found: Found, name: str) -> bool:
+    entry = found.entry
+    return name in (entry.uid, entry.about) or _plain(name) in (_plain(entry.about), _plain(entry.label))
+
+
+def _spellings(name: str) -> tuple[str, ...]:
+    local = local_name(name)
+    return tuple(dict.fromkeys((local.replace("_", " "), _plain(name.partition(".")[0]), _plain(name))))
+
+
+def things_of(recipes: RecipeSet) -> Iterator[str]:
+    """Yield the classes (IRIs) of the objects and persons among the parameters of a recipe and those below it."""
+    for recipe in recipes.recipes.values():
+        for stated in (recipe.parameters, *(step.parameters for step in recipe.steps)):
+            yield from (cls for one in stated for cls in _classes(one))
+
+
+def _classes(parameter: Parameter) -> Iterator[str]:
+    for thing in _things(parameter.filler):
+        if thing.kind in (ThingKind.OBJECT, ThingKind.PERSON) and thing.slot is None:
+            yield thing.stated or expand(thing.type)
+
+
+def _things(filler: Filler) -> Iterator[Thing]:
+    match filler:
+        case Thing():
+            yield filler
+        case Place():
+            yield from filler.things()
+        case Part(of=of):
+            yield of
+        case Constraint(tool=tool, world=world):
+            yield from (tool.of, world.of)

@@ -1,0 +1,185 @@
+"""Where entries are looked for: a store on this machine, or a server's over HTTP."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Protocol
+
+from executive.serving.catalogue import Catalogue
+from executive.serving.vocabulary import read_vocabulary
+from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
+from planlang.knowledge.answers import Declined, Found, NoAnswer, NotAsAgreed, RefusedByChecks
+from planlang.knowledge.client import Client
+from planlang.knowledge.connection import kept_answers
+from planlang.knowledge.entries import Attachment, Entry, Kind, Revision
+from planlang.knowledge.index import CannotAnswer
+from planlang.knowledge.questions import read_question
+from planlang.knowledge.sqlite_store import SqliteStore
+from planlang.knowledge.stores import Refused
+
+MOST_FOUND = 1000
+"""Entries that a server is asked for by one question."""
+
+
+class Shelf(Protocol):
+    """A knowledge base, as a robot asks it. All calls raise BadInput if it cannot be asked."""
+
+    url: str
+    """Its address, or its file."""
+
+    def search(
+        self,
+        expression: str | None = None,
+        *,
+        label: str | None = None,
+        kind: Kind | None = None,
+        place: Mapping[str, str] | None = None,
+    ) -> Sequence[Found]:
+        """Return the entries that fit, sorted by identifier; none for classes that the knowledge base does not know."""
+
+    def revision(self, entry: Entry, number: int | None = None) -> Revision:
+        """Return a revision of an entry, the last one unless told otherwise."""
+
+    def content(self, entry: Entry, revision: int | None = None) -> bytes:
+        """Return the content of a revision. Raises BadInput if it is not what the entry says."""
+
+    def attachment(self, entry: Entry, attachment: Attachment) -> bytes:
+        """Return a file of an entry. Raises BadInput if it is not what the entry says."""
+
+    def diagnostics(self) -> Sequence[Diagnostic]:
+        """Return what the user should know of the answers."""
+
+    def close(self) -> None:
+        """End the work with it."""
+
+
+class LocalShelf:
+    """A store in a file of this machine, looked at without a server."""
+
+    def __init__(self, path: Path, folders: Sequence[Path] = ()) -> None:
+        """``folders``: those of ontologies that its entries import. Raises BadInput for what is no knowledge base."""
+        self.url = str(path)
+        self._store = SqliteStore(path)
+        self._catalogue = Catalogue(self._store, read_vocabulary(folders))
+
+    def search(
+        self,
+        expression: str | None = None,
+        *,
+        label: str | None = None,
+        kind: Kind | None = None,
+        place: Mapping[str, str] | None = None,
+    ) -> Sequence[Found]:
+        """Return the entries that fit, sorted by identifier; none for classes that nothing here knows."""
+        catalogue = self._catalogue
+        with suppress(BadInput, CannotAnswer):  # a class that nothing here knows
+            asked = None if expression is None else read_question(expression, catalogue.names)
+            uids = catalogue.find(asked, lambda one: one.fits(kind, label, place or {}))
+            return [Found(self._store.entry(uid), links=catalogue.links(uid)) for uid in uids]
+        return ()
+
+    def revision(self, entry: Entry, number: int | None = None) -> Revision:
+        """Return a revision of an entry, the last one unless told otherwise."""
+        return next((one for one in self._store.revisions(entry.uid) if one.number == number), entry.revision)
+
+    def content(self, entry: Entry, revision: int | None = None) -> bytes:
+        """Return the content of a revision. Raises BadInput if it is not what the entry says."""
+        wanted = self.revision(entry, revision)
+        return verified(self._store.content(entry.uid, wanted.number), wanted.sha256, entry.uid)
+
+    def attachment(self, entry: Entry, attachment: Attachment) -> bytes:
+        """Return a file of an entry. Raises BadInput if it is not what the entry says."""
+        _, data = self._store.attachment(entry.uid, attachment.name)
+        return verified(data, attachment.sha256, f"{entry.uid}/{attachment.name}")
+
+    def diagnostics(self) -> Sequence[Diagnostic]:
+        """Return nothing: the store is here."""
+        return ()
+
+    def close(self) -> None:
+        """Close the file."""
+        self._store.close()
+
+
+class RemoteShelf:
+    """A server, asked over HTTP; what was read before is read again from the user's cache while it does not answer."""
+
+    def __init__(self, client: Client) -> None:
+        self.url = client.url
+        self._client = client
+
+    def search(
+        self,
+        expression: str | None = None,
+        *,
+        label: str | None = None,
+        kind: Kind | None = None,
+        place: Mapping[str, str] | None = None,
+    ) -> Sequence[Found]:
+        """Return the entries that fit, sorted by identifier; none for classes that the server does not know."""
+        question = {"expression": expression, "label": label, "kind": kind and kind.value, **(place or {})}
+        with suppress(RefusedByChecks), self._asked():
+            return list(self._client.search(most=MOST_FOUND, **question))
+        return ()
+
+    def revision(self, entry: Entry, number: int | None = None) -> Revision:
+        """Return a revision of an entry, the last one unless told otherwise."""
+        with self._asked():
+            return self._client.revision(entry, number)
+
+    def content(self, entry: Entry, revision: int | None = None) -> bytes:
+        """Return the content of a revision. Raises BadInput if it is not what the entry says."""
+        with self._asked():
+            return self._client.content(entry, revision)
+
+    def attachment(self, entry: Entry, attachment: Attachment) -> bytes:
+        """Return a file of an entry. Raises BadInput if it is not what the entry says."""
+        with self._asked():
+            return self._client.attachment(entry, attachment)
+
+    def diagnostics(self) -> Sequence[Diagnostic]:
+        """Return a warning if the server does not answer."""
+        offline = self._client.offline
+        return () if offline is None else (warning("K033", f"{offline}; this is what was read from it before"),)
+
+    def close(self) -> None:
+        """Close the connection."""
+        self._client.close()
+
+    @contextmanager
+    def _asked(self) -> Iterator[None]:
+        try:
+            yield
+        except RefusedByChecks:
+            raise
+        except NoAnswer as problem:
+            raise BadInput([error("K031", str(problem), help="try again later")]) from None
+        except NotAsAgreed as problem:
+            raise BadInput([error("K032", f"{self.url}: {problem}")]) from None
+        except Refused as problem:
+            found = problem.diagnostics if isinstance(problem, Declined) else ()
+            raise BadInput([*found, error("K036", f"{self.url} refuses: {problem}")]) from None
+
+
+def verified(data: bytes, sha256: str, what: str) -> bytes:
+    """Return data if they have a SHA-256; raises BadInput if not."""
+    if hashlib.sha256(data).hexdigest() == sha256:
+        return data
+    raise BadInput([error("K040", f"{what} has not the content that its entry states", Span(what))])
+
+
+def open_shelf(source: str, folders: Sequence[Path] = ()) -> Shelf:
+    """Return the knowledge base of an address or a file. Raises BadInput if there is none."""
+    if "://" in source:
+        try:
+            return RemoteShelf(Client(source, cache=kept_answers()))
+        except ValueError as problem:
+            raise BadInput([error("K030", f"the server's address cannot be used: {problem}")]) from None
+    path = Path(source)
+    if not path.is_file():
+        advice = "name a server, or the file of a store, as planlang serve --store makes one"
+        raise BadInput([error("C001", f"there is no knowledge base {source}", help=advice)])
+    return LocalShelf(path, folders)

@@ -1,0 +1,77 @@
+"""Forms that browsers send, read from bodies of bounded size; nothing of them is written to a file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from http import HTTPStatus
+from typing import Annotated, Any
+from urllib.parse import parse_qsl
+
+from fastapi import Depends, Request
+from python_multipart import FormParser
+from python_multipart.exceptions import FormParserError
+from python_multipart.multipart import parse_options_header
+
+from executive.serving.bodies import LARGEST_BODY
+from executive.serving.problems import Problem
+from executive.serving.serving import Body
+
+MOST_FIELDS = 50
+_LIMITS = {"MAX_MEMORY_FILE_SIZE": LARGEST_BODY + 1, "MAX_FIELD_SIZE": LARGEST_BODY}
+_PLAIN, _WITH_FILES = "application/x-www-form-urlencoded", "multipart/form-data"
+
+
+@dataclass(frozen=True, slots=True)
+class Form:
+    """The fields of a form; ``files`` are contents of chosen files, none for a field in which nothing was chosen."""
+
+    fields: dict[str, str] = field(default_factory=dict)
+    files: dict[str, bytes] = field(default_factory=dict)
+
+    def text(self, name: str) -> str:
+        """Return a field without blanks around it, empty if there is none."""
+        return self.fields.get(name, "").strip()
+
+
+def read_form(data: bytes, content_type: str) -> Form:
+    """Return the form that a body is. Raises Problem for a body that is none."""
+    kind, options = parse_options_header(content_type)
+    try:
+        if kind == _PLAIN.encode():
+            return Form(dict(parse_qsl(data.decode("latin-1"), True, errors="replace", max_num_fields=MOST_FIELDS)))
+        if kind == _WITH_FILES.encode():
+            return _with_files(data, options.get(b"boundary"))
+    except (FormParserError, ValueError) as problem:
+        raise Problem(HTTPStatus.BAD_REQUEST, f"this is no form: {problem}") from None
+    raise Problem(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, f"a form is sent as {_PLAIN} or {_WITH_FILES}")
+
+
+def _with_files(data: bytes, boundary: bytes | None) -> Form:
+    """Return a form of several parts. Raises FormParserError."""
+    form = Form()
+
+    def name_of(found: Any) -> str:
+        if len(form.fields) + len(form.files) >= MOST_FIELDS:
+            raise FormParserError(f"it has more than {MOST_FIELDS} fields")
+        return str((found.field_name or b"").decode(errors="replace"))
+
+    def on_field(found: Any) -> None:
+        form.fields[name_of(found)] = (found.value or b"").decode(errors="replace")
+
+    def on_file(found: Any) -> None:
+        found.file_object.seek(0)
+        if found.file_name:
+            form.files[name_of(found)] = found.file_object.read()
+
+    parser = FormParser(_WITH_FILES, on_field, on_file, boundary=boundary, config=_LIMITS)
+    parser.write(data)
+    parser.finalize()
+    return form
+
+
+def _form(request: Request, data: Body) -> Form:
+    return read_form(data, request.headers.get("content-type", ""))
+
+
+Filled = Annotated[Form, Depends(_form)]
+"""The form that was sent."""

@@ -1,0 +1,54 @@
+"""SPARQL questions over HTTP, as the SPARQL 1.1 protocol asks them: each entry is a graph ``urn:entry:UID``."""
+
+from __future__ import annotations
+
+from http import HTTPStatus
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Query, Request, Response
+from fastapi.responses import JSONResponse, PlainTextResponse
+
+from executive.serving.mirror import Mirror
+from executive.serving.problems import Problem
+from executive.serving.serving import Body, Served
+from planlang.knowledge.sparql import Exceeded, NoAnswer
+
+router = APIRouter(prefix="/v1/sparql", tags=["sparql"])
+
+LONGEST = 100_000
+"""Characters of a question."""
+_RESULTS = "application/sparql-results+json"
+_QUERY = "application/sparql-query"
+_ASKED: dict[str, Any] = {"requestBody": {"required": True, "content": {_QUERY: {"schema": {"type": "string"}}}}}
+
+
+@router.get("", response_model=None)
+def ask(served: Served, query: Annotated[str, Query(max_length=LONGEST)]) -> Response:
+    """Answer a question in SPARQL 1.1: SELECT and ASK as SPARQL's JSON results, CONSTRUCT and DESCRIBE as N-Triples."""
+    return _answer(served.mirror, query)
+
+
+@router.post("", response_model=None, openapi_extra=_ASKED)
+def ask_in_body(request: Request, served: Served, body: Body) -> Response:
+    """Answer the question that is the body, of type application/sparql-query."""
+    if request.headers.get("content-type", "").partition(";")[0].strip().lower() != _QUERY:
+        raise Problem(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, f"a question is sent as {_QUERY}; updates are not possible")
+    if len(body) > LONGEST:
+        raise Problem(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"a question has at most {LONGEST:,} characters")
+    try:
+        return _answer(served.mirror, body.decode())
+    except UnicodeDecodeError:
+        raise Problem(HTTPStatus.BAD_REQUEST, "a question is UTF-8 text") from None
+
+
+def _answer(mirror: Mirror, question: str) -> Response:
+    try:
+        found = mirror.ask(question)
+    except NoAnswer as problem:
+        raise Problem(HTTPStatus.BAD_REQUEST, f"this is no question that can be answered: {problem}") from None
+    except Exceeded as problem:
+        raise Problem(HTTPStatus.SERVICE_UNAVAILABLE, str(problem)) from None
+    if "triples" in found:
+        text = "".join(f"{line}\n" for line in found["triples"])
+        return PlainTextResponse(text, media_type="application/n-triples")
+    return JSONResponse(found, media_type=_RESULTS)

@@ -1,0 +1,111 @@
+"""The page on which entries are uploaded, checked without being kept, and changed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from http import HTTPStatus
+from typing import Annotated
+
+from fastapi import APIRouter, Query, Response
+
+from executive.serving.entries import own
+from executive.serving.forms import Filled, Form
+from executive.serving.page import author_of
+from executive.serving.pages import PageRoute, page
+from executive.serving.problems import REFUSALS, Problem, refusal
+from executive.serving.serving import Served, Serving, now
+from executive.serving.sources import MOST_SHOWN, is_own, lines_with, text_of
+from executive.serving.uploads import Upload, read_upload
+from planlang.diagnostics import Diagnostic
+from planlang.knowledge.entries import Entry, Kind
+
+router = APIRouter(route_class=PageRoute, include_in_schema=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Draft:
+    """What is handed in: for a new entry, or with ``uid`` for a revision of one that had a tag then."""
+
+    kind: Kind = Kind.RECIPE
+    name: str = ""
+    about: str = ""
+    data: bytes = b""
+    uid: str = ""
+    etag: str = ""
+
+    @property
+    def text(self) -> str:
+        """The content as text to go on with; empty for what a browser would send back otherwise."""
+        text = text_of(self.data) or ""
+        is_same = text.encode(errors="replace") == self.data.replace(b"\r\n", b"\n")
+        return text if is_same else ""
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What came of a draft: an entry, or why there is none; and what the checks said."""
+
+    entry: Entry | None = None
+    reason: str = ""
+    diagnostics: tuple[Diagnostic, ...] = ()
+
+
+@router.get("/upload")
+def begin(served: Served, kind: Kind = Kind.RECIPE, uid: Annotated[str, Query(max_length=300)] = "") -> Response:
+    """Return an empty form, or that of the next revision of an entry."""
+    draft = Draft(kind)
+    if uid:
+        entry = served.store.entry(uid)
+        draft = Draft(entry.kind, uid.partition(".")[2], "", served.store.content(uid), uid, entry.etag)
+    return _page(draft, None)
+
+
+@router.post("/upload")
+def upload(form: Filled, served: Served) -> Response:
+    """Check what was handed in and keep it, unless it is only to be checked; say what is wrong with it at its lines."""
+    draft = _draft(form)
+    try:
+        author = author_of(form, served)
+        if draft.uid:
+            entry = served.store.entry(draft.uid)
+            own(entry, author)
+            draft = replace(draft, kind=entry.kind, name=draft.uid.partition(".")[2], about=entry.about)
+        checked = read_upload(draft.kind, draft.name, draft.data, draft.about or None, served.vocabulary)
+        if form.text("only") == "check":
+            return _page(draft, Outcome(diagnostics=checked.diagnostics))
+        kept = _kept(served, draft, checked, author)
+    except REFUSALS as problem:
+        _, reason, diagnostics = refusal(problem)
+        return _page(draft, Outcome(None, reason, diagnostics))
+    return _page(draft, Outcome(kept, diagnostics=checked.diagnostics))
+
+
+def _draft(form: Form) -> Draft:
+    try:
+        kind = Kind(form.text("kind") or Kind.RECIPE)
+    except ValueError:
+        raise Problem(HTTPStatus.UNPROCESSABLE_ENTITY, "there is no such kind of entry") from None
+    pasted = form.fields.get("text", "").replace("\r\n", "\n").encode(errors="replace")
+    data = form.files.get("file") or pasted
+    return Draft(kind, form.text("name")[:100], form.text("about")[:1000], data, form.text("uid"), form.text("etag"))
+
+
+def _kept(served: Serving, draft: Draft, checked: Upload, author: str) -> Entry:
+    with served.writing:
+        if draft.uid:
+            return served.store.change(draft.uid, checked.content, author, draft.etag, now())
+        return served.store.create(checked.content, author, now())
+
+
+def _page(draft: Draft, outcome: Outcome | None) -> Response:
+    text = text_of(draft.data) if outcome else None
+    shown = () if outcome is None else outcome.diagnostics[:MOST_SHOWN]
+    return page(
+        "upload",
+        draft=draft,
+        outcome=outcome,
+        diagnostics=shown,
+        elsewhere=[one for one in shown if text is None or not is_own(one)],
+        lines=() if text is None else lines_with(text, shown),
+        left_out=0 if outcome is None else len(outcome.diagnostics) - len(shown),
+    )

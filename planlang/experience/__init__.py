@@ -1,0 +1,24 @@
+"""What was done in a run, as others write it: narratives in SOMA's and DUL's terms, and poses over time.
+
+General layout: ``model`` (what is told), ``traces`` (from a trace), ``terms`` and ``narrative`` (to RDF), ``reading``
+(back from it), ``poses``.
+"""
+
+from planlang.experience.model import Activity, Experience, Failure, Resolution, State, Thing
+from planlang.experience.narrative import narrative
+from planlang.experience.reading import episode_in, experience_in, read_narrative
+from planlang.experience.traces import experience_of
+
+__all__ = [
+    "Activity",
+    "Experience",
+    "Failure",
+    "Resolution",
+    "State",
+    "Thing",
+    "episode_in",
+    "experience_in",
+    "experience_of",
+    "narrative",
+    "read_narrative",
+]

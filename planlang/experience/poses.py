@@ -1,0 +1,160 @@
+"""Poses over time as JSON Lines: each line a transform in the fields of ROS' tf, as NEEMs keep them.
+
+A trace tells poses where the robot learns of them, and those of all that was moved where a step of the plan completes;
+a pose log that was written beside it (``planlang run --poses``) tells what moved in between.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+from planlang.experience.traces import LATEST, roles_of
+from planlang.outputs import MARK
+
+MAP = "map"
+"""The frame of the environment; the robot's base and bodies are told in it."""
+BASE = "base"
+IDENTITY = ("seed", "schedule", "plan_sha256", "robot_sha256", "map_sha256")
+"""Keys of a trace's header by which a log of poses tells whose it is."""
+EPOCH = datetime.fromtimestamp(0, UTC)
+"""When a run is taken to have begun of which nobody said."""
+
+
+@dataclass(frozen=True, slots=True)
+class Transform:
+    """The pose of a frame in another at a time [world steps]: position [m], unit quaternion (x, y, z, w).
+
+    ``by`` is who tells it: ``world``, the robot's ``belief``, its ``perception``, or a ``log`` of the world.
+    """
+
+    step: int
+    frame: str
+    child: str
+    position: tuple[float, ...]
+    orientation: tuple[float, ...]
+    by: str
+
+
+def transforms_in(records: Iterable[Mapping[str, Any]]) -> Iterator[Transform]:
+    """Yield the poses that the records of a trace tell; what is no pose is left out."""
+    asked: dict[Any, str] = {}
+    for record in records:
+        step, node = record["step"], record.get("node")
+        match record:
+            case {"event": "header", "start": list(base)}:
+                yield from _base(step, base)
+            case {"event": "request", "action": str(action)} if isinstance(node, int):
+                things = [role.filler for role in roles_of(action) if role.property == "objectActedOn"]
+                asked[node] = things[0] if len(things) == 1 else ""
+            case {"event": "performed", "value": dict(value)} if isinstance(node, int) and asked.get(node):
+                yield from _pose(step, asked[node], value, "perception")
+            case {"event": "belief", "name": str(name), "pose": dict(pose)}:
+                yield from _pose(step, name, pose, "belief")
+            case {"event": "completed", "left": {"world": dict(world)}}:
+                yield from _state(step, world)
+
+
+def _state(step: int, world: Mapping[str, Any]) -> Iterator[Transform]:
+    yield from _base(step, world.get("base"))
+    bodies, held = world.get("bodies"), world.get("held")
+    for name, pose in bodies.items() if isinstance(bodies, dict) else ():
+        yield from _seven(step, MAP, name, pose)
+    for name, how in held.items() if isinstance(held, dict) else ():
+        match how:
+            case [str(link), list(pose), *_]:
+                yield from _seven(step, link, name, pose)
+
+
+def _base(step: int, base: object) -> Iterator[Transform]:
+    numbers = _numbers(base, 3)
+    if numbers is not None:
+        x, y, yaw = numbers
+        yield Transform(step, MAP, BASE, (x, y, 0.0), (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)), "world")
+
+
+def _seven(step: int, frame: str, name: str, pose: object) -> Iterator[Transform]:
+    numbers = _numbers(pose, 7)
+    if numbers is not None:
+        yield Transform(step, frame, name, numbers[:3], numbers[3:], "world")
+
+
+def _pose(step: int, name: str, pose: Mapping[str, Any], by: str) -> Iterator[Transform]:
+    position, orientation = (
+        _numbers(_plain(pose.get(key)), size) for key, size in (("position", 3), ("orientation", 4))
+    )
+    if position is not None and orientation is not None:
+        yield Transform(step, MAP, name, position, orientation, by)
+
+
+def _plain(value: object) -> object:
+    return value.get("$tuple") if isinstance(value, dict) else value
+
+
+def _numbers(values: object, size: int) -> tuple[float, ...] | None:
+    if not isinstance(values, list) or len(values) != size:
+        return None
+    if not all(type(one) in (int, float) and abs(one) < LATEST for one in values):
+        return None
+    return tuple(map(float, values))
+
+
+def pose_lines(transforms: Iterable[Transform], rate: float, began: datetime | None, **known: object) -> Iterator[str]:
+    """Yield the lines of a file: first what is ``known`` of the run, then transforms in their order.
+
+    Time stamps are in UTC, those of a run of which nobody said when it ``began`` from 1970 on.
+    """
+    start = (EPOCH if began is None else began).astimezone(UTC)
+    head = {"file": f"poses, {MARK}", "rate": rate, **known, "began": None if began is None else began.isoformat()}
+    yield json.dumps(head) + "\n"
+    for number, one in enumerate(transforms):
+        moment = (start + timedelta(seconds=one.step / rate)).isoformat(timespec="microseconds")
+        stamp = {"$date": moment.replace("+00:00", "Z")}
+        line = {
+            "header": {"seq": number, "stamp": stamp, "frame_id": one.frame},
+            "child_frame_id": one.child,
+            "transform": {
+                "translation": dict(zip("xyz", one.position, strict=True)),
+                "rotation": dict(zip("xyzw", one.orientation, strict=True)),
+            },
+            "step": one.step,
+            "by": one.by,
+        }
+        yield json.dumps(line) + "\n"
+
+
+def read_poses(lines: Sequence[str]) -> tuple[Mapping[str, Any], list[Transform]]:
+    """Return what the first line knows of the run, and the transforms. Raises ValueError, with the line, if it is none.
+
+    A last line that was cut off is left out.
+    """
+    head: Mapping[str, Any] = {}
+    found: list[Transform] = []
+    for number, line in enumerate(lines, 1):
+        if number == len(lines) and not line.endswith("\n"):
+            break
+        try:
+            value = json.loads(line)
+            if number == 1:
+                head = dict(value)
+                continue
+            found.append(_transform(value))
+        except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
+            raise ValueError(f"line {number} tells no pose") from None
+    return head, found
+
+
+def _transform(value: Any) -> Transform:
+    moved = value["transform"]
+    position = _numbers([moved["translation"][axis] for axis in "xyz"], 3)
+    orientation = _numbers([moved["rotation"][axis] for axis in "xyzw"], 4)
+    step = value["step"]
+    if position is None or orientation is None or type(step) is not int or not 0 <= step <= LATEST:
+        raise ValueError
+    return Transform(
+        step, str(value["header"]["frame_id"]), str(value["child_frame_id"]), position, orientation, str(value["by"])
+    )

@@ -1,0 +1,294 @@
+"""What was done in a run, from the records of its trace. A trace may come from a stranger: nothing in it is trusted."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any
+
+from planlang.designators import local_name
+from planlang.experience.model import (
+    About,
+    Activity,
+    Designator,
+    Experience,
+    Failure,
+    Occurrence,
+    Resolution,
+    ResolvedTo,
+    Role,
+    State,
+    Thing,
+)
+from planlang.runs.recorded_run import DamagedTrace, checked_records, details
+
+MOST_ACTIVITIES = 100_000
+MOST_CAUSES = 100
+DEEPEST = 200
+LATEST = 2**53
+"""The last step of a run: up to here floating-point numbers tell steps apart."""
+MOST_STEPS = 1e9
+"""Steps in a second."""
+LONGEST = 3e9
+"""Seconds that a run may take: dates of it can be told."""
+
+_TOLD = frozenset(
+    {"attempt", "recovery", "pose failed", "no more poses", "displaced", "skipped", "transition", "policy violated"}
+)
+_THINGS = ("Object", "Person", "Device")
+_WORD = re.compile(r"[^\s(),=]+")
+_FILLED = re.compile(r"(\w+)=")
+
+
+def experience_of(records: Iterable[Mapping[str, Any]]) -> Experience:
+    """Return what the records of a trace tell, the header first. Raises DamagedTrace."""
+    reader = _Reader()
+    for number, record in checked_records(records):
+        try:
+            reader.read(record)
+        except (ValueError, TypeError, KeyError, RecursionError) as problem:
+            raise DamagedTrace(_reason(problem), number) from None
+    return reader.experience()
+
+
+def _reason(problem: Exception) -> str:
+    if isinstance(problem, RecursionError):
+        return "too deeply nested"
+    return f"there is no {problem}" if isinstance(problem, KeyError) else str(problem)
+
+
+@dataclass(slots=True)
+class _Open:
+    """An activity while it is read."""
+
+    number: int
+    parent: int | None
+    kind: str
+    name: str
+    told: dict[str, Any] = field(default_factory=dict)
+    """Further fields of the activity."""
+    parameters: dict[str, Any] = field(default_factory=dict)
+    designator: Designator | None = None
+    resolutions: list[Resolution] = field(default_factory=list)
+    occurrences: list[Occurrence] = field(default_factory=list)
+
+
+class _Reader:
+    def __init__(self) -> None:
+        self._header: Mapping[str, Any] = {}
+        self._rate, self._plan = 1.0, ""
+        self._open: dict[int, _Open] = {}
+        self._things: dict[str, Thing] = {}
+        self._bound: dict[str, str] = {}
+        self._lone: list[Resolution] = []
+        """Of things, which belong to the whole run."""
+
+    def read(self, record: Mapping[str, Any]) -> None:
+        event, step = str(record["event"]), int(record["step"])
+        if event == "header":
+            self._header, self._rate, self._plan = record, _number(record.get("rate")), _text(record.get("plan"))
+            if not 0 < self._rate <= MOST_STEPS:
+                raise ValueError("the rate is no number of steps per second")
+        if step > min(LATEST, self._rate * LONGEST):
+            raise ValueError(f"step {step} is too late")
+        self._find_things(record, step)
+        if "node" in record:
+            self._in_node(event, step, record)
+
+    def _in_node(self, event: str, step: int, record: Mapping[str, Any]) -> None:
+        node = self._node(record)
+        more = details(record)
+        if event == "started":
+            node.told["begin"] = step
+            node.parameters.update(more)
+            node.designator = _designator(more) or node.designator
+        elif event == "ended":
+            node.told |= {"end": step, "state": State(_text(more.get("status"))), "result": more.get("result")}
+            node.told["failure"] = failure_of(more["failure"]) if "failure" in more else None
+        elif event == "plan":
+            node.parameters.update(more)
+            node.kind = "plan"
+        if node.kind == "plan" and event in ("started", "plan"):
+            self._resolve(node, step, ResolvedTo.PLAN, _text(more.get("iri") or node.name))
+        elif event == "request":
+            self._resolve(node, step, ResolvedTo.MODULE, _text(more["module"]))
+        elif event == "solution" and node.designator is not None:
+            base = tuple(_number(one) for one in more.pop("base"))
+            node.resolutions.append(Resolution(step, node.designator, ResolvedTo.BASE_POSE, base=base, details=more))
+        elif event in _TOLD:
+            self._happened(node, step, event, more)
+
+    def _happened(self, node: _Open, step: int, event: str, more: dict[str, Any]) -> None:
+        failure = failure_of(more.pop("failure")) if "failure" in more else None
+        node.occurrences.append(Occurrence(step, event, more, failure))
+        if event == "pose failed" and node.resolutions:
+            last = node.resolutions[-1]
+            node.resolutions[-1] = Resolution(
+                last.step, last.designator, last.to, last.value, last.base, last.details, failure
+            )
+
+    def _node(self, record: Mapping[str, Any]) -> _Open:
+        number = record["node"]
+        found = self._open.get(number)
+        if found is not None:
+            return found
+        if type(number) is not int or not 0 < number <= LATEST:
+            raise ValueError("a node is given by its number, from 1")
+        if len(self._open) == MOST_ACTIVITIES:
+            raise ValueError(f"more than {MOST_ACTIVITIES:,} nodes")
+        parent = record["parent"]
+        if parent is not None and (type(parent) is not int or parent not in self._open or parent > number):
+            raise ValueError("the node around this one has not started")
+        found = self._open[number] = _Open(number, parent, _text(record["kind"]), _text(record["name"]))
+        return found
+
+    def _resolve(self, node: _Open, step: int, to: ResolvedTo, value: str) -> None:
+        """Note that what the nearest action around a node describes was resolved."""
+        above = self._open.get(node.parent or 0)
+        if above is not None and above.designator is not None and above.designator.about is About.ACTION:
+            above.resolutions.append(Resolution(step, above.designator, to, value))
+
+    def _find_things(self, record: Mapping[str, Any], step: int) -> None:
+        """Note the designators of things in a record, and what the belief has bound them to."""
+        stack: list[tuple[Any, int]] = [(record, 0)]
+        while stack:
+            value, depth = stack.pop()
+            if depth > DEEPEST:
+                raise ValueError(f"more than {DEEPEST} lists or objects inside of each other")
+            if isinstance(value, list):
+                stack += ((one, depth + 1) for one in value)
+            elif isinstance(value, dict):
+                thing = _thing(value)
+                if thing is not None:
+                    self._things.setdefault(thing.name, thing)
+                bound = value.get("bound")
+                if isinstance(bound, list):
+                    self._note_bound(bound, step)
+                stack += ((one, depth + 1) for one in value.values())
+
+    def _note_bound(self, bound: list[Any], step: int) -> None:
+        for pair in bound:
+            match pair:
+                case [dict(what), str(name)]:
+                    thing = _thing(what)
+                    if thing is not None and self._bound.get(thing.name) != name:
+                        self._bound[thing.name] = name
+                        designator = Designator(About.OBJECT, thing.name)
+                        self._lone.append(Resolution(step, designator, ResolvedTo.THING, name))
+
+    def experience(self) -> Experience:
+        header = self._header
+        words = {name: text if isinstance(text := header.get(name), str) else None for name in ("iri", "robot", "map")}
+        numbers = {name: _whole(header.get(name)) for name in ("seed", "schedule")}
+        activities = tuple(self._activities())
+        return Experience(
+            self._plan,
+            self._rate,
+            words["iri"],
+            numbers["seed"],
+            numbers["schedule"],
+            words["robot"],
+            words["map"],
+            bool(activities) and activities[0].state is not State.RUNNING,
+            activities,
+            tuple(self._things[name] for name in sorted(self._things)),
+        )
+
+    def _activities(self) -> Iterator[Activity]:
+        root = next(iter(self._open), None)
+        for number in sorted(self._open):
+            node = self._open[number]
+            action = node.designator is not None and node.designator.about is About.ACTION
+            roles = tuple(roles_of(node.designator.text)) if action and node.designator is not None else ()
+            text = "" if node.designator is None else node.designator.text
+            named = [word for word in _WORD.findall(text.partition("(")[2] if action else text) if word in self._things]
+            yield Activity(
+                number,
+                node.parent,
+                node.kind,
+                node.name,
+                parameters=node.parameters,
+                designator=node.designator,
+                roles=roles,
+                participants=tuple(sorted(set(named))),
+                resolutions=(*node.resolutions, *(self._lone if number == root else ())),
+                occurrences=tuple(node.occurrences),
+                **node.told,
+            )
+
+
+def failure_of(json: object) -> Failure:
+    """Return a failure as a trace writes it, with its causes. Raises ValueError for anything else."""
+    links: list[Mapping[str, Any]] = []
+    while json is not None:
+        if not isinstance(json, dict) or len(links) == MOST_CAUSES:
+            raise ValueError(f"no failure, or one with more than {MOST_CAUSES} causes")
+        links.append(json)
+        json = json.get("cause")
+    if not links:
+        raise ValueError("a failure is missing")
+    found: Failure | None = None
+    for link in reversed(links):
+        where = link.get("where")
+        others = tuple(other for relation in ("siblings", "members", "cleanup") for other in _others(link, relation))
+        found = Failure(
+            _text(link["type"]), _text(link["message"]), None if where is None else _text(where), found, others
+        )
+    assert found is not None
+    return found
+
+
+def _others(link: Mapping[str, Any], relation: str) -> Iterator[tuple[str, str, str]]:
+    told = link.get(relation, ())
+    pairs: Iterable[tuple[object, object]] = told.items() if isinstance(told, dict) else [("", one) for one in told]
+    for branch, text in pairs:
+        yield relation, _text(branch), _text(text)
+
+
+def roles_of(action: str) -> Iterator[Role]:
+    """Yield the roles in the text of an action: ``Reaching(device_used=gripper, object_acted_on=cup)``."""
+    inside = action.partition("(")[2].removesuffix(")")
+    starts: list[int] = []
+    depth = 0
+    for place, character in enumerate(inside):
+        depth += (character == "(") - (character == ")")
+        if depth == 0 and (place == 0 or inside.endswith(", ", 0, place)) and _FILLED.match(inside, place):
+            starts.append(place)
+    for begin, end in pairwise([*starts, len(inside) + 2]):
+        key, _, filler = inside[begin : end - 2].partition("=")
+        first, *rest = key.split("_")
+        yield Role(first + "".join(word.capitalize() for word in rest), filler)
+
+
+def _designator(told: Mapping[str, Any]) -> Designator | None:
+    """Return the designator of what begins; None for what has none."""
+    for about in (About.ACTION, About.LOCATION, About.GOAL):
+        if isinstance(told.get(about), str):
+            return Designator(about, told[about])
+    return None
+
+
+def _thing(value: Mapping[str, Any]) -> Thing | None:
+    match value:
+        case {"$": str(kind), "type": str(type_), "iri": (str() | None) as iri} if kind in _THINGS:
+            return Thing(local_name(iri or type_), kind, type_, iri)
+    return None
+
+
+def _text(value: object) -> str:
+    if not isinstance(value, str):
+        raise ValueError(f"a text is expected, not {str(value)[:40]}")
+    return value
+
+
+def _number(value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise ValueError(f"a number is expected, not {str(value)[:40]}")
+    return float(value)
+
+
+def _whole(value: object) -> int | None:
+    return value if type(value) is int and abs(value) <= LATEST * LATEST else None

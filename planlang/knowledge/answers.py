@@ -1,0 +1,220 @@
+"""What a server of a knowledge base answers, as typed values; an answer is a stranger's text and checked like one."""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import hashlib
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import MISSING, dataclass, fields, is_dataclass
+from enum import Enum
+from types import NoneType, UnionType
+from typing import Any, get_args, get_origin, get_type_hints
+
+from planlang.diagnostics import Diagnostic, Severity, Span
+from planlang.knowledge.entries import Entry, News
+from planlang.knowledge.stores import Changed, EntryExists, NoSuchEntry, NotTheAuthor, Refused
+
+Links = tuple[tuple[str, str], ...]
+"""Pairs of a property and a class (IRIs)."""
+
+LONGEST_TEXT = 10_000
+"""Characters of a text in an answer that are kept."""
+_UID = re.compile(r"[a-z0-9][a-z0-9_-]{0,99}\.[a-z0-9][a-z0-9_-]{0,99}")
+_FILE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
+_SHA256 = re.compile(r"[0-9a-f]{64}")
+_DIGEST = re.compile(r"(?:^|[\s,])sha-256=:([A-Za-z0-9+/=]+):")
+
+
+class NoAnswer(Exception):
+    """The server cannot be reached, or does not answer in time."""
+
+
+class NotAsAgreed(Exception):
+    """An answer is none that a server of a knowledge base gives, or is not what its digest says."""
+
+
+class Declined(Refused):
+    """The server does not do what was asked: its status and reason, and what its checks found."""
+
+    def __init__(self, status: int, detail: str, diagnostics: tuple[Diagnostic, ...] = ()) -> None:
+        super().__init__(detail)
+        self.status, self.diagnostics = status, diagnostics
+
+
+class KeyNeeded(Declined):
+    """What was asked needs a key, or the key that was given is nobody's."""
+
+
+class TooMany(Declined):
+    """The server takes no more requests now."""
+
+
+class RefusedByChecks(Declined):
+    """What was handed in, or asked, is wrong; the diagnostics say where."""
+
+
+@dataclass(frozen=True, slots=True)
+class Lack:
+    """What a robot lacks, or may lack, for an entry."""
+
+    name: str
+    reason: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """An entry that was found. Where a robot asked: whether it ``can`` use it (yes, no, unknown), and what it lacks."""
+
+    entry: Entry
+    can: str | None = None
+    missing: tuple[Lack, ...] = ()
+    links: Links = ()
+    """What the entry's subject is linked to, also by what its classes require."""
+
+
+@dataclass(frozen=True, slots=True)
+class Taken:
+    """An upload that was taken, with notes and warnings about it."""
+
+    entry: Entry
+    diagnostics: tuple[Diagnostic, ...] = ()
+
+
+def as_json(body: bytes) -> Mapping[str, Any]:
+    """Return the JSON object that a body is. Raises NotAsAgreed."""
+    try:
+        found = json.loads(body)
+    except (ValueError, RecursionError):
+        raise NotAsAgreed("the answer is no JSON: this is no knowledge base") from None
+    if not isinstance(found, dict):
+        raise NotAsAgreed("the answer is no JSON object: this is no knowledge base")
+    return found
+
+
+def read_entry(data: object) -> Entry:
+    """Return the entry of a record. Raises NotAsAgreed."""
+    entry: Entry = read_as(Entry, data)
+    names = [one.name for one in entry.attachments]
+    digests = [entry.revision.sha256, *(one.sha256 for one in entry.attachments)]
+    if not _UID.fullmatch(entry.uid) or not all(map(_FILE_NAME.fullmatch, names)) or len(set(names)) < len(names):
+        raise NotAsAgreed("an entry, or a file of it, has a name that names nothing")
+    if not all(map(_SHA256.fullmatch, digests)):
+        raise NotAsAgreed(f"{entry.uid} has a digest that is none")
+    return entry
+
+
+def read_found(data: object) -> Found:
+    """Return what was found, and what a robot lacks for it. Raises NotAsAgreed."""
+    record = data if isinstance(data, dict) else {}
+    missing = read_as(tuple[Lack, ...], record.get("missing", []))
+    pairs = read_as(tuple[tuple[str, ...], ...], record.get("links", []))
+    if any(len(one) != 2 for one in pairs):
+        raise NotAsAgreed("a link of an entry is no pair of property and class")
+    links = tuple((prop, target) for prop, target in pairs)
+    return Found(read_entry(data), read_as(str | None, record.get("can")), missing, links)
+
+
+def read_taken(data: Mapping[str, Any]) -> Taken:
+    """Return what is said to an upload. Raises NotAsAgreed."""
+    return Taken(read_entry(data.get("entry")), read_diagnostics(data))
+
+
+def read_news(data: Mapping[str, Any]) -> tuple[tuple[News, ...], int]:
+    """Return lines of the feed, and the number behind which to go on. Raises NotAsAgreed."""
+    return read_as(tuple[News, ...], data.get("news")), read_as(int, data.get("next"))
+
+
+def read_as(kind: Any, data: object) -> Any:
+    """Return JSON data as a type: a dataclass, enum, tuple, union with None, text or number. Raises NotAsAgreed."""
+    if is_dataclass(kind):
+        if not isinstance(data, dict):
+            raise NotAsAgreed(f"{_shown(data)} is no {kind.__name__}")  # type: ignore[union-attr]
+        hints = get_type_hints(kind)
+        stated = [one.name for one in fields(kind) if one.name in data or one.default is MISSING]
+        return kind(**{name: read_as(hints[name], data.get(name)) for name in stated})  # type: ignore[operator]
+    if get_origin(kind) is tuple:
+        if not isinstance(data, list):
+            raise NotAsAgreed(f"{_shown(data)} is no list")
+        return tuple(read_as(get_args(kind)[0], one) for one in data)
+    if get_origin(kind) is UnionType:
+        (other,) = (one for one in get_args(kind) if one is not NoneType)
+        return None if data is None else read_as(other, data)
+    if issubclass(kind, Enum):
+        if data not in [one.value for one in kind]:
+            raise NotAsAgreed(f"{_shown(data)} is no {kind.__name__.lower()}")
+        return kind(data)
+    if kind is float and type(data) is int:
+        return float(data)
+    if type(data) is not kind:
+        raise NotAsAgreed(f"{_shown(data)} is no {kind.__name__}")
+    return printed(data) if isinstance(data, str) else data
+
+
+def _shown(data: object) -> str:
+    return ascii(data)[:60] if not isinstance(data, dict | list) else type(data).__name__
+
+
+def printed(text: str, breaks: str = "") -> str:
+    """Return a stranger's text so that a terminal takes it as text: of bounded length, without control characters.
+
+    ``breaks``: those that are left.
+    """
+    short = text[:LONGEST_TEXT]
+    return "".join(one if one.isprintable() or one in breaks else "\N{REPLACEMENT CHARACTER}" for one in short)
+
+
+def read_diagnostics(data: Mapping[str, Any]) -> tuple[Diagnostic, ...]:
+    """Return the diagnostics of an answer or problem document; what is none of them is left out."""
+    listed = data.get("diagnostics")
+    found = (_diagnostic(one) for one in listed) if isinstance(listed, list) else ()
+    return tuple(one for one in found if one is not None)
+
+
+def _diagnostic(data: object) -> Diagnostic | None:
+    if not isinstance(data, dict):
+        return None
+    code, message, file, help = (data.get(name) for name in ("code", "message", "file", "help"))
+    line, column = (one if isinstance(one, int) else 1 for one in (data.get("line"), data.get("column")))
+    try:
+        severity = Severity(data.get("severity"))
+    except ValueError:
+        return None
+    if not isinstance(code, str) or not isinstance(message, str):
+        return None
+    span = Span(printed(file), line, column) if isinstance(file, str) else None
+    advice = printed(help, "\n") if isinstance(help, str) else None
+    return Diagnostic(severity, printed(code), printed(message, "\n"), span, advice)
+
+
+_REFUSALS: dict[int, type[Refused]] = {403: NotTheAuthor, 404: NoSuchEntry, 409: EntryExists, 412: Changed}
+_DECLINED: dict[int, type[Declined]] = {401: KeyNeeded, 422: RefusedByChecks, 429: TooMany}
+
+
+def refusal(status: int, body: bytes) -> Exception:
+    """Return what an answer of an unsuccessful status means, with the reason that its problem document gives."""
+    if 300 <= status < 400:
+        return NotAsAgreed(f"the server sends us elsewhere (status {status}): name that address")
+    try:
+        problem = as_json(body)
+    except NotAsAgreed:
+        problem = {}
+    stated = problem.get("detail") or problem.get("title")
+    detail = printed(stated, "\n") if isinstance(stated, str) else f"status {status}"
+    if status in _REFUSALS and problem:
+        return _REFUSALS[status](detail)
+    return _DECLINED.get(status, Declined)(status, detail, read_diagnostics(problem))
+
+
+def check_digest(data: bytes, header: str | None, expected: str | None, name: str) -> None:
+    """Raise NotAsAgreed unless data has the SHA-256 of a Repr-Digest header (RFC 9530) and of a record (in digits)."""
+    digest = hashlib.sha256(data).digest()
+    stated = _DIGEST.search(header or "")
+    try:
+        as_stated = stated is None or base64.b64decode(stated[1], validate=True) == digest
+    except binascii.Error:
+        as_stated = False
+    if not as_stated or expected not in (None, digest.hex()):
+        raise NotAsAgreed(f"{name} was damaged on its way: it has not the SHA-256 that the server states")

@@ -1,0 +1,199 @@
+"""Requests to a server: sent again where that is safe, answers of bounded size and time, what was read before kept.
+
+What can be done twice without harm is sent again, later and later, when there is no connection, and for the statuses
+429, 502, 503 and 504; ``Retry-After`` is heeded. With a cache, what was read before is the answer where the server has
+none. Bodies are neither sent nor read compressed: a small answer cannot become a large one.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from email.utils import parsedate_to_datetime
+from http.cookiejar import DefaultCookiePolicy
+from random import SystemRandom
+from urllib.parse import urlsplit
+
+import httpx
+
+from planlang.cache import Cache
+from planlang.knowledge.answers import NoAnswer, NotAsAgreed, TooMany, as_json, printed, refusal
+
+LARGEST = 16_000_000
+"""Bytes of an answer: as many as a server takes of a body."""
+LONGEST_ANSWER = 300.0
+"""Seconds in which an answer has to be complete."""
+ATTEMPTS = 4
+FIRST_PAUSE, LONGEST_PAUSE = 0.5, 60.0
+"""Seconds before a request is sent again: the first time, and the longest that a server may ask for."""
+_AGAIN = (429, 502, 503, 504)
+_UNANSWERED = (502, 503, 504)
+_TIMEOUT = httpx.Timeout(30.0, connect=10.0)
+
+
+def kept_answers() -> Cache:
+    """Return the user's cache of what was read from servers; answers are kept by address, the latest 500."""
+    return Cache("knowledge", most=500, largest=LARGEST + 1_000)
+
+
+@dataclass(frozen=True, slots=True)
+class Reply:
+    """An answer: its status, headers (names in lower case) and body."""
+
+    status: int
+    headers: Mapping[str, str]
+    body: bytes
+
+
+class Connection:
+    """Requests to one server, by the rules above. ``offline`` is None, or why answers come from the cache."""
+
+    def __init__(
+        self,
+        url: str,
+        key: str | None,
+        cache: Cache | None,
+        transport: httpx.BaseTransport | None,
+        sleep: Callable[[float], None],
+    ) -> None:
+        self.url = checked_url(url)
+        self.offline: NoAnswer | None = None
+        self._cache, self._sleep = cache, sleep
+        headers = {"Accept-Encoding": "identity", "User-Agent": "planlang"}
+        if key is not None:
+            headers["Authorization"] = f"Bearer {key}"
+        self._http = httpx.Client(headers=headers, timeout=_TIMEOUT, transport=transport)
+        self._http.cookies.jar.set_policy(DefaultCookiePolicy(allowed_domains=[]))
+
+    def close(self) -> None:
+        """Close the connection."""
+        self._http.close()
+
+    def get(self, path: str, params: Mapping[str, str] | None = None, *, is_kept: bool = True) -> Reply:
+        """Return the answer to a question, of the cache if the server has none and it ``is_kept`` there."""
+        address = str(httpx.URL(self.url + path, params=params or {}))
+        if not is_kept or self._cache is None:
+            return self.send("GET", path, params=params)
+        before = _unpacked(self._cache.load(address))
+        tag = before.headers.get("etag") if before else None
+        try:
+            headers = {"If-None-Match": tag} if tag else {}
+            reply = self.send("GET", path, params=params, headers=headers, attempts=1 if self.offline else ATTEMPTS)
+        except NoAnswer as problem:
+            self.offline = problem
+            if before is None:
+                raise
+            return before
+        if before is not None and reply.status == 304:
+            return before
+        self._cache.keep(address, _packed(reply))
+        return reply
+
+    def send(
+        self,
+        method: str,
+        path: str,
+        *,
+        params: Mapping[str, str] | None = None,
+        headers: Mapping[str, str] | None = None,
+        content: bytes | None = None,
+        attempts: int = ATTEMPTS,
+    ) -> Reply:
+        """Return the answer to a request that may be sent ``attempts`` times.
+
+        Raises what :func:`refusal` returns for an unsuccessful status, NoAnswer, NotAsAgreed.
+        """
+        request = self._http.build_request(method, self.url + path, params=params, headers=headers, content=content)
+        for number in range(1, attempts + 1):
+            try:
+                reply = self._once(request)
+            except httpx.TransportError as problem:
+                if number == attempts or isinstance(problem, httpx.UnsupportedProtocol):
+                    raise NoAnswer(f"{self.url} does not answer: {printed(_reason(problem))}") from None
+                self._sleep(_pause(number))
+                continue
+            pause = _stated_pause(reply.headers)
+            if reply.status not in _AGAIN or number == attempts or (pause or 0.0) > LONGEST_PAUSE:
+                return self._judged(reply, pause)
+            self._sleep(_pause(number) if pause is None else pause)
+        raise AssertionError("a request is sent at least once")
+
+    def _judged(self, reply: Reply, pause: float | None) -> Reply:
+        if 200 <= reply.status < 300 or reply.status == 304:
+            return reply
+        problem = refusal(reply.status, reply.body)
+        if reply.status in _UNANSWERED and not _is_problem(reply):
+            raise NoAnswer(f"{self.url} does not answer: status {reply.status}")
+        if isinstance(problem, TooMany) and pause is not None:
+            problem.add_note(f"the server asks to come back in {pause:.0f} s")
+        raise problem
+
+    def _once(self, request: httpx.Request) -> Reply:
+        until = time.monotonic() + LONGEST_ANSWER
+        answer = self._http.send(request, stream=True)
+        try:
+            if answer.headers.get("content-encoding", "identity") != "identity":
+                raise NotAsAgreed("the answer is compressed, which was not asked for")
+            body = bytearray()
+            for part in answer.iter_raw():
+                body += part
+                if len(body) > LARGEST:
+                    raise NotAsAgreed(f"the answer has more than {LARGEST // 1_000_000} MB")
+                if time.monotonic() > until:  # the next one would take as long
+                    raise NoAnswer(f"{self.url} does not answer within {LONGEST_ANSWER:.0f} s")
+        finally:
+            answer.close()
+        return Reply(answer.status_code, {name.lower(): value for name, value in answer.headers.items()}, bytes(body))
+
+
+def checked_url(url: str) -> str:
+    """Return a server's address without a slash at its end. Raises ValueError, with the reason, for what is none."""
+    try:
+        parts = urlsplit(url)
+        httpx.URL(url).host.encode("idna")
+    except (httpx.InvalidURL, UnicodeError) as problem:
+        raise ValueError(str(problem)) from None
+    if parts.scheme not in ("http", "https") or not parts.hostname or not url.isprintable() or " " in url:
+        raise ValueError("it begins with http:// or https:// and a host")
+    if parts.username is not None or parts.query or parts.fragment:
+        raise ValueError("it has neither user, password, query nor fragment")
+    return url.rstrip("/")
+
+
+def _is_problem(reply: Reply) -> bool:
+    return reply.headers.get("content-type", "").startswith("application/problem+json")
+
+
+def _pause(number: int) -> float:
+    """Return the seconds before the next attempt, twice as many each time; clients do not come back all at once."""
+    return float(FIRST_PAUSE * 2 ** (number - 1) * SystemRandom().uniform(0.5, 1.0))
+
+
+def _stated_pause(headers: Mapping[str, str]) -> float | None:
+    """Return the seconds that ``Retry-After`` says, a date by the server's own clock; None without it."""
+    stated = headers.get("retry-after", "").strip()
+    if stated.isdecimal() and len(stated) < 10:
+        return float(stated)
+    try:
+        then, now = (parsedate_to_datetime(text) for text in (stated, headers.get("date", "")))
+        return max(0.0, (then - now).total_seconds())
+    except (ValueError, TypeError):
+        return None
+
+
+def _reason(problem: httpx.TransportError) -> str:
+    return str(problem) or type(problem).__name__
+
+
+def _packed(reply: Reply) -> bytes:
+    headers = {name: reply.headers[name] for name in ("etag", "repr-digest", "content-type") if name in reply.headers}
+    return json.dumps(headers).encode() + b"\n" + reply.body
+
+
+def _unpacked(kept: bytes | None) -> Reply | None:
+    if kept is None:
+        return None
+    headers, _, body = kept.partition(b"\n")
+    return Reply(200, as_json(headers), body)

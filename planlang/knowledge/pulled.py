@@ -1,0 +1,91 @@
+"""Files that were pulled into a folder, and the record beside them by which they are known as a stranger's.
+
+The record is written before the files: none of them is ever there without it. Ontologies are data; Python that was
+pulled runs only when its user says so.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from hashlib import sha256
+from pathlib import Path
+
+from planlang.diagnostics import BadInput, Diagnostic, error
+from planlang.files import read_file
+from planlang.knowledge.answers import NotAsAgreed, as_json, read_as
+from planlang.outputs import replace
+
+RECORD = ".planlang-pulled.json"
+"""Name of the record; no file of an entry can have it, as these begin with a letter or digit."""
+
+
+@dataclass(frozen=True, slots=True)
+class Origin:
+    """Where a file in a folder is from: server, entry, its author and revision; and what it was then."""
+
+    server: str
+    uid: str
+    author: str
+    revision: int
+    sha256: str
+
+    def __str__(self) -> str:
+        return f"{self.uid} by {self.author}, {self.server}"
+
+
+def origins(folder: Path) -> dict[str, Origin]:
+    """Return where the files of a folder are from, by their names; empty without a record. Raises BadInput."""
+    path = folder / RECORD
+    if not path.is_file():
+        return {}
+    try:
+        stated = as_json(read_file(path)).get("files")
+        return {str(name): read_as(Origin, one) for name, one in stated.items()} if isinstance(stated, dict) else {}
+    except NotAsAgreed as problem:
+        advice = "remove it once you know what is in the folder"
+        raise BadInput(
+            [error("K035", f"the record of what was pulled is damaged: {path}: {problem}", help=advice)]
+        ) from None
+
+
+def check_free(folder: Path, names: Mapping[str, Origin], *, force: bool) -> list[Diagnostic]:
+    """Return an error for each file that is in the way: neither as it was pulled before, nor what is pulled now."""
+    before = {} if force else origins(folder)
+    problems = []
+    for name, origin in names.items():
+        path = folder / name
+        if path.is_dir():
+            problems.append(error("C004", f"{path} is a folder"))
+        elif path.exists() and not force and not is_as_pulled(path, origin, before.get(name)):
+            advice = "-o FOLDER names another folder, --force overwrites it"
+            problems.append(error("C005", f"{path} exists and has another text", help=advice))
+    return problems
+
+
+def record(folder: Path, names: Mapping[str, Origin], *, force: bool) -> None:
+    """Add files to a folder's record, which is made if there is none. Raises BadInput."""
+    try:
+        before = origins(folder)
+    except BadInput:
+        if not force:
+            raise
+        before = {}
+    listed = {name: asdict(one) for name, one in sorted({**before, **names}.items())}
+    text = json.dumps({"files": listed}, indent=1, ensure_ascii=False) + "\n"
+    replace(folder / RECORD, lambda temporary: temporary.write_text(text, encoding="utf-8"))
+
+
+def is_as_pulled(path: Path, *origins: Origin | None) -> bool:
+    """Return True if a file is there and is what was pulled, of one of some origins."""
+    try:
+        return sha256(read_file(path)).hexdigest() in [one.sha256 for one in origins if one is not None]
+    except BadInput:
+        return False
+
+
+def origin_of(path: Path) -> Origin | None:
+    """Return where a file was pulled from; None for one of the user's own. Raises BadInput."""
+    real = path.resolve()
+    return origins(real.parent).get(real.name)

@@ -1,0 +1,294 @@
+"""Units of QUDT: what their names mean, and numbers in them as numbers in SI units, and back.
+
+The units are in ``ontologies/units.toml``; other names are composed of theirs: PoundForcePerSquareInch. What has
+a common dimension can be converted, whatever kind of quantity QUDT takes it for. Angles and information are dimensions
+of their own, in radians and natural units of information.
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cache, lru_cache
+
+from planlang.designators import local_name
+from planlang.diagnostics import BadInput, error
+from planlang.files import bundled
+from planlang.ontology.terms import RDF, XSD, Literal
+
+Dimension = tuple[tuple[str, int], ...]
+"""Powers of base quantities (the letters of units.toml: L length, M mass, T time, ...), sorted, none of them 0."""
+
+_SYMBOLS = {
+    **{"L": "m", "M": "kg", "T": "s", "I": "A", "K": "K", "N": "mol", "J": "cd", "A": "rad"},
+    **{"B": "nat", "D": "USD"},
+}
+_POWER = re.compile(r"([A-Z])(-?\d*)")
+_BEFORE = {"Square": 2, "Cubic": 3, "Quartic": 4}
+_BEHIND = {"Squared": 2, "Cubed": 3}
+_LONGEST = 100
+"""Characters of the longest name that is read."""
+
+
+class IncompatibleUnits(ValueError):
+    """A number has a unit of another dimension than is wanted."""
+
+
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """``value * factor + offset`` is the value in the SI unit of the dimension."""
+
+    dimension: Dimension
+    factor: Fraction = Fraction(1)
+    offset: Fraction = Fraction(0)
+
+    def to_si(self, value: float) -> float:
+        """Convert a value in this unit to the SI unit of its dimension. Raises OverflowError beyond a float."""
+        return self.to(Unit(self.dimension), value)
+
+    def from_si(self, value: float) -> float:
+        """Convert a value in the SI unit of this unit's dimension to this unit. Raises OverflowError beyond a float."""
+        return Unit(self.dimension).to(self, value)
+
+    def to(self, other: Unit, value: float) -> float:
+        """Convert a value in this unit to another unit of its dimension; only the result is rounded: 35 cm are 0.35 m.
+
+        Raises OverflowError beyond a float.
+        """
+        return float((Fraction(str(value)) * self.factor + self.offset - other.offset) / other.factor)
+
+
+@lru_cache(maxsize=1024)  # names come from files of strangers
+def unit(name: str) -> Unit | None:
+    """Return the unit of a name, such as Centimeter, SquareMeter or MeterPerSecondSquared; None if it is unknown."""
+    if len(name) > _LONGEST:
+        return None
+    return _table().scales.get(name) or _composed(name)
+
+
+def convert(value: float, source: str, target: str) -> float:
+    """Return a value in one unit as one in another, both by their names.
+
+    Raises IncompatibleUnits without a common dimension, ValueError for an unknown unit or a result beyond a float.
+    """
+    old, new = known_unit(source), known_unit(target)
+    try:
+        return _fitting(old, source, new).to(new, value)
+    except OverflowError:
+        raise ValueError(f"{value} {source} is no finite number of {target}") from None
+
+
+def known_unit(name: str) -> Unit:
+    """Return the unit of a name; raises ValueError if it is unknown."""
+    known = unit(name)
+    if known is None:
+        raise ValueError(f"{name} is an unknown unit; use one of QUDT, such as Meter, SecondTime or MeterPerSecond")
+    return known
+
+
+def unit_of(literal: Literal) -> str | None:
+    """Return the local name of the unit that types a literal; None for plain text and the datatypes of XML Schema."""
+    datatype = literal.datatype
+    if datatype is None or datatype == RDF.langString or datatype.startswith(XSD) or "22-rdf-syntax-ns#" in datatype:
+        return None
+    return local_name(datatype)
+
+
+def stated_number(literal: Literal, wanted: str | None = None) -> float:
+    """Return the number that a literal states, in the unit of a name; None: in the SI unit of its dimension.
+
+    A number without a unit, or in an unknown one, is returned as it is.
+    Raises IncompatibleUnits for a unit of another dimension, ValueError for what is no number, or not a finite one.
+    """
+    number, converted = literal.number(), conversion(literal, wanted)
+    return number if converted is None else converted(number)
+
+
+def conversion(literal: Literal, wanted: str | None = None) -> Callable[[float], float] | None:
+    """Return what converts the numbers of a literal as :func:`stated_number` does; None if they stay as they are."""
+    name = unit_of(literal)
+    old = None if name is None else unit(name)
+    if name is None or old is None or name == wanted:
+        return None
+    new = Unit(old.dimension) if wanted is None else known_unit(wanted)
+    fitting = _fitting(old, name, new)
+
+    def converted(number: float) -> float:
+        try:
+            return fitting.to(new, number)
+        except OverflowError:
+            raise ValueError(f"not a finite number: {literal.value!r}") from None
+
+    return converted
+
+
+def unit_of_property(name: str) -> str | None:
+    """Return the unit of the numbers of a property (local name); None if it is unknown."""
+    return _table().properties.get(name)
+
+
+def dimension_of(property_name: str) -> Dimension | None:
+    """Return the dimension of a property (local name); None if it is unknown."""
+    name = unit_of_property(property_name)
+    return None if name is None else known_unit(name).dimension
+
+
+def si_unit(dimension: Dimension) -> str:
+    """Return the SI unit of a dimension in words, e.g. ``m s-1``."""
+    return " ".join(f"{_SYMBOLS[base]}{power if power != 1 else ''}" for base, power in dimension) or "1"
+
+
+def _fitting(old: Unit, name: str, new: Unit) -> Unit:
+    """Return a unit of a name that can be converted to another one; raises IncompatibleUnits for one that cannot."""
+    if old.dimension != new.dimension:
+        raise IncompatibleUnits(f"{name} is measured in {si_unit(old.dimension)}, not in {si_unit(new.dimension)}")
+    return old
+
+
+def chosen_units(names: Sequence[str]) -> dict[Dimension, str]:
+    """Return for each dimension the unit in which numbers are to be shown; BadInput for what is none, or one too many.
+
+    ``names`` are those that a user asks for.
+    """
+    chosen: dict[Dimension, str] = {}
+    problems = []
+    for name in names:
+        known = unit(name)
+        if known is None:
+            advice = "use a unit of QUDT, such as Centimeter, DegreeAngle or KilometerPerHour"
+            problems.append(error("C019", f"--units {name} is an unknown unit", help=advice))
+        elif chosen.setdefault(known.dimension, name) != name:
+            message = f"--units {name} and --units {chosen[known.dimension]} are both measured in"
+            problems.append(error("C019", f"{message} {si_unit(known.dimension)}", help="ask for one of them"))
+    if problems:
+        raise BadInput(problems)
+    return chosen
+
+
+def in_chosen_unit(literal: Literal, chosen: Mapping[Dimension, str]) -> Literal:
+    """Return a value with a unit in the chosen unit of its dimension; any other value, and no number, as it is."""
+    name = unit_of(literal)
+    known = None if name is None else unit(name)
+    target = None if known is None else chosen.get(known.dimension)
+    if name is None or target is None or literal.datatype is None:
+        return literal
+    try:
+        return Literal(str(stated_number(literal, target)), literal.datatype.removesuffix(name) + target)
+    except ValueError:
+        return literal
+
+
+@dataclass(frozen=True, slots=True)
+class _Table:
+    """What units.toml states."""
+
+    bases: Mapping[str, Unit]
+    units: Mapping[str, tuple[Fraction, str]]
+    scales: Mapping[str, Unit]
+    prefixes: Mapping[str, Fraction]
+    properties: Mapping[str, str]
+
+
+@cache
+def _table() -> _Table:
+    data = tomllib.loads((bundled("ontologies") / "units.toml").read_text(encoding="utf-8"), parse_float=Fraction)
+    bases = {name: Unit(_read(text)) for name, text in data["bases"].items()}
+    scales = data["scales"].items()
+    return _Table(
+        bases,
+        {name: (Fraction(factor), of) for name, (factor, of) in data["units"].items()},
+        {name: Unit(bases[of].dimension, Fraction(factor), Fraction(offset)) for name, (factor, offset, of) in scales},
+        {name: Fraction(factor) for name, factor in data["prefixes"].items()},
+        data["properties"],
+    )
+
+
+@lru_cache(maxsize=1024)
+def _single(name: str) -> Unit | None:
+    """Return the unit of a name that is not composed, without its offset; None if there is none."""
+    table = _table()
+    if name in table.bases:
+        return table.bases[name]
+    if name in table.units:
+        factor, of = table.units[name]
+        known = _composed(of)
+        return None if known is None else Unit(known.dimension, factor * known.factor)
+    if name in table.scales:
+        return Unit(table.scales[name].dimension, table.scales[name].factor)
+    if name in table.prefixes:
+        return Unit((), table.prefixes[name])
+    return _prefixed(name)
+
+
+def _prefixed(name: str) -> Unit | None:
+    """Return a unit with a prefix: KiloPascal, Kilowatt."""
+    table = _table()
+    for prefix, factor in table.prefixes.items():
+        rest = name.removeprefix(prefix)
+        rest = rest[:1].upper() + rest[1:]
+        if name.startswith(prefix) and (rest in table.units or rest in table.bases):
+            of = _single(rest)
+            return None if of is None else Unit(of.dimension, factor * of.factor)
+    return None
+
+
+def _composed(name: str) -> Unit | None:
+    """Return a unit of the table, or one composed of them: what is behind a Per divides."""
+    if (single := _single(name)) is not None:
+        return single
+    above, *below = re.split(r"Per(?=[A-Z])", name)
+    parts = [*([_powers(above, 1)] if above else []), *(_powers(part, -1) for part in below)]
+    known = [(of, power) for part in parts for of, power in part if of is not None]
+    return _product(known) if known and all(parts) and len(known) == sum(map(len, parts)) else None
+
+
+def _product(powers: Iterable[tuple[Unit, int]]) -> Unit:
+    dimension: dict[str, int] = {}
+    factor = Fraction(1)
+    for of, power in powers:
+        factor *= of.factor**power
+        for base, exponent in of.dimension:
+            dimension[base] = dimension.get(base, 0) + exponent * power
+    return Unit(_sorted(dimension), factor)
+
+
+def _powers(name: str, sign: int) -> list[tuple[Unit | None, int]]:
+    """Return the units whose names follow each other without anything between, with their powers.
+
+    At each place the longest name that is known counts; what is none makes the whole unknown (None).
+    """
+    found: list[tuple[Unit | None, int]] = []
+    power = 1
+    while name:
+        word = next((word for word in (*_BEHIND, *_BEFORE) if name.startswith(word)), None)
+        if word in _BEFORE and power == 1:
+            power = _BEFORE[word]
+        elif word in _BEHIND and found:
+            of, before = found[-1]
+            found[-1] = of, before * _BEHIND[word]
+        else:
+            word, of = _longest(name)
+            found.append((of, sign * power))
+            power = 1
+        name = name[len(word or name) :]
+    return found if power == 1 else [(None, 0)]
+
+
+def _longest(name: str) -> tuple[str, Unit | None]:
+    """Return the longest known name that a text begins with, and its unit; the whole text and None without any."""
+    ends = [match.start() for match in re.finditer(r"(?<=.)[A-Z]", name)]
+    for end in (len(name), *reversed(ends)):
+        if (known := _single(name[:end])) is not None:
+            return name[:end], known
+    return name, None
+
+
+def _sorted(powers: Mapping[str, int]) -> Dimension:
+    return tuple(sorted((base, power) for base, power in powers.items() if power))
+
+
+def _read(text: str) -> Dimension:
+    return _sorted({base: int(power or 1) for base, power in _POWER.findall(text)})

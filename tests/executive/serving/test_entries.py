@@ -1,0 +1,167 @@
+"""Entries over HTTP: what is handed in is checked, kept with its revisions, and changed by its author alone."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+from http import HTTPStatus
+from pathlib import Path
+
+import pytest
+from fastapi.testclient import TestClient
+
+from planlang.files import Bundled
+from planlang.ontology import load
+
+RECIPE = Bundled.RECIPE.find("serve_a_drink").read_bytes()
+CHANGED = RECIPE.replace(b'"serve a drink"', b'"serve two drinks"')
+ENTRY = "/v1/recipes/serveadrink.ward"
+
+
+def create(client: TestClient, name: str = "ward", data: bytes = RECIPE, **headers: str) -> str:
+    made = client.post("/v1/recipes", params={"name": name}, content=data, headers=headers)
+    assert made.status_code == HTTPStatus.CREATED, made.text
+    return str(made.headers["ETag"])
+
+
+def test_a_recipe_is_kept_as_it_was_handed_in(client: TestClient, stranger: TestClient) -> None:
+    made = client.post("/v1/recipes", params={"name": "Ward"}, content=RECIPE)
+    assert (made.status_code, made.headers["Location"]) == (HTTPStatus.CREATED, ENTRY)
+    entry = made.json()["entry"]
+    assert (entry["label"], entry["author"], entry["syntax"]) == ("serve a drink", "ada", "text/owl-manchester")
+    assert stranger.get(ENTRY).json() == entry
+    content = stranger.get(f"{ENTRY}/content")
+    assert content.content == RECIPE
+    digest = base64.b64encode(hashlib.sha256(RECIPE).digest()).decode()
+    assert content.headers["Repr-Digest"] == f"sha-256=:{digest}:"
+    assert stranger.get("/v1/recipes").json() == {"entries": [entry], "next": None}
+    assert stranger.get("/v1/robots").json() == {"entries": [], "next": None}
+
+
+def test_an_entry_of_another_kind_is_not_there(client: TestClient) -> None:
+    create(client)
+    for path in ("/v1/robots/serveadrink.ward", "/v1/robots/serveadrink.ward/content", "/v1/recipes/none.none"):
+        problem = client.get(path)
+        assert (problem.status_code, problem.headers["Content-Type"]) == (404, "application/problem+json")
+        assert problem.json()["title"] == "Not Found"
+
+
+def test_lists_go_on_behind_the_last_identifier(client: TestClient) -> None:
+    names = [f"n{number}" for number in range(5)]
+    for name in names:
+        create(client, name)
+    found, after = [], ""
+    while after is not None:
+        page = client.get("/v1/recipes", params={"limit": 2, "after": after}).json()
+        found += [one["uid"] for one in page["entries"]]
+        after = page["next"]
+    assert found == [f"serveadrink.{name}" for name in names]
+
+
+def test_what_the_compiler_refuses_is_not_kept_and_the_reasons_have_places(client: TestClient) -> None:
+    wrong = RECIPE.replace(b"subAction some GraspBottle", b"subAction some GraspBotle")
+    refused = client.post("/v1/recipes", params={"name": "ward"}, content=wrong)
+    assert refused.status_code == HTTPStatus.UNPROCESSABLE_ENTITY
+    (error, *_) = [one for one in refused.json()["diagnostics"] if one["severity"] == "error"]
+    assert error["file"] == "ward.omn"
+    assert b"GraspBotle" in wrong.splitlines()[error["line"] - 1]
+    assert client.get("/v1/recipes").json()["entries"] == []
+
+
+def test_an_identifier_is_given_once(client: TestClient, other: TestClient) -> None:
+    create(client)
+    assert other.post("/v1/recipes", params={"name": "ward"}, content=RECIPE).status_code == HTTPStatus.CONFLICT
+
+
+def test_a_request_that_is_sent_again_makes_no_second_entry(client: TestClient) -> None:
+    key = {"Idempotency-Key": "one"}
+    first = client.post("/v1/recipes", params={"name": "ward"}, content=RECIPE, headers=key)
+    again = client.post("/v1/recipes", params={"name": "ward"}, content=RECIPE, headers=key)
+    assert (again.status_code, again.json()["entry"]) == (HTTPStatus.CREATED, first.json()["entry"])
+    different = client.post("/v1/recipes", params={"name": "ward2"}, content=RECIPE, headers=key)
+    assert different.status_code == HTTPStatus.UNPROCESSABLE_ENTITY
+
+
+def test_a_change_names_the_revision_that_it_changes(client: TestClient) -> None:
+    first = create(client)
+    path = f"{ENTRY}/content"
+    assert client.put(path, content=CHANGED).status_code == HTTPStatus.PRECONDITION_REQUIRED
+    second = client.put(path, content=CHANGED, headers={"If-Match": first})
+    assert second.status_code == HTTPStatus.OK
+    assert second.json()["entry"]["label"] == "serve two drinks"
+    late = client.put(path, content=RECIPE, headers={"If-Match": first})
+    assert late.status_code == HTTPStatus.PRECONDITION_FAILED
+    assert [one["number"] for one in client.get(f"{ENTRY}/revisions").json()["revisions"]] == [2, 1]
+    assert client.get(path, params={"revision": 1}).content == RECIPE
+    assert client.get(path, params={"revision": 3}).status_code == HTTPStatus.NOT_FOUND
+    assert client.delete(ENTRY, headers={"If-Match": first}).status_code == HTTPStatus.PRECONDITION_FAILED
+    assert client.delete(ENTRY, headers={"If-Match": second.headers["ETag"]}).status_code == HTTPStatus.NO_CONTENT
+    assert client.get(ENTRY).status_code == HTTPStatus.NOT_FOUND
+
+
+def test_a_change_stays_about_what_the_entry_is_about(client: TestClient) -> None:
+    tag = create(client)
+    renamed = RECIPE.replace(b"ServeADrink", b"ServeSomething")
+    refused = client.put(f"{ENTRY}/content", content=renamed, headers={"If-Match": tag})
+    assert refused.status_code == HTTPStatus.UNPROCESSABLE_ENTITY
+
+
+def test_what_is_known_already_is_not_sent_again(client: TestClient) -> None:
+    tag = create(client)
+    for path in (ENTRY, f"{ENTRY}/content"):
+        known = client.get(path, headers={"If-None-Match": f'"x", {tag}'})
+        assert (known.status_code, known.content) == (HTTPStatus.NOT_MODIFIED, b"")
+        assert client.get(path, headers={"If-None-Match": '"x"'}).status_code == HTTPStatus.OK
+
+
+@pytest.mark.parametrize("media_type", ["text/turtle", "application/rdf+xml", "text/html;q=0.9, text/turtle;q=0.1"])
+def test_a_content_is_given_in_the_syntax_that_is_asked_for(
+    client: TestClient, tmp_path: Path, media_type: str
+) -> None:
+    create(client)
+    answer = client.get(f"{ENTRY}/content", headers={"Accept": media_type})
+    assert answer.headers["Content-Type"].partition(";")[0] in media_type
+    (tmp_path / "given").write_bytes(answer.content)
+    given = load(tmp_path / "given", builtin=False)
+    kept = load(Bundled.RECIPE.find("serve_a_drink"), builtin=False)
+    assert set(given.class_names()) == set(kept.class_names())
+    assert client.get(f"{ENTRY}/content", headers={"Accept": "image/png"}).status_code == HTTPStatus.NOT_ACCEPTABLE
+
+
+def test_ratings_have_a_mean(client: TestClient, other: TestClient) -> None:
+    create(client)
+    client.put(f"{ENTRY}/rating", json={"rating": 4})
+    other.put(f"{ENTRY}/rating", json={"rating": 1})
+    rated = other.put(f"{ENTRY}/rating", json={"rating": 9}).json()
+    assert (rated["rating"], rated["ratings"]) == (6.5, 2)
+    for wrong in (11, -1, 2.5, "7", None):
+        assert client.put(f"{ENTRY}/rating", json={"rating": wrong}).status_code == HTTPStatus.UNPROCESSABLE_ENTITY
+
+
+def test_files_belong_to_an_entry(client: TestClient, stranger: TestClient) -> None:
+    create(client)
+    path = "/v1/binaries/serveadrink.ward/map.png"
+    kept = client.put(path, content=b"picture", headers={"Content-Type": "image/png"}).json()
+    (file,) = kept["attachments"]
+    assert (file["name"], file["media_type"], file["size"]) == ("map.png", "image/png", 7)
+    answer = stranger.get(path)
+    assert (answer.content, answer.headers["Content-Type"]) == (b"picture", "image/png")
+    assert stranger.get(path, headers={"If-None-Match": answer.headers["ETag"]}).status_code == HTTPStatus.NOT_MODIFIED
+    assert client.delete(path).status_code == HTTPStatus.NO_CONTENT
+    assert stranger.get(path).status_code == HTTPStatus.NOT_FOUND
+
+
+def test_news_tell_what_happened_to_what_an_author_subscribed_to(client: TestClient, other: TestClient) -> None:
+    create(client)
+    create(client, "other")
+    assert other.put("/v1/subscriptions/serveadrink.ward").status_code == HTTPStatus.NO_CONTENT
+    assert other.put("/v1/subscriptions/none.none").status_code == HTTPStatus.NOT_FOUND
+    assert other.get("/v1/subscriptions").json() == {"subscriptions": ["serveadrink.ward"]}
+    client.put(f"{ENTRY}/rating", json={"rating": 4})
+    everything = client.get("/v1/news").json()
+    assert [one["change"] for one in everything["news"]] == ["created", "created", "rated"]
+    assert client.get("/v1/news", params={"after": everything["next"]}).json()["news"] == []
+    mine = other.get("/v1/news", params={"mine": True}).json()["news"]
+    assert [one["uid"] for one in mine] == ["serveadrink.ward"] * 2
+    assert other.delete("/v1/subscriptions/serveadrink.ward").status_code == HTTPStatus.NO_CONTENT
+    assert other.get("/v1/news", params={"mine": True}).json()["news"] == []

@@ -1,0 +1,162 @@
+"""The web page in a real Chromium: what its scripts help with, what they may not do, and what everybody can read."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from extras import chromium
+from servers import RunningServer, running_server
+
+from planlang.files import Bundled
+from planlang.knowledge.entries import Kind
+
+NOW = "2026-01-01T00:00:00Z"
+RECIPE = Bundled.RECIPE.find("serve_a_drink")
+BROKEN = RECIPE.read_text().replace("toLocation value graspingPlace", "toLocation valu graspingPlace", 1)
+SCRIPT = "<script>document.title = 'run'</script><img src=x onerror=\"document.title = 'run'\">"
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    path = chromium()
+    from playwright.sync_api import sync_playwright
+
+    sandbox = ["--no-sandbox"] if os.geteuid() == 0 else []  # Chromium refuses its sandbox to root
+    with sync_playwright() as driver:
+        started = driver.chromium.launch(executable_path=path, args=sandbox)
+        yield started
+        started.close()
+
+
+@pytest.fixture
+def server(tmp_path: Path) -> Iterator[RunningServer]:
+    with running_server(tmp_path / "kb.sqlite") as running:
+        yield running
+
+
+class Watched:
+    """A page of a browser, and everything that its console said."""
+
+    def __init__(self, browser: Any, url: str, **options: Any) -> None:
+        self.said: list[str] = []
+        self.page = browser.new_context(base_url=url, **options).new_page()
+        self.page.set_default_timeout(10_000)
+        self.page.on("console", lambda message: self.said.append(message.text))
+        self.page.on("pageerror", lambda problem: self.said.append(str(problem)))
+
+    def findings(self) -> list[str]:
+        """Return what axe-core finds wrong with what is shown."""
+        from axe_playwright_python.sync_playwright import Axe
+
+        violations = Axe().run(self.page).response["violations"]
+        return [f"{one['impact']} {one['id']}: {node['html']}" for one in violations for node in one["nodes"]]
+
+
+def test_a_recipe_is_uploaded_mended_found_and_rated(browser: Any, server: RunningServer, tmp_path: Path) -> None:
+    watched = Watched(browser, server.url)
+    page, key = watched.page, server.key("ada")
+    file = tmp_path / "ward.omn"
+    file.write_text(BROKEN)
+    page.goto("/")
+    page.get_by_role("link", name="Upload", exact=True).click()
+    page.get_by_label("File").set_input_files(file)
+    page.wait_for_function("document.getElementById('text').value.length > 0")
+    assert page.get_by_label("Your name for it").input_value() == "ward"
+    page.get_by_label("Your key").fill(key)
+    page.get_by_role("button", name="Upload").click()
+
+    diagnostic = page.locator(".source .diagnostic.error").first
+    diagnostic.wait_for()
+    line = BROKEN.split("\n").index("        knowrob:toLocation valu graspingPlace") + 1
+    assert page.locator(".source .said .number").first.inner_text() == str(line)
+    assert watched.findings() == []
+
+    diagnostic.get_by_role("link", name=f"mend line {line}").click()
+    text = page.get_by_label("Text")
+    chosen = text.evaluate("field => field.value.slice(field.selectionStart, field.selectionEnd)")
+    assert chosen == "        knowrob:toLocation valu graspingPlace"
+    page.keyboard.type(chosen.replace("valu ", "value "))
+    assert page.get_by_label("Your key").input_value() == key
+    page.get_by_role("button", name="Upload").click()
+    page.get_by_text("Taken.").wait_for()
+    assert watched.findings() == []
+
+    page.get_by_role("link", name="Search", exact=True).click()
+    page.get_by_label("Class expression").press_sequentially("servingfood")
+    page.get_by_role("option", name="ServingFoodOrDrink", exact=True).wait_for()
+    page.keyboard.press("ArrowDown")
+    page.keyboard.press("Enter")
+    assert page.get_by_label("Class expression").input_value() == "ServingFoodOrDrink"
+    page.keyboard.press("Enter")
+    page.get_by_role("link", name="serve a drink").click()
+    page.get_by_role("img", name="ServeADrink").wait_for()
+    page.get_by_label("8", exact=True).check()
+    page.get_by_role("button", name="Rate").click()
+    page.get_by_text("1 rating").wait_for()
+    assert server.store.entry("serveadrink.ward").rating == 8
+    assert key not in page.url
+    assert watched.said == []
+
+
+@pytest.mark.parametrize(("scheme", "width"), [("light", 1280), ("dark", 360)])
+def test_every_page_is_accessible(browser: Any, server: RunningServer, scheme: str, width: int) -> None:
+    fill(server)
+    viewport = {"width": width, "height": 800}
+    watched = Watched(browser, server.url, color_scheme=scheme, viewport=viewport)
+    paths = ("/", "/recipes", "/recipes/serveadrink.ward", "/robots/amigo1.tue", "/search?expression=Nonsense")
+    for path in (*paths, "/search?kind=recipes&robot=amigo1.tue", "/upload"):
+        watched.page.goto(path)
+        assert watched.findings() == [], path
+        assert watched.page.evaluate("document.documentElement.scrollWidth") == width, path
+    watched.page.goto("/search")
+    watched.page.get_by_label("Class expression").press_sequentially("bott")
+    watched.page.get_by_role("option").first.wait_for()
+    watched.page.keyboard.press("ArrowDown")
+    assert watched.findings() == []
+    assert watched.said == []
+
+
+def test_everything_is_read_and_rated_without_scripts(browser: Any, server: RunningServer) -> None:
+    fill(server)
+    page = Watched(browser, server.url, java_script_enabled=False).page
+    page.goto("/")
+    page.get_by_label("Label or name").fill("drink")
+    page.get_by_role("button", name="Search").click()
+    page.get_by_role("link", name="serve a drink").click()
+    page.get_by_role("img", name="ServeADrink").wait_for()
+    page.get_by_text("amigo1.tue").wait_for()
+    page.get_by_label("8", exact=True).check()
+    page.get_by_label("Your key").fill(server.key("eve"))
+    page.get_by_role("button", name="Rate").click()
+    page.get_by_text("1 rating").wait_for()
+
+
+def test_scripts_in_labels_and_steps_do_nothing(browser: Any, server: RunningServer) -> None:
+    hostile = RECIPE.read_text()
+    for label in ("serve a drink", "drive to where the bottle is in reach"):
+        hostile = hostile.replace(f'"{label}"', '"' + SCRIPT.replace('"', '\\"') + '"')
+    fill(server, hostile.encode())
+    assert server.store.entry("serveadrink.ward").label == SCRIPT
+    watched = Watched(browser, server.url)
+    for path in ("/", "/recipes", "/recipes/serveadrink.ward", f"/search?label={SCRIPT}&expression={SCRIPT}"):
+        watched.page.goto(path)
+        watched.page.wait_for_load_state("networkidle")
+        assert watched.page.locator("main").text_content().count("document.title") > 0 or "expression" in path
+        assert watched.page.title() != "run"
+        assert watched.page.locator("main script, main img[src]").count() == 0
+    assert watched.said == []
+
+
+def fill(server: RunningServer, recipe: bytes = RECIPE.read_bytes()) -> None:
+    """Put a recipe and a robot into the store of a server."""
+    from executive.serving.uploads import read_upload
+    from executive.serving.vocabulary import read_vocabulary
+
+    vocabulary = read_vocabulary()
+    robot = Bundled.ROBOT.find("amigo").with_suffix(".omn").read_bytes()
+    for kind, name, data in ((Kind.RECIPE, "ward", recipe), (Kind.ROBOT, "tue", robot)):
+        server.store.create(read_upload(kind, name, data, None, vocabulary).content, "ada", NOW)

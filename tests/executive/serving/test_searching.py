@@ -1,0 +1,139 @@
+"""Search over HTTP: by classes with their specialisations, words and places, and for a robot that sends its model."""
+
+from __future__ import annotations
+
+from http import HTTPStatus
+from typing import Any
+
+import pytest
+from fastapi.testclient import TestClient
+
+from executive.serving.app import application
+from planlang.files import Bundled
+from planlang.knowledge.sqlite_store import SqliteStore
+
+BARE_ROBOT = """Prefix: : <http://example.org/bare.owl#>
+Prefix: knowrob: <http://knowrob.org/kb/knowrob.owl#>
+Ontology: <http://example.org/bare.owl>
+Individual: bare
+    Types: knowrob:Robot
+"""
+CUP_MODEL = """Prefix: : <http://example.org/cup.owl#>
+Prefix: knowrob: <http://knowrob.org/kb/knowrob.owl#>
+Prefix: roboearth: <http://www.roboearth.org/kb/roboearth.owl#>
+Ontology: <http://example.org/cup.owl>
+Individual: cupModel
+    Types: roboearth:RoboEarthObjRecModel
+    Facts: roboearth:providesModelFor knowrob:Cup
+"""
+
+
+@pytest.fixture(autouse=True)
+def entries(client: TestClient) -> None:
+    robot = Bundled.ROBOT.find("amigo").with_suffix(".omn")
+    for kind, name, data in (
+        ("recipes", "ward", Bundled.RECIPE.find("serve_a_drink").read_bytes()),
+        ("environments", "west", Bundled.ENVIRONMENT.find("hospital_room").read_bytes()),
+        ("robots", "one", robot.read_bytes()),
+        ("objects", "cup", CUP_MODEL.encode()),
+    ):
+        made = client.post(f"/v1/{kind}", params={"name": name}, content=data)
+        assert made.status_code == HTTPStatus.CREATED, made.text
+
+
+def found(client: TestClient, **question: Any) -> list[str]:
+    answer = client.get("/v1/search", params=question)
+    assert answer.status_code == HTTPStatus.OK, answer.text
+    posted = client.post("/v1/search", json=question)
+    assert posted.json() == answer.json()
+    return [one["uid"] for one in answer.json()["entries"]]
+
+
+SERVING, ROOM, MODEL = "serveadrink.ward", "hospital_room.west", "cupmodel.cup"
+
+
+@pytest.mark.parametrize(
+    ("expression", "expected"),
+    [
+        ("ServingFoodOrDrink", [SERVING]),
+        ("Event", [SERVING]),
+        ("ServeADrink and subAction some (VoluntaryBodyMovement or Reaching)", [SERVING]),
+        ("subAction some (objectActedOn some Bottle)", [SERVING]),
+        ("subAction some (objectActedOn some Bed-PieceOfFurniture)", []),
+        ("SemanticEnvironmentMap", [ROOM]),
+        ("providesModelFor some Cup", [MODEL]),
+        ("providesModelFor some DrinkingVessel", [MODEL]),
+        ("providesModelFor some Cupboard", []),
+        ("Robot and hasCapability some BaseMotionCapability", ["amigo1.one"]),
+    ],
+)
+def test_a_class_expression_includes_specialisations(client: TestClient, expression: str, expected: list[str]) -> None:
+    assert found(client, expression=expression) == expected
+
+
+def test_words_are_parts_of_labels_and_names_in_any_case(client: TestClient) -> None:
+    assert found(client, label="SERVE a d") == [SERVING]
+    assert found(client, label="graspbottle", kind="recipes") == [SERVING]
+    assert found(client, label="graspbottle", kind="robots") == []
+
+
+def test_places_are_asked_for_by_number_name_or_label(client: TestClient) -> None:
+    assert found(client, room="3001") == found(client, floor="3", room="ROOM1") == [ROOM]
+    assert found(client, building="hospital1", kind="environments") == [ROOM]
+    assert found(client, room="3002") == found(client, room="3001", floor="4") == []
+
+
+def test_pages_go_on_behind_the_last_identifier(client: TestClient) -> None:
+    first = client.get("/v1/search", params={"limit": 3}).json()
+    assert (len(first["entries"]), first["next"]) == (3, first["entries"][-1]["uid"])
+    second = client.get("/v1/search", params={"limit": 3, "after": first["next"]}).json()
+    assert (len(second["entries"]), second["next"]) == (1, None)
+
+
+@pytest.mark.parametrize(
+    ("expression", "help"),
+    [("SrvingFoodOrDrink", "ServingFoodOrDrink"), ("Event and", None), ("not Event", None), ("(" * 5000, None)],
+)
+def test_what_is_no_question_is_refused_with_a_reason(client: TestClient, expression: str, help: str | None) -> None:
+    refused = client.get("/v1/search", params={"expression": expression})
+    assert refused.status_code == HTTPStatus.UNPROCESSABLE_ENTITY
+    assert help is None or help in refused.json()["diagnostics"][0]["help"]
+
+
+def test_a_robot_is_told_what_it_can_do_and_what_it_lacks(client: TestClient) -> None:
+    question = {"kind": "recipes", "robot": Bundled.ROBOT.find("amigo").with_suffix(".omn").read_text()}
+    (able,) = client.post("/v1/search", json=question).json()["entries"]
+    assert (able["can"], able["missing"]) == ("yes", [])
+    (unable,) = client.post("/v1/search", json=question | {"robot": BARE_ROBOT}).json()["entries"]
+    assert unable["can"] == "no"
+    assert "GripperMotionCapability" in {one["name"] for one in unable["missing"]}
+    refused = client.post("/v1/search", json={"robot": CUP_MODEL})
+    assert refused.status_code == HTTPStatus.UNPROCESSABLE_ENTITY
+
+
+def test_changed_and_deleted_entries_are_found_no_more_as_they_were(client: TestClient) -> None:
+    path = "/v1/objects/cupmodel.cup"
+    other = CUP_MODEL.replace("Cup", "Bottle").encode()
+    tag = client.put(f"{path}/content", content=other, headers={"If-Match": client.get(path).headers["ETag"]})
+    assert found(client, expression="providesModelFor some Cup") == []
+    assert found(client, expression="providesModelFor some Bottle") == [MODEL]
+    client.delete(path, headers={"If-Match": tag.headers["ETag"]})
+    assert found(client, expression="providesModelFor some Bottle") == []
+
+
+def test_what_another_server_on_the_same_store_takes_is_found(client: TestClient, store: SqliteStore) -> None:
+    second = TestClient(application(store), headers=client.headers)
+    second.post("/v1/objects", params={"name": "second"}, content=CUP_MODEL)
+    assert found(client, expression="providesModelFor some Cup") == [MODEL, "cupmodel.second"]
+
+
+def test_descriptions_of_another_layout_are_made_anew_from_the_contents(client: TestClient, store: SqliteStore) -> None:
+    for uid in (SERVING, MODEL):
+        store.describe(uid, b"0 an older one", store.entry(uid).etag)
+    restarted = application(store)
+    with TestClient(restarted) as later:
+        while restarted.state.serving.catalogue.stale:
+            later.get("/v1/health")
+        assert found(later, expression="providesModelFor some Cup") == [MODEL]
+        assert found(later, expression="subAction some (objectActedOn some Bottle)") == [SERVING]
+    assert not store.description(MODEL).startswith(b"0")

@@ -1,0 +1,78 @@
+"""SPARQL over HTTP: what is stored is asked for, and nothing else."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+from fastapi.testclient import TestClient
+
+from executive.serving.app import application
+from planlang.files import Bundled
+from planlang.knowledge.sqlite_store import SqliteStore
+
+NOW = "2026-01-01T00:00:00Z"
+RECIPE = Bundled.RECIPE.find("serve_a_drink").read_bytes()
+RESULTS = "application/sparql-results+json"
+COUNT = "SELECT (COUNT(*) AS ?n) { GRAPH <urn:entry:serveadrink.ward> { ?a ?b ?c } }"
+
+
+@pytest.fixture
+def client(tmp_path: Path) -> Iterator[TestClient]:
+    with closing(SqliteStore(tmp_path / "kb.sqlite")) as store:
+        app = application(store)
+        with closing(app.state.serving.mirror):
+            yield TestClient(app, headers={"Authorization": f"Bearer {store.new_key('ada', NOW)}"})
+
+
+def asked(client: TestClient, query: str) -> int:
+    answer = client.get("/v1/sparql", params={"query": query})
+    assert answer.status_code == 200, answer.text
+    assert answer.headers["content-type"] == RESULTS
+    return int(answer.json()["results"]["bindings"][0]["n"]["value"])
+
+
+def test_the_triples_of_entries_are_asked_for_and_follow_their_changes(client: TestClient) -> None:
+    assert asked(client, COUNT) == 0
+    made = client.post("/v1/recipes", params={"name": "ward"}, content=RECIPE)
+    assert asked(client, COUNT) > 100
+    client.delete(made.headers["Location"], headers={"If-Match": made.headers["ETag"]})
+    assert asked(client, COUNT) == 0
+
+
+def test_a_question_in_the_body_and_triples_as_an_answer(client: TestClient) -> None:
+    client.post("/v1/recipes", params={"name": "ward"}, content=RECIPE)
+    headers = {"Content-Type": "application/sparql-query"}
+    answer = client.post("/v1/sparql", content="CONSTRUCT WHERE { ?a a ?b }", headers=headers)
+    assert answer.headers["content-type"].startswith("application/n-triples")
+    assert answer.text.endswith(" .\n")
+
+
+@pytest.mark.parametrize(
+    ("content", "kind", "status"),
+    [
+        ("DELETE WHERE { ?a ?b ?c }", "application/sparql-query", 400),
+        ("DELETE WHERE { ?a ?b ?c }", "application/sparql-update", 415),
+        ("SELECT", "application/sparql-query", 400),
+        ("#" * 100_001, "application/sparql-query", 413),
+    ],
+)
+def test_updates_and_nonsense_are_refused(client: TestClient, content: str, kind: str, status: int) -> None:
+    answer = client.post("/v1/sparql", content=content, headers={"Content-Type": kind})
+    assert answer.status_code == status
+    assert answer.headers["content-type"] == "application/problem+json"
+
+
+def test_no_other_server_is_asked(client: TestClient) -> None:
+    with socket.socket() as listening:
+        listening.bind(("127.0.0.1", 0))
+        listening.listen()
+        listening.settimeout(0.2)
+        address = f"http://127.0.0.1:{listening.getsockname()[1]}/"
+        for silent in ("", "SILENT "):
+            client.get("/v1/sparql", params={"query": f"SELECT * {{ SERVICE {silent}<{address}> {{ ?a ?b ?c }} }}"})
+        with pytest.raises(TimeoutError):
+            listening.accept()

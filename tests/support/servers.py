@@ -1,0 +1,71 @@
+"""A real server of a knowledge base in a thread of its own."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+NOW = "2026-01-01T00:00:00Z"
+
+
+class RunningServer:
+    """A server at an address; it can be stopped and started again, as one that fails."""
+
+    def __init__(self, file: Path) -> None:
+        for package in ("fastapi", "uvicorn"):
+            pytest.importorskip(package, reason="the server is in the extra serve")
+        from executive.serving.app import application
+        from planlang.knowledge.sqlite_store import SqliteStore
+
+        self.store = SqliteStore(file)
+        self._app = application(self.store)
+        self._port = 0
+        self.start()
+
+    @property
+    def url(self) -> str:
+        """The address."""
+        return f"http://127.0.0.1:{self._port}"
+
+    def key(self, author: str) -> str:
+        """Return a new key of an author."""
+        return self.store.new_key(author, NOW)
+
+    def start(self) -> None:
+        """Answer, at the same address as before."""
+        import uvicorn
+
+        config = uvicorn.Config(self._app, port=self._port, log_level="critical", ws="none", lifespan="off")
+        listening = config.bind_socket()
+        self._port = listening.getsockname()[1]
+        self._server = uvicorn.Server(config)
+        self._thread = threading.Thread(target=self._server.run, kwargs={"sockets": [listening]})
+        self._thread.start()
+        while not self._server.started:
+            time.sleep(0.01)
+
+    def stop(self) -> None:
+        """Answer no more."""
+        self._server.should_exit = True
+        self._thread.join()
+
+    def close(self) -> None:
+        """Answer no more, and end what belongs to it."""
+        self.stop()
+        self._app.state.serving.mirror.close()
+        self.store.close()
+
+
+@contextmanager
+def running_server(file: Path) -> Iterator[RunningServer]:
+    """Serve the knowledge base of a file while the block runs."""
+    server = RunningServer(file)
+    try:
+        yield server
+    finally:
+        server.close()
