@@ -322,6 +322,10 @@ class RunArguments(TaskArguments, VerboseArguments):
     upload: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write the map that the plan uploads, in Manchester syntax.")
     ] = None
+    update_map: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Write the map with what the robot knows at the end, in Manchester syntax."),
+    ] = None
     resume: Annotated[
         Path | None,
         typer.Option(metavar="TRACE", help="Resume the run of this trace after the last completed step of its plan."),
@@ -351,8 +355,14 @@ class EnableArguments(OntologyArguments, VerboseArguments):
         str, typer.Argument(metavar="TASK|RECIPE", help="A class of actions, a recipe's label or name, or its file.")
     ]
     source: Annotated[
-        str, typer.Option("--from", metavar="URL|STORE", help="The knowledge base: a server, or the file of a store.")
-    ]
+        str | None,
+        typer.Option(
+            "--from",
+            metavar="URL|STORE",
+            envvar="PLANLANG_SERVER",
+            help="The knowledge base: a server, or the file of a store.",
+        ),
+    ] = None
     robot: Robot = None
     urdf: Urdf = None
     environment: Environment = None

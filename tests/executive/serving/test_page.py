@@ -205,6 +205,13 @@ def test_a_step_that_nothing_performs_is_named_where_a_robot_perhaps_can_do_it(c
     assert "Dream" in page.partition("lacks or may lack")[2].partition("</summary>")[0]
 
 
+def test_what_is_found_is_compared_with_a_self_model_that_is_sent_along(client: TestClient, key: str) -> None:
+    upload(client, key)
+    model = {"model": ("bare.omn", BARE_ROBOT)}
+    assert "cannot do it" in client.post("/search", data={"label": "drink"}, files=model).text
+    assert "this is neither" in client.post("/search", data={"label": "drink"}, files={"model": ("x", "x")}).text
+
+
 def test_a_robot_of_the_store_is_asked_for_by_its_identifier(client: TestClient, key: str) -> None:
     upload(client, key)
     upload(client, key, BARE_ROBOT, kind="robots", name="own")
