@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from executive.pictures.recording import drawn_in
+from executive.pictures.recording import Drawn, drawn_in
 from planlang.experience.poses import IDENTITY, MAP, Transform, pose_lines
 from planlang.geometry import Pose
 from sim import PyBulletWorld
@@ -18,7 +18,8 @@ class PoseLog:
     """Called with the true world after each of its steps; ``header`` is that of the run's trace."""
 
     def __init__(self, world: PyBulletWorld, header: Mapping[str, object]) -> None:
-        self._drawn = drawn_in(world)
+        self._names: tuple[str, ...] = ()
+        self._drawn: tuple[Drawn, ...] = ()
         self._rate, self._known = world.rate, {key: header.get(key) for key in IDENTITY}
         self._last: dict[str, Pose] = {}
         self._transforms: list[Transform] = []
@@ -27,6 +28,8 @@ class PoseLog:
         """Note what has moved."""
         if world.steps % max(1, world.rate // RATE):
             return
+        if world.names() != self._names:  # something came to be, or is gone
+            self._names, self._drawn = world.names(), drawn_in(world)
         for thing in self._drawn:
             name, pose = "/".join(thing.path[1:]), thing.pose()
             if self._last.get(name) != pose:

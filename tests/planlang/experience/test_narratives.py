@@ -25,6 +25,7 @@ from planlang.experience.poses import transforms_in
 from planlang.failures import GraspMissed, ObjectUnfetchable, PlanFailure
 from planlang.files import bundled
 from planlang.ontology import Literal, Triple, load
+from planlang.ontology.terms import RDF, expand
 from planlang.ontology.turtle import read_turtle
 from planlang.runs import DamagedTrace
 from planlang.testing import Script, run_plan
@@ -164,6 +165,24 @@ def test_which_designators_ran_and_what_they_were_resolved_to_is_one_question_in
     wanted, module = "GraspingSomething(object_acted_on=cup1)", "rule of GraspingSomething"
     states = ["ExecutionState_Failed", "ExecutionState_Succeeded"]
     assert rows == [[wanted, module, state] for state in states]
+
+
+def test_the_class_of_an_action_is_in_the_namespace_of_the_recipe_around_it() -> None:
+    mine, library = "http://example.org/mine#Serve", "http://example.org/library#Grasp"
+    performed = {"kind": "perform", "classes": ["Reaching"]}
+    records: list[dict[str, Any]] = [
+        {**HEADER, "iri": mine},
+        {**ROOT, "kind": "plan", "iri": mine},
+        {**ROOT, **performed, "node": 2, "parent": 1, "name": "Take", "action": "Take(object_acted_on=cup1)"},
+        {**ROOT, "kind": "plan", "node": 3, "parent": 2, "name": "grasp", "iri": library},
+        {**ROOT, **performed, "node": 4, "parent": 3, "name": "Near", "action": "Near()"},
+        {**ROOT, "kind": "perform", "node": 5, "parent": 3, "name": "Look", "action": "LookingForSomething()"},
+    ]
+    triples = read_turtle(narrative(experience_of(records), BASE), "n.ttl", base=BASE).triples
+    kinds = {(str(one.subject), one.object) for one in triples if one.predicate == RDF.type}
+    for number, kind in ((2, "http://example.org/mine#Take"), (4, "http://example.org/library#Near")):
+        assert {(f"{BASE}#action{number}", kind), (f"{BASE}#action{number}", expand("Reaching"))} <= kinds
+    assert (f"{BASE}#action5", expand("LookingForSomething")) in kinds
 
 
 HEADER = {"step": 0, "event": "header", "schema": 3, "plan": "p", "rate": 30}
