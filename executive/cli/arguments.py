@@ -323,6 +323,10 @@ class RunArguments(TaskArguments, VerboseArguments):
     upload: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write the map that the plan uploads, in Manchester syntax.")
     ] = None
+    update_map: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Write the map with what the robot knows at the end, in Manchester syntax."),
+    ] = None
     resume: Annotated[
         Path | None,
         typer.Option(metavar="TRACE", help="Resume the run of this trace after the last completed step of its plan."),
