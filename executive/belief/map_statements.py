@@ -66,7 +66,7 @@ def _facts(ontology: Ontology, event: str) -> Iterator[tuple[str, Term]]:
             yield triple.predicate, triple.object
 
 
-def main_statements(ontology: Ontology, files: Container[Path]) -> list[Triple]:
+def main_statements(ontology: Ontology, files: Container[Path | None]) -> list[Triple]:
     """Return what some of an ontology's files state, in document order, without what it imports."""
     ranges = zip(ontology.documents, ontology.store.ranges, strict=True)
     return [ontology.store.triple(row) for document, rows in ranges if document.path in files for row in rows]

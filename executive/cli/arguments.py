@@ -83,6 +83,12 @@ Accept = Annotated[
 Force = Annotated[bool, typer.Option("--force", help="Overwrite files that planlang did not write.")]
 
 
+Units = Annotated[
+    list[str] | None,
+    typer.Option(metavar="UNIT", help="Show numbers of its dimension in this unit of QUDT: Centimeter; repeatable."),
+]
+
+
 class Syntax(Enum):
     """The syntaxes that are written, here again as their writers take long to import."""
 
@@ -171,6 +177,7 @@ class ConvertArguments(Arguments):
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="FILE", help="Write the text to this file, not to stdout.")
     ] = None
+    units: Units = None
     force: Force = False
 
 
@@ -315,6 +322,10 @@ class RunArguments(TaskArguments, VerboseArguments):
     upload: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write the map that the plan uploads, in Manchester syntax.")
     ] = None
+    update_map: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Write the map with what the robot knows at the end, in Manchester syntax."),
+    ] = None
     resume: Annotated[
         Path | None,
         typer.Option(metavar="TRACE", help="Resume the run of this trace after the last completed step of its plan."),
@@ -344,8 +355,14 @@ class EnableArguments(OntologyArguments, VerboseArguments):
         str, typer.Argument(metavar="TASK|RECIPE", help="A class of actions, a recipe's label or name, or its file.")
     ]
     source: Annotated[
-        str, typer.Option("--from", metavar="URL|STORE", help="The knowledge base: a server, or the file of a store.")
-    ]
+        str | None,
+        typer.Option(
+            "--from",
+            metavar="URL|STORE",
+            envvar="PLANLANG_SERVER",
+            help="The knowledge base: a server, or the file of a store.",
+        ),
+    ] = None
     robot: Robot = None
     urdf: Urdf = None
     environment: Environment = None
@@ -405,6 +422,7 @@ class LocateArguments(OntologyArguments, VerboseArguments):
     explain: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Draw the candidates and why they were rejected, as PNG.")
     ] = None
+    units: Units = None
     force: Force = False
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from executive.cli import run
 from executive.cli.arguments import EnableArguments, RunArguments
-from executive.cli.console import Answer, ExitCode, say
+from executive.cli.console import Answer, ExitCode, say, show
 from executive.cli.inputs import check_files, check_trusted, chosen, environments, refuse
 from executive.enabling.explanation import Explanation
 from executive.enabling.folder import Folder
@@ -16,7 +16,7 @@ from executive.enabling.needs import Enabling
 from executive.enabling.shelf import open_shelf
 from executive.modules.bundled import performed_by
 from executive.robots import bind_robot, possessions_of
-from planlang.diagnostics import Diagnostic
+from planlang.diagnostics import Diagnostic, error, warning
 from planlang.files import Bundled
 from planlang.knowledge.entries import Kind
 from planlang.knowledge.places import LEVELS
@@ -30,8 +30,11 @@ def command(arguments: EnableArguments) -> Answer:
     check_trusted(problems, arguments.modules or (), trust=arguments.trust)
     robot = chosen(Bundled.ROBOT, arguments.robot, None, problems, needs="what is missing depends on the robot: enable")
     maps = environments(arguments.environment, problems)
+    if arguments.source is None:
+        problems.append(error("K030", "no server was named", help="add --from URL, or set PLANLANG_SERVER"))
     refuse(problems)
     assert robot is not None
+    assert arguments.source is not None
     bound = bind_robot(robot, urdf=arguments.urdf, folders=arguments.folders)
     folder = Folder.read(arguments.store or Path(f"{bound.name}_knowledge"))
     with closing(open_shelf(arguments.source, arguments.folders)) as shelf:
@@ -61,9 +64,15 @@ def _explained(arguments: EnableArguments, enabling: Enabling) -> tuple[Explanat
         lines.append(f"{robot} cannot do it; neither side has {', '.join(explanation.unmet())}")
         return explanation, Answer(ExitCode.MISSING_CAPABILITY, (), "\n".join(lines), data)
     taken = explanation.taken() if not arguments.dry else ()
-    written = [str(file) for found, needs in taken for file in enabling.folder.take(found, needs, enabling.shelf)]
+    written = [file for found, needs in taken for file in enabling.folder.take(found, needs, enabling.shelf)]
+    warned = tuple(a_program(file, enabling.shelf.url) for file in written if file.suffix.lower() == ".py")
     lines += [f"wrote {file}" for file in written]
-    return explanation, Answer(ExitCode.DONE, (), "\n".join(lines), {**data, "written": written})
+    return explanation, Answer(ExitCode.DONE, warned, "\n".join(lines), {**data, "written": [*map(str, written)]})
+
+
+def a_program(file: Path, source: str) -> Diagnostic:
+    """Return the warning that a file that was taken is a program."""
+    return warning("K038", f"{file} is a program, from {source}", help="it runs only with --trust: read it first")
 
 
 def _with_run(arguments: EnableArguments, explanation: Explanation, folder: Folder, reply: Answer) -> Answer:
@@ -71,10 +80,11 @@ def _with_run(arguments: EnableArguments, explanation: Explanation, folder: Fold
     if reply.exit_code is not ExitCode.DONE:
         return reply
     if not arguments.json:
+        show(reply.diagnostics)
         say(reply.text)
     result = _run(arguments, explanation, folder)
-    diagnostics = (*reply.diagnostics, *result.diagnostics)
-    return replace(result, diagnostics=diagnostics, data={**reply.data, **result.data})
+    before = reply.diagnostics if arguments.json else ()
+    return replace(result, diagnostics=(*before, *result.diagnostics), data={**reply.data, **result.data})
 
 
 def _run(arguments: EnableArguments, explanation: Explanation, folder: Folder) -> Answer:

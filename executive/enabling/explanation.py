@@ -61,7 +61,7 @@ class Explanation:
         if answer.offer is not None:
             state, reason = Availability.AVAILABLE, self._taken(answer.offer)
         elif answer.considered:
-            reason = "all that could be had needs what is missing"
+            reason = "what could be had for it needs what is missing"
         return Finding(wanted.kind, wanted.text, wanted.iri, state, reason, None, below)
 
     def _taken(self, offer: Offer) -> str:

@@ -101,7 +101,8 @@ class Catalogue:
         """Return names that may be asked for and that begin with a text, or else contain it, the shortest first."""
         wanted = text.casefold()
         with self._lock:
-            found = [name for name in self._names if wanted in name.casefold()]
+            names = list(self._names)
+        found = [name for name in names if wanted in name.casefold()]
         return tuple(sorted(found, key=lambda name: (not name.casefold().startswith(wanted), len(name), name))[:most])
 
     def find(self, expression: Expression | None, fits: Callable[[Listed], bool]) -> tuple[str, ...]:

@@ -8,6 +8,7 @@ from itertools import islice
 
 from executive.robots import requirements
 from executive.serving.sources import LARGEST_SHOWN
+from executive.serving.turns import TURNS
 from executive.serving.uploads import load_upload, unpacked
 from executive.serving.vocabulary import Vocabulary
 from planlang.compiler import compile_ontology
@@ -49,11 +50,16 @@ def details_of(entry: Entry, data: bytes, vocabulary: Vocabulary) -> Details | N
     """Return what a recipe's revision shows; None for other kinds and contents that are too large."""
     if entry.kind is not Kind.RECIPE or len(data) > LARGEST_SHOWN:
         return None
-    try:
-        ontology = load_upload(entry.uid.partition(".")[2], data, vocabulary)
-        plan = compile_ontology(ontology, task=entry.about)
-    except BadInput as problem:
-        return Details(diagnostics=problem.diagnostics)
+    with TURNS:
+        try:
+            return _details(entry, data, vocabulary)
+        except BadInput as problem:
+            return Details(diagnostics=problem.diagnostics)
+
+
+def _details(entry: Entry, data: bytes, vocabulary: Vocabulary) -> Details:
+    ontology = load_upload(entry.uid.partition(".")[2], data, vocabulary)
+    plan = compile_ontology(ontology, task=entry.about)
     steps = sum(len(recipe.steps) for recipe in plan.recipes.recipes.values())
     drawing = figure(task_graph(plan.recipes, plan.added, plan.recoveries)) if steps <= MOST_STEPS else ""
     capabilities, components = _required(ontology, plan.recipes)
