@@ -9,14 +9,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from executive.serving.catalogue import Catalogue, Listed
+from executive.serving.catalogue import Catalogue, fitting
 from executive.serving.uploads import unpacked
 from executive.serving.vocabulary import read_vocabulary
 from planlang.diagnostics import BadInput, Span, error
 from planlang.knowledge.descriptions import Description
 from planlang.knowledge.entries import Attachment, Entry, Kind
 from planlang.knowledge.index import CannotAnswer
-from planlang.knowledge.questions import read_question
 from planlang.knowledge.sqlite_store import SqliteStore
 
 Links = tuple[tuple[str, str], ...]
@@ -73,18 +72,9 @@ class LocalShelf:
         place: Mapping[str, str] | None = None,
     ) -> Sequence[Found]:
         """Return the entries that fit, sorted by identifier; none for classes that nothing here knows."""
-        wanted = {level: text.casefold() for level, text in (place or {}).items()}
-
-        def fits(listed: Listed) -> bool:
-            return (
-                kind in (None, listed.kind)
-                and (label is None or any(label.casefold() in word for word in listed.words))
-                and all(text in listed.place.get(level, ()) for level, text in wanted.items())
-            )
-
         with suppress(BadInput, CannotAnswer):  # a class that nothing here knows
-            asked = None if expression is None else read_question(expression, self._catalogue.names)
-            uids = self._catalogue.find(asked, fits)
+            asked = None if expression is None else self._catalogue.question(expression)
+            uids = self._catalogue.find(asked, fitting(kind, label, place or {}))
             return [Found(self._store.entry(uid), self._links(uid)) for uid in uids]
         return ()
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import threading
 from bisect import bisect_right, insort
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 
@@ -18,6 +18,7 @@ from planlang.diagnostics import BadInput
 from planlang.knowledge.descriptions import Described, Description
 from planlang.knowledge.entries import Change, Entry, Kind
 from planlang.knowledge.index import Index
+from planlang.knowledge.questions import read_question
 from planlang.knowledge.stores import Changed, NoSuchEntry, Store
 from planlang.ontology.expressions import Expression
 
@@ -29,8 +30,26 @@ class Listed:
     """What an entry is asked for by, beside its classes; all texts are folded."""
 
     kind: Kind
-    words: tuple[str, ...]
+    words: str
+    """One a line."""
     place: Mapping[str, tuple[str, ...]]
+
+
+def fitting(kind: Kind | None, label: str | None, place: Mapping[str, str]) -> Callable[[Listed], bool] | None:
+    """Return whether an entry is of a kind, has a word with a part, and is of a place; None if nothing is asked."""
+    if kind is None and label is None and not place:
+        return None
+    part = (label or "").casefold()
+    wanted = {level: text.casefold() for level, text in place.items()}
+
+    def fits(listed: Listed) -> bool:
+        return (
+            kind in (None, listed.kind)
+            and part in listed.words
+            and all(text in listed.place.get(level, ()) for level, text in wanted.items())
+        )
+
+    return fits
 
 
 class Catalogue:
@@ -42,8 +61,8 @@ class Catalogue:
         self._index = Index(vocabulary.axioms)
         self._listed: dict[str, Listed] = {}
         self._uids: dict[Kind | None, list[str]] = {kind: [] for kind in (None, *Kind)}
-        self._names: dict[str, set[str]] = {name: set(iris) for name, iris in vocabulary.names.items()}
-        self._known_names: Mapping[str, Iterable[str]] | None = None  # what others look through is not added to
+        self._names: dict[str, set[str]] = {}
+        self._named: set[str] = set()
         self._stale: dict[str, None] = {}
         self._lock = threading.RLock()
         self._seen = store.last_news()
@@ -55,14 +74,12 @@ class Catalogue:
     def __len__(self) -> int:
         return len(self._listed)
 
-    @property
-    def names(self) -> Mapping[str, Iterable[str]]:
-        """Local names that may be asked for -> their IRIs: a name of the vocabulary's own is no other one's."""
+    def question(self, text: str) -> Expression:
+        """Return the class expression that a text is. Raises BadInput."""
         with self._lock:
             self._follow()
-            if self._known_names is None:
-                self._known_names = {name: tuple(iris) for name, iris in self._names.items()}
-            return self._known_names
+            names = self._names.copy()
+        return read_question(text, self._vocabulary.names, names)
 
     @property
     def stale(self) -> int:
@@ -87,15 +104,18 @@ class Catalogue:
         """Return names that may be asked for and that begin with a text, or else contain it, the shortest first."""
         wanted = text.casefold()
         with self._lock:
-            found = [name for name in self._names if wanted in name.casefold()]
+            found = [name for name in {**self._vocabulary.names, **self._names} if wanted in name.casefold()]
         return tuple(sorted(found, key=lambda name: (not name.casefold().startswith(wanted), len(name), name))[:most])
 
-    def find(self, expression: Expression | None, fits: Callable[[Listed], bool]) -> tuple[str, ...]:
+    def find(self, expression: Expression | None, fits: Callable[[Listed], bool] | None = None) -> tuple[str, ...]:
         """Return the entries that an expression includes and that fit otherwise, sorted. Raises CannotAnswer."""
         with self._lock:
             self._follow()
-            uids: Iterable[str] = self._uids[None] if expression is None else self._index.answers(expression)
-            return tuple(uid for uid in uids if fits(self._listed[uid]))
+            uids = tuple(self._uids[None] if expression is None else self._index.answers(expression))
+            listed = [self._listed[uid] for uid in uids] if fits is not None else []
+        if fits is None:
+            return uids
+        return tuple(uid for uid, one in zip(uids, listed, strict=True) if fits(one))
 
     def _follow(self) -> None:
         while news := self._store.news(self._seen):
@@ -122,17 +142,18 @@ class Catalogue:
             place[level] = (*place.get(level, ()), text.casefold())
         self._index.add(entry.uid, description)
         self._add_names(description)
-        self._listed[entry.uid] = Listed(entry.kind, tuple(words), place)
+        self._listed[entry.uid] = Listed(entry.kind, "\n".join(words), place)
         for kind in (None, entry.kind):
             insort(self._uids[kind], entry.uid)
 
     def _add_names(self, description: Description) -> None:
-        for iri in (name for one in description.nodes for name in (*one.labels, *(prop for prop, _ in one.links))):
+        stated = {name for one in description.nodes for name in (*one.labels, *(prop for prop, _ in one.links))}
+        for iri in sorted(stated - self._named):
+            self._named.add(iri)
             iri = iri.strip("{}")
             name = local_name(iri)
             if name not in self._vocabulary.names:
                 self._names.setdefault(name, set()).add(iri)
-                self._known_names = None
 
     def _remove(self, uid: str) -> None:
         listed = self._listed.pop(uid, None)

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Query
 from pydantic import BaseModel, ConfigDict, Field
 
-from executive.serving.catalogue import Listed
+from executive.serving.catalogue import fitting
 from executive.serving.entries import MOST_LISTED, listing
 from executive.serving.problems import Problem
 from executive.serving.records import record
@@ -17,7 +17,7 @@ from executive.serving.serving import Served, Serving
 from planlang.knowledge.entries import Entry, Kind
 from planlang.knowledge.index import CannotAnswer
 from planlang.knowledge.places import LEVELS
-from planlang.knowledge.questions import LONGEST, read_question
+from planlang.knowledge.questions import LONGEST
 
 router = APIRouter(prefix="/v1", tags=["search"])
 
@@ -70,21 +70,10 @@ def search_for_a_robot(question: RobotsQuestion, served: Served) -> dict[str, An
 
 def answered(question: Question, served: Serving, shown: Callable[[Entry], dict[str, Any]]) -> dict[str, Any]:
     """Return the records that fit a question. Raises BadInput for an expression that is none, and Problem."""
-    expression = None
-    if question.expression is not None:
-        expression = read_question(question.expression, served.catalogue.names)
-    asked = {level: text.casefold() for level in LEVELS if (text := getattr(question, level)) is not None}
-    label = None if question.label is None else question.label.casefold()
-
-    def fits(listed: Listed) -> bool:
-        return (
-            question.kind in (None, listed.kind)
-            and (label is None or any(label in word for word in listed.words))
-            and all(text in listed.place.get(level, ()) for level, text in asked.items())
-        )
-
+    catalogue, place = served.catalogue, {level: text for level in LEVELS if (text := getattr(question, level))}
+    expression = None if question.expression is None else catalogue.question(question.expression)
     try:
-        found = served.catalogue.find(expression, fits)
+        found = catalogue.find(expression, fitting(question.kind, question.label, place))
     except CannotAnswer as problem:
         raise Problem(HTTPStatus.UNPROCESSABLE_ENTITY, str(problem)) from None
     after = question.after or ""
