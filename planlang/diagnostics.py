@@ -254,6 +254,8 @@ CODES: dict[str, str] = {
     "M019": "a link of a world in URDF has no box: its mesh is not there, and no label tells its size",
     "M020": "a file of labels for a world in URDF is not as it should be",
     "M021": "a larger place is stated as a part of a smaller one; it is turned around",
+    "M022": "maps that are merged disagree: about a pose, a value or a class",
+    "M023": "maps that are merged have one thing by two names",
     "M030": "a number is in a unit of another dimension, or in an unknown one",
     # B: binding robots
     "B001": "a robot file is not as it should be",
@@ -328,6 +330,7 @@ CODES: dict[str, str] = {
     "C016": "a fix was not applied, as it is uncertain or cannot be written into the text",
     "C017": "a recipe was fixed before it was compiled, as --accept says",
     "C018": "a line of a file of settings is not NAME=THING",
+    "C019": "a unit that numbers are to be shown in is unknown, or nothing that is shown can be in it",
     # K: knowledge base
     "K001": "the file of a knowledge base is none, or has another layout",
     "K002": "nothing is known by a name of a question, or several things are",
@@ -353,7 +356,7 @@ CODES: dict[str, str] = {
     "K039": "the name of what is pushed means nothing, or several things",
     "K040": "what a knowledge base gives has not the hash that its entry states",
     "K041": "the list of what a robot took from a knowledge base is damaged",
-    "K042": "a knowledge base names an entry or a file by what is no name",
+    "K043": "a key was sent over a network without TLS",
     "K080": "a narrative tells of no episode, or contradicts itself",
     "K081": "a log of poses is none, or of another run than the trace",
 }

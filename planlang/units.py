@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache, lru_cache
 
 from planlang.designators import local_name
+from planlang.diagnostics import BadInput, error
 from planlang.files import bundled
 from planlang.ontology.terms import RDF, XSD, Literal
 
@@ -145,6 +146,39 @@ def _fitting(old: Unit, name: str, new: Unit) -> Unit:
     if old.dimension != new.dimension:
         raise IncompatibleUnits(f"{name} is measured in {si_unit(old.dimension)}, not in {si_unit(new.dimension)}")
     return old
+
+
+def chosen_units(names: Sequence[str]) -> dict[Dimension, str]:
+    """Return for each dimension the unit in which numbers are to be shown; BadInput for what is none, or one too many.
+
+    ``names`` are those that a user asks for.
+    """
+    chosen: dict[Dimension, str] = {}
+    problems = []
+    for name in names:
+        known = unit(name)
+        if known is None:
+            advice = "use a unit of QUDT, such as Centimeter, DegreeAngle or KilometerPerHour"
+            problems.append(error("C019", f"--units {name} is an unknown unit", help=advice))
+        elif chosen.setdefault(known.dimension, name) != name:
+            message = f"--units {name} and --units {chosen[known.dimension]} are both measured in"
+            problems.append(error("C019", f"{message} {si_unit(known.dimension)}", help="ask for one of them"))
+    if problems:
+        raise BadInput(problems)
+    return chosen
+
+
+def in_chosen_unit(literal: Literal, chosen: Mapping[Dimension, str]) -> Literal:
+    """Return a value with a unit in the chosen unit of its dimension; any other value, and no number, as it is."""
+    name = unit_of(literal)
+    known = None if name is None else unit(name)
+    target = None if known is None else chosen.get(known.dimension)
+    if name is None or target is None or literal.datatype is None:
+        return literal
+    try:
+        return Literal(str(stated_number(literal, target)), literal.datatype.removesuffix(name) + target)
+    except ValueError:
+        return literal
 
 
 @dataclass(frozen=True, slots=True)

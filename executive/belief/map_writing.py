@@ -5,21 +5,23 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from executive.belief.belief import Belief
+from executive.belief.map_statements import number as shown
 from executive.belief.measures import EXTENTS
 from executive.belief.semantic_map import MapObject
 from planlang.geometry import Pose
 from planlang.ontology import expand
 from planlang.outputs import MARK
 
-DIGITS = 9
-"""Decimal places of lengths [m] and of the entries of rotations."""
 MAP = "http://planlang.org/kb/uploaded_map.owl"
 
 
 def map_text(belief: Belief) -> str:
-    """Return the things that are believed to be somewhere, with classes, sizes, poses and parts, rooms included."""
+    """Return the things that are believed to be somewhere, with classes, sizes, poses and parts, rooms included.
+
+    Doors and drawers are written closed, as maps are read.
+    """
     placed = set(belief.names())
-    things = [(thing, belief.pose(thing.name)) for thing in belief.things if thing.name in placed]
+    things = [(thing, _closed(thing.name, belief)) for thing in belief.things if thing.name in placed]
     things += [riding for whole in things for riding in _handles(*whole, belief) if riding[0].name not in placed]
     namespace = expand("")
     lines = [f"# A semantic map, {MARK}.", "", f"Prefix: : <{MAP}#>", f"Prefix: knowrob: <{namespace}>", ""]
@@ -29,6 +31,13 @@ def map_text(belief: Belief) -> str:
     for number, (thing, pose) in enumerate(things, 1):
         lines += ["", *_thing(thing, number, written), "", *_pose(number, pose)]
     return "\n".join(lines) + "\n"
+
+
+def _closed(name: str, belief: Belief) -> Pose:
+    """Return the believed pose of a thing; of what moves with a door, that when it is closed."""
+    joint = next((joint for joint in belief.joints.values() if name in joint.bodies), None)
+    pose = belief.pose(name)
+    return pose if joint is None else joint.motion(belief.joint(joint.leaf)).inverse() @ pose
 
 
 def _handles(whole: MapObject, pose: Pose, belief: Belief) -> Iterator[tuple[MapObject, Pose]]:
@@ -44,7 +53,7 @@ def _thing(thing: MapObject, number: int, written: set[str]) -> Iterator[str]:
     if classes:
         yield f"    Types: {', '.join(f'<{cls}>' for cls in classes)}"
     facts = ["knowrob:describedInMap map", f"knowrob:orientation pose_{number}"]
-    facts += [f"knowrob:{name} {_number(value)}" for name, value in zip(EXTENTS, thing.size or (), strict=False)]
+    facts += [f"knowrob:{name} {shown(value)}" for name, value in zip(EXTENTS, thing.size or (), strict=False)]
     facts += [f"knowrob:properPhysicalParts <{part}>" for part in thing.parts if part in written]
     yield "    Facts:"
     yield from (f"        {fact}{',' if fact is not facts[-1] else ''}" for fact in facts)
@@ -55,10 +64,5 @@ def _pose(number: int, pose: Pose) -> Iterator[str]:
     yield "    Types: knowrob:RotationMatrix3D"
     yield "    Facts:"
     for row, entries in enumerate(pose.matrix().tolist()):
-        facts = ", ".join(f"knowrob:m{row}{column} {_number(one)}" for column, one in enumerate(entries))
+        facts = ", ".join(f"knowrob:m{row}{column} {shown(one)}" for column, one in enumerate(entries))
         yield f"        {facts}{',' if row < 3 else ''}"
-
-
-def _number(value: float) -> str:
-    text = f"{value + 0.0:.{DIGITS}f}".rstrip("0")
-    return f"{text}0" if text.endswith(".") else text

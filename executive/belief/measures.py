@@ -1,4 +1,4 @@
-"""The numbers that maps state: sizes and poses, in metres, finite, rigid; each with its place in the file.
+"""The numbers that maps state: sizes and poses, in SI units, finite, rigid; each with its place in the file.
 
 One that cannot be read costs what it says, with a warning, and nothing else of the map.
 """
@@ -15,16 +15,7 @@ from planlang.diagnostics import Diagnostic, Span, note, warning
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import orthonormal, product
 from planlang.ontology import Literal, Ontology, Restriction, Triple, expand
-
-METRES: dict[str, float] = {
-    "Meter": 1.0,
-    "Decimeter": 0.1,
-    "Centimeter": 0.01,
-    "Millimeter": 0.001,
-    "Inch": 0.0254,
-    "Foot": 0.3048,
-}
-"""Local name of a QUDT unit that types a literal -> metres; any other datatype means the number as it is."""
+from planlang.units import IncompatibleUnits, conversion, stated_number, unit, unit_of, unit_of_property
 
 
 def stated(ontology: Ontology, subject: str, prop: str) -> Triple | None:
@@ -40,7 +31,7 @@ LARGEST = 1e4
 
 
 def length(triple: Triple, found: list[Diagnostic]) -> float | None:
-    """Return the number a triple states, lengths in metres; None with a warning if it is none or not finite."""
+    """Return the number a triple states, in the unit of its property; None with a warning if it is none."""
     values = lengths(triple, found)
     if values is None:
         return None
@@ -51,7 +42,10 @@ def length(triple: Triple, found: list[Diagnostic]) -> float | None:
 
 
 def lengths(triple: Triple, found: list[Diagnostic], most: float = FARTHEST) -> tuple[float, ...] | None:
-    """Return the numbers of a literal such as "0.4 0.8 1.2", in metres; None with a warning if one is none."""
+    """Return the numbers of a literal such as "0.4 0.8 1.2", in the unit of its property.
+
+    None, with a warning, if one is none or more than ``most``, or if their own unit does not fit the property.
+    """
     text = _text(triple)
     try:
         if "_" in text:  # Python would read 1_000
@@ -63,12 +57,30 @@ def lengths(triple: Triple, found: list[Diagnostic], most: float = FARTHEST) -> 
     if not all(math.isfinite(number) for number in numbers):
         found.append(_unreadable(triple, f"not a finite number: {text!r}"))
         return None
-    datatype = triple.object.datatype if isinstance(triple.object, Literal) else None
-    factor = METRES.get((datatype or "").rsplit("#", 1)[-1], 1.0)
-    if any(abs(factor * number) > most for number in numbers):
+    converted = _converted(triple, numbers, found)
+    if converted is not None and any(abs(number) > most for number in converted):
         found.append(_unreadable(triple, f"{text} is more than {most:,.0f} m"))
         return None
-    return tuple(factor * number for number in numbers)
+    return converted
+
+
+def _converted(triple: Triple, numbers: tuple[float, ...], found: list[Diagnostic]) -> tuple[float, ...] | None:
+    """Return numbers in the unit of the property; None with a warning if their own unit does not fit."""
+    if not isinstance(triple.object, Literal) or (name := unit_of(triple.object)) is None:
+        return numbers
+    prop = local_name(triple.predicate)
+    if unit(name) is None:
+        message = f"{prop} is in {name}, an unknown unit; the number is read without it"
+        found.append(warning("M030", message, triple.span, "use a unit of QUDT, such as Meter"))
+        return numbers
+    try:
+        converted = conversion(triple.object, unit_of_property(prop))
+        return numbers if converted is None else tuple(converted(number) for number in numbers)
+    except IncompatibleUnits as wrong:
+        found.append(warning("M030", f"{prop} is left out: {wrong}", triple.span))
+    except ValueError as wrong:
+        found.append(_unreadable(triple, str(wrong)))
+    return None
 
 
 def _unreadable(triple: Triple, problem: str) -> Diagnostic:
@@ -169,7 +181,8 @@ def _default(
 def _number_of(restriction: Restriction) -> float | None:
     """Return the size that a restriction states [m]; None if it is none."""
     try:
-        value = float(restriction.filler.number()) if isinstance(restriction.filler, Literal) else math.nan
+        unit_name = unit_of_property(local_name(restriction.property))
+        value = stated_number(restriction.filler, unit_name) if isinstance(restriction.filler, Literal) else math.nan
     except ValueError:
         return None
     return value if 0 <= value <= LARGEST else None

@@ -18,6 +18,7 @@ from planlang.geometry import Array
 from planlang.geometry.matrices import product
 from planlang.motion_constraints import Feature, FeatureKind, Vector
 from planlang.ontology import Literal, Ontology, expand
+from planlang.units import stated_number, unit_of_property
 from sim.bodies import BLADE
 
 PARTS = ("properPhysicalParts", "physicalParts", "properParts-Physical")
@@ -135,7 +136,8 @@ class ObjectModels:
         """Return the number that an individual states; 0 if it states none."""
         for triple in self._ontology.said(iri, name):
             try:
-                return triple.object.number() if isinstance(triple.object, Literal) else 0.0
+                value = triple.object
+                return stated_number(value, unit_of_property(name)) if isinstance(value, Literal) else 0.0
             except ValueError:
                 return 0.0
         return 0.0

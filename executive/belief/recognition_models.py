@@ -36,14 +36,18 @@ class GivenPart:
 
 
 def read_given_parts(folders: Iterable[Path], imports: Sequence[Path] = ()) -> tuple[GivenPart, ...]:
-    """Return the models, programs and maps that the ontologies of some folders describe. Raises BadInput."""
+    """Return what the ontologies of some folders, and of those in them, describe. Raises BadInput."""
     problems: list[Diagnostic] = []
     found: dict[str, GivenPart] = {}
     for folder in folders:
         if not folder.is_dir():
             problems.append(error("C001", f"--models {folder} is not a folder"))
             continue
-        files = sorted(path for path in folder.iterdir() if path.is_file() and path.name.endswith(SUFFIXES))
+        inside = [
+            *folder.iterdir(),
+            *(path for below in folder.iterdir() if below.is_dir() for path in below.iterdir()),
+        ]
+        files = sorted(path for path in inside if path.is_file() and path.name.endswith(SUFFIXES))
         for path in files[:MOST_FILES]:
             try:
                 found.update((one.iri, one) for one in _parts(load(path, folders=imports)))

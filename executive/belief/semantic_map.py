@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -219,18 +220,30 @@ def _unique(name: str, names: set[str]) -> str:
     return candidate
 
 
+class Seen(NamedTuple):
+    """A perception of a thing, the newest one being the greatest."""
+
+    time: float
+    """Seconds; minus infinity if that is not stated."""
+    rank: int
+    """Its place in the file."""
+    place: str
+    """The pose, by IRI."""
+    event: str
+
+
 class PosesOfThings:
     """Poses of things as matrices, each read once, relative ones composed."""
 
     def __init__(self, ontology: Ontology, found: list[Diagnostic]) -> None:
         self.ontology = ontology
         self.found = found
-        self.places: dict[str, list[tuple[float, int, str]]] = {}
+        self.places: dict[str, list[Seen]] = {}
         for rank, event in enumerate(_perceptions(ontology)):
             when = self._time(event)
             for thing in _individuals(ontology, event, "objectActedOn"):
                 for place in _individuals(ontology, event, "eventOccursAt"):
-                    self.places.setdefault(thing, []).append((when, rank, place))
+                    self.places.setdefault(thing, []).append(Seen(when, rank, place, event))
         self.known: dict[str, Array | None] = {}
         self.open: list[str] = []
 
@@ -245,7 +258,12 @@ class PosesOfThings:
     def _places_of(self, thing: str) -> list[str]:
         """Return the poses of a thing, the one that counts first: an earlier one stands in for one that is no pose."""
         own = [*_individuals(self.ontology, thing, "orientation"), *_individuals(self.ontology, thing, "pose")]
-        return [place for _, _, place in sorted(self.places.get(thing, ()), reverse=True)] or own[::-1]
+        return [seen.place for seen in sorted(self.places.get(thing, ()), reverse=True)] or own[::-1]
+
+    def newest(self, thing: str) -> Seen | None:
+        """Return the perception of a thing that counts: the latest one with a pose that can be read."""
+        seen = sorted(self.places.get(thing, ()), reverse=True)
+        return next((one for one in seen if self._resolve(one.place) is not None), None)
 
     def _resolve(self, place: str) -> Array | None:
         if place in self.known:

@@ -83,6 +83,12 @@ Accept = Annotated[
 Force = Annotated[bool, typer.Option("--force", help="Overwrite files that planlang did not write.")]
 
 
+Units = Annotated[
+    list[str] | None,
+    typer.Option(metavar="UNIT", help="Show numbers of its dimension in this unit of QUDT: Centimeter; repeatable."),
+]
+
+
 class Syntax(Enum):
     """The syntaxes that are written, here again as their writers take long to import."""
 
@@ -171,6 +177,7 @@ class ConvertArguments(Arguments):
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="FILE", help="Write the text to this file, not to stdout.")
     ] = None
+    units: Units = None
     force: Force = False
 
 
@@ -199,6 +206,22 @@ class ExportArguments(Arguments):
     ] = None
     poses: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Also use the log of planlang run --poses of the same run.")
+    ] = None
+    force: Force = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class MergeArguments(OntologyArguments, VerboseArguments):
+    """Merge maps of one place, in one frame, and list what they disagree about.
+
+    The newest pose of each thing counts; of equally new ones, and of other facts, those of the map that is named later.
+    """
+
+    maps: Annotated[
+        list[str], typer.Argument(metavar="MAP...", help="Files of maps (OWL or URDF), or bundled environments' names.")
+    ]
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="FILE", help="Write the map to this file, not to stdout.")
     ] = None
     force: Force = False
 
@@ -299,6 +322,10 @@ class RunArguments(TaskArguments, VerboseArguments):
     upload: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write the map that the plan uploads, in Manchester syntax.")
     ] = None
+    update_map: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Write the map with what the robot knows at the end, in Manchester syntax."),
+    ] = None
     resume: Annotated[
         Path | None,
         typer.Option(metavar="TRACE", help="Resume the run of this trace after the last completed step of its plan."),
@@ -328,8 +355,14 @@ class EnableArguments(OntologyArguments, VerboseArguments):
         str, typer.Argument(metavar="TASK|RECIPE", help="A class of actions, a recipe's label or name, or its file.")
     ]
     source: Annotated[
-        str, typer.Option("--from", metavar="URL|STORE", help="The knowledge base: a server, or the file of a store.")
-    ]
+        str | None,
+        typer.Option(
+            "--from",
+            metavar="URL|STORE",
+            envvar="PLANLANG_SERVER",
+            help="The knowledge base: a server, or the file of a store.",
+        ),
+    ] = None
     robot: Robot = None
     urdf: Urdf = None
     environment: Environment = None
@@ -389,6 +422,7 @@ class LocateArguments(OntologyArguments, VerboseArguments):
     explain: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Draw the candidates and why they were rejected, as PNG.")
     ] = None
+    units: Units = None
     force: Force = False
 
 

@@ -7,16 +7,28 @@ from typing import Any
 from executive.cli.arguments import ConvertArguments
 from executive.cli.console import Answer
 from executive.cli.inputs import refuse
+from planlang.diagnostics import error
 from planlang.files import Bundled
+from planlang.ontology import Literal
 from planlang.ontology.convert import Target, convert
 from planlang.outputs import check_outputs, write_text
+from planlang.units import chosen_units, in_chosen_unit, unit_of
 
 
 def command(arguments: ConvertArguments) -> Answer:
     """Convert a file; raises BadInput."""
     path, output = Bundled.RECIPE.find(arguments.file), arguments.output
     refuse(check_outputs({"--output": output}, {"the file": path}, force=arguments.force))
-    converted = convert(path, Target(arguments.to.value))
+    chosen = chosen_units(arguments.units or ())
+    converted = convert(path, Target(arguments.to.value), lambda literal: in_chosen_unit(literal, chosen))
+    written = {unit_of(one.object) for one in converted.triples if isinstance(one.object, Literal)}
+    refuse(
+        [
+            error("C019", f"--units {name}: no number of {path} is in a unit that can be converted to it")
+            for name in chosen.values()
+            if name not in written
+        ]
+    )
     if output is not None:
         write_text(output, converted.text)
     data: dict[str, Any] = {"output": str(output)} if output is not None else {"source": converted.text}

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
 from executive.cli import run
 from executive.cli.arguments import EnableArguments, RunArguments
-from executive.cli.console import Answer, ExitCode, say
+from executive.cli.console import Answer, ExitCode, say, show
 from executive.cli.inputs import check_files, check_trusted, chosen, environments, refuse
 from executive.enabling.explanation import Explanation
 from executive.enabling.folder import Folder
@@ -15,10 +16,11 @@ from executive.enabling.needs import Enabling
 from executive.enabling.shelf import open_shelf
 from executive.modules.bundled import performed_by
 from executive.robots import bind_robot, possessions_of
-from planlang.diagnostics import Diagnostic
+from planlang.diagnostics import Diagnostic, error, warning
 from planlang.files import Bundled
 from planlang.knowledge.entries import Kind
 from planlang.knowledge.places import LEVELS
+from planlang.ontology import expand
 
 
 def command(arguments: EnableArguments) -> Answer:
@@ -28,42 +30,61 @@ def command(arguments: EnableArguments) -> Answer:
     check_trusted(problems, arguments.modules or (), trust=arguments.trust)
     robot = chosen(Bundled.ROBOT, arguments.robot, None, problems, needs="what is missing depends on the robot: enable")
     maps = environments(arguments.environment, problems)
+    if arguments.source is None:
+        problems.append(error("K030", "no server was named", help="add --from URL, or set PLANLANG_SERVER"))
     refuse(problems)
     assert robot is not None
+    assert arguments.source is not None
     bound = bind_robot(robot, urdf=arguments.urdf, folders=arguments.folders)
     folder = Folder.read(arguments.store or Path(f"{bound.name}_knowledge"))
-    enabling = Enabling(
-        possessions_of(bound),
-        open_shelf(arguments.source, arguments.folders),
-        folder,
-        performed_by(arguments.modules or (), problems),
-        arguments.folders,
-        next(iter(maps), None),
-        (bound.camera.recognises if bound.camera else None) or (),
-        {level: text for level in LEVELS if (text := getattr(arguments, level)) is not None},
-    )
-    explanation = _explained(arguments, enabling)
-    lines, data = [*explanation.tree().lines()], explanation.as_json()
-    if explanation.combination.unmet:
-        lines.append(f"{bound.name} cannot do it; neither side has {', '.join(explanation.unmet())}")
-        return Answer(ExitCode.MISSING_CAPABILITY, tuple(problems), "\n".join(lines), data)
-    if not arguments.dry:
-        written = [file for found, needs in explanation.taken() for file in folder.take(found, needs, enabling.shelf)]
-        lines += [f"wrote {file}" for file in written]
-        data["written"] = [str(file) for file in written]
-    if not arguments.run or arguments.dry:
-        return Answer(ExitCode.DONE, tuple(problems), "\n".join(lines), data)
-    if not arguments.json:
-        say("\n".join(lines))
-    result = _run(arguments, explanation, folder)
-    return replace(result, diagnostics=(*problems, *result.diagnostics), data={**data, **result.data})
+    with closing(open_shelf(arguments.source, arguments.folders)) as shelf:
+        enabling = Enabling(
+            possessions_of(bound),
+            shelf,
+            folder,
+            performed_by(arguments.modules or (), problems),
+            arguments.folders,
+            next(iter(maps), None),
+            tuple(map(expand, (bound.camera.recognises if bound.camera else None) or ())),
+            {level: text for level in LEVELS if (text := getattr(arguments, level)) is not None},
+        )
+        explanation, reply = _explained(arguments, enabling)
+        reply = replace(reply, diagnostics=(*problems, *reply.diagnostics, *shelf.diagnostics()))
+    return _with_run(arguments, explanation, folder, reply) if arguments.run and not arguments.dry else reply
 
 
-def _explained(arguments: EnableArguments, enabling: Enabling) -> Explanation:
-    path = Path(arguments.recipe)
+def _explained(arguments: EnableArguments, enabling: Enabling) -> tuple[Explanation, Answer]:
+    """Return why the robot can do the task, or not, and the answer after what is missing has been taken."""
+    path, robot = Path(arguments.recipe), enabling.robot.robot
     is_file = path.is_file()
     root = enabling.given_task(path, arguments.task) if is_file else enabling.task(arguments.recipe)
-    return Explanation(enabling, enabling.combination(root))
+    explanation = Explanation(enabling, enabling.combination(root))
+    lines, data = [*explanation.tree().lines()], explanation.as_json()
+    if explanation.combination.unmet:
+        lines.append(f"{robot} cannot do it; neither side has {', '.join(explanation.unmet())}")
+        return explanation, Answer(ExitCode.MISSING_CAPABILITY, (), "\n".join(lines), data)
+    taken = explanation.taken() if not arguments.dry else ()
+    written = [file for found, needs in taken for file in enabling.folder.take(found, needs, enabling.shelf)]
+    warned = tuple(a_program(file, enabling.shelf.url) for file in written if file.suffix.lower() == ".py")
+    lines += [f"wrote {file}" for file in written]
+    return explanation, Answer(ExitCode.DONE, warned, "\n".join(lines), {**data, "written": [*map(str, written)]})
+
+
+def a_program(file: Path, source: str) -> Diagnostic:
+    """Return the warning that a file that was taken is a program."""
+    return warning("K038", f"{file} is a program, from {source}", help="it runs only with --trust: read it first")
+
+
+def _with_run(arguments: EnableArguments, explanation: Explanation, folder: Folder, reply: Answer) -> Answer:
+    """Run the task unless something is missing, and return both answers as one."""
+    if reply.exit_code is not ExitCode.DONE:
+        return reply
+    if not arguments.json:
+        show(reply.diagnostics)
+        say(reply.text)
+    result = _run(arguments, explanation, folder)
+    before = reply.diagnostics if arguments.json else ()
+    return replace(result, diagnostics=(*before, *result.diagnostics), data={**reply.data, **result.data})
 
 
 def _run(arguments: EnableArguments, explanation: Explanation, folder: Folder) -> Answer:

@@ -13,6 +13,7 @@ from executive.belief.scene_collisions import BasePose
 from executive.cli.arguments import LocateArguments
 from executive.cli.console import Answer, ExitCode, say, silent
 from executive.cli.inputs import check_files, chosen, environments, planar, refuse
+from executive.cli.shown import Shown
 from executive.locations import Rejections
 from executive.locations.consistency import LocationMeaningless
 from executive.locations.demands import base_demand, sides, thing_demand, viewpoint, without_unused
@@ -161,15 +162,17 @@ def _other_subject(location: Location, what: Object | None, lexicon: Lexicon) ->
     return None
 
 
-def _bases(location: Location, platform: Platform, count: int, log: Rejections) -> Iterator[tuple[str, dict[str, Any]]]:
+def _bases(
+    location: Location, platform: Platform, count: int, log: Rejections, shown: Shown
+) -> Iterator[tuple[str, dict[str, Any]]]:
     """Yield base poses: a line for people, and data."""
     for number, solution in enumerate(islice(platform.resolver.bases(location, log), count), 1):
         x, y, yaw = solution.base
         detail = solution.detail
         arm = detail.get("arm", "")
         how = f"{arm if arm.endswith('arm') else f'{arm} arm'}: {', '.join(detail['reaches'])}" if arm else ""
-        how += "".join(f", after a look from {_listed(x=a, y=b, yaw=c)}" for a, b, c in detail.get("looks", ()))
-        line = f"{number}  {_listed(x=x, y=y, yaw=yaw)}  {how}".rstrip()
+        how += "".join(f", after a look from {shown(x=a, y=b, yaw=c)}" for a, b, c in detail.get("looks", ()))
+        line = f"{number}  {shown(x=x, y=y, yaw=yaw)}  {how}".rstrip()
         score = next((place.score for place in reversed(log.places) if place.base == solution.base), None)
         hands = list(_hands(solution.base, platform))
         yield (
@@ -202,12 +205,18 @@ def _hands(base: BasePose, platform: Platform) -> Iterator[dict[str, Any]]:
 
 
 def _things(
-    location: Location, what: Object, frame: Mapping[str, str], platform: Platform, count: int, log: Rejections
+    location: Location,
+    what: Object,
+    frame: Mapping[str, str],
+    platform: Platform,
+    count: int,
+    log: Rejections,
+    shown: Shown,
 ) -> Iterator[tuple[str, dict[str, Any]]]:
     """Yield poses of a thing, of the centre of its box: a line for people, and data."""
     for number, pose in enumerate(islice(platform.resolver.things(location, what, log), count), 1):
         x, y, z = pose.position
-        line = f"{number}  {_listed(x=x, y=y, z=z, yaw=pose.yaw)}"
+        line = f"{number}  {shown(x=x, y=y, z=z, yaw=pose.yaw)}"
         yield line, {"x": x, "y": y, "z": z, "yaw": pose.yaw, **({"frame": frame} if frame else {})}
 
 
@@ -219,18 +228,13 @@ def _frame(location: Location, what: str | None, platform: Platform) -> dict[str
     return sides(thing_demand(location, what, scene, (x, y)), scene)
 
 
-def _frame_lines(frame: Mapping[str, str], location: Location, platform: Platform) -> Iterator[str]:
+def _frame_lines(frame: Mapping[str, str], location: Location, platform: Platform, shown: Shown) -> Iterator[str]:
     """Yield a line for each side."""
     there = viewpoint(location, platform.scene)
     x, y = there or platform.base()[:2]
     for words, whose in frame.items():
-        seen = f"as seen from {'the robot at ' if there is None else ''}{_listed(x=x, y=y)}"
+        seen = f"as seen from {'the robot at ' if there is None else ''}{shown(x=x, y=y)}"
         yield f"  {words}: {'in its own frame' if whose == 'its own' else seen}"
-
-
-def _listed(**numbers: float) -> str:
-    """Return the numbers of a pose [m, rad] with their names; adding zero avoids -0.000."""
-    return "  ".join(f"{name} {round(number, 3) + 0.0:.3f}" for name, number in numbers.items())
 
 
 def _resolved(
@@ -242,7 +246,7 @@ def _resolved(
     found: list[Diagnostic],
     arguments: LocateArguments,
 ) -> Answer:
-    log, failure = Rejections(explained=True), None
+    log, failure, shown = Rejections(explained=True), None, Shown(arguments.units or ())
     places: list[tuple[str, dict[str, Any]]] = []
     frame: Mapping[str, str] = {}
     try:
@@ -250,9 +254,9 @@ def _resolved(
         found.extend(_idle(location, used))
         location, frame = used, _frame(used, None if what is None else meant[what], platform)
         if what is None:
-            places.extend(_bases(location, platform, arguments.count, log))
+            places.extend(_bases(location, platform, arguments.count, log, shown))
         else:
-            places.extend(_things(location, what, frame, platform, arguments.count, log))
+            places.extend(_things(location, what, frame, platform, arguments.count, log, shown))
     except LocationMeaningless:
         raise
     except LocationUnresolvable as problem:
@@ -267,7 +271,11 @@ def _resolved(
         "counts": counts,
         "blocking": blocking,
     }
-    lines = [phrase, *_frame_lines(frame, location, platform), *(f"  {line}" for line, _ in places)]
+    lines = [
+        f"{phrase}{shown.heading()}",
+        *_frame_lines(frame, location, platform, shown),
+        *(f"  {line}" for line, _ in places),
+    ]
     if not places:
         message = str(failure).replace(f": {location}", "", 1)  # the phrase is printed above
         data |= {"failure": [type(failure).__name__], "message": message}

@@ -70,7 +70,7 @@ def options_of(arguments: RunArguments) -> RunOptions:
     trace = arguments.trace or arguments.resume
     outputs = {"--picture": arguments.picture, "--trace": trace, "--record": arguments.record}
     outputs["--poses"] = arguments.poses
-    outputs["--upload"] = arguments.upload
+    outputs |= {"--upload": arguments.upload, "--update-map": arguments.update_map}
     inputs = {"the plan": found.path, "--urdf": arguments.urdf, "--robot": robot, "--environment": semantic_map}
     inputs |= {f"--modules {file}": file for file in arguments.modules or ()}
     problems += check_outputs(outputs, inputs, pictures=["--picture"], force=arguments.force)
@@ -108,6 +108,7 @@ def options_of(arguments: RunArguments) -> RunOptions:
         record=arguments.record,
         poses=arguments.poses,
         upload=arguments.upload,
+        update_map=arguments.update_map,
         force=arguments.force,
         resume=recorded,
         world_as_left=arguments.world_as_left,

@@ -10,7 +10,6 @@ from executive.cli.console import Answer
 from executive.cli.inputs import chosen, refuse
 from executive.cli.server import ask, kind_of
 from executive.cli.server_arguments import SearchArguments
-from executive.robots.robot_file import looks_like_toml, read_robot_file
 from planlang.diagnostics import BadInput, Diagnostic, Span, error
 from planlang.files import LARGEST, Bundled, decode, read_file
 from planlang.knowledge.answers import Found
@@ -43,6 +42,8 @@ def command(arguments: SearchArguments) -> Answer:
 
 def self_model_of(name: str) -> str:
     """Return the text of a robot's self-model, which its robot file may name. Raises BadInput."""
+    from executive.robots.robot_file import looks_like_toml, read_robot_file  # takes as long as all else
+
     problems: list[Diagnostic] = []
     path = chosen(Bundled.ROBOT, name, None, problems)
     refuse(problems)

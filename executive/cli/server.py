@@ -6,6 +6,7 @@ import os
 import re
 from collections.abc import Callable
 from dataclasses import replace
+from urllib.parse import urlsplit
 
 from executive.cli.console import Answer, ExitCode
 from executive.cli.server_arguments import AuthorArguments, KindWord, ServerArguments
@@ -44,10 +45,18 @@ def ask(arguments: ServerArguments, work: Callable[[Client], Answer]) -> Answer:
             return Answer(ExitCode.FAILED, (error("K032", f"{client.url}: {problem}"),))
         except Refused as problem:
             raise _refused(client.url, problem) from None
-        if client.offline is None:
-            return reply
-        warned = warning("K033", f"{client.offline}; this is what was read from it before")
-        return replace(reply, diagnostics=(*reply.diagnostics, warned))
+        warned = []
+        if client.offline is not None:
+            warned.append(warning("K033", f"{client.offline}; this is what was read from it before"))
+        if isinstance(arguments, AuthorArguments) and _can_be_read(client.url):
+            warned.append(warning("K043", f"your key went to {client.url} unencrypted", help="use https"))
+        return replace(reply, diagnostics=(*reply.diagnostics, *warned))
+
+
+def _can_be_read(url: str) -> bool:
+    """Return True if what is sent to an address can be read on its way: without TLS, to another machine."""
+    parts = urlsplit(url)
+    return parts.scheme == "http" and parts.hostname not in ("localhost", "127.0.0.1", "::1")
 
 
 def _client(arguments: ServerArguments) -> Client:

@@ -8,8 +8,8 @@ from typing import Any
 
 from executive.enabling.needs import OWN, Enabling
 from executive.enabling.search import Answer, Combination, Need, Offer
-from executive.enabling.shelf import Found
 from executive.robots.requirements import Availability, Finding, FindingKind
+from planlang.knowledge.answers import Found
 from planlang.knowledge.entries import Entry
 
 MOST_REFUSED = 20
@@ -61,7 +61,7 @@ class Explanation:
         if answer.offer is not None:
             state, reason = Availability.AVAILABLE, self._taken(answer.offer)
         elif answer.considered:
-            reason = "all that could be had needs what is missing"
+            reason = "what could be had for it needs what is missing"
         return Finding(wanted.kind, wanted.text, wanted.iri, state, reason, None, below)
 
     def _taken(self, offer: Offer) -> str:
@@ -69,7 +69,7 @@ class Explanation:
             return f"{offer.uid.removeprefix(OWN)} of {self.enabling.robot.robot}, with what it needs"
         if offer.uid in self.enabling.folder.kept:
             return f"{offer.uid} is in {self.enabling.folder.path}"
-        return f"{offer.uid} is taken from {self.enabling.shelf.name}"
+        return f"{offer.uid} is taken from {self.enabling.shelf.url}"
 
     def _below(self, need: Need, answer: Answer) -> Iterator[Finding]:
         yield from map(self._of, answer.offer.needs if answer.offer is not None else ())
@@ -110,7 +110,7 @@ class Explanation:
         kept = self.enabling.folder.kept
         return {
             "robot": self.enabling.robot.robot,
-            "from": self.enabling.shelf.name,
+            "from": self.enabling.shelf.url,
             "enabled": not self.combination.unmet,
             "taken": [one.uid for one in taken if one.uid not in kept],
             "kept": [one.uid for one in taken if one.uid in kept],

@@ -14,12 +14,13 @@ from pathlib import Path
 from executive.belief.semantic_map import read_map
 from executive.enabling.folder import Folder
 from executive.enabling.search import Combination, Need, Offer, combine
-from executive.enabling.shelf import Found, Links, Shelf
+from executive.enabling.shelf import Shelf
 from executive.robots.matching import Matcher, Possessions
 from executive.robots.requirements import NEEDED, WORDS, Availability, Finding, FindingKind, Requirement
 from executive.robots.tasks import HARDWARE, UNKNOWN_STEP, match
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Span, has_errors
+from planlang.knowledge.answers import Found, Links
 from planlang.knowledge.entries import Kind
 from planlang.ontology import Ontology, expand, load
 from planlang.ontology.expressions import Expression
@@ -30,7 +31,8 @@ from planlang.recipe.model import Kind as ThingKind
 
 OWN = "own:"
 """Before the identifier of an offer that is the robot's or the user's own: nothing is downloaded for it."""
-MODEL_OF = expand("providesModelFor")
+MODELS = "providesModelFor"
+MODEL_OF = expand(MODELS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,7 +174,7 @@ class Enabling:
         if iri is not None and (is_disproved or self.vocabulary.taxonomy.is_below(iri, HARDWARE)):
             reason = f"{finding.reason}; that is hardware or depends on it, which no knowledge base has"
             return self._want(need, Wanted(finding.kind, finding.text, iri, lacks=reason, own=own))
-        reason = finding.reason if own else f"{finding.reason}, and {self.shelf.name} has none"
+        reason = finding.reason if own else f"{finding.reason}, and {self.shelf.url} has none"
         search = partial(self.shelf.search, asked)
         return self._want(need, Wanted(finding.kind, finding.text, iri, lacks=reason, own=own, search=search))
 
@@ -187,12 +189,12 @@ class Enabling:
         def search() -> Iterator[Found]:
             yield from (one for one in self._recipes(f"<{iri}>") if one.entry.about == iri)
 
-        wanted = Wanted(FindingKind.RECIPE, finding.text, iri, None, self._none(), (), search)
+        wanted = Wanted(FindingKind.RECIPE, local_name(iri or ""), iri, None, self._none(), (), search)
         return self._want(f"recipe {iri}", wanted)
 
     def model(self, cls: str, ontology: Ontology) -> Need:
         """Return the need of a recognition model of a class: one of it or below it, else of a class above it."""
-        above = ontology.ancestors(cls)
+        above = [one for one in ontology.ancestors(cls) if one != cls]
         models = filter(None, (self._recognises(iri, (cls, *above)) for iri in self.robot_models()))
         own = (one for one in (cls, *above) if one in self.recognised)
         has = next((f"{self.robot.robot} recognises {local_name(one)}" for one in own), None)
@@ -240,7 +242,7 @@ class Enabling:
     def _dependencies(self, links: Links) -> Iterator[tuple[str, str]]:
         """Yield the links that are dependencies, without classes that are above another one."""
         stated = [one for one in links if local_name(one[0]) in WORDS and one[1] != OWL.Thing]
-        above = {(prop, upper) for prop, target in stated for upper in self.vocabulary.ancestors(target)}
+        above = {(prop, up) for prop, cls in stated for up in self.vocabulary.ancestors(cls) if up != cls}
         yield from (one for one in stated if one not in above)
 
     def _dependency(self, prop: str, target: str) -> Need:
@@ -248,24 +250,28 @@ class Enabling:
         matcher = Matcher(self.vocabulary, self.robot)
         if kind is FindingKind.CAPABILITY:
             return self._of_requirement(matcher.capability(target))
-        expression = Expression("name", Span(self.shelf.name), term=target)
-        return self._of_requirement(matcher.component(Requirement(kind, "some", expression, 1, Span(self.shelf.name))))
+        expression = Expression("name", Span(self.shelf.url), term=target)
+        return self._of_requirement(matcher.component(Requirement(kind, "some", expression, 1, Span(self.shelf.url))))
 
     def _want(self, need: Need, wanted: Wanted) -> Need:
         self.wanted[need] = wanted
         return need
 
     def _none(self) -> str:
-        return f"{self.robot.robot} has none, and {self.shelf.name} has none"
+        return f"{self.robot.robot} has none, and {self.shelf.url} has none"
 
     def _recipes(self, expression: str | None = None, label: str | None = None) -> Sequence[Found]:
         return self.shelf.search(expression, label=label, kind=Kind.RECIPE)
 
 
 def _best_first(wanted: Wanted) -> list[Found]:
-    """Return what is found: what is about the very class first, then the best rated."""
-    found = list(wanted.search())
-    return sorted(found, key=lambda one: (one.entry.about != wanted.iri, -(one.entry.rating or 0.0)))
+    """Return what is found: what is about the very class, or a model of it, first, then the best rated."""
+
+    def rank(found: Found) -> tuple[bool, float]:
+        subjects = (found.entry.about, *(target for prop, target in found.links if local_name(prop) == MODELS))
+        return wanted.iri not in subjects, -(found.entry.rating or 0.0)
+
+    return sorted(wanted.search(), key=rank)
 
 
 def _plain(text: str) -> str:

@@ -4,37 +4,30 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
-from dataclasses import dataclass
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Protocol
 
-from executive.serving.catalogue import Catalogue, fitting
-from executive.serving.uploads import unpacked
+from executive.serving.catalogue import Catalogue
 from executive.serving.vocabulary import read_vocabulary
-from planlang.diagnostics import BadInput, Span, error
-from planlang.knowledge.descriptions import Description
-from planlang.knowledge.entries import Attachment, Entry, Kind
+from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
+from planlang.knowledge.answers import Declined, Found, NoAnswer, NotAsAgreed, RefusedByChecks
+from planlang.knowledge.client import Client
+from planlang.knowledge.connection import kept_answers
+from planlang.knowledge.entries import Attachment, Entry, Kind, Revision
 from planlang.knowledge.index import CannotAnswer
 from planlang.knowledge.sqlite_store import SqliteStore
+from planlang.knowledge.stores import Refused
 
-Links = tuple[tuple[str, str], ...]
-"""What an entry's subject is linked to: (property, class), IRIs; also what its classes require."""
-
-
-@dataclass(frozen=True, slots=True)
-class Found:
-    """An entry that was found, with the links of its subject."""
-
-    entry: Entry
-    links: Links = ()
+MOST_FOUND = 1000
+"""Entries that a server is asked for by one question."""
 
 
 class Shelf(Protocol):
-    """A knowledge base, as a robot asks it."""
+    """A knowledge base, as a robot asks it. All calls raise BadInput if it cannot be asked."""
 
-    name: str
-    """What messages call it."""
+    url: str
+    """Its address, or its file."""
 
     def search(
         self,
@@ -46,11 +39,20 @@ class Shelf(Protocol):
     ) -> Sequence[Found]:
         """Return the entries that fit, sorted by identifier; none for classes that the knowledge base does not know."""
 
-    def content(self, entry: Entry) -> bytes:
-        """Return the content of an entry's last revision. Raises BadInput if it is not what the entry says."""
+    def revision(self, entry: Entry, number: int | None = None) -> Revision:
+        """Return a revision of an entry, the last one unless told otherwise."""
+
+    def content(self, entry: Entry, revision: int | None = None) -> bytes:
+        """Return the content of a revision. Raises BadInput if it is not what the entry says."""
 
     def attachment(self, entry: Entry, attachment: Attachment) -> bytes:
         """Return a file of an entry. Raises BadInput if it is not what the entry says."""
+
+    def diagnostics(self) -> Sequence[Diagnostic]:
+        """Return what the user should know of the answers."""
+
+    def close(self) -> None:
+        """End the work with it."""
 
 
 class LocalShelf:
@@ -58,10 +60,9 @@ class LocalShelf:
 
     def __init__(self, path: Path, folders: Sequence[Path] = ()) -> None:
         """``folders``: those of ontologies that its entries import. Raises BadInput for what is no knowledge base."""
-        self.name = str(path)
+        self.url = str(path)
         self._store = SqliteStore(path)
-        self._vocabulary = read_vocabulary(folders)
-        self._catalogue = Catalogue(self._store, self._vocabulary)
+        self._catalogue = Catalogue(self._store, read_vocabulary(folders))
 
     def search(
         self,
@@ -72,30 +73,94 @@ class LocalShelf:
         place: Mapping[str, str] | None = None,
     ) -> Sequence[Found]:
         """Return the entries that fit, sorted by identifier; none for classes that nothing here knows."""
+        catalogue = self._catalogue
         with suppress(BadInput, CannotAnswer):  # a class that nothing here knows
-            asked = None if expression is None else self._catalogue.question(expression)
-            uids = self._catalogue.find(asked, fitting(kind, label, place or {}))
-            return [Found(self._store.entry(uid), self._links(uid)) for uid in uids]
+            asked = None if expression is None else catalogue.question(expression)
+            uids = catalogue.find(asked, kind, label, place)
+            return [Found(self._store.entry(uid), links=catalogue.links(uid)) for uid in uids]
         return ()
 
-    def _links(self, uid: str) -> Links:
-        description, _ = unpacked(self._store.description(uid), self._vocabulary)
-        return () if description is None else tuple(_links(description))
+    def revision(self, entry: Entry, number: int | None = None) -> Revision:
+        """Return a revision of an entry, the last one unless told otherwise."""
+        return next((one for one in self._store.revisions(entry.uid) if one.number == number), entry.revision)
 
-    def content(self, entry: Entry) -> bytes:
-        """Return the content of an entry's last revision. Raises BadInput if it is not what the entry says."""
-        return verified(self._store.content(entry.uid, entry.revision.number), entry.revision.sha256, entry.uid)
+    def content(self, entry: Entry, revision: int | None = None) -> bytes:
+        """Return the content of a revision. Raises BadInput if it is not what the entry says."""
+        wanted = self.revision(entry, revision)
+        return verified(self._store.content(entry.uid, wanted.number), wanted.sha256, entry.uid)
 
     def attachment(self, entry: Entry, attachment: Attachment) -> bytes:
         """Return a file of an entry. Raises BadInput if it is not what the entry says."""
         _, data = self._store.attachment(entry.uid, attachment.name)
         return verified(data, attachment.sha256, f"{entry.uid}/{attachment.name}")
 
+    def diagnostics(self) -> Sequence[Diagnostic]:
+        """Return nothing: the store is here."""
+        return ()
 
-def _links(description: Description) -> Iterator[tuple[str, str]]:
-    for prop, target in description.nodes[0].links if description.nodes else ():
-        labels = (target,) if isinstance(target, str) else description.nodes[target].labels
-        yield from ((prop, label) for label in labels if not label.startswith("{"))
+    def close(self) -> None:
+        """Close the file."""
+        self._store.close()
+
+
+class RemoteShelf:
+    """A server, asked over HTTP; what was read before is read again from the user's cache while it does not answer."""
+
+    def __init__(self, client: Client) -> None:
+        self.url = client.url
+        self._client = client
+
+    def search(
+        self,
+        expression: str | None = None,
+        *,
+        label: str | None = None,
+        kind: Kind | None = None,
+        place: Mapping[str, str] | None = None,
+    ) -> Sequence[Found]:
+        """Return the entries that fit, sorted by identifier; none for classes that the server does not know."""
+        question = {"expression": expression, "label": label, "kind": kind and kind.value, **(place or {})}
+        with suppress(RefusedByChecks), self._asked():
+            return list(self._client.search(most=MOST_FOUND, **question))
+        return ()
+
+    def revision(self, entry: Entry, number: int | None = None) -> Revision:
+        """Return a revision of an entry, the last one unless told otherwise."""
+        with self._asked():
+            return self._client.revision(entry, number)
+
+    def content(self, entry: Entry, revision: int | None = None) -> bytes:
+        """Return the content of a revision. Raises BadInput if it is not what the entry says."""
+        with self._asked():
+            return self._client.content(entry, revision)
+
+    def attachment(self, entry: Entry, attachment: Attachment) -> bytes:
+        """Return a file of an entry. Raises BadInput if it is not what the entry says."""
+        with self._asked():
+            return self._client.attachment(entry, attachment)
+
+    def diagnostics(self) -> Sequence[Diagnostic]:
+        """Return a warning if the server does not answer."""
+        offline = self._client.offline
+        return () if offline is None else (warning("K033", f"{offline}; this is what was read from it before"),)
+
+    def close(self) -> None:
+        """Close the connection."""
+        self._client.close()
+
+    @contextmanager
+    def _asked(self) -> Iterator[None]:
+        try:
+            yield
+        except RefusedByChecks:
+            raise
+        except NoAnswer as problem:
+            raise BadInput([error("K031", str(problem), help="try again later")]) from None
+        except NotAsAgreed as problem:
+            raise BadInput([error("K032", f"{self.url}: {problem}")]) from None
+        except Refused as problem:
+            found = problem.diagnostics if isinstance(problem, Declined) else ()
+            raise BadInput([*found, error("K036", f"{self.url} refuses: {problem}")]) from None
 
 
 def verified(data: bytes, sha256: str, what: str) -> bytes:
@@ -107,8 +172,13 @@ def verified(data: bytes, sha256: str, what: str) -> bytes:
 
 def open_shelf(source: str, folders: Sequence[Path] = ()) -> Shelf:
     """Return the knowledge base of an address or a file. Raises BadInput if there is none."""
+    if "://" in source:
+        try:
+            return RemoteShelf(Client(source, cache=kept_answers()))
+        except ValueError as problem:
+            raise BadInput([error("K030", f"the server's address cannot be used: {problem}")]) from None
     path = Path(source)
     if not path.is_file():
-        advice = "name the file of a store, as planlang serve --store makes one"
+        advice = "name a server, or the file of a store, as planlang serve --store makes one"
         raise BadInput([error("C001", f"there is no knowledge base {source}", help=advice)])
     return LocalShelf(path, folders)

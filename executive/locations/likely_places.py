@@ -22,6 +22,7 @@ from planlang.failures import ObjectNowhereToBeFound
 from planlang.geometry import Array
 from planlang.ontology import Literal, Ontology, expand
 from planlang.runs.codec import dump, load
+from planlang.units import stated_number
 
 BELIEVED = 1.0
 """Likelihood of the place where such a thing is believed to be: what is usual is less likely."""
@@ -110,7 +111,7 @@ class UsualPlaces:
 
 def _number(value: object) -> float:
     try:
-        return max(0.0, float(value.value)) if isinstance(value, Literal) else 0.0
+        return max(0.0, stated_number(value, "Unitless")) if isinstance(value, Literal) else 0.0
     except ValueError:
         return 0.0
 

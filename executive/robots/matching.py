@@ -5,6 +5,7 @@ Three answers: available, missing, and unknown, when neither the self-model nor 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -24,6 +25,7 @@ from planlang.ontology import BNode, Literal, Ontology, Term, expand
 from planlang.ontology.expression_text import expression_of
 from planlang.ontology.expressions import Expression
 from planlang.ontology.terms import OWL, RDFS, XSD
+from planlang.units import stated_number, unit, unit_of
 
 DEEPEST = 30
 """Definitions inside definitions that are looked into."""
@@ -165,16 +167,28 @@ def _same(one: Term, other: Term | None) -> bool:
         return True
     if isinstance(one, Literal) and isinstance(other, Literal):
         try:
-            return one.number() == other.number()
+            return math.isclose(*_numbers(one, other), rel_tol=1e-9)
         except ValueError:
             return False
     return False
+
+
+def _numbers(one: Literal, other: Literal) -> tuple[float, float]:
+    """Return two numbers in one unit; raises ValueError if one is none, or their units have no common dimension."""
+    first, second = unit_of(one), unit_of(other)
+    if first is not None and second is not None and unit(first) is not None:
+        return one.number(), stated_number(other, first)
+    return stated_number(one), stated_number(other)
 
 
 def _of_datatype(value: Literal, datatype: str) -> bool | None:
     if datatype in (RDFS.Literal, value.datatype):
         return True
     stated = value.datatype or XSD.string
+    name = unit_of(value)
+    own, wanted = unit(name or ""), unit(local_name(datatype))
+    if own is not None and (datatype in _FRACTIONS or wanted is not None):
+        return wanted is None or own.dimension == wanted.dimension
     if datatype == XSD.string or not datatype.startswith(XSD):
         return stated == datatype if datatype.startswith(XSD) else None
     if stated in _WHOLE and (datatype in _FRACTIONS or datatype == XSD.integer):
@@ -197,7 +211,7 @@ def _facet(value: Term, facet: str, bound: Literal) -> bool | None:
     try:
         if name in lengths:
             return compared(lengths[name], int(bound.number()), [True] * len(value.value))
-        number, limit = value.number(), bound.number()
+        number, limit = _numbers(value, bound)
     except ValueError:
         return False
     match name:

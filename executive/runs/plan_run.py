@@ -108,6 +108,8 @@ class RunOptions:
     """The file for a log of where things and links are."""
     upload: Path | None = None
     """The file for maps that the plan uploads."""
+    update_map: Path | None = None
+    """The file for the map as the robot knows it at the end."""
     force: bool = False
     """Run although the robot lacks a capability, or the program a process module."""
     resume: RecordedRun | None = None
@@ -374,27 +376,33 @@ class Run:
         header: Mapping[str, object],
         past: Past | None,
     ) -> RunResult:
-        options = self.options
+        options, belief = self.options, executive.platform.belief
         listeners = [lines_of(lambda step, line: options.progress(f"{step / truth.rate:7.2f} s  {line}"))]
-        recording, tilts = None, Tilts(executive.platform.leaning)
+        tilts, written = Tilts(executive.platform.leaning), list[tuple[Path, Callable[[Path], object]]]()
         watchers: list[Callable[[PyBulletWorld], None]] = [tilts, *options.watchers]
+        if options.picture is not None:
+            meant = partial(_bodies_of, bound, belief, truth)  # at the end
+            written.append((options.picture, lambda path: truth.save_picture(path, of=tuple(meant()))))
         if options.record is not None:
             from executive.pictures.recording import Recording, drawn_in
 
-            drawn = drawn_in(truth)
-            film = recording = Recording(truth.rate, drawn, title=self.plan.name)
-            listeners.append(lines_of(recording.event))
+            film = Recording(truth.rate, drawn_in(truth), title=self.plan.name)
+            listeners.append(lines_of(film.event))
             watchers.append(lambda world: film.frame(world.steps))
-        log = None
+            written.append((options.record, film.save))
         if options.poses is not None:
-            from executive.runs.pose_log import PoseLog  # most runs leave none
+            from executive.runs.pose_log import PoseLog
 
-            log = PoseLog(truth, {**header, "seed": options.seed, "schedule": options.schedule})
-            watchers.append(log)
+            watchers.append(log := PoseLog(truth, {**header, "seed": options.seed, "schedule": options.schedule}))
+            written.append((options.poses, log.save))
+        if options.update_map is not None:
+            from executive.belief.map_updating import MapUpdate
+
+            listeners.append(update := MapUpdate(belief, {options.environment, *options.additions}, self.found))
+            written.append((options.update_map, update.save))
         trace = ListenedTrace.to(options.trace, header, tuple(listeners), past)
         world = _WatchedWorld(truth, watchers)
-        outcome, message = Outcome.DONE, "done"
-        failures: tuple[str, ...] = ()
+        outcome, message, failures = Outcome.DONE, "done", tuple[str, ...]()
         try:
             run(
                 body,
@@ -426,14 +434,9 @@ class Run:
             failures = (type(problem).__name__,)
         finally:
             trace.close()
-            if options.picture is not None:
-                meant = tuple(_bodies_of(bound, executive.platform.belief, truth))
-                write_complete(options.picture, partial(truth.save_picture, of=meant))
-            if recording is not None and options.record is not None:
-                write_complete(options.record, recording.save)
-            if log is not None and options.poses is not None:
-                write_complete(options.poses, log.save)
-        state = tuple(state_lines(truth, _bodies_of(bound, executive.platform.belief, truth)))
+            for path, save in written:
+                write_complete(path, save)
+        state = tuple(state_lines(truth, _bodies_of(bound, belief, truth)))
         return RunResult(outcome, message, state, tuple(self.found), truth.steps / truth.rate, failures, tilts)
 
     def _users_line(self, problem: Exception) -> str | None:

@@ -4,8 +4,8 @@ General layout: ``serving`` is what routes work with. ``vocabulary`` is what the
 checks and describes what it is given, with ``places`` of maps; ``catalogue`` finds it again for ``searching``,
 ``mirror`` for ``sparql``, and ``abilities`` compares it with robots. ``entries``, ``binaries`` and ``feed`` are routes;
 ``problems`` and ``records`` write answers, ``bodies`` bounds requests.
-``page`` and ``uploading`` are the web page: ``forms`` reads what it sends, ``details`` and ``sources`` are what it
-shows of a content, ``pages`` writes it by ``templates/`` and ``static/``.
+``page``, ``asking`` and ``uploading`` are the web page: ``forms`` reads what it sends, ``details`` and ``sources`` are
+what it shows of a content, ``pages`` writes it by ``templates/`` and ``static/``.
 """
 
 from __future__ import annotations
@@ -19,11 +19,12 @@ from typing import Any
 from anyio import to_thread
 from fastapi import APIRouter, FastAPI
 
-from executive.serving import binaries, entries, feed, page, searching, sparql, uploading
+from executive.serving import asking, binaries, entries, feed, page, searching, sparql, uploading
 from executive.serving.abilities import Abilities
 from executive.serving.bodies import BoundedBodies
 from executive.serving.catalogue import Catalogue
 from executive.serving.mirror import Mirror
+from executive.serving.pages import add_pages
 from executive.serving.problems import add_handlers
 from executive.serving.serving import Served, Serving
 from executive.serving.turns import MOST_THREADS
@@ -41,7 +42,7 @@ def healthy(served: Served) -> dict[str, Any]:
 
 ROUTERS = (
     *(health, searching.router, sparql.router, feed.router, binaries.router, entries.router),
-    *(page.router, uploading.router),
+    *(page.router, asking.router, uploading.router),
 )
 """In the order in which addresses are compared: those of entries, which take any first word, last."""
 
@@ -73,5 +74,6 @@ def application(store: Store, folders: Sequence[Path] = (), *, routers: Sequence
     for router in routers:
         app.include_router(router)
     add_handlers(app)
+    add_pages(app)
     app.add_middleware(BoundedBodies)
     return app

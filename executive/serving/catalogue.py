@@ -7,14 +7,16 @@ from __future__ import annotations
 
 import threading
 from bisect import bisect_right, insort
-from collections.abc import Callable, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import islice
 
 from executive.serving.uploads import describe, packed, unpacked
 from executive.serving.vocabulary import Vocabulary
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput
+from planlang.knowledge.answers import Links
 from planlang.knowledge.descriptions import Described, Description
 from planlang.knowledge.entries import Change, Entry, Kind
 from planlang.knowledge.index import Index
@@ -22,6 +24,8 @@ from planlang.knowledge.questions import read_question
 from planlang.knowledge.stores import Changed, NoSuchEntry, Store
 from planlang.ontology.expressions import Expression
 
+MOST_LINKS = 200
+"""Links of one subject that are listed."""
 _CONTENT = frozenset((Change.CREATED, Change.CHANGED))
 
 
@@ -33,23 +37,16 @@ class Listed:
     words: str
     """One a line."""
     place: Mapping[str, tuple[str, ...]]
+    links: Links = ()
+    """What the subject is linked to, also by what its classes require."""
 
-
-def fitting(kind: Kind | None, label: str | None, place: Mapping[str, str]) -> Callable[[Listed], bool] | None:
-    """Return whether an entry is of a kind, has a word with a part, and is of a place; None if nothing is asked."""
-    if kind is None and label is None and not place:
-        return None
-    part = (label or "").casefold()
-    wanted = {level: text.casefold() for level, text in place.items()}
-
-    def fits(listed: Listed) -> bool:
+    def fits(self, kind: Kind | None, part: str, place: Mapping[str, str]) -> bool:
+        """Return True for an entry of a kind, with a part of a label or name, of a room, floor, building, ..."""
         return (
-            kind in (None, listed.kind)
-            and part in listed.words
-            and all(text in listed.place.get(level, ()) for level, text in wanted.items())
+            kind in (None, self.kind)
+            and part in self.words
+            and all(text in self.place.get(level, ()) for level, text in place.items())
         )
-
-    return fits
 
 
 class Catalogue:
@@ -81,6 +78,13 @@ class Catalogue:
             names = self._names.copy()
         return read_question(text, self._vocabulary.names, names)
 
+    def asked(self, iri: str) -> str:
+        """Return how something is asked for: by its local name if that means nothing else."""
+        name = local_name(iri)
+        with self._lock:
+            meant = {*self._vocabulary.names.get(name, ())} or {*self._names.get(name, ())}
+        return name if meant == {iri} else f"<{iri}>"
+
     @property
     def stale(self) -> int:
         """The number of entries that :meth:`renew` has still to describe."""
@@ -104,18 +108,35 @@ class Catalogue:
         """Return names that may be asked for and that begin with a text, or else contain it, the shortest first."""
         wanted = text.casefold()
         with self._lock:
-            found = [name for name in {**self._vocabulary.names, **self._names} if wanted in name.casefold()]
+            names = [*self._vocabulary.names, *self._names]
+        found = [name for name in names if wanted in name.casefold()]
         return tuple(sorted(found, key=lambda name: (not name.casefold().startswith(wanted), len(name), name))[:most])
 
-    def find(self, expression: Expression | None, fits: Callable[[Listed], bool] | None = None) -> tuple[str, ...]:
-        """Return the entries that an expression includes and that fit otherwise, sorted. Raises CannotAnswer."""
+    def find(
+        self,
+        expression: Expression | None,
+        kind: Kind | None = None,
+        label: str | None = None,
+        place: Mapping[str, str] | None = None,
+    ) -> tuple[str, ...]:
+        """Return the entries that an expression includes and that fit otherwise, sorted. Raises CannotAnswer.
+
+        ``label``: a part of a label or name. ``place``: the room, floor, building, ... by number, label or name.
+        """
+        part = (label or "").casefold()
+        wanted = {level: text.casefold() for level, text in (place or {}).items()}
         with self._lock:
             self._follow()
             uids = tuple(self._uids[None] if expression is None else self._index.answers(expression))
-            listed = [self._listed[uid] for uid in uids] if fits is not None else []
-        if fits is None:
-            return uids
-        return tuple(uid for uid, one in zip(uids, listed, strict=True) if fits(one))
+            if kind is None and not part and not wanted:
+                return uids
+            listed = [self._listed[uid] for uid in uids]
+        return tuple(uid for uid, one in zip(uids, listed, strict=True) if one.fits(kind, part, wanted))
+
+    def links(self, uid: str) -> Links:
+        """Return the properties and classes that an entry's subject is linked to; nothing for one that is not there."""
+        listed = self._listed.get(uid)
+        return () if listed is None else listed.links
 
     def _follow(self) -> None:
         while news := self._store.news(self._seen):
@@ -142,7 +163,7 @@ class Catalogue:
             place[level] = (*place.get(level, ()), text.casefold())
         self._index.add(entry.uid, description)
         self._add_names(description)
-        self._listed[entry.uid] = Listed(entry.kind, "\n".join(words), place)
+        self._listed[entry.uid] = Listed(entry.kind, "\n".join(words), place, tuple(_links(description)))
         for kind in (None, entry.kind):
             insort(self._uids[kind], entry.uid)
 
@@ -179,3 +200,10 @@ class Catalogue:
         with self._lock:
             self._stale.pop(uid, None)
         return True
+
+
+def _links(description: Description) -> Iterator[tuple[str, str]]:
+    root, *_ = description.nodes
+    found = ((prop, one if isinstance(one, str) else description.nodes[one].labels) for prop, one in root.links)
+    each = ((prop, label) for prop, stated in found for label in ((stated,) if isinstance(stated, str) else stated))
+    yield from islice((one for one in each if not one[1].startswith("{")), MOST_LINKS)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from itertools import islice
 
 from executive.robots import requirements
 from executive.serving.sources import LARGEST_SHOWN
+from executive.serving.turns import TURNS
 from executive.serving.uploads import load_upload, unpacked
 from executive.serving.vocabulary import Vocabulary
 from planlang.compiler import compile_ontology
@@ -48,11 +50,16 @@ def details_of(entry: Entry, data: bytes, vocabulary: Vocabulary) -> Details | N
     """Return what a recipe's revision shows; None for other kinds and contents that are too large."""
     if entry.kind is not Kind.RECIPE or len(data) > LARGEST_SHOWN:
         return None
-    try:
-        ontology = load_upload(entry.uid.partition(".")[2], data, vocabulary)
-        plan = compile_ontology(ontology, task=entry.about)
-    except BadInput as problem:
-        return Details(diagnostics=problem.diagnostics)
+    with TURNS:
+        try:
+            return _details(entry, data, vocabulary)
+        except BadInput as problem:
+            return Details(diagnostics=problem.diagnostics)
+
+
+def _details(entry: Entry, data: bytes, vocabulary: Vocabulary) -> Details:
+    ontology = load_upload(entry.uid.partition(".")[2], data, vocabulary)
+    plan = compile_ontology(ontology, task=entry.about)
     steps = sum(len(recipe.steps) for recipe in plan.recipes.recipes.values())
     drawing = figure(task_graph(plan.recipes, plan.added, plan.recoveries)) if steps <= MOST_STEPS else ""
     capabilities, components = _required(ontology, plan.recipes)
@@ -76,27 +83,35 @@ def _listed(found: Mapping[str, tuple[str, ...]]) -> tuple[Required, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Known:
-    """What an entry is found by: the names of its classes, class expressions that it is in, and its place."""
+    """What an entry is found by: class expressions that it is in, as shown and as asked, and names of its place."""
 
-    classes: tuple[str, ...] = ()
-    expressions: tuple[str, ...] = ()
+    classes: Mapping[str, str] = field(default_factory=dict)
+    expressions: Mapping[str, str] = field(default_factory=dict)
     place: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
-def known_of(stored: bytes, vocabulary: Vocabulary) -> Known:
-    """Return what a stored description says; nothing for one that an earlier version wrote."""
+def known_of(stored: bytes, vocabulary: Vocabulary, asked: Callable[[str], str]) -> Known:
+    """Return what a stored description says; nothing for one that an earlier version wrote.
+
+    ``asked`` returns how a class or a property is asked for: by its local name, or by its IRI.
+    """
     description, _ = unpacked(stored, vocabulary)
     if description is None or not description.nodes:
         return Known()
+
     root = description.nodes[0]
-    expressions: dict[str, None] = {}
+    classes = {local_name(label): asked(label) for label in _classes(root.labels)[:MOST_CLASSES]}
+    expressions: dict[str, str] = {}
     for prop, target in root.links:
         labels = (target,) if isinstance(target, str) else description.nodes[target].labels
-        cls = next((label for label in labels if label != THING and not label.startswith("{")), None)
-        if cls is not None:
-            expressions[f"{local_name(prop)} some {local_name(cls)}"] = None
+        for cls in _classes(labels)[:1]:
+            expressions[f"{local_name(prop)} some {local_name(cls)}"] = f"{asked(prop)} some {asked(cls)}"
     place: dict[str, tuple[str, ...]] = {}
     for level, text in description.place[:MOST_PLACES]:
         place[level] = (*place.get(level, ()), text)
-    classes = dict.fromkeys(local_name(label.strip("{}")) for label in root.labels if label != THING)
-    return Known(tuple(classes)[:MOST_CLASSES], tuple(expressions)[:MOST_CLASSES], place)
+    return Known(classes, dict(islice(expressions.items(), MOST_CLASSES)), place)
+
+
+def _classes(labels: Iterable[str]) -> list[str]:
+    """Return the IRIs of classes among labels, without individuals and what everything is."""
+    return [label for label in labels if label != THING and not label.startswith("{")]

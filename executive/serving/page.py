@@ -15,28 +15,22 @@ from urllib.parse import urlencode
 
 from fastapi import APIRouter, Depends, Query, Request, Response
 from fastapi.responses import RedirectResponse
-from pydantic import ValidationError
 
 from executive.serving.abilities import Judgement
+from executive.serving.asking import JUDGED, self_model, sent_model, stored_robots
 from executive.serving.details import details_of, known_of
 from executive.serving.entries import MOST_LISTED, known, listing
 from executive.serving.forms import Filled, Form
 from executive.serving.pages import FILES, HEADERS, PageRoute, page
 from executive.serving.problems import REFUSALS, Problem, Refusal, refusal
-from executive.serving.searching import Question, answered
 from executive.serving.serving import Served, Serving, now
 from executive.serving.sources import LARGEST_SHOWN, MOST_SHOWN, lines_of, text_of
 from planlang.diagnostics import BadInput, Diagnostic
 from planlang.files import decode
 from planlang.knowledge.entries import HIGHEST_RATING, LOWEST_RATING, Entry, Kind
-from planlang.knowledge.places import LEVELS
 from planlang.knowledge.stores import NoSuchEntry
 
-MOST_ROBOTS = 20
-"""Robots of the store that an entry is compared with unasked, and that are offered for a search."""
 MOST_NAMES, MOST_NEWS = 12, 8
-
-_JUDGED = (Kind.RECIPE, Kind.OBJECT, Kind.ENVIRONMENT)
 
 
 def _kind(request: Request) -> Kind:
@@ -78,61 +72,6 @@ def names(served: Served, start: Annotated[str, Query(min_length=1, max_length=1
     return {"names": served.catalogue.names_like(start, MOST_NAMES)}
 
 
-# search
-
-
-@router.get("/search")
-def search(request: Request, served: Served) -> Response:
-    """Return what fits a question, and what a robot can do of it."""
-    asked = {name: text.strip() for name, text in request.query_params.items() if text.strip()}
-    robot = asked.pop("robot", "")
-    asked = {name: text for name, text in asked.items() if name in Question.model_fields}
-    if robot and not asked:
-        asked["kind"] = Kind.RECIPE.value
-    shown: dict[str, Any] = {"asked": asked, "robot": robot, "robots": _robots(served), "levels": tuple(LEVELS)}
-    shown |= {"reason": "", "diagnostics": (), "found": None, "onward": None}
-    if not asked:
-        return page("search", **shown)
-    try:
-        found = _found(served, asked, robot)
-    except REFUSALS as problem:
-        _, shown["reason"], shown["diagnostics"] = refusal(problem)
-        return page("search", **shown)
-    if found["next"]:
-        shown["onward"] = "/search?" + urlencode(asked | {"robot": robot, "after": found["next"]})
-    return page("search", **shown | {"found": found["entries"]})
-
-
-def _found(served: Serving, asked: dict[str, str], robot: str) -> dict[str, Any]:
-    try:
-        question = Question.model_validate(asked)
-    except ValidationError as problem:
-        reasons = "; ".join(f"{'.'.join(map(str, one['loc']))}: {one['msg']}" for one in problem.errors())
-        raise Problem(HTTPStatus.UNPROCESSABLE_ENTITY, reasons) from None
-    model = _self_model(served, known(served, Kind.ROBOT, robot)) if robot else None
-
-    def shown(entry: Entry) -> dict[str, Any]:
-        is_judged = model is not None and entry.kind in _JUDGED
-        return {"entry": entry, "judgement": served.abilities.of(model or "", entry) if is_judged else None}
-
-    return answered(question, served, shown)
-
-
-def _robots(served: Serving) -> list[Entry]:
-    found = []
-    for uid in served.catalogue.uids(Kind.ROBOT, limit=MOST_ROBOTS):
-        with suppress(NoSuchEntry):  # deleted in the meantime
-            found.append(served.store.entry(uid))
-    return found
-
-
-def _self_model(served: Serving, robot: Entry) -> str:
-    return decode(served.store.content(robot.uid), robot.uid)
-
-
-# entries
-
-
 @dataclass(frozen=True, slots=True)
 class Compared:
     """An entry compared with a robot; ``reason`` says why it cannot be. ``robot`` is None for a model sent along."""
@@ -169,12 +108,18 @@ def read(
     return _entry_page(served, known(served, kind, uid), revision, robot=robot.strip())
 
 
+@_entries.get("/{uid}/{part}")
+def part_of(kind: OfKind, uid: str, part: str) -> Response:
+    """Lead from the address of a form, if it is opened as a page, to its entry."""
+    return RedirectResponse(f"/{kind.value}/{uid}", HTTPStatus.SEE_OTHER, HEADERS)
+
+
 @_entries.post("/{uid}/robots")
 def compare(kind: OfKind, uid: str, served: Served, form: Filled) -> Response:
     """Return the page of an entry, compared with a self-model that was sent along."""
     entry = known(served, kind, uid)
     try:
-        data = form.files.get("model") or form.text("text").encode()
+        data = sent_model(form)
         if not data:
             raise Problem(HTTPStatus.UNPROCESSABLE_ENTITY, "choose the file of a self-model")
         sent = Compared(None, served.abilities.of(decode(data, "model"), entry))
@@ -231,8 +176,8 @@ def _entry_page(
         size=len(data),
         lines=None if text is None else lines_of(text),
         details=details_of(entry, data, served.vocabulary),
-        known=known_of(served.store.description(entry.uid), served.vocabulary),
-        is_judged=entry.kind in _JUDGED,
+        known=known_of(served.store.description(entry.uid), served.vocabulary, served.catalogue.asked),
+        is_judged=entry.kind in JUDGED,
         robot=robot,
         robots=[*([sent] if sent else []), *_compared(served, entry, robot, len(data))],
         ratings=range(LOWEST_RATING, HIGHEST_RATING + 1),
@@ -244,15 +189,15 @@ def _entry_page(
 
 def _compared(served: Serving, entry: Entry, asked: str, size: int) -> list[Compared]:
     """Return what robots of the store can do of an entry: the one that is asked for, and others if that is quick."""
-    if entry.kind not in _JUDGED:
+    if entry.kind not in JUDGED:
         return []
     robots = [known(served, Kind.ROBOT, asked)] if asked else []
     if size <= LARGEST_SHOWN:
-        robots += (robot for robot in _robots(served) if robot.uid != asked)
+        robots += (robot for robot in stored_robots(served) if robot.uid != asked)
     found = []
     for robot in robots:
         try:
-            found.append(Compared(robot, served.abilities.of(_self_model(served, robot), entry)))
+            found.append(Compared(robot, served.abilities.of(self_model(served, robot), entry)))
         except BadInput as problem:  # it was taken when more was known, or by another version
             found.append(Compared(robot, None, refusal(problem)[1]))
     return found

@@ -8,16 +8,16 @@ from http import HTTPStatus
 from pathlib import Path
 from typing import Any
 
-from fastapi import Request, Response
+from fastapi import FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import HTMLResponse
 from fastapi.routing import APIRoute
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from executive.serving.problems import REFUSALS, refusal
+from executive.serving.problems import REFUSALS, problem_response, refusal
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic
-from planlang.knowledge.entries import Kind
+from planlang.knowledge.entries import Kind, Syntax
 
 _HERE = Path(__file__).parent
 HEADERS = {
@@ -38,6 +38,8 @@ FILES = {
 """Names of the files that pages use -> their content and media type."""
 _VERSION = sha256(b"".join(content for content, _ in FILES.values())).hexdigest()[:12]
 
+_SUFFIXES = {Syntax.RDFXML: ".owl", Syntax.TURTLE: ".ttl", Syntax.MANCHESTER: ".omn"}
+
 _templates = Environment(
     loader=FileSystemLoader(_HERE / "templates"),
     autoescape=True,
@@ -48,6 +50,7 @@ _templates = Environment(
 _templates.globals |= {"kinds": tuple(Kind), "version": _VERSION}
 _templates.filters |= {
     "local_name": local_name,
+    "suffix": _SUFFIXES.get,
     "when": lambda time: time.replace("T", " ").removesuffix("Z") + " UTC",
     "bytes": lambda size: f"{size:,} bytes" if size < 10_000 else f"{size / 1000:,.0f} kB",
 }
@@ -74,6 +77,16 @@ class PageRoute(APIRoute):
                 return _refused(HTTPStatus.UNPROCESSABLE_ENTITY, "; ".join(one["msg"] for one in problem.errors()))
 
         return handled
+
+
+def add_pages(app: FastAPI) -> None:
+    """Let an application answer with a page where nothing is, outside of what programs call."""
+
+    @app.exception_handler(HTTPStatus.NOT_FOUND)
+    def nowhere(request: Request, problem: Exception) -> Response:
+        if request.url.path.startswith("/v1/"):
+            return problem_response(HTTPStatus.NOT_FOUND, getattr(problem, "detail", HTTPStatus.NOT_FOUND.phrase))
+        return _refused(HTTPStatus.NOT_FOUND, "there is no page at this address")
 
 
 def _refused(status: HTTPStatus, reason: str, diagnostics: Sequence[Diagnostic] = ()) -> Response:

@@ -9,7 +9,6 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Query
 from pydantic import BaseModel, ConfigDict, Field
 
-from executive.serving.catalogue import fitting
 from executive.serving.entries import MOST_LISTED, listing
 from executive.serving.problems import Problem
 from executive.serving.records import record
@@ -73,8 +72,12 @@ def answered(question: Question, served: Serving, shown: Callable[[Entry], dict[
     catalogue, place = served.catalogue, {level: text for level in LEVELS if (text := getattr(question, level))}
     expression = None if question.expression is None else catalogue.question(question.expression)
     try:
-        found = catalogue.find(expression, fitting(question.kind, question.label, place))
+        found = catalogue.find(expression, question.kind, question.label, place)
     except CannotAnswer as problem:
         raise Problem(HTTPStatus.UNPROCESSABLE_ENTITY, str(problem)) from None
     after = question.after or ""
-    return listing(served, tuple(uid for uid in found if uid > after), question.limit, shown)
+
+    def linked(entry: Entry) -> dict[str, Any]:
+        return shown(entry) | {"links": served.catalogue.links(entry.uid)}
+
+    return listing(served, tuple(uid for uid in found if uid > after), question.limit, linked)

@@ -224,7 +224,7 @@ class _Writer:
         self._number(node, EXPERIENCE.atStep, one.step)
         self._say(node, EXPERIENCE.resolves, self._designator(one.designator))
         self._text(node, EXPERIENCE.resolvedAs, one.to.value)
-        self._text(node, EXPERIENCE.text, one.value)
+        self._text(node, EXPERIENCE.value, one.value)
         self._json(node, EXPERIENCE.base, None if one.base is None else list(one.base))
         self._json(node, EXPERIENCE.details, one.details or None)
         if one.to is ResolvedTo.THING and one.designator.text in self._named:

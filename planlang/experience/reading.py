@@ -148,7 +148,7 @@ class _Reader:
             self._whole(node, EXPERIENCE.atStep),
             self._designator(self._one(node, EXPERIENCE.resolves)),
             ResolvedTo(to),
-            self._text(node, EXPERIENCE.text),
+            self._text(node, EXPERIENCE.value),
             None if base is None else tuple(map(float, base)),
             self._json(node, EXPERIENCE.details, {}),
             self._failed(node),

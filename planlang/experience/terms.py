@@ -22,7 +22,7 @@ EXPERIENCE = Namespace(
     details describedBy endStep environment event failedWith filler hasCause hasOccurrence hasResolution
     includesFailure includesRecoveredFailure isWhole json kind message nodeName number other
     parameters planName property rate recoveredFrom recipe resolvedAs resolvedTo resolves result robot schedule seed
-    text thingIri thingKind thingType typeName where began""",
+    text thingIri thingKind thingType typeName value where began""",
 )
 PREFIXES = {"dul": str(DUL), "soma": str(SOMA), "experience": str(EXPERIENCE)}
 

@@ -79,7 +79,7 @@ class _Open:
 class _Reader:
     def __init__(self) -> None:
         self._header: Mapping[str, Any] = {}
-        self._rate = 1.0
+        self._rate, self._plan = 1.0, ""
         self._open: dict[int, _Open] = {}
         self._things: dict[str, Thing] = {}
         self._bound: dict[str, str] = {}
@@ -89,7 +89,7 @@ class _Reader:
     def read(self, record: Mapping[str, Any]) -> None:
         event, step = str(record["event"]), int(record["step"])
         if event == "header":
-            self._header, self._rate = record, _number(record.get("rate"))
+            self._header, self._rate, self._plan = record, _number(record.get("rate")), _text(record.get("plan"))
             if not 0 < self._rate <= MOST_STEPS:
                 raise ValueError("the rate is no number of steps per second")
         if step > min(LATEST, self._rate * LONGEST):
@@ -140,7 +140,7 @@ class _Reader:
         if len(self._open) == MOST_ACTIVITIES:
             raise ValueError(f"more than {MOST_ACTIVITIES:,} nodes")
         parent = record["parent"]
-        if parent is not None and (type(parent) is not int or parent not in self._open):
+        if parent is not None and (type(parent) is not int or parent not in self._open or parent > number):
             raise ValueError("the node around this one has not started")
         found = self._open[number] = _Open(number, parent, _text(record["kind"]), _text(record["name"]))
         return found
@@ -185,7 +185,7 @@ class _Reader:
         numbers = {name: _whole(header.get(name)) for name in ("seed", "schedule")}
         activities = tuple(self._activities())
         return Experience(
-            _text(header.get("plan") or "plan"),
+            self._plan,
             self._rate,
             words["iri"],
             numbers["seed"],

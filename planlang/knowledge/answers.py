@@ -11,13 +11,14 @@ from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from enum import Enum
 from types import NoneType, UnionType
-from typing import Any, TypeVar, get_args, get_origin, get_type_hints
+from typing import Any, get_args, get_origin, get_type_hints
 
 from planlang.diagnostics import Diagnostic, Severity, Span
 from planlang.knowledge.entries import Entry, News
 from planlang.knowledge.stores import Changed, EntryExists, NoSuchEntry, NotTheAuthor, Refused
 
-T = TypeVar("T")
+Links = tuple[tuple[str, str], ...]
+"""Pairs of a property and a class (IRIs)."""
 
 LONGEST_TEXT = 10_000
 """Characters of a text in an answer that are kept."""
@@ -70,6 +71,8 @@ class Found:
     entry: Entry
     can: str | None = None
     missing: tuple[Lack, ...] = ()
+    links: Links = ()
+    """What the entry's subject is linked to, also by what its classes require."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +110,11 @@ def read_found(data: object) -> Found:
     """Return what was found, and what a robot lacks for it. Raises NotAsAgreed."""
     record = data if isinstance(data, dict) else {}
     missing = read_as(tuple[Lack, ...], record.get("missing", []))
-    return Found(read_entry(data), read_as(str | None, record.get("can")), missing)
+    pairs = read_as(tuple[tuple[str, ...], ...], record.get("links", []))
+    if any(len(one) != 2 for one in pairs):
+        raise NotAsAgreed("a link of an entry is no pair of property and class")
+    links = tuple((prop, target) for prop, target in pairs)
+    return Found(read_entry(data), read_as(str | None, record.get("can")), missing, links)
 
 
 def read_taken(data: Mapping[str, Any]) -> Taken:

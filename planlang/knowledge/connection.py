@@ -30,7 +30,7 @@ FIRST_PAUSE, LONGEST_PAUSE = 0.5, 60.0
 """Seconds before a request is sent again: the first time, and the longest that a server may ask for."""
 _AGAIN = (429, 502, 503, 504)
 _UNANSWERED = (502, 503, 504)
-_TIMEOUT = httpx.Timeout(60.0, connect=10.0)
+_TIMEOUT = httpx.Timeout(30.0, connect=10.0)
 
 
 def kept_answers() -> Cache:
@@ -141,8 +141,8 @@ class Connection:
                 body += part
                 if len(body) > LARGEST:
                     raise NotAsAgreed(f"the answer has more than {LARGEST // 1_000_000} MB")
-                if time.monotonic() > until:
-                    raise httpx.ReadTimeout(f"the answer takes longer than {LONGEST_ANSWER:.0f} s")
+                if time.monotonic() > until:  # the next one would take as long
+                    raise NoAnswer(f"{self.url} does not answer within {LONGEST_ANSWER:.0f} s")
         finally:
             answer.close()
         return Reply(answer.status_code, {name.lower(): value for name, value in answer.headers.items()}, bytes(body))

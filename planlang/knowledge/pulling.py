@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from typing import Protocol
 
 from planlang.diagnostics import BadInput, error, has_errors
 from planlang.knowledge.answers import NotAsAgreed
-from planlang.knowledge.client import Client
-from planlang.knowledge.entries import Entry, Syntax
+from planlang.knowledge.entries import Attachment, Entry, Revision, Syntax
 from planlang.knowledge.pulled import Origin, check_free, is_as_pulled, record
 from planlang.outputs import replace
 
@@ -18,8 +18,25 @@ MOST_FILES, LARGEST_ENTRY = 1_000, 2_000_000_000
 """Files of an entry that are pulled, and bytes of all of them."""
 
 
+class Source(Protocol):
+    """What an entry is pulled from: a client of a server, or a store of this machine."""
+
+    @property
+    def url(self) -> str:
+        """Where it is, as the record of what was pulled has it."""
+
+    def revision(self, entry: Entry, number: int | None = None) -> Revision:
+        """Return a revision of an entry, the last one unless told otherwise."""
+
+    def content(self, entry: Entry, revision: int | None = None) -> bytes:
+        """Return the content of a revision, checked against its digest."""
+
+    def attachment(self, entry: Entry, attachment: Attachment) -> bytes:
+        """Return a file of an entry, checked against its digest."""
+
+
 def pull(
-    client: Client, entry: Entry, folder: Path, *, revision: int | None = None, force: bool = False
+    client: Source, entry: Entry, folder: Path, *, revision: int | None = None, force: bool = False
 ) -> tuple[Path, ...]:
     """Write an entry into a folder, which is made; returns its files, the ontology first.
 

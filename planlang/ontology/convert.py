@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from enum import Enum
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from planlang.ontology.checks import malformed, repair
 from planlang.ontology.documents import base_of, read_bytes, read_syntax
 from planlang.ontology.manchester_writer import manchester
 from planlang.ontology.nested_writers import ntriples, rdfxml, turtle
-from planlang.ontology.terms import OWL, RDF, BNode, Term, Triple
+from planlang.ontology.terms import OWL, RDF, BNode, Literal, Term, Triple
 
 
 class Target(Enum):
@@ -51,25 +51,33 @@ def write(triples: Iterable[Triple], target: Target, prefixes: Mapping[str, str]
             return rdfxml(given, prefixes, name)
 
 
-def convert(path: Path, target: Target) -> Converted:
+def convert(path: Path, target: Target, value: Callable[[Literal], Literal] | None = None) -> Converted:
     """Read a file in any syntax and write it in another; its imports are left as they are.
 
+    ``value`` changes values: their units.
     The text is read again and compared: what is lost, or said otherwise, is told. Mistakes that were repaired on
     reading are repaired in the text, too, and told. Raises BadInput if the file cannot be read.
     """
-    return convert_content(read_bytes(path), path, target)
+    return convert_content(read_bytes(path), path, target, value)
 
 
-def convert_content(content: bytes, path: Path, target: Target) -> Converted:
+def convert_content(
+    content: bytes, path: Path, target: Target, value: Callable[[Literal], Literal] | None = None
+) -> Converted:
     """Write what is or was in a file of some name in another syntax, as :func:`convert` does."""
     file = str(path)
     base = base_of(path)
     parsed = read_syntax(content, file, base=base, label="b")
-    triples, repairs = parsed.triples, repair(parsed.triples)
+    repairs = repair(parsed.triples)
+    triples: Sequence[Triple] = list(parsed.triples)
+    if value is not None:
+        triples = [
+            replace(one, object=value(one.object)) if isinstance(one.object, Literal) else one for one in triples
+        ]
     text, lost = write(triples, target, parsed.prefixes)
     again = read_syntax(text.encode(), "the text", base=base, label="b").triples if text.strip() else ()
     compared = _compared(triples, lost, again, target, Span(file))
-    return Converted(text, tuple(triples), (*parsed.diagnostics, *repairs, *malformed(triples), *compared))
+    return Converted(text, tuple(triples), (*parsed.diagnostics, *repairs, *malformed(parsed.triples), *compared))
 
 
 def _compared(

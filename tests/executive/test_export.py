@@ -10,9 +10,12 @@ import pytest
 from typer.testing import CliRunner
 
 from executive.cli.app import app
+from planlang.designators import local_name
 from planlang.experience import experience_of, narrative, read_narrative
 from planlang.experience.model import ResolvedTo
 from planlang.experience.poses import read_poses
+from planlang.files import bundled
+from planlang.ontology import load
 from planlang.runs.recorded_run import read_records
 
 
@@ -138,3 +141,15 @@ def test_a_run_that_was_pushed_is_found_by_what_was_recovered_in_it(run: Path, t
     assert refused.status_code == 422
     assert refused.json()["diagnostics"][0]["code"] == "K080"
     store.close()
+
+
+def test_each_word_for_experience_has_one_meaning_for_a_server() -> None:
+    pytest.importorskip("fastapi", reason="the server is in the extra serve")
+    from executive.serving.vocabulary import read_vocabulary
+
+    names = read_vocabulary().names
+    words = load(bundled("ontologies") / "experience.omn", builtin=False).alone()
+    stated = {term for term in words.store.terms if isinstance(term, str) and words.main(term)}
+    used = {local_name(term) for term in stated if words.defined(term) or words.is_property(term)}
+    assert used >= {"Episode", "GraspMissed", "includesRecoveredFailure", "hasConstituent", "Resolution"}
+    assert {word: names[word] for word in used if len(names[word]) != 1} == {}

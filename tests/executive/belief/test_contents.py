@@ -31,6 +31,23 @@ def test_what_is_in_a_vessel_without_a_place_is_its_content(map_of: Read, thing:
     assert "M012" not in [one.code for one in found]
 
 
+@pytest.mark.parametrize(("amount", "unit", "content"), [("0.25", "Liter", 250.0), ("1", "CupUS", 236.5882365)])
+def test_an_amount_in_any_unit_of_volume_is_in_millilitres(
+    map_of: Read, thing: Write, seen: Write, amount: str, unit: str, content: float
+) -> None:
+    milk = inside("milk1", "Milk", "cup1", f'amount "{amount}"^^<http://qudt.org/vocab/unit#{unit}>')
+    scene = scene_of(map_of(thing(*CUP), seen("cup1", (1, 0, 0.05)), milk))
+    assert scene.body("cup1").content == (Portion("Milk", content, ("milk1",)),)
+
+
+def test_an_amount_in_a_unit_of_another_dimension_is_left_out(map_of: Read, thing: Write, seen: Write) -> None:
+    found: list[Diagnostic] = []
+    milk = inside("milk1", "Milk", "cup1", 'amount "5"^^<http://qudt.org/vocab/unit#Meter>')
+    scene = scene_of(map_of(thing(*CUP), seen("cup1", (1, 0, 0.05)), milk), found)
+    assert scene.body("cup1").content == (Portion("Milk", 100.0, ("milk1",)),)
+    assert "M030" in [one.code for one in found]
+
+
 @pytest.mark.parametrize(("cls", "amount"), [("EggYolk-Food", 20.0), ("CowsMilk-Product", 100.0)])
 def test_an_amount_that_is_not_stated_is_that_of_the_class(
     map_of: Read, thing: Write, seen: Write, cls: str, amount: float

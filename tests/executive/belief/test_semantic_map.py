@@ -24,6 +24,7 @@ from sim.people import figure_of, reach_from
 
 Read = Callable[..., SemanticMap]
 Write = Callable[..., str]
+UNIT = "http://qudt.org/vocab/unit#"
 BOX = (0.4, 0.8, 0.8)
 
 
@@ -142,6 +143,31 @@ def test_a_size_may_be_one_literal_and_a_length_may_have_a_unit(map_of: Read, th
         seen("box2", (0, 0, 0)),
     )
     assert [box.size for box in semantic_map.objects] == [(0.1, 0.2, 0.3), (0.1, 0.2, 0.25)]
+
+
+def test_numbers_of_a_map_may_be_in_any_unit_of_their_dimension(map_of: Read, thing: Write, seen: Write) -> None:
+    box = thing("box1", "Box-Container", (0.1, 0.2, None), f'heightOfObject "1.5"^^<{UNIT}Foot>')
+    semantic_map = map_of(box, seen("box1", (0, 0, 0)).replace("m03 0.0", f'm03 "35"^^<{UNIT}Centimeter>'))
+    (box1,) = semantic_map.objects
+    assert box1.size == (0.1, 0.2, 0.4572)
+    assert box1.pose is not None
+    assert box1.pose.position == (0.35, 0, 0)
+
+
+def test_a_number_in_a_unit_of_another_dimension_is_left_out(map_of: Read, thing: Write, seen: Write) -> None:
+    box = thing("box1", "Box-Container", (0.1, 0.2, None), f'heightOfObject "25"^^<{UNIT}Kilogram>')
+    semantic_map = map_of(box, seen("box1", (0, 0, 0)))
+    (box1,), (wrong, *_) = semantic_map.objects, semantic_map.diagnostics
+    assert box1.size is None or box1.size[2] != 25
+    assert (wrong.code, wrong.severity) == ("M030", Severity.WARNING)
+    assert wrong.message == "heightOfObject is left out: Kilogram is measured in kg, not in m"
+
+
+def test_a_number_in_an_unknown_unit_is_read_without_it(map_of: Read, thing: Write, seen: Write) -> None:
+    box = thing("box1", "Box-Container", (0.1, 0.2, None), f'heightOfObject "0.3"^^<{UNIT}Cubit>')
+    semantic_map = map_of(box, seen("box1", (0, 0, 0)))
+    assert semantic_map.objects[0].size == (0.1, 0.2, 0.3)
+    assert [one.code for one in semantic_map.diagnostics] == ["M030"]
 
 
 def test_two_things_of_one_local_name_keep_names_of_their_own(map_of: Read, thing: Write, seen: Write) -> None:

@@ -13,9 +13,17 @@ from typer.testing import CliRunner
 
 from executive.cli.app import app
 from tests.support.knowledge_bases import PIECES, hospital
+from tests.support.servers import running_server
+
+FOLDERS = (
+    "recipes/serveadrink.ward",
+    "environments/hospital_room.ward",
+    "objects/drinkingbottlemodel.ada",
+    "objects/patientmodel.ada",
+)
 
 
-def enable(store: Path, folder: Path, *words: str, task: str = "serve_a_drink") -> tuple[int, dict[str, Any]]:
+def enable(store: Path | str, folder: Path, *words: str, task: str = "serve_a_drink") -> tuple[int, dict[str, Any]]:
     words = ("enable", task, "--robot", "amigo", "--from", str(store), "--store", str(folder), "--json", *words)
     result = CliRunner().invoke(app, words, catch_exceptions=False)
     return result.exit_code, json.loads(result.stdout)
@@ -32,12 +40,27 @@ def test_a_robot_that_has_nothing_takes_exactly_what_it_needs_and_serves_the_dri
     assert sorted(found["taken"]) == sorted(PIECES.values())
     assert files(tmp_path / "amigo") == {
         "taken.json",
-        "recipes/serveadrink.ward.omn",
-        "environments/hospital_room.ward.omn",
-        "objects/drinkingbottlemodel.ada.omn",
-        "objects/patientmodel.ada.omn",
+        *(f"{folder}/.planlang-pulled.json" for folder in FOLDERS),
+        "recipes/serveadrink.ward/serveadrink.ward.omn",
+        "environments/hospital_room.ward/hospital_room.ward.omn",
+        "objects/drinkingbottlemodel.ada/drinkingbottlemodel.ada.omn",
+        "objects/patientmodel.ada/patientmodel.ada.omn",
         "objects/patientmodel.ada/patient.model",
     }
+
+
+def test_the_same_from_a_server(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    hospital(tmp_path / "kb.sqlite").close()
+    local = enable(tmp_path / "kb.sqlite", tmp_path / "from_file")
+    with running_server(tmp_path / "kb.sqlite") as server:
+        code, found = enable(server.url, tmp_path / "amigo")
+    assert (code, found["taken"]) == (local[0], local[1]["taken"]) == (0, found["taken"])
+    assert files(tmp_path / "amigo") == files(tmp_path / "from_file")
+    code, found = enable(server.url, tmp_path / "other")
+    assert (code, [one["code"] for one in found["diagnostics"]]) == (0, ["K033"])
+    code, found = enable("http://127.0.0.1:9", tmp_path / "none")
+    assert (code, [one["code"] for one in found["diagnostics"]]) == (2, ["K031"])
 
 
 @pytest.mark.parametrize(("piece", "uid"), PIECES.items())

@@ -40,6 +40,7 @@ Prefix: : <http://example.org/kitchen.owl#>
 Prefix: knowrob: <http://knowrob.org/kb/knowrob.owl#>
 Prefix: srdl2-cap: <http://knowrob.org/kb/srdl2-cap.owl#>
 Prefix: srdl2-comp: <http://knowrob.org/kb/srdl2-comp.owl#>
+Prefix: unit: <http://qudt.org/vocab/unit#>
 Prefix: xsd: <http://www.w3.org/2001/XMLSchema#>
 Prefix: owl: <http://www.w3.org/2002/07/owl#>
 Ontology: <http://example.org/kitchen.owl>
@@ -108,10 +109,11 @@ Class: :Spout
 Class: :Kettle
     SubClassOf: :Spout
 DataProperty: :litres
+DataProperty: :length
 ObjectProperty: :cleanedBy
 Individual: :left
     Types: :Kettle
-    Facts: :litres 1.5, :cleanedBy :right
+    Facts: :litres 1.5, :cleanedBy :right, :length "30"^^unit:Centimeter
 Individual: :right
     Types: :Spout
     Facts: :litres 0.5
@@ -160,6 +162,11 @@ CLAIM = ", srdl2-cap:hasCapability some :PouringCapability"
         (needing("some (:litres value 0.5)"), "", True),
         (needing("some (inverse :cleanedBy value :left)"), "", True),
         (needing("some {:right, :left}"), "", True),
+        (needing('some (:length value "0.3"^^unit:Meter)'), "", True),
+        (needing('some (:length value "0.3"^^unit:Kilogram)'), "", False),
+        (needing("some (:length some unit:Inch)"), "", True),
+        (needing("some (:length some xsd:double[>= 0.25])"), "", True),
+        (needing("some (:length some xsd:double[>= 1.0])"), "", False),
         (needing("min 2 (:litres exactly 1)"), "", True),
         (", srdl2-cap:dependsOnCapability some srdl2-cap:BaseMotionCapability", "", False),
         (", srdl2-cap:dependsOnCapability some (:PouringCapability or srdl2-cap:HeadMotionCapability)", "", None),

@@ -21,6 +21,12 @@ from tests.support.servers import RunningServer, running_server
 
 RECIPE = Bundled.RECIPE.find("serve_a_drink")
 DIAGNOSTICS = Path(__file__).resolve().parents[2] / "diagnostics"
+BARE_ROBOT = """Prefix: : <http://example.org/bare.owl#>
+Prefix: knowrob: <http://knowrob.org/kb/knowrob.owl#>
+Ontology: <http://example.org/bare.owl>
+Individual: bare
+    Types: knowrob:Robot
+"""
 PLAN = """from pathlib import Path
 
 from planlang import plan
@@ -79,6 +85,16 @@ def test_search_finds_by_expression_and_tells_what_a_robot_can_use() -> None:
     data = json.loads(invoke("search", "--label", "drink", "--limit", "1", "--json").stdout)
     assert [one["uid"] for one in data["entries"]] == ["serveadrink.ada"]
     assert "the first 1 entry" in invoke("search", "--limit", "1").stdout
+
+
+def test_what_a_robot_lacks_is_told_below_each_answer() -> None:
+    Path("bare.omn").write_text(BARE_ROBOT)
+    found = invoke("search", "ServingFoodOrDrink", "--robot", "bare.omn", "--limit", "1")
+    first, *lacks = found.stdout.splitlines()
+    assert first.startswith("no       serveadrink.ada"), found.output
+    assert "         ManipulationEntity: bare has none" in lacks, found.output
+    unknown = invoke("search", "--robot", "panda")
+    assert (unknown.exit_code, codes(unknown)) == (2, ["K037"]), "it has no self-model"
 
 
 def test_a_wrong_question_is_refused_with_its_place() -> None:

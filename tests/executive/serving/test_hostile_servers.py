@@ -126,3 +126,9 @@ def test_whatever_a_server_says_a_command_ends_in_order(
         assert ended.exit_code in (0, 1, 2), ended.output
         assert "\x1b" not in ended.output
         assert [one.name for one in Path(folder).iterdir() if one.name not in WRITTEN] == []
+
+
+def test_a_key_that_others_can_read_on_its_way_is_warned_of() -> None:
+    rated = command(lambda _: answer(200, json.dumps(RECORD).encode()), "rate", "servingtea.ward", "3")
+    assert rated.exit_code == 0
+    assert "warning K043 your key went to http://knowledge.test unencrypted" in rated.stderr

@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from html import escape
+from contextlib import suppress
+from html import escape, unescape
 from pathlib import Path
 
 import pytest
 from fastapi.testclient import TestClient
+from hypothesis import given
+from hypothesis import strategies as st
 
 from executive.serving.app import application
+from executive.serving.forms import read_form
+from executive.serving.problems import Problem
 from planlang.files import Bundled
 from planlang.knowledge.sqlite_store import SqliteStore
 
@@ -163,6 +168,8 @@ def test_what_is_not_there_is_a_page_that_says_so(client: TestClient) -> None:
     for path in ("/recipes/none.none", "/upload?uid=none.none", "/static/../app.py", "/search?robot=none"):
         assert "there is no" in client.get(path).text or path.startswith("/static"), path
     assert client.get("/recipes/none.none").status_code == 404
+    assert "there is no page" in client.get("/nowhere").text
+    assert client.get("/v1/nowhere/at/all").headers["content-type"] == "application/problem+json"
     assert client.get("/static/%2e%2e%2fapp.py").status_code == 404
 
 
@@ -198,6 +205,13 @@ def test_a_step_that_nothing_performs_is_named_where_a_robot_perhaps_can_do_it(c
     assert "Dream" in page.partition("lacks or may lack")[2].partition("</summary>")[0]
 
 
+def test_what_is_found_is_compared_with_a_self_model_that_is_sent_along(client: TestClient, key: str) -> None:
+    upload(client, key)
+    model = {"model": ("bare.omn", BARE_ROBOT)}
+    assert "cannot do it" in client.post("/search", data={"label": "drink"}, files=model).text
+    assert "this is neither" in client.post("/search", data={"label": "drink"}, files={"model": ("x", "x")}).text
+
+
 def test_a_robot_of_the_store_is_asked_for_by_its_identifier(client: TestClient, key: str) -> None:
     upload(client, key)
     upload(client, key, BARE_ROBOT, kind="robots", name="own")
@@ -206,3 +220,34 @@ def test_a_robot_of_the_store_is_asked_for_by_its_identifier(client: TestClient,
     found = client.get("/search", params={"robot": "bare.own"}).text
     assert "cannot do it" in found
     assert 'href="/robots/bare.own"' not in found
+
+
+def test_what_a_page_says_that_an_entry_is_found_by_finds_it(client: TestClient, key: str) -> None:
+    upload(client, key)
+    upload(client, key, AMIGO, kind="robots", name="tue")
+    renamed = RECIPE.replace("serve_a_drink.owl", "serve_a_drink_again.owl")  # the same names mean several things now
+    upload(client, key, renamed, name="again")
+    for address in ("/recipes/serveadrink.ward", "/recipes/serveadrink.again", "/robots/amigo1.tue"):
+        links = re.findall(r'href="(/search\?expression=[^"]*)"', client.get(address).text)
+        assert len(links) >= 4
+        for link in links:
+            assert f'href="{address}"' in client.get(unescape(link)).text, link
+
+
+def test_the_address_of_a_form_leads_to_its_entry(client: TestClient, key: str) -> None:
+    upload(client, key)
+    assert client.get("/recipes/serveadrink.ward/rating").url.path == "/recipes/serveadrink.ward"
+
+
+FORM = (
+    b'--b\r\nContent-Disposition: form-data; name="kind"\r\n\r\nrecipes\r\n'
+    b'--b\r\nContent-Disposition: form-data; name="file"; filename="x.omn"\r\n'
+    b"Content-Type: text/plain\r\nContent-Transfer-Encoding: base64\r\n\r\nYWJj\r\n--b--\r\n"
+)
+
+
+@given(st.integers(0, len(FORM)), st.integers(0, 20), st.binary(max_size=20), st.booleans())
+def test_a_damaged_form_is_read_or_refused(start: int, length: int, written: bytes, is_plain: bool) -> None:
+    data = FORM[:start] + written + FORM[start + length :]
+    with suppress(Problem):
+        read_form(data, "application/x-www-form-urlencoded" if is_plain else "multipart/form-data; boundary=b")

@@ -21,6 +21,7 @@ from rdf_graphs import graph_of, read_by_rdflib
 from planlang import Recovery, TaskTree, Trace, action, an_object, failures, perform, with_failure_handling
 from planlang.diagnostics import BadInput, Span
 from planlang.experience import Experience, State, experience_in, experience_of, narrative, read_narrative
+from planlang.experience.poses import transforms_in
 from planlang.failures import GraspMissed, ObjectUnfetchable, PlanFailure
 from planlang.files import bundled
 from planlang.ontology import Literal, Triple, load
@@ -84,12 +85,16 @@ async def fetch() -> None:
 
 
 @cache
-def recovered_run() -> Experience:
+def recovered_events() -> list[dict[str, Any]]:
     run = run_plan(
         fetch, script=Script().on("GraspingSomething", fails=GraspMissed, times=1, after=1.0), resumable=True
     )
     assert run.failure is None
-    return experience_of(run.events)
+    return run.events
+
+
+def recovered_run() -> Experience:
+    return experience_of(recovered_events())
 
 
 def test_a_recovered_run_tells_participants_roles_resolutions_and_the_chain_of_causes() -> None:
@@ -144,6 +149,23 @@ def test_texts_of_any_characters_come_back(name: str, message: str, result: Any)
     assert there_and_back(told) == told
 
 
+def test_which_designators_ran_and_what_they_were_resolved_to_is_one_question_in_sparql() -> None:
+    store = pyoxigraph.Store()
+    store.load(narrative(recovered_run(), BASE).encode(), format=pyoxigraph.RdfFormat.TURTLE)
+    question = """
+        PREFIX experience: <http://planlang.org/kb/experience.owl#>
+        PREFIX soma: <http://www.ease-crc.org/ont/SOMA.owl#>
+        SELECT ?designator ?value ?state WHERE {
+            ?action experience:hasResolution ?resolution ; soma:hasExecutionState ?state .
+            ?resolution experience:resolves/experience:text ?designator .
+            ?resolution experience:value ?value ; experience:atStep ?step
+        } ORDER BY ?step"""
+    rows = [[one.value.rpartition("#")[2] for one in row] for row in store.query(question)]  # type: ignore[union-attr]
+    wanted, module = "GraspingSomething(object_acted_on=cup1)", "rule of GraspingSomething"
+    states = ["ExecutionState_Failed", "ExecutionState_Succeeded"]
+    assert rows == [[wanted, module, state] for state in states]
+
+
 HEADER = {"step": 0, "event": "header", "schema": 3, "plan": "p", "rate": 30}
 ROOT = {"step": 0, "event": "started", "node": 1, "parent": None, "kind": "branch", "name": "p"}
 
@@ -167,6 +189,34 @@ def test_a_damaged_trace_is_refused_with_its_line(records: list[dict[str, Any]],
     with pytest.raises(DamagedTrace, match=reason) as refused:
         experience_of(records)
     assert refused.value.line == line
+
+
+ANYTHING = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
+    max_leaves=5,
+)
+
+
+@settings(max_examples=examples(1000), deadline=None)
+@hypothesis.given(st.data())
+def test_a_trace_with_anything_in_the_place_of_something_is_told_or_refused(data: st.DataObject) -> None:
+    records = json.loads(json.dumps(recovered_events()))
+    for _ in range(data.draw(st.integers(1, 3))):
+        spot = records
+        while True:
+            keys = list(spot) if isinstance(spot, dict) else list(range(len(spot)))
+            key = data.draw(st.sampled_from(keys))
+            if not isinstance(spot[key], dict | list) or not spot[key] or data.draw(st.integers(0, 3)) == 0:
+                break
+            spot = spot[key]
+        spot[key] = data.draw(ANYTHING)
+    try:
+        told = experience_of(records)
+    except DamagedTrace:
+        return
+    assert there_and_back(told) == told
+    assert all(len(one.position) == 3 for one in transforms_in(records))
 
 
 def test_a_chain_of_causes_and_a_nesting_without_end_are_refused() -> None:
@@ -205,5 +255,5 @@ def test_the_vocabulary_has_all_failures_of_the_plan_language_below_each_other_a
     kinds = [one for one in vars(failures).values() if isinstance(one, type) and issubclass(one, PlanFailure)]
     for kind in kinds:
         above = {one.__name__ for one in kind.__mro__ if issubclass(one, PlanFailure)} - {kind.__name__}
-        assert all(words.is_a(kind.__name__, one) for one in above), kind
+        assert all(words.is_a(kind.__name__, one) for one in above), f"ontologies/experience.omn lacks {kind}"
         assert words.is_a(kind.__name__, "FailureOfAPlan")

@@ -184,6 +184,14 @@ def test_an_answer_that_is_none_is_refused(answer: httpx.Response, reason: str) 
         Server(answer).client().entry("servingtea.ward", Kind.RECIPE)
 
 
+def test_an_answer_that_takes_for_ever_is_given_up_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("planlang.knowledge.connection.LONGEST_ANSWER", -1.0)
+    server = Server(httpx.Response(200, json=record()))
+    with pytest.raises(NoAnswer, match="does not answer within"):
+        server.client().entry("servingtea.ward", Kind.RECIPE)
+    assert len(server.requests) == 1
+
+
 @pytest.mark.parametrize("name", ["../plan.py", "/etc/passwd", ".bashrc", "a/b", "", "a\0b", "n" * 101, "a\nb"])
 def test_files_of_an_entry_have_names_and_no_paths(name: str) -> None:
     file = {"name": name, "media_type": "text/plain", "sha256": sha256(b""), "size": 0}

@@ -361,6 +361,12 @@ def test_a_value_with_a_unit_is_a_number_in_si_units(tmp_path: Path) -> None:
     assert Literal("2", "http://qudt.org/vocab/unit#MinuteTime").number() == 2.0
 
 
+def test_an_amount_in_any_unit_of_volume_is_in_millilitres(tmp_path: Path) -> None:
+    text = "\nClass: T\n    SubClassOf: k:Action, k:subAction some E\n\nClass: E\n    SubClassOf: k:Pouring, "
+    recipe = read(tmp_path, text + 'k:amount value "0.25"^^unit:Liter\n')
+    assert recipe.steps[0].fillers("amount") == (250.0,)
+
+
 @pytest.mark.parametrize(
     ("written", "value"), [('"0.3"', 0.3), ('" 2 "^^xsd:string', 2.0), ("7", 7), ('"0.3"@en', 0.3)]
 )

@@ -158,6 +158,11 @@ def test_a_feature_of_the_class_of_the_tool_is_the_tool_itself(recipe: Path) -> 
             "mc:MotionConstraint, mc:toolFeature",
             "`Centred` is no constraint of a known kind",
         ),
+        (
+            "mc:constrUpperLimit value 0.1",
+            'mc:constrUpperLimit value "1"^^<http://qudt.org/vocab/unit#DegreeAngle>',
+            "constrUpperLimit of the constraint `Centred` is '1 DegreeAngle'",
+        ),
         ("mc:toolFeature some knowrob:Sponge,\n", "\n", "the constraint `Centred` has no toolFeature"),
         ('value "0.01"^^', 'value "-0.01"^^', "has the lower limit 0 above its upper limit -0.01"),
         ('mc:constrWeight value "0.0"', 'mc:constrWeight value "-1.0"', "has the weight -1"),
@@ -176,6 +181,13 @@ def test_a_constraint_that_bounds_nothing_is_an_error_where_it_stands(
     name = re.search("`(.*?)`", found.message)
     assert name is not None
     assert recipe.read_text(encoding="utf-8").splitlines()[found.span.line - 1].startswith(f"Class: {name[1]}")
+
+
+@pytest.mark.parametrize(("limit", "metres"), [('"4"^^<http://qudt.org/vocab/unit#Inch>', 0.1016), ("1", 1.0)])
+def test_a_limit_may_be_in_any_unit_of_length_and_a_whole_number(recipe: Path, limit: str, metres: float) -> None:
+    text = RECIPE.replace("mc:constrUpperLimit value 0.1", f"mc:constrUpperLimit value {limit}")
+    recipe.write_text(text, encoding="utf-8")
+    assert asked(recipe, "Press")["Centred"].upper == metres
 
 
 CONSTR = "http://knowrob.org/kb/motion-constraints.owl#"

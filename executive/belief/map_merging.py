@@ -1,0 +1,274 @@
+"""Several maps of one place become one: the newest pose of each thing, one of each fact, and where they disagree."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from executive.belief.map_statements import Placement, main_statements, placements, text_of, with_placements
+from executive.belief.measures import EXTENTS, TRIPLES
+from executive.belief.semantic_map import MapObject, SemanticMap, read_map
+from planlang.designators import local_name
+from planlang.diagnostics import Diagnostic, note, warning
+from planlang.knowledge.places import LEVELS, inverted
+from planlang.ontology import Literal, Ontology, Triple, expand, load
+from planlang.ontology.terms import OWL, RDF, RDFS
+
+SAME_PLACE = 0.01
+"""Difference of positions that is none [m]."""
+SAME_HEADING = math.radians(2.0)
+"""Difference of orientations that is none [rad]."""
+ALIKE = 0.5
+"""Two things of one class are one if their centres are nearer to each other than this share of the least extent."""
+
+
+@dataclass(frozen=True, slots=True)
+class Merged:
+    """A map as text, the number of its things, those of them that have a place, and what was found."""
+
+    text: str
+    things: int
+    placed: int
+    diagnostics: tuple[Diagnostic, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class _Source:
+    """A map with its file's name, its statements, and the placements that it states."""
+
+    name: str
+    map: SemanticMap
+    statements: list[Triple]
+    placed: dict[str, Placement]
+
+    @staticmethod
+    def of(path: Path, ontology: Ontology, found: list[Diagnostic]) -> _Source:
+        semantic_map = read_map(ontology)
+        found += (*ontology.diagnostics, *semantic_map.diagnostics)
+        statements = _turned(main_statements(ontology, {ontology.documents[0].path}), ontology)
+        return _Source(path.name, semantic_map, statements, placements(semantic_map))
+
+    def named(self, names: Mapping[str, str]) -> _Source:
+        """Return the source with other names (IRIs) for some things."""
+
+        statements = [
+            replace(
+                one,
+                subject=names.get(one.subject, one.subject) if isinstance(one.subject, str) else one.subject,
+                object=names.get(one.object, one.object) if isinstance(one.object, str) else one.object,
+            )
+            for one in self.statements
+        ]
+        placed = {}
+        for iri, one in self.placed.items():
+            parent = None if one.relative_to is None else names.get(one.relative_to, one.relative_to)
+            placed[names.get(iri, iri)] = replace(one, thing=names.get(iri, iri), relative_to=parent)
+        return replace(self, statements=statements, placed=placed)
+
+
+def merge(paths: Sequence[Path], folders: Sequence[Path] = ()) -> Merged:
+    """Merge maps of one place, whose frames are the same; of facts that differ, the later named map's count.
+
+    Raises BadInput for a file that is no map.
+    """
+    found: list[Diagnostic] = []
+    sources = [_Source.of(path, load(path, folders=folders), found) for path in paths]
+    whole = load(paths[0], folders=folders, also=paths[1:])
+    things = {thing.iri: thing for thing in sources[0].map.objects}
+    merged = [sources[0]]
+    for source in sources[1:]:
+        names = dict(_same(things, source, whole, found))
+        things = {names.get(one.iri, one.iri): one for one in source.map.objects} | things
+        merged.append(source.named(names))
+    statements = _united(merged, found)
+    placed = _newest(merged, found)
+    _compare_classes(merged, whole, found)
+    text = text_of(with_placements(statements, whole, placed), sources[0].map.ontology, found)
+    return Merged(text, len(things), len(placed), tuple(dict.fromkeys(found)))
+
+
+# One thing by two names
+
+
+def _same(
+    things: Mapping[str, MapObject], source: _Source, ontology: Ontology, found: list[Diagnostic]
+) -> Iterator[tuple[str, str]]:
+    """Yield the names of things in a map that the earlier ones have by another name, with that name."""
+    own = {thing.iri for thing in source.map.objects}
+    others = [thing for iri, thing in things.items() if iri not in own]
+    for thing in source.map.objects:
+        if thing.iri in things:
+            continue
+        other = next((one for one in others if _is_one(thing, one, ontology)), None)
+        if other is None:
+            found += _namesakes(thing, others, source, ontology)
+        else:
+            others.remove(other)
+            message = f"{local_name(thing.iri)} of {source.name} is {local_name(other.iri)} of the maps before it"
+            found.append(note("M023", message, thing.span, "same class, and same place or number"))
+            yield thing.iri, other.iri
+
+
+def _namesakes(
+    thing: MapObject, others: Sequence[MapObject], source: _Source, ontology: Ontology
+) -> Iterator[Diagnostic]:
+    """Yield a note if earlier maps have another thing of the same local name and class."""
+    if any(local_name(one.iri) == local_name(thing.iri) and _are_related(one, thing, ontology) for one in others):
+        message = f"{local_name(thing.iri)} of {source.name} is taken as another one than that of the maps before it"
+        yield note("M023", message, thing.span, f"they are at different places; rename <{thing.iri}> if they are one")
+
+
+def _is_one(a: MapObject, b: MapObject, ontology: Ontology) -> bool:
+    if not _are_related(a, b, ontology):
+        return False
+    numbers = [number for _, number in LEVELS.values() if number is not None]
+    stated = [{one for name in numbers for one in ontology.values(thing.iri, expand(name))} for thing in (a, b)]
+    if all(stated):
+        return stated[0] == stated[1]
+    if a.pose is None or b.pose is None or a.size is None or b.size is None:
+        return False
+    return math.dist(a.pose.position, b.pose.position) < ALIKE * min(*a.size, *b.size)
+
+
+def _are_related(a: MapObject, b: MapObject, ontology: Ontology) -> bool:
+    """Return whether a class of one thing is that of the other, or below it."""
+    kinds = [[cls for cls in thing.types if cls != OWL.NamedIndividual] for thing in (a, b)]
+    return any(ontology.is_a(x, y) or ontology.is_a(y, x) for x in kinds[0] for y in kinds[1])
+
+
+# Where they are
+
+
+def _newest(sources: Sequence[_Source], found: list[Diagnostic]) -> dict[str, Placement]:
+    """Return the newest placement of each thing; of equally new ones that of the map that is named later."""
+    newest: dict[str, tuple[Placement, _Source]] = {}
+    for source in sources:
+        for iri, placement in source.placed.items():
+            before = newest.get(iri)
+            if before is None:
+                newest[iri] = placement, source
+                continue
+            taken = (placement, source) if placement.time >= before[0].time else before
+            newest[iri] = taken
+            why = "is named" if placement.time == before[0].time else "has seen it"
+            if _differ(placement, before[0]):
+                places = " and ".join(f"{_shown(one)} in {where.name}" for one, where in (before, (placement, source)))
+                message = f"{local_name(iri)} is at {places}: that of {taken[1].name} counts, which {why} later"
+                thing = source.map.find(iri)
+                found.append(warning("M022", message, None if thing is None else thing.span))
+    return {iri: _carried(iri, newest) for iri in newest}
+
+
+def _carried(iri: str, newest: Mapping[str, tuple[Placement, _Source]]) -> Placement:
+    """Return the placement of a thing; what is stated relative to another one goes with the newest pose of that."""
+    placement, source = newest[iri]
+    steps, parent = [iri], placement.relative_to
+    while parent in newest and parent in source.placed and parent not in steps:
+        steps.append(parent)
+        parent = newest[parent][0].relative_to
+    pose = newest[steps[-1]][0].pose
+    for child, above in zip(steps[-2::-1], steps[:0:-1], strict=True):
+        own, where = newest[child]
+        pose = pose @ where.placed[above].pose.inverse() @ own.pose if above in where.placed else own.pose
+    return replace(placement, pose=pose)
+
+
+def _differ(a: Placement, b: Placement) -> bool:
+    return a.pose.distance(b.pose) > SAME_PLACE or a.pose.turn(b.pose) > SAME_HEADING
+
+
+def _shown(placement: Placement) -> str:
+    x, y, z = placement.pose.position
+    return f"({x:.3f}, {y:.3f}, {z:.3f})"
+
+
+# What is said of them
+
+
+def _united(sources: Sequence[_Source], found: list[Diagnostic]) -> list[Triple]:
+    """Return the statements of all maps: one header, and values of the last map that states any."""
+    header = next((t.subject for t in sources[0].statements if _is_header(t)), None)
+    names = {t.subject for source in sources for t in source.statements if _is_header(t)}
+    types = (t for source in sources for t in source.statements if t.predicate == RDF.type)
+    things = {t.subject for t in types if not _is_header(t)}  # some maps are named as their files are
+    poses = {expand(f"m{row}{column}") for row in range(4) for column in range(4)}
+    united: dict[tuple[object, str, object], Triple] = {}
+    values: dict[tuple[object, str], tuple[str, list[Triple]]] = {}
+    for source in sources:
+        stated: dict[tuple[object, str], list[Triple]] = {}
+        for triple in source.statements:
+            if triple.subject in names - {header}:
+                if triple.predicate == OWL.imports and header is not None:
+                    triple = replace(triple, subject=header)
+                elif triple.subject not in things or _is_header(triple):
+                    continue  # nothing else is said of a file that is no more
+            if triple.predicate == OWL.imports and triple.object in names:
+                continue
+            if isinstance(triple.object, Literal) and not triple.predicate.startswith(str(RDFS)):
+                stated.setdefault((triple.subject, triple.predicate), []).append(triple)
+            else:
+                united.setdefault((triple.subject, triple.predicate, triple.object), triple)
+        _without_replaced_sizes(stated, values)
+        for key, triples in stated.items():
+            if key in values and key[1] not in poses:
+                found += _difference(values[key], (source.name, triples))
+            values[key] = (source.name, triples)
+    return [*united.values(), *(triple for _, triples in values.values() for triple in triples)]
+
+
+def _turned(statements: Sequence[Triple], ontology: Ontology) -> list[Triple]:
+    """Return statements without larger places that are parts of smaller ones: those are parts of them."""
+    wrong = {(triple.subject, triple.object) for triple in inverted(ontology)}
+    parts = expand("properPhysicalParts")
+    return [
+        replace(t, subject=t.object, object=t.subject)
+        if t.predicate == parts and isinstance(t.object, str) and (t.subject, t.object) in wrong
+        else t
+        for t in statements
+    ]
+
+
+def _is_header(triple: Triple) -> bool:
+    return triple.predicate == RDF.type and triple.object == OWL.Ontology
+
+
+def _without_replaced_sizes(
+    stated: Mapping[tuple[object, str], list[Triple]], values: dict[tuple[object, str], tuple[str, list[Triple]]]
+) -> None:
+    """Drop extents that one literal replaces, and the other way round."""
+    one, three = [expand(name) for name in EXTENTS], [expand(name) for name in TRIPLES]
+    for subject, prop in stated:
+        for other in three if prop in one else one if prop in three else ():
+            values.pop((subject, other), None)
+
+
+def _difference(before: tuple[str, list[Triple]], after: tuple[str, list[Triple]]) -> Iterator[Diagnostic]:
+    """Yield a warning if two maps state different values of one property of a thing."""
+    old, new = before[1][-1], after[1][-1]
+    if _value(old) == _value(new):
+        return
+    what = f"{local_name(new.predicate)} of {local_name(str(new.subject))}"
+    told = f"{old.object.value!r} in {before[0]} and {new.object.value!r} in {after[0]}"  # type: ignore[union-attr]
+    yield warning("M022", f"{what} is {told}: that of {after[0]} counts, which is named later", new.span)
+
+
+def _value(triple: Triple) -> object:
+    assert isinstance(triple.object, Literal)
+    try:
+        return float(triple.object.number()), (triple.object.datatype or "").rpartition("unit#")[2]
+    except ValueError:
+        return triple.object.value.strip()
+
+
+def _compare_classes(sources: Sequence[_Source], ontology: Ontology, found: list[Diagnostic]) -> None:
+    """Tell of things that are of unrelated classes in two maps; they are of both in the merged one."""
+    known: dict[str, tuple[MapObject, str]] = {}
+    for source in sources:
+        for thing in source.map.objects:
+            other, where = known.setdefault(thing.iri, (thing, source.name))
+            if not _are_related(thing, other, ontology):
+                classes = [local_name(one.types[0]) for one in (other, thing)]
+                message = f"{thing.name} is a {classes[0]} in {where} and a {classes[1]} in {source.name}: it is both"
+                found.append(warning("M022", message, thing.span))

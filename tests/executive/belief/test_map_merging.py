@@ -1,0 +1,153 @@
+"""Merging maps of one place: which pose counts, what is kept, what is told of where they disagree."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from executive.belief import SemanticMap, read_map, scene_of
+from executive.belief.map_merging import Merged, merge
+from executive.cli.app import app
+from planlang.files import bundled
+from planlang.ontology import load
+
+Write = Callable[..., str]
+BOX = (0.4, 0.8, 0.8)
+HEADER = """
+Prefix: : <http://example.org/{name}.owl#>
+Prefix: knowrob: <http://knowrob.org/kb/knowrob.owl#>
+Ontology: <http://example.org/{name}.owl>
+"""
+
+
+@pytest.fixture
+def merged(tmp_path: Path) -> Callable[..., tuple[SemanticMap, Merged]]:
+    """Merges maps that consist of frames, each a list; names of things are those of the first unless told otherwise."""
+
+    def merge_all(*maps: list[str], names: tuple[str, ...] = ("a", "a", "a")) -> tuple[SemanticMap, Merged]:
+        paths = [tmp_path / f"{number}.omn" for number in range(len(maps))]
+        for path, frames, name in zip(paths, maps, names, strict=False):
+            path.write_text(HEADER.format(name=name) + "\n".join(frames), encoding="utf-8")
+        result = merge(paths)
+        (tmp_path / "merged.omn").write_text(result.text, encoding="utf-8")
+        return read_map(load(tmp_path / "merged.omn")), result
+
+    return merge_all
+
+
+Merge = Callable[..., tuple[SemanticMap, Merged]]
+
+
+def place(semantic_map: SemanticMap, name: str) -> tuple[float, ...]:
+    """The position of a thing."""
+    thing = semantic_map.find(name)
+    assert thing
+    assert thing.pose
+    return thing.pose.position
+
+
+def test_the_newest_pose_of_each_thing_counts_whichever_map_has_it(merged: Merge, thing: Write, seen: Write) -> None:
+    times = [f"Individual: timepoint_{t}\n    Types: knowrob:TimePoint\n" for t in ("5", "90")]
+    frames = [thing(name, "Cabinet-PieceOfFurniture", BOX) for name in ("one", "two")]
+    first = [seen("one", (1, 0, 0), time="timepoint_90"), seen("two", (1, 2, 0), time="timepoint_5")]
+    second = [seen("one", (2, 0, 0), time="timepoint_5"), seen("two", (2, 2, 0), time="timepoint_90")]
+    semantic_map, result = merged([*frames, *first, *times], [*frames, *second, *times])
+    assert (place(semantic_map, "one"), place(semantic_map, "two")) == ((1, 0, 0), (2, 2, 0))
+    assert [d.code for d in result.diagnostics] == ["M022", "M022"]
+    assert all("seen it later" in d.message for d in result.diagnostics)
+
+
+def test_without_times_the_map_that_is_named_later_counts(merged: Merge, thing: Write, seen: Write) -> None:
+    frames = [thing("one", "Cabinet-PieceOfFurniture", BOX)]
+    semantic_map, result = merged([*frames, seen("one", (1, 0, 0))], [*frames, seen("one", (2, 0, 0))])
+    assert place(semantic_map, "one") == (2, 0, 0)
+    assert ["is named later" in d.message for d in result.diagnostics] == [True]
+
+
+def test_what_is_stated_relative_to_a_thing_goes_with_its_newest_pose(merged: Merge, thing: Write, seen: Write) -> None:
+    frames = [thing("cabinet1", "Cabinet-PieceOfFurniture", BOX), thing("door1", "Door", (0.02, 0.4, 0.6))]
+    semantic_map, _ = merged(
+        [*frames, seen("cabinet1", (1, 0, 0)), seen("door1", (0.2, 0, 0), relative_to="cabinet1")],
+        [frames[0], seen("cabinet1", (3, 1, 0))],
+    )
+    assert place(semantic_map, "door1") == pytest.approx((3.2, 1, 0))
+
+
+def test_things_of_both_maps_with_all_that_is_said_of_them_are_in_the_merged_one(
+    merged: Merge, thing: Write, seen: Write
+) -> None:
+    semantic_map, result = merged(
+        [thing("one", "Cabinet-PieceOfFurniture", BOX, "hingedTo two"), seen("one", (1, 0, 0))],
+        [thing("two", "Door", (0.02, 0.4, 0.6)), seen("two", (2, 0, 0))],
+    )
+    assert result.diagnostics == ()
+    one = semantic_map.find("one")
+    assert one
+    assert (one.size, one.hinged_to) == (BOX, ("http://example.org/a.owl#two",))
+
+
+def test_sizes_and_classes_that_differ_are_told_and_the_later_size_counts(
+    merged: Merge, thing: Write, seen: Write
+) -> None:
+    semantic_map, result = merged(
+        [thing("one", "Cabinet-PieceOfFurniture", BOX), seen("one", (1, 0, 0))],
+        [thing("one", "Bottle", (0.4, 0.9, 0.8)), seen("one", (1, 0, 0))],
+    )
+    assert [d.message.split()[0] for d in result.diagnostics] == ["widthOfObject", "one"]
+    assert semantic_map.objects[0].size == (0.4, 0.9, 0.8)
+
+
+def test_one_thing_by_two_names_is_one_if_it_is_at_one_place(merged: Merge, thing: Write, seen: Write) -> None:
+    semantic_map, result = merged(
+        [thing("one", "Cabinet-PieceOfFurniture", BOX), seen("one", (1, 0, 0))],
+        [thing("other", "Cabinet-PieceOfFurniture", BOX), seen("other", (1.05, 0, 0))],
+        names=("a", "b"),
+    )
+    assert [thing.name for thing in semantic_map.objects] == ["one"]
+    assert place(semantic_map, "one") == (1.05, 0, 0)
+    assert [d.code for d in result.diagnostics] == ["M023", "M022"]
+
+
+def test_namesakes_at_different_places_stay_two_and_are_told(merged: Merge, thing: Write, seen: Write) -> None:
+    semantic_map, result = merged(
+        [thing("one", "Cabinet-PieceOfFurniture", BOX), seen("one", (1, 0, 0))],
+        [thing("one", "Cabinet-PieceOfFurniture", BOX), seen("one", (3, 0, 0))],
+        names=("a", "b"),
+    )
+    assert [thing.name for thing in semantic_map.objects] == ["one", "one_2"]
+    assert [d.code for d in result.diagnostics] == ["M023"]
+
+
+@pytest.mark.parametrize("name", ["ias_semantic_map@hydro.owl", "ias_hospital_room_with_objects@re_stack.owl.in"])
+def test_a_real_map_merged_with_itself_is_the_same_world(corpus: Path, name: str, tmp_path: Path) -> None:
+    path = corpus / "environments" / name
+    result = merge([path, path])
+    assert not [d for d in result.diagnostics if d.code in ("M022", "M023", "O050")]
+    (tmp_path / "merged.omn").write_text(result.text, encoding="utf-8")
+    before, after = (read_map(load(one)) for one in (path, tmp_path / "merged.omn"))
+    again = {thing.iri: thing for thing in after.objects}
+    assert len(again) == len(before.objects)
+    for thing in before.objects:
+        other = again[thing.iri]
+        assert (thing.size, set(thing.parts), set(thing.types)) == (other.size, set(other.parts), set(other.types))
+        if thing.pose is not None and other.pose is not None:
+            assert thing.pose.distance(other.pose) < 1e-6
+            assert thing.pose.turn(other.pose) < 1e-3
+    assert {j.leaf for j in scene_of(before).joints} == {j.leaf for j in scene_of(after).joints}
+
+
+def test_the_command_writes_a_map_and_its_conflicts_and_is_deterministic(tmp_path: Path) -> None:
+    text = (bundled("ontologies") / "environments" / "hospital_room.omn").read_text(encoding="utf-8")
+    (tmp_path / "today.omn").write_text(text.replace('"3001"', '"3002"'), encoding="utf-8")
+    output = tmp_path / "room.omn"
+    arguments = ["merge", "hospital_room", str(tmp_path / "today.omn"), "-o", str(output)]
+    written = []
+    for _ in range(2):
+        result = CliRunner().invoke(app, arguments)
+        assert result.exit_code == 0, result.output
+        written.append(output.read_bytes())
+    assert written[0] == written[1]
+    assert "1 conflict" in result.stdout
+    assert "M022 roomNumber of room1 is '3001' in hospital_room.omn" in result.stderr
+    assert CliRunner().invoke(app, ["merge", "hospital_room"]).exit_code == 2

@@ -1,0 +1,106 @@
+"""A map as a run leaves it behind: what was seen and done is in it, joints that moved, and all else as it was."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from executive.belief import Belief, SemanticMap, read_map, scene_of
+from executive.belief.map_statements import placements
+from executive.belief.map_updating import updated_map
+from executive.cli.app import app
+from planlang.files import bundled
+from planlang.geometry import Pose
+from planlang.ontology import load
+from planlang.protocols import Detection
+from sim import PlanningWorld
+
+Write = Callable[..., str]
+Read = Callable[..., SemanticMap]
+BOX = (0.4, 0.8, 0.8)
+
+
+@pytest.fixture
+def left(tmp_path: Path) -> Callable[..., SemanticMap]:
+    """Reads the map that a robot leaves behind, which believes something new about one, or has opened leaves."""
+
+    def update(semantic_map: SemanticMap, change: Callable[[Belief], object], *opened: str) -> SemanticMap:
+        world = PlanningWorld(scene_of(semantic_map))
+        belief = Belief(semantic_map, world)
+        change(belief)
+        files = {semantic_map.ontology.documents[0].path}
+        path = tmp_path / "updated.omn"
+        path.write_text(updated_map(belief, files, opened, []), encoding="utf-8")
+        world.close()
+        return read_map(load(path))
+
+    return update
+
+
+Left = Callable[..., SemanticMap]
+
+
+def test_what_was_seen_elsewhere_is_there_and_newer_and_the_rest_as_it_was(
+    left: Left, map_of: Read, thing: Write, seen: Write
+) -> None:
+    semantic_map = map_of(
+        *(thing(name, "Cup", (0.08, 0.08, 0.1)) for name in ("cup1", "cup2")),
+        *(seen(name, (x, 0, 0.05), time="timepoint_100") for x, name in enumerate(("cup1", "cup2"))),
+        "Individual: timepoint_100\n    Types: knowrob:TimePoint\n",
+    )
+
+    def look(belief: Belief) -> None:
+        belief.time = 12.5
+        belief.see([Detection("cup1", Pose((5, 0, 0.05)), 1.0)])
+
+    updated = left(semantic_map, look)
+    placed = {iri.rsplit("#")[-1]: one for iri, one in placements(updated).items()}
+    assert (placed["cup1"].pose.position, placed["cup1"].time) == ((5, 0, 0.05), 112.5)
+    assert (placed["cup2"].pose.position, placed["cup2"].time) == ((1, 0, 0.05), 100)
+
+
+def test_what_is_no_more_has_no_pose_and_what_was_never_seen_keeps_its_own(
+    left: Left, map_of: Read, thing: Write, seen: Write
+) -> None:
+    semantic_map = map_of(
+        *(thing(name, "Cup", (0.08, 0.08, 0.1)) for name in ("cup1", "cup2")),
+        *(seen(name, (x, 0, 0.05)) for x, name in enumerate(("cup1", "cup2"))),
+    )
+    updated = left(semantic_map, lambda belief: belief.destroyed("cup1"))
+    assert [thing.name for thing in updated.objects if thing.pose] == ["cup2"]
+
+
+def test_a_door_is_written_closed_with_the_radius_and_the_axis_by_which_it_was_opened(left: Left) -> None:
+    room = bundled("ontologies") / "environments" / "kitchenette.omn"
+    semantic_map = read_map(load(room))
+    joints = {joint.leaf: joint for joint in scene_of(semantic_map).joints}
+    leaf = next(name for name, joint in joints.items() if joint.kind.value == "hinged" and not joint.is_knob)
+    updated = left(semantic_map, lambda belief: belief.moved(leaf, 1.0), leaf)
+    again = {joint.leaf: joint for joint in scene_of(updated).joints}
+    assert again.keys() == joints.keys()
+    assert again[leaf].axis == pytest.approx(joints[leaf].axis, abs=1e-6)
+    assert again[leaf].point[:2] == pytest.approx(joints[leaf].point[:2], abs=1e-6)
+    assert (again[leaf].lower, again[leaf].upper) == pytest.approx((joints[leaf].lower, joints[leaf].upper))
+    assert any("turnRadius" in triple.predicate for triple in updated.ontology.triples())
+    before, after = semantic_map.find(leaf), updated.find(leaf)
+    assert before
+    assert after
+    assert before.pose
+    assert after.pose
+    assert before.pose.distance(after.pose) < 1e-6
+
+
+def test_the_map_of_a_run_lets_the_next_run_begin_where_things_were_seen(tmp_path: Path) -> None:
+    run = ["run", "serve_a_drink", "--seed", "3", "--update-map", str(tmp_path / "seen.omn")]
+    assert CliRunner().invoke(app, run).exit_code == 0
+    before = read_map(load(bundled("ontologies") / "environments" / "hospital_room.omn"))
+    after = read_map(load(tmp_path / "seen.omn"))
+    moved = []
+    for thing in before.objects:
+        other = after.find(thing.iri)
+        assert other
+        assert (other.size, other.types, other.parts) == (thing.size, thing.types, thing.parts)
+        if thing.pose and other.pose and thing.pose.distance(other.pose) > 0.01:
+            moved.append(thing.name)
+    assert moved == ["bedside_table1", "bottle1"]

@@ -1,0 +1,134 @@
+"""What a knowledge base offers is weighed: an alternative that needs what the robot lacks is refused, and says so."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from executive.enabling.explanation import Explanation
+from executive.enabling.folder import Folder
+from executive.enabling.needs import Enabling
+from executive.enabling.shelf import LocalShelf
+from executive.modules.bundled import performed_by
+from executive.robots.matching import Possessions
+from executive.robots.robot import claims_of, parts_of, read_self_model
+from planlang.knowledge.entries import Kind
+from planlang.knowledge.sqlite_store import SqliteStore
+from planlang.ontology import load
+from tests.support.knowledge_bases import ontology, put, recognition_model
+
+FINDING_ITSELF = """
+Class: FindingItself
+    SubClassOf: knowrob:Action, comp:dependsOnComponent some {needs}
+Class: {task}
+    SubClassOf: knowrob:Action, knowrob:subAction some FindingItself
+"""
+MAP = """
+Class: {name}Map
+    SubClassOf: comp:EnvironmentMap, comp:dependsOnComponent some comp:{needs}
+Individual: lab{name}
+    Types: {name}Map
+"""
+PATROL = """
+Class: Patrol
+    SubClassOf: knowrob:Action, knowrob:subAction some Scouting
+Class: Scouting
+    SubClassOf: knowrob:Action
+"""
+SCOUTING = """
+Class: <http://example.org/patrol.owl#Scouting>
+    SubClassOf: knowrob:Action, knowrob:subAction some knowrob:OpeningAGripper
+"""
+
+
+def robot(**parts: str) -> Possessions:
+    """Return a robot with parts: name -> class."""
+    facts = ", ".join(f"comp:subComponent {name}" for name in parts)
+    individuals = [f"Individual: {name}\n    Types: {cls}\n" for name, cls in parts.items()]
+    who = f"Individual: robot\n    Types: knowrob:Robot\n{f'    Facts: {facts}' if facts else ''}\n"
+    text = ontology("robot", who + "".join(individuals))
+    model = read_self_model(load(Path("robot.omn"), content=text.encode()))
+    return Possessions(model.name, parts_of(model), claims_of(model), model)
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Iterator[SqliteStore]:
+    opened = SqliteStore(tmp_path / "kb.sqlite")
+    yield opened
+    opened.close()
+
+
+def put_task(store: SqliteStore, task: str, needs: str) -> None:
+    put(store, Kind.RECIPE, "lab", ontology(task, FINDING_ITSELF.format(task=task, needs=needs)), task)
+
+
+def explained(tmp_path: Path, who: Possessions, task: str) -> Explanation:
+    shelf = LocalShelf(tmp_path / "kb.sqlite")
+    enabling = Enabling(who, shelf, Folder.read(tmp_path / "folder"), performed_by((), []), own_map=Path("any.omn"))
+    found = Explanation(enabling, enabling.combination(enabling.task(task)))
+    shelf.close()
+    return found
+
+
+def test_the_map_that_needs_no_laser_that_the_robot_lacks_is_chosen(tmp_path: Path, store: SqliteStore) -> None:
+    """Figure 7 of the paper: the 3-D map needs a tilting laser, the 2-D map is chosen."""
+    put_task(store, "GoToTheLab", "comp:EnvironmentMap")
+    for name, needs in (("3D", "Tilting2DLaserScanner"), ("2D", "TwoDimensionalLaserScanner")):
+        put(store, Kind.OBJECT, "ada", ontology(name, MAP.format(name=name, needs=needs)), f"lab{name}")
+    found = explained(tmp_path, robot(laser="comp:HokuyoURG04LX"), "GoToTheLab")
+    assert found.as_json()["taken"] == ["lab2d.ada", "gotothelab.lab"]
+    refusal = "entry lab3d.ada - missing: it needs component Tilting2DLaserScanner"
+    assert [line for line in found.tree().lines() if line.endswith(refusal)]
+    assert explained(tmp_path, robot(laser="comp:Tilting2DLaserScanner"), "GoToTheLab").unmet() == ()
+    nothing = explained(tmp_path, robot(), "GoToTheLab")
+    assert set(nothing.unmet()) == {"component Tilting2DLaserScanner", "component TwoDimensionalLaserScanner"}
+    assert "robot has none; that is hardware" in "\n".join(nothing.tree().lines())
+
+
+def test_what_is_missing_on_both_sides_is_said_of_both(tmp_path: Path, store: SqliteStore) -> None:
+    """In the paper's experiment that was the map, of which the server had none either."""
+    put_task(store, "GoToTheLab", "comp:EnvironmentMap")
+    found = explained(tmp_path, robot(), "GoToTheLab")
+    assert found.unmet() == ("component EnvironmentMap",)
+    both = f"component EnvironmentMap - missing: robot has none, and {tmp_path / 'kb.sqlite'} has none"
+    assert [line for line in found.tree().lines() if line.endswith(both)]
+
+
+def test_a_recognition_system_needs_a_model_and_a_camera(tmp_path: Path, store: SqliteStore) -> None:
+    put_task(store, "LookAtCups", "roboearth:RoboEarthObjRecSystem")
+    put(store, Kind.OBJECT, "ada", recognition_model("Cup"))
+    system = {"vision": "roboearth:RoboEarthObjRecSystem"}
+    found = explained(tmp_path, robot(**system, eye="comp:Camera"), "LookAtCups")
+    assert (found.unmet(), found.as_json()["taken"]) == ((), ["cupmodel.ada", "lookatcups.lab"])
+    assert explained(tmp_path, robot(**system), "LookAtCups").unmet() == ("component Camera",)
+    blind = explained(tmp_path, robot(eye="comp:Camera"), "LookAtCups")
+    assert blind.unmet() == ("component RoboEarthObjRecSystem",)
+
+
+def test_a_recipe_of_a_step_that_nothing_performs_is_taken_too(tmp_path: Path, store: SqliteStore) -> None:
+    put(store, Kind.RECIPE, "night", ontology("patrol", PATROL), "Patrol")
+    assert explained(tmp_path, robot(), "Patrol").unmet() == ("recipe Scouting",)
+    put(store, Kind.RECIPE, "day", ontology("scouting", SCOUTING))
+    found = explained(tmp_path, robot(hand="comp:ManipulationEntity"), "Patrol")
+    assert (found.unmet(), found.as_json()["taken"]) == ((), ["scouting.day", "patrol.night"])
+
+
+def test_a_model_of_a_class_above_or_below_is_one_too_and_one_beside_is_not(tmp_path: Path, store: SqliteStore) -> None:
+    put_task(store, "GoToTheLab", "comp:EnvironmentMap")
+    shelf = LocalShelf(tmp_path / "kb.sqlite")
+    for cls in ("DrinkingVessel", "Cup", "Bed-PieceOfFurniture"):
+        put(store, Kind.OBJECT, "ada", recognition_model(cls))
+    enabling = Enabling(robot(), shelf, Folder.read(tmp_path / "folder"))
+    kb = "http://knowrob.org/kb/knowrob.owl#"
+    needs = {
+        cls: enabling.model(f"{kb}{cls}", enabling.vocabulary) for cls in ("DrinkingVessel", "DrinkingBottle", "Plate")
+    }
+    offered = {cls: [one.uid for one in enabling.offers(need)] for cls, need in needs.items()}
+    shelf.close()
+    assert offered == {
+        "DrinkingVessel": ["drinkingvesselmodel.ada", "cupmodel.ada"],
+        "DrinkingBottle": ["drinkingvesselmodel.ada"],
+        "Plate": [],
+    }
