@@ -57,6 +57,12 @@ class SemanticMap:
         object.__setattr__(self, "_known", known)
         object.__setattr__(self, "_holders", {part: thing for thing in inverse for part in thing.parts})
 
+    @property
+    def has_files(self) -> bool:
+        """Whether a map is stated that is a picture or another file beside the ontology."""
+        maps = self.ontology.individuals(expand("Map"))
+        return any(True for iri in maps for _ in self.ontology.said(iri, "linkToMapFile"))
+
     def find(self, name: str) -> MapObject | None:
         """Return the thing with this IRI, or else of this name."""
         return self._known.get(name)
@@ -101,17 +107,13 @@ def read_map(ontology: Ontology) -> SemanticMap:
             )
         )
     objects = _with_places_turned(objects, ontology, found)
-    if not any(thing.pose for thing in objects) and not _is_linked(ontology):
+    semantic_map = SemanticMap(ontology.iri, ontology, tuple(objects), tuple(found))
+    if not any(thing.pose for thing in objects) and not semantic_map.has_files:
         document = ontology.documents[0] if ontology.documents else None
         span = Span(str(document.path)) if document else None
         help = "a map says where things are: SemanticMapPerception with objectActedOn and eventOccursAt"
         raise BadInput([*found, error("M009", "nothing in this file has a place: it is no map", span, help)])
-    return SemanticMap(ontology.iri, ontology, tuple(objects), tuple(found))
-
-
-def _is_linked(ontology: Ontology) -> bool:
-    """Return whether a map is stated that is a picture or another file beside the ontology."""
-    return any(True for iri in ontology.individuals(expand("Map")) for _ in ontology.said(iri, "linkToMapFile"))
+    return semantic_map
 
 
 def _with_places_turned(objects: list[MapObject], ontology: Ontology, found: list[Diagnostic]) -> list[MapObject]:

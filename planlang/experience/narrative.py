@@ -61,6 +61,8 @@ class _Writer:
         self._named: dict[object, str] = {}
         """IRIs of individuals that several activities share."""
         self._counts: dict[str, int] = {}
+        self._spaces = {0: _space_of(experience.iri)}
+        """Number of an activity -> the namespace of the recipe around it, whose classes its steps may have."""
 
     def write(self, began: datetime | None) -> None:
         run, episode = self._experience, self._episode
@@ -111,6 +113,8 @@ class _Writer:
 
     def _activity(self, one: Activity) -> None:
         node = self._activity_iri(one.number)
+        recipe = one.parameters.get("iri") if one.kind == "plan" else None
+        self._spaces[one.number] = _space_of(recipe) if isinstance(recipe, str) else self._spaces[one.parent or 0]
         self._say(self._episode, DUL.includesAction, node)
         self._say(node, RDF.type, DUL.Action)
         self._number(node, EXPERIENCE.number, one.number)
@@ -151,7 +155,7 @@ class _Writer:
         if one.designator is not None and one.designator.about is About.ACTION:
             above = one.parameters.get("classes")
             own = one.designator.text.partition("(")[0]
-            space = (self._experience.iri or "").removesuffix(local_name(self._experience.iri or ""))
+            space = self._spaces[one.number]
             self._kind(node, space + own if isinstance(above, list) and space else own)
             for name in above if isinstance(above, list) else ():
                 self._kind(node, str(name))
@@ -288,6 +292,10 @@ class _Writer:
         if number is not None:
             kind = XSD.integer if isinstance(number, int) else XSD.double
             self._say(subject, predicate, Literal(repr(number), kind))
+
+
+def _space_of(iri: str | None) -> str:
+    return "" if iri is None else iri.removesuffix(local_name(iri))
 
 
 def text_literal(text: str) -> Literal:

@@ -56,6 +56,7 @@ class _Reader:
             self._refuse(f"a narrative tells of one episode (soma:Episode), this of {len(found)}", None)
         self.episode = found[0]
         self._failures: dict[str, Failure] = {}
+        self._roles: dict[str, tuple[Role, ...]] = {}
 
     def experience(self) -> Experience:
         top = self.episode
@@ -119,7 +120,7 @@ class _Reader:
             self._json(node, EXPERIENCE.result, None),
             self._failed(node),
             designator,
-            tuple(self._listed(task, DUL.isTaskOf, self._role)),
+            self._roles_of(task),
             tuple(sorted(participants)),
             tuple(self._listed(node, EXPERIENCE.hasResolution, self._resolution)),
             tuple(self._listed(node, EXPERIENCE.hasOccurrence, self._occurrence)),
@@ -129,6 +130,12 @@ class _Reader:
         """Yield what is linked to a node, in the order of its numbers."""
         found = sorted(self._many(node, prop), key=lambda one: self._whole(one, EXPERIENCE.number))
         yield from map(read, found)
+
+    def _roles_of(self, task: str) -> tuple[Role, ...]:
+        """Return the roles of a task, which many actions may share, read once."""
+        if task not in self._roles:
+            self._roles[task] = tuple(self._listed(task, DUL.isTaskOf, self._role))
+        return self._roles[task]
 
     def _role(self, node: str) -> Role:
         return Role(self._text(node, EXPERIENCE.property), self._text(node, EXPERIENCE.filler))
@@ -249,9 +256,9 @@ class _Reader:
 
     def _float(self, node: str, prop: str) -> float:
         try:
-            return float(self._text(node, prop))
-        except ValueError:
-            self._refuse(f"{prop} is no number", node)
+            return float(Literal(self._text(node, prop)).number())
+        except (ValueError, OverflowError):
+            self._refuse(f"{prop} is no finite number", node)
 
     def _refuse(self, message: str, node: str | None) -> NoReturn:
         said = next(iter(self._about.get(node or "", {}).values()), None)

@@ -7,7 +7,7 @@ adds to the vocabulary, and names of the vocabulary for everything else.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 
 from planlang.knowledge.axioms import THING, Axioms, Concept, One
@@ -75,25 +75,23 @@ def described(
     found, stated = [], _Stated(vocabulary)
     for number in queue:
         links: list[tuple[str, int | Label]] = []
-        for prop, target in _with_own_above(nodes[number].links, vocabulary, own):
-            if nodes[target].is_own or label_of(nodes[target].concept) is None:
+        for prop, target in nodes[number].links:
+            end: int | Label | None = label_of(nodes[target].concept)
+            if nodes[target].is_own or nodes[target].concept not in vocabulary.above or end is None:
                 if target not in numbers:
                     numbers[target] = len(numbers)
                     queue.append(target)
-                links.append((prop, numbers[target]))
-            else:
-                links.append((prop, label_of(nodes[target].concept) or ""))
-        found.append(Described(_most_specific(nodes[number], stated), tuple(sorted(links, key=repr))))
+                end = numbers[target]
+            links += [(one, end) for one in _shown(completion, prop)]
+        found.append(Described(_most_specific(nodes[number], stated), tuple(sorted(set(links), key=repr))))
     return Description(tuple(found), tuple(words), tuple(place))
 
 
-def _with_own_above(links: Iterable[tuple[str, int]], vocabulary: Axioms, own: Axioms) -> Iterator[tuple[str, int]]:
-    """Yield links, each also by the properties that only the entry states above its own one."""
-    for prop, target in links:
-        yield prop, target
-        for upper in own.properties_above.get(prop, ()):
-            if upper != prop and upper not in vocabulary.properties_above.get(prop, ()):
-                yield upper, target
+def _shown(completion: Completion, prop: str) -> Iterable[str]:
+    """Return the properties of a link that are not known from the vocabulary."""
+    above = completion.above(prop)
+    found = {prop} if above.isdisjoint(completion.own_properties) else above
+    return (one for one in found if " " not in one)  # a part of a chain is no property
 
 
 def _spread_ownership(nodes: list[Node]) -> None:

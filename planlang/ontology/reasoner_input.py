@@ -190,9 +190,11 @@ class _Left:
                 f"the reasoner is not given {self._rows} statements with datatypes that OWL does not have: {names}"
             )
             found.append(note("O062", message, next(iter(self._foreign.values()))))
-        if self._numbers:
-            message = f"the reasoner is given {len(self._numbers)} numbers in the datatypes that their properties have"
-            found.append(note("O062", message, self._numbers[0]))
+        own = {str(document.path) for document in self._ontology.documents[:1]}  # not what it imports
+        numbers = [span for span in self._numbers if span.file in own]
+        if numbers:
+            message = f"the reasoner is given {len(numbers)} numbers in the datatypes that their properties have"
+            found.append(note("O062", message, numbers[0]))
         return found
 
 

@@ -12,6 +12,7 @@ from typing import Any
 import hypothesis
 import pyoxigraph
 import pytest
+from cut_runs import completed, cut
 from examples import examples
 from hypothesis import settings
 from hypothesis import strategies as st
@@ -25,9 +26,10 @@ from planlang.experience.poses import transforms_in
 from planlang.failures import GraspMissed, ObjectUnfetchable, PlanFailure
 from planlang.files import bundled
 from planlang.ontology import Literal, Triple, load
+from planlang.ontology.terms import RDF, expand
 from planlang.ontology.turtle import read_turtle
-from planlang.runs import DamagedTrace
-from planlang.testing import Script, run_plan
+from planlang.runs import DamagedTrace, RecordedRun
+from planlang.testing import PlanRun, Script, run_plan
 
 BASE = "http://example.org/run"
 CUP = an_object("Cup", iri="http://example.org/room#cup1")
@@ -114,6 +116,21 @@ def test_a_recovered_run_tells_participants_roles_resolutions_and_the_chain_of_c
     assert {survivor.kind for survivor, _ in run.recovered()} == {"with_failure_handling"}
 
 
+def test_a_run_that_was_killed_and_resumed_tells_what_one_tells_that_was_not() -> None:
+    async def twice() -> None:
+        await with_failure_handling(fetch)
+        await with_failure_handling(fetch)
+
+    def ran(past: RecordedRun | None = None) -> PlanRun[Any]:
+        script = Script().on("GraspingSomething", after=1.0)
+        return run_plan(twice, script=script, resumable=True, resume=past)
+
+    whole = ran()
+    resumed = ran(cut(whole, completed(whole)[0] + 3))
+    assert any(one["event"] == "resumed" for one in resumed.events)
+    assert experience_of(resumed.events) == experience_of(whole.events)
+
+
 def test_rdflib_and_pyoxigraph_read_the_same_graph() -> None:
     text = narrative(recovered_run(), BASE)
     ours = read_turtle(text, "narrative.ttl", base=BASE).triples
@@ -147,6 +164,8 @@ def test_texts_of_any_characters_come_back(name: str, message: str, result: Any)
     ]
     told = experience_of(json.loads(json.dumps(events)))
     assert there_and_back(told) == told
+    text = narrative(told, BASE)
+    assert read_by_rdflib(text, "turtle", BASE) == graph_of(read_turtle(text, "narrative.ttl", base=BASE).triples)
 
 
 def test_which_designators_ran_and_what_they_were_resolved_to_is_one_question_in_sparql() -> None:
@@ -164,6 +183,24 @@ def test_which_designators_ran_and_what_they_were_resolved_to_is_one_question_in
     wanted, module = "GraspingSomething(object_acted_on=cup1)", "rule of GraspingSomething"
     states = ["ExecutionState_Failed", "ExecutionState_Succeeded"]
     assert rows == [[wanted, module, state] for state in states]
+
+
+def test_the_class_of_an_action_is_in_the_namespace_of_the_recipe_around_it() -> None:
+    mine, library = "http://example.org/mine#Serve", "http://example.org/library#Grasp"
+    performed = {"kind": "perform", "classes": ["Reaching"]}
+    records: list[dict[str, Any]] = [
+        {**HEADER, "iri": mine},
+        {**ROOT, "kind": "plan", "iri": mine},
+        {**ROOT, **performed, "node": 2, "parent": 1, "name": "Take", "action": "Take(object_acted_on=cup1)"},
+        {**ROOT, "kind": "plan", "node": 3, "parent": 2, "name": "grasp", "iri": library},
+        {**ROOT, **performed, "node": 4, "parent": 3, "name": "Near", "action": "Near()"},
+        {**ROOT, "kind": "perform", "node": 5, "parent": 3, "name": "Look", "action": "LookingForSomething()"},
+    ]
+    triples = read_turtle(narrative(experience_of(records), BASE), "n.ttl", base=BASE).triples
+    kinds = {(str(one.subject), one.object) for one in triples if one.predicate == RDF.type}
+    for number, kind in ((2, "http://example.org/mine#Take"), (4, "http://example.org/library#Near")):
+        assert {(f"{BASE}#action{number}", kind), (f"{BASE}#action{number}", expand("Reaching"))} <= kinds
+    assert (f"{BASE}#action5", expand("LookingForSomething")) in kinds
 
 
 HEADER = {"step": 0, "event": "header", "schema": 3, "plan": "p", "rate": 30}
