@@ -170,14 +170,11 @@ class Enabling:
         need = f"{finding.kind.value} {finding.iri or finding.text}"
         if need in self.wanted:
             return need
-        if finding.state is Availability.AVAILABLE:
+        if all(one.state is Availability.AVAILABLE for one, _ in finding.walk()):
             return self._want(need, Wanted(finding.kind, finding.text, finding.iri, has=finding.reason))
-        own: tuple[Offer, ...] = ()
         self.wanted[need] = Wanted(finding.kind, finding.text)  # what it takes may take it in turn
         is_disproved = any(above in self.robot.lacks for above in self._names_above(finding.iri))
-        if finding.below and not is_disproved:
-            below = tuple(dict.fromkeys(self._of_requirement(one) for one in finding.below))
-            own = (Offer(f"own {finding.text}", finding.text, below, is_own=True),)
+        own = () if is_disproved else tuple(self._own(finding))
         iri = finding.iri
         asked = finding.text if iri is None else f"<{iri}>"
         if iri is not None and (is_disproved or self.vocabulary.taxonomy.is_below(iri, HARDWARE)):
@@ -186,6 +183,13 @@ class Enabling:
         reason = finding.reason if own else f"{finding.reason}, and {self.shelf.url} has none"
         search = partial(self.shelf.search, asked)
         return self._want(need, Wanted(finding.kind, finding.text, iri, lacks=reason, own=own, search=search))
+
+    def _own(self, finding: Finding) -> Iterator[Offer]:
+        """Yield the ways to have what is required by having what that takes: one, or one for each part of an "or"."""
+        below = tuple(dict.fromkeys(self._of_requirement(one) for one in finding.below))
+        is_any = finding.iri is None and " or " in finding.text
+        for number, needs in enumerate([(one,) for one in below] if is_any else [below] if below else []):
+            yield Offer(f"own {finding.text} {number}", finding.text, needs, is_own=True)
 
     def _names_above(self, iri: str | None) -> Iterator[str]:
         if iri is not None:
