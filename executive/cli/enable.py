@@ -104,6 +104,8 @@ def _run(arguments: EnableArguments, explanation: Explanation, folder: Folder) -
         modules=arguments.modules,
         trust=arguments.trust,
         ontologies=arguments.ontologies,
+        set_=arguments.set_,
+        start=arguments.start,
         seed=arguments.seed,
         trace=arguments.trace,
         verbose=arguments.verbose,

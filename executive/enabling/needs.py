@@ -7,12 +7,13 @@ of things among its parameters, and a map that has such things. An entry needs w
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
 from executive.belief.semantic_map import read_map
 from executive.enabling.folder import Folder
+from executive.enabling.parameters import class_of, made_by, things_of
 from executive.enabling.search import Combination, Need, Offer, combine
 from executive.enabling.shelf import Shelf
 from executive.robots.matching import Matcher, Possessions
@@ -25,12 +26,14 @@ from planlang.knowledge.entries import Kind
 from planlang.ontology import Ontology, expand, load
 from planlang.ontology.expressions import Expression
 from planlang.ontology.terms import OWL
-from planlang.recipe import Actions, RecipeSet, read_recipe
-from planlang.recipe.model import Constraint, Filler, Parameter, Part, Place, Thing
-from planlang.recipe.model import Kind as ThingKind
+from planlang.recipe import Actions, Thing, read_recipe
 
 OWN = "own:"
 """Before the identifier of an offer that is the robot's or the user's own: nothing is downloaded for it."""
+MOST_READ = 30
+"""Recipes, or maps, that are read to meet one need: a second each for large ones."""
+FOR = " for "
+"""Before what a need prefers, in its name: what was taken for the rest of it is considered, too."""
 MODELS = "providesModelFor"
 MODEL_OF = expand(MODELS)
 
@@ -51,6 +54,8 @@ class Wanted:
     search: Callable[[], Iterable[Found]] = tuple
     fits: Callable[[Found], str | None] = lambda found: None
     """Why an entry that was found is of no use after all."""
+    rank: Callable[[Found], int] = lambda found: 0
+    """Entries with a smaller one are taken before others."""
 
 
 @dataclass(slots=True)
@@ -73,6 +78,7 @@ class Enabling:
     refused: dict[Need, list[tuple[str, str]]] = field(default_factory=dict)
     """Entries that are of no use for a need, with the reason."""
     vocabulary: Ontology = field(init=False)
+    _maps: dict[str, tuple[frozenset[str], frozenset[str]]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.vocabulary = load(Path("vocabulary.omn"), folders=self.folders, content=b"Ontology: <urn:vocabulary>")
@@ -87,19 +93,23 @@ class Enabling:
         """Return what meets a need: the robot's own, what it took before, then what the knowledge base has."""
         wanted = self.wanted[need]
         offers = list(wanted.own)
-        kept = [one.found for one in self.folder.kept.values() if need in one.needs]
+        kept = [one.found for one in self.folder.kept.values() if need.partition(FOR)[0] in _general(one.needs)]
         uids = {one.entry.uid for one in kept}
-        for found in (*kept, *(one for one in _best_first(wanted) if one.entry.uid not in uids)):
+        candidates = [*kept, *(one for one in _best_first(wanted) if one.entry.uid not in uids)]
+        most = MOST_READ if wanted.kind in (FindingKind.RECIPE, FindingKind.MAP) else len(candidates)
+        refused = [(one.entry.uid, f"only the best {MOST_READ} are read") for one in candidates[most:]]
+        for found in sorted(candidates[:most], key=wanted.rank):
             try:
                 reason = wanted.fits(found)
                 needs = self.needs_of(found) if reason is None else ()
             except BadInput as problem:
                 reason = f"it cannot be used: {problem.diagnostics[0].message}"
-            if reason is not None:
-                self.refused.setdefault(need, []).append((found.entry.uid, reason))
-                continue
-            self.found[found.entry.uid] = found
-            offers.append(Offer(found.entry.uid, found.entry.about, needs))
+            if reason is None:
+                self.found[found.entry.uid] = found
+                offers.append(Offer(found.entry.uid, found.entry.about, needs))
+            else:
+                refused.append((found.entry.uid, reason))
+        self.refused[need] = refused
         return offers
 
     def content(self, found: Found) -> Ontology:
@@ -135,13 +145,15 @@ class Enabling:
 
     def of_recipe(self, ontology: Ontology, task: str | None) -> tuple[Need, ...]:
         """Return what a recipe needs. Raises BadInput for one that cannot be compiled."""
-        reading = read_recipe(Actions(ontology), task)
+        actions = Actions(ontology)
+        reading = read_recipe(actions, task)
         if reading.recipes is None or has_errors(reading.diagnostics):
             raise BadInput([one for one in reading.diagnostics if has_errors([one])])
         matched = match(ontology, reading.recipes, self.robot, performed=self.performed)
-        classes = tuple(dict.fromkeys(things_of(reading.recipes)))
-        needs = [*self._of_finding(matched.tree), *(self.model(cls, ontology) for cls in classes)]
-        return tuple(dict.fromkeys([*needs, self.map(classes, ontology)]))
+        things, made = things_of(actions, reading.recipes), made_by(actions, reading.recipes)
+        models = (self.model(class_of(one), ontology) for one in things)
+        there = [one for one in things if one not in made]
+        return tuple(dict.fromkeys([*self._of_finding(matched.tree), *models, self.map(there, ontology)]))
 
     def _of_finding(self, finding: Finding) -> Iterator[Need]:
         """Yield the needs that a tree of findings stands for, without what available alternatives make unneeded."""
@@ -221,23 +233,40 @@ class Enabling:
         targets = self.robot.model.ontology.values(model, MODEL_OF, subproperties=True)
         return f"{local_name(model)} of {self.robot.robot}" if any(one in targets for one in classes) else None
 
-    def map(self, classes: Sequence[str], ontology: Ontology) -> Need:
-        """Return the need of a map in which there is a thing of each class."""
+    def map(self, things: Sequence[Thing], ontology: Ontology) -> Need:
+        """Return the need of a map with a thing of each class; one that has the very individuals is preferred."""
         if self.own_map is not None:
             return self._want("map", Wanted(FindingKind.MAP, "", has=f"{self.own_map} is given"))
-        names = ", ".join(map(local_name, classes))
+        classes = tuple(dict.fromkeys(map(class_of, things)))
+        individuals = frozenset(one.iri for one in things if one.iri is not None)
+        text = ", ".join([*map(local_name, classes), *(f"{level} {name}" for level, name in self.place.items())])
 
         def fits(found: Found) -> str | None:
-            things = read_map(self.content(found)).objects
-            kinds = {cls for thing in things for one in thing.types for cls in (one, *ontology.ancestors(one))}
+            _, types = self._things_in(found)
+            kinds = {cls for one in types for cls in (one, *ontology.ancestors(one))}
             lacking = [local_name(cls) for cls in classes if cls not in kinds]
             return f"there is no {', '.join(lacking)} in it" if lacking else None
 
-        def search() -> Sequence[Found]:
-            return self.shelf.search(f"<{expand('SemanticEnvironmentMap')}>", kind=Kind.ENVIRONMENT, place=self.place)
+        asked = f"<{expand('SemanticEnvironmentMap')}>"
+        search = partial(self.shelf.search, asked, kind=Kind.ENVIRONMENT, place=self.place)
+        need = f"map {text}{FOR}{' '.join(sorted(individuals))}"
+        wanted = Wanted(FindingKind.MAP, f"with {text}" if text else "", lacks=self._none(), search=search, fits=fits)
+        return self._want(need, replace(wanted, rank=lambda found: len(individuals - self._things_in(found)[0])))
 
-        wanted = Wanted(FindingKind.MAP, f"with {names}" if names else "", None, None, self._none(), (), search, fits)
-        return self._want(f"map {names}", wanted)
+    def _things_in(self, found: Found) -> tuple[frozenset[str], frozenset[str]]:
+        """Return the individuals of a map, and their classes with those above; nothing for one that cannot be read."""
+        uid = found.entry.uid
+        if uid not in self._maps:
+            try:
+                ontology = self.content(found)
+                things = read_map(ontology).objects
+            except BadInput:
+                self._maps[uid] = (frozenset(), frozenset())
+                return self._maps[uid]
+            types = {cls for thing in things for cls in thing.types}
+            above = (up for cls in types for up in ontology.ancestors(cls))
+            self._maps[uid] = (frozenset(thing.iri for thing in things), frozenset(types.union(above)))
+        return self._maps[uid]
 
     def _dependencies(self, links: Links) -> Iterator[tuple[str, str]]:
         """Yield the links that are dependencies, without classes that are above another one."""
@@ -274,6 +303,10 @@ def _best_first(wanted: Wanted) -> list[Found]:
     return sorted(wanted.search(), key=rank)
 
 
+def _general(needs: Iterable[Need]) -> frozenset[str]:
+    return frozenset(one.partition(FOR)[0] for one in needs)
+
+
 def _plain(text: str) -> str:
     return "".join(one for one in local_name(text).casefold() if one.isalnum())
 
@@ -286,28 +319,3 @@ def _is_called(found: Found, name: str) -> bool:
 def _spellings(name: str) -> tuple[str, ...]:
     local = local_name(name)
     return tuple(dict.fromkeys((local.replace("_", " "), _plain(name.partition(".")[0]), _plain(name))))
-
-
-def things_of(recipes: RecipeSet) -> Iterator[str]:
-    """Yield the classes (IRIs) of the objects and persons among the parameters of a recipe and those below it."""
-    for recipe in recipes.recipes.values():
-        for stated in (recipe.parameters, *(step.parameters for step in recipe.steps)):
-            yield from (cls for one in stated for cls in _classes(one))
-
-
-def _classes(parameter: Parameter) -> Iterator[str]:
-    for thing in _things(parameter.filler):
-        if thing.kind in (ThingKind.OBJECT, ThingKind.PERSON) and thing.slot is None:
-            yield thing.stated or expand(thing.type)
-
-
-def _things(filler: Filler) -> Iterator[Thing]:
-    match filler:
-        case Thing():
-            yield filler
-        case Place():
-            yield from filler.things()
-        case Part(of=of):
-            yield of
-        case Constraint(tool=tool, world=world):
-            yield from (tool.of, world.of)

@@ -7,9 +7,9 @@ follow from the rest are right, and some that would follow from all may be missi
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
-from planlang.ontology import BNode, Literal, Ontology, Term
+from planlang.ontology import BNode, Ontology, Term
 from planlang.ontology.classes import twin
 from planlang.ontology.expression_text import expression_of
 from planlang.ontology.expressions import Expression
@@ -52,7 +52,8 @@ class Axioms:
     above: dict[Concept, list[Concept]] = field(default_factory=dict)
     """Each concept with those stated to include it; both directions of an equivalence."""
     properties_above: dict[str, set[str]] = field(default_factory=dict)
-    transitive: set[str] = field(default_factory=set)
+    chains: list[tuple[str, str, str]] = field(default_factory=list)
+    """A property behind another is a third: (one, the next, both together); a transitive one is all three."""
     domains: dict[str, list[Concept]] = field(default_factory=dict)
     ranges: dict[str, list[Concept]] = field(default_factory=dict)
     disjoint: list[tuple[str, str]] = field(default_factory=list)
@@ -71,7 +72,7 @@ def axioms_of(ontology: Ontology) -> Axioms:
             found.state(cls, upper)
     _read_class_axioms(ontology, found)
     _read_property_axioms(ontology, found, ontology)
-    _read_facts(ontology, found, ontology)
+    _read_facts(ontology, found, ontology, found)
     return found
 
 
@@ -89,48 +90,45 @@ def own_axioms_of(ontology: Ontology, vocabulary: Axioms) -> Axioms:
                 found.state(name, upper)
     _read_class_axioms(main, found)
     _read_property_axioms(main, found, ontology)
-    _read_facts(main, found, ontology)
+    _read_facts(main, found, ontology, vocabulary)
     return found
 
 
 def _read_class_axioms(ontology: Ontology, found: Axioms) -> None:
     for prop, is_definition in ((RDFS.subClassOf, False), (OWL.equivalentClass, True)):
         for triple in ontology.triples(p=prop):
-            if isinstance(triple.subject, BNode) and isinstance(triple.object, BNode) and is_definition:
-                continue
-            _relate(ontology, triple.subject, triple.object, found, is_definition=is_definition)
-    for triple in ontology.triples(p=OWL.intersectionOf):
-        if isinstance(triple.subject, str):
-            defined = concept(_intersection(ontology, triple.subject))
-            if defined is not None:
-                found.state(triple.subject, defined)
-                found.state(defined, triple.subject)
+            left, right = (expression_of(ontology, term, triple.span) for term in (triple.subject, triple.object))
+            if left is not None and right is not None and (is_definition or not left.kind == right.kind == "name"):
+                _include(left, right, found)
+                if is_definition:
+                    _include(right, left, found)
+    for word, kind in ((OWL.intersectionOf, "and"), (OWL.unionOf, "or")):
+        for triple in ontology.triples(p=word):
+            if isinstance(triple.subject, str):
+                parts = tuple(expression_of(ontology, one, triple.span) for one in _items(ontology, triple.object))
+                known = tuple(one for one in parts if one is not None)
+                name, whole = (
+                    Expression("name", triple.span, triple.subject),
+                    Expression(kind, triple.span, parts=known),
+                )
+                if parts and len(known) == len(parts):
+                    _include(name, whole, found)
+                    _include(whole, name, found)
     for triple in ontology.triples(p=OWL.disjointWith):
         if isinstance(triple.subject, str) and isinstance(triple.object, str):
             found.disjoint.append((triple.subject, triple.object))
 
 
-def _relate(ontology: Ontology, lower: Term, upper: Term, found: Axioms, *, is_definition: bool) -> None:
-    span = next(ontology.triples(s=lower)).span if not isinstance(lower, Literal) else None
-    assert span is not None
-    left, right = (expression_of(ontology, term, span) for term in (lower, upper))
-    if left is None or right is None or (left.kind == right.kind == "name" and not is_definition):
+def _include(lower: Expression, upper: Expression, found: Axioms) -> None:
+    """State that an expression is below another, as far as EL can say it."""
+    if lower.kind in ("or", "one of") and len(lower.parts) > 1:
+        for part in lower.parts:
+            _include(part if lower.kind == "or" else replace(lower, parts=(part,)), upper, found)
         return
-    below = concept(left)
+    below = concept(lower)
     if below is not None:
-        for implied in implied_by(right):
+        for implied in implied_by(upper):
             found.state(below, implied)
-    above = concept(right)
-    if is_definition and above is not None:
-        for implied in implied_by(left):
-            found.state(above, implied)
-
-
-def _intersection(ontology: Ontology, cls: str) -> Expression | None:
-    (triple, *_) = ontology.triples(cls, OWL.intersectionOf)
-    members = [expression_of(ontology, member, triple.span) for member in _items(ontology, triple.object)]
-    parts = tuple(member for member in members if member is not None)
-    return Expression("and", triple.span, parts=parts) if parts and len(parts) == len(members) else None
 
 
 def _items(ontology: Ontology, cell: Term) -> Iterator[Term]:
@@ -152,7 +150,12 @@ def _read_property_axioms(ontology: Ontology, found: Axioms, known: Ontology) ->
                 if isinstance(prop, str) and prop not in found.properties_above:
                     found.properties_above[prop] = set(ontology.superproperties(prop))
     for triple in ontology.triples(p=RDF.type, o=OWL.TransitiveProperty):
-        found.transitive.add(str(triple.subject))
+        prop = str(triple.subject)
+        found.chains.append((prop, prop, prop))
+    for triple in ontology.triples(p=OWL.propertyChainAxiom):
+        parts = list(_items(ontology, triple.object))
+        if len(parts) > 1 and all(isinstance(one, str) for one in (triple.subject, *parts)):
+            _read_chain(list(map(str, parts)), str(triple.subject), found)
     for p, stated in ((RDFS.domain, found.domains), (RDFS.range, found.ranges)):
         for triple in ontology.triples(p=p):
             expression = expression_of(ontology, triple.object, triple.span)
@@ -160,21 +163,37 @@ def _read_property_axioms(ontology: Ontology, found: Axioms, known: Ontology) ->
                 stated.setdefault(triple.subject, []).extend(implied_by(expression))
 
 
+def _read_chain(parts: list[str], whole: str, found: Axioms) -> None:
+    first, *others = parts
+    for number, following in enumerate(others, 2):
+        both = whole if number == len(parts) else f"{first} o {following}"  # no IRI: a name of the part so far
+        found.chains.append((first, following, both))
+        first = both
+
+
 def _is_data(expression: Expression) -> bool:
     return expression.kind == "facets" or str(expression.term).startswith((str(XSD), str(RDFS)))
 
 
-def _read_facts(ontology: Ontology, found: Axioms, known: Ontology) -> None:
+def _read_facts(ontology: Ontology, found: Axioms, known: Ontology, vocabulary: Axioms) -> None:
     """Read what individuals are and what they are linked to, as axioms about their own classes.
+
+    Both of a link exist, so that the second is of the property's ranges in every respect.
 
     A link to what is a class for ``known``, as a model has that is for one, is a link to something of the class, too.
     """
     language = (str(OWL), str(RDF), str(RDFS))
+    stated = (found,) if vocabulary is found else (found, vocabulary)
     individuals = {
         triple.subject: None
         for triple in ontology.triples(p=RDF.type)
-        if isinstance(triple.subject, str) and not str(triple.object).startswith(language)
+        if isinstance(triple.subject, str)
+        and (triple.object == OWL.NamedIndividual or not str(triple.object).startswith(language))
     }
+    for triple in ontology.triples(p=OWL.sameAs):
+        for one, other in ((triple.subject, triple.object), (triple.object, triple.subject)):
+            if isinstance(one, str) and isinstance(other, str):
+                found.state(One(one), One(other))
     for individual in individuals:
         for triple in ontology.triples(s=individual):
             if triple.predicate == RDF.type:
@@ -186,9 +205,9 @@ def _read_facts(ontology: Ontology, found: Axioms, known: Ontology) -> None:
                 found.state(One(individual), Some(triple.predicate, One(triple.object)))
                 if known.is_class(triple.object):
                     found.state(One(individual), Some(triple.predicate, triple.object))
-                for prop in found.properties_above.get(triple.predicate, {triple.predicate}):
-                    for implied in found.ranges.get(prop, ()):
-                        found.state(One(triple.object), implied)
+                above = {triple.predicate}.union(*(one.properties_above.get(triple.predicate, ()) for one in stated))
+                for implied in (of for prop in sorted(above) for one in stated for of in one.ranges.get(prop, ())):
+                    found.state(One(triple.object), implied)
 
 
 def concept(expression: Expression | None) -> Concept | None:
@@ -204,20 +223,25 @@ def concept(expression: Expression | None) -> Concept | None:
         case "value" if isinstance(parts[1].term, str) and parts[0].kind == "name":
             return Some(str(parts[0].term), One(parts[1].term))
         case "and":
-            return _all(concept(part) for part in parts)
+            return together(concept(part) for part in parts)
         case "some" | "min" if parts[0].kind == "name" and (expression.kind == "some" or expression.number == 1):
             filler = concept(parts[1]) if len(parts) > 1 else THING
             return None if filler is None else Some(str(parts[0].term), filler)
     return None
 
 
-def _all(found: Iterable[Concept | None]) -> Concept | None:
-    together: Concept | None = None
-    for one in found:
-        if one is None:
-            return None
-        together = one if together is None else And(together, one)
-    return together
+def together(found: Iterable[Concept | None]) -> Concept | None:
+    """Return the concept of what is all of some at once; None without any, or if one is None.
+
+    Halves are put together, so that no number of parts makes it deep.
+    """
+    parts = list(found)
+    while len(parts) > 1:
+        left, right = parts[::2], parts[1::2]
+        pairs = zip(left, right, strict=False)
+        joined = [None if one is None or other is None else And(one, other) for one, other in pairs]
+        parts = [*joined, *left[len(right) :]]
+    return parts[0] if parts else None
 
 
 def implied_by(expression: Expression) -> Iterator[Concept]:
@@ -228,10 +252,8 @@ def implied_by(expression: Expression) -> Iterator[Concept]:
             yield from implied_by(part)
     elif expression.kind in ("some", "min", "exactly") and parts[0].kind == "name":
         if expression.kind == "some" or expression.number > 0:
-            fillers = tuple(implied_by(parts[1])) if len(parts) > 1 else ()
-            filler = _all(fillers) if fillers else THING
-            assert filler is not None
-            yield Some(str(parts[0].term), filler)
+            filler = together(implied_by(parts[1])) if len(parts) > 1 else None
+            yield Some(str(parts[0].term), filler or THING)
     else:
         whole = concept(expression)
         if whole is not None:

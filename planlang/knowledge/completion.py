@@ -7,10 +7,13 @@ reasoner ELK: only what a question reaches is completed. A concept is below a qu
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
-from planlang.knowledge.axioms import NOTHING, THING, And, Axioms, Concept, Some
+from planlang.knowledge.axioms import NOTHING, THING, And, Axioms, Concept, Some, together
+
+FACTS_OF_A_NODE = 50
+"""Labels and links of a node, in the mean, that are made at most where the number of nodes is bounded."""
 
 
 class TooLarge(Exception):
@@ -21,6 +24,7 @@ class TooLarge(Exception):
 class Node:
     """A concept with everything that includes it (``labels``, itself too), and its links to fillers of properties.
 
+    ``first_from`` are those of ``linked_from`` that do not follow from transitivity: a way begins with one of them.
     ``is_own`` if axioms of the entry had a part in it, so that it is not the same for every entry.
     """
 
@@ -28,6 +32,7 @@ class Node:
     labels: dict[Concept, None] = field(default_factory=dict)
     links: dict[tuple[str, int], None] = field(default_factory=dict)
     linked_from: dict[tuple[str, int], None] = field(default_factory=dict)
+    first_from: dict[tuple[str, int], None] = field(default_factory=dict)
     is_own: bool = False
 
 
@@ -38,14 +43,23 @@ class Completion:
         """``own``: axioms of one entry, beside those of the vocabulary; ``most``: nodes that are made at most."""
         self.nodes: list[Node] = []
         self._most = most
+        self._facts = 0
         self._axioms = (axioms, own or Axioms())
         self._numbers: dict[Concept, int] = {}
         self._agenda: list[tuple[int, Concept]] = []
+        self._new_links: list[tuple[int, str, int]] = []
         self._some: dict[Concept, list[Some]] = {}
         self._and: dict[Concept, list[And]] = {}
         for known in self._axioms:
             self._index_conditions(known.above)
         self._properties: dict[str, frozenset[str]] = {}
+        self._begins: dict[str, list[tuple[str, str]]] = {}
+        self._ends: dict[str, list[tuple[str, str]]] = {}
+        for first, second, whole in dict.fromkeys(chain for known in self._axioms for chain in known.chains):
+            self._begins.setdefault(first, []).append((second, whole))
+            self._ends.setdefault(second, []).append((first, whole))
+        self.own_properties = frozenset(_shaped(*self._axioms))
+        """Of which the entry states more than the vocabulary."""
         self._disjoint: dict[Concept, list[str]] = {}
         for one, other in (pair for known in self._axioms for pair in known.disjoint):
             self._disjoint.setdefault(one, []).append(other)
@@ -70,9 +84,11 @@ class Completion:
     def number(self, concept: Concept) -> int:
         """Return the node of a concept, completed. Raises TooLarge."""
         found = self._node(concept)
-        while self._agenda:
-            node, label = self._agenda.pop()
-            self._follow(node, label)
+        while self._agenda or self._new_links:
+            if self._agenda:
+                self._follow(*self._agenda.pop())
+            else:
+                self._follow_link(*self._new_links.pop())
         return found
 
     def _node(self, concept: Concept) -> int:
@@ -88,8 +104,14 @@ class Completion:
 
     def _add(self, node: int, label: Concept) -> None:
         if label not in self.nodes[node].labels:
+            self._count()
             self.nodes[node].labels[label] = None
             self._agenda.append((node, label))
+
+    def _count(self) -> None:
+        self._facts += 1
+        if self._most is not None and self._facts > FACTS_OF_A_NODE * self._most:
+            raise TooLarge(f"more than {FACTS_OF_A_NODE * self._most} facts follow from each other")
 
     def above(self, prop: str) -> frozenset[str]:
         """Return a property and those above it."""
@@ -134,12 +156,10 @@ class Completion:
 
     def _in_range(self, prop: str, filler: Concept) -> Concept:
         """Return what a filler is as one of a property: of the ranges of it and of those above it, too."""
-        found, stated = filler, self._stated_above(filler)
-        for upper in sorted(self.above(prop)):
-            for known in self._axioms:
-                for one in known.ranges.get(upper, ()):
-                    if one not in stated:
-                        found = And(found, one)
+        stated, upward = self._stated_above(filler), sorted(self.above(prop))
+        ranges = (one for known in self._axioms for upper in upward for one in known.ranges.get(upper, ()))
+        found = together((filler, *dict.fromkeys(one for one in ranges if one not in stated)))
+        assert found is not None
         return found
 
     def _stated_above(self, concept: Concept) -> set[Concept]:
@@ -151,13 +171,24 @@ class Completion:
                     queue.append(upper)
         return reached
 
-    def _link(self, source: int, prop: str, target: int) -> None:
+    def _link(self, source: int, prop: str, target: int, *, is_first: bool = True) -> None:
         node, filler = self.nodes[source], self.nodes[target]
-        if (prop, target) in node.links:
-            return
-        node.links[prop, target] = None
-        filler.linked_from[prop, source] = None
+        is_new = (prop, target) not in node.links
+        if is_new:
+            self._count()
+            node.links[prop, target] = None
+            filler.linked_from[prop, source] = None
+        if is_first and (prop, source) not in filler.first_from:
+            filler.first_from[prop, source] = None
+            is_new = True
+        if is_new:
+            self._new_links.append((source, prop, target))
+
+    def _follow_link(self, source: int, prop: str, target: int) -> None:
+        """Apply every rule in which a link is a condition."""
+        node, filler = self.nodes[source], self.nodes[target]
         upward = self.above(prop)
+        node.is_own |= not upward.isdisjoint(self.own_properties)
         for label in tuple(filler.labels):
             for condition in self._some.get(label, ()):
                 if condition.property in upward:
@@ -167,10 +198,26 @@ class Completion:
         for known in self._axioms:
             for upper in (domain for one in upward for domain in known.domains.get(one, ())):
                 self._add(source, upper)
-        for one in upward & (self._axioms[0].transitive | self._axioms[1].transitive):
-            for further, end in tuple(filler.links):
-                if one in self.above(further):
-                    self._link(source, one, end)
-            for before, start in tuple(node.linked_from):
-                if one in self.above(before):
-                    self._link(start, one, target)
+        for one in upward:
+            for second, whole in self._begins.get(one, ()):
+                is_transitive = one == second == whole
+                if not is_transitive or (prop, source) in filler.first_from:
+                    for further, end in tuple(filler.links):
+                        if second in self.above(further):
+                            self._link(source, whole, end, is_first=not is_transitive)
+            for first, whole in self._ends.get(one, ()):
+                is_transitive = one == first == whole
+                for before, start in tuple(node.first_from if is_transitive else node.linked_from):
+                    if first in self.above(before):
+                        self._link(start, whole, target, is_first=not is_transitive)
+
+
+def _shaped(vocabulary: Axioms, own: Axioms) -> Iterator[str]:
+    """Yield the properties of which an entry states more than the vocabulary."""
+    for prop, above in own.properties_above.items():
+        if above - {prop} - vocabulary.properties_above.get(prop, set()):
+            yield prop
+    for stated, known in ((own.domains, vocabulary.domains), (own.ranges, vocabulary.ranges)):
+        yield from (prop for prop, uppers in stated.items() if not set(uppers) <= set(known.get(prop, ())))
+    for first, second, _ in set(own.chains) - set(vocabulary.chains):
+        yield from (first, second)

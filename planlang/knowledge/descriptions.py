@@ -7,10 +7,10 @@ adds to the vocabulary, and names of the vocabulary for everything else.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 
-from planlang.knowledge.axioms import Axioms, One
+from planlang.knowledge.axioms import THING, Axioms, Concept, One
 from planlang.knowledge.completion import Completion, Node
 
 MOST_NODES = 20_000
@@ -72,28 +72,26 @@ def described(
     nodes[root].is_own = True
     numbers = {root: 0}
     queue = [root]
-    found = []
+    found, stated = [], _Stated(vocabulary)
     for number in queue:
         links: list[tuple[str, int | Label]] = []
-        for prop, target in _with_own_above(nodes[number].links, vocabulary, own):
-            if nodes[target].is_own or label_of(nodes[target].concept) is None:
+        for prop, target in nodes[number].links:
+            end: int | Label | None = label_of(nodes[target].concept)
+            if nodes[target].is_own or nodes[target].concept not in vocabulary.above or end is None:
                 if target not in numbers:
                     numbers[target] = len(numbers)
                     queue.append(target)
-                links.append((prop, numbers[target]))
-            else:
-                links.append((prop, label_of(nodes[target].concept) or ""))
-        found.append(Described(_most_specific(nodes[number], vocabulary), tuple(sorted(links, key=repr))))
+                end = numbers[target]
+            links += [(one, end) for one in _shown(completion, prop)]
+        found.append(Described(_most_specific(nodes[number], stated), tuple(sorted(set(links), key=repr))))
     return Description(tuple(found), tuple(words), tuple(place))
 
 
-def _with_own_above(links: Iterable[tuple[str, int]], vocabulary: Axioms, own: Axioms) -> Iterator[tuple[str, int]]:
-    """Yield links, each also by the properties that only the entry states above its own one."""
-    for prop, target in links:
-        yield prop, target
-        for upper in own.properties_above.get(prop, ()):
-            if upper != prop and upper not in vocabulary.properties_above.get(prop, ()):
-                yield upper, target
+def _shown(completion: Completion, prop: str) -> Iterable[str]:
+    """Return the properties of a link that are not known from the vocabulary."""
+    above = completion.above(prop)
+    found = {prop} if above.isdisjoint(completion.own_properties) else above
+    return (one for one in found if " " not in one)  # a part of a chain is no property
 
 
 def _spread_ownership(nodes: list[Node]) -> None:
@@ -113,15 +111,36 @@ def label_of(concept: object) -> Label | None:
     return concept if isinstance(concept, str) else None
 
 
-def _most_specific(node: Node, vocabulary: Axioms) -> tuple[Label, ...]:
+def _most_specific(node: Node, stated: _Stated) -> tuple[Label, ...]:
     """Return the labels of a node without those that the vocabulary states above another of them."""
-    kept: dict[Label, frozenset[object]] = {}
-    for concept in node.labels:
-        label = label_of(concept)
-        if label is None or any(concept in implied for implied in kept.values()):
-            continue
-        above = frozenset(vocabulary.above.get(concept, ()))
-        for upper in map(label_of, above):
-            kept.pop(upper or "", None)
-        kept[label] = above
+    kept: list[Label] = []
+    implied: set[Label] = {THING}
+    for label in map(label_of, node.labels):
+        if label is not None and label not in implied:
+            above = stated.above(label)
+            kept = [one for one in kept if one not in above]
+            kept.append(label)
+            implied |= above
     return tuple(kept)
+
+
+class _Stated:
+    """What the vocabulary states above labels, through any number of them."""
+
+    def __init__(self, vocabulary: Axioms) -> None:
+        self._vocabulary = vocabulary
+        self._known: dict[Label, frozenset[Label]] = {}
+
+    def above(self, label: Label) -> frozenset[Label]:
+        """Return the labels above one."""
+        found = self._known.get(label)
+        if found is None:
+            reached, queue = {label}, [label]
+            for one in queue:
+                concept: Concept = One(one[1:-1]) if one.startswith("{") else one
+                for upper in map(label_of, self._vocabulary.above.get(concept, ())):
+                    if upper is not None and upper not in reached:
+                        reached.add(upper)
+                        queue.append(upper)
+            found = self._known[label] = frozenset(reached - {label})
+        return found

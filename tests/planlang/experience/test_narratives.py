@@ -12,6 +12,7 @@ from typing import Any
 import hypothesis
 import pyoxigraph
 import pytest
+from cut_runs import completed, cut
 from examples import examples
 from hypothesis import settings
 from hypothesis import strategies as st
@@ -22,13 +23,14 @@ from planlang import Recovery, TaskTree, Trace, action, an_object, failures, per
 from planlang.diagnostics import BadInput, Span
 from planlang.experience import Experience, State, experience_in, experience_of, narrative, read_narrative
 from planlang.experience.poses import transforms_in
+from planlang.experience.terms import DUL, EXPERIENCE, SOMA
 from planlang.failures import GraspMissed, ObjectUnfetchable, PlanFailure
 from planlang.files import bundled
 from planlang.ontology import Literal, Triple, load
 from planlang.ontology.terms import RDF, expand
 from planlang.ontology.turtle import read_turtle
-from planlang.runs import DamagedTrace
-from planlang.testing import Script, run_plan
+from planlang.runs import DamagedTrace, RecordedRun
+from planlang.testing import PlanRun, Script, run_plan
 
 BASE = "http://example.org/run"
 CUP = an_object("Cup", iri="http://example.org/room#cup1")
@@ -115,6 +117,21 @@ def test_a_recovered_run_tells_participants_roles_resolutions_and_the_chain_of_c
     assert {survivor.kind for survivor, _ in run.recovered()} == {"with_failure_handling"}
 
 
+def test_a_run_that_was_killed_and_resumed_tells_what_one_tells_that_was_not() -> None:
+    async def twice() -> None:
+        await with_failure_handling(fetch)
+        await with_failure_handling(fetch)
+
+    def ran(past: RecordedRun | None = None) -> PlanRun[Any]:
+        script = Script().on("GraspingSomething", after=1.0)
+        return run_plan(twice, script=script, resumable=True, resume=past)
+
+    whole = ran()
+    resumed = ran(cut(whole, completed(whole)[0] + 3))
+    assert any(one["event"] == "resumed" for one in resumed.events)
+    assert experience_of(resumed.events) == experience_of(whole.events)
+
+
 def test_rdflib_and_pyoxigraph_read_the_same_graph() -> None:
     text = narrative(recovered_run(), BASE)
     ours = read_turtle(text, "narrative.ttl", base=BASE).triples
@@ -148,6 +165,8 @@ def test_texts_of_any_characters_come_back(name: str, message: str, result: Any)
     ]
     told = experience_of(json.loads(json.dumps(events)))
     assert there_and_back(told) == told
+    text = narrative(told, BASE)
+    assert read_by_rdflib(text, "turtle", BASE) == graph_of(read_turtle(text, "narrative.ttl", base=BASE).triples)
 
 
 def test_which_designators_ran_and_what_they_were_resolved_to_is_one_question_in_sparql() -> None:
@@ -276,3 +295,10 @@ def test_the_vocabulary_has_all_failures_of_the_plan_language_below_each_other_a
         above = {one.__name__ for one in kind.__mro__ if issubclass(one, PlanFailure)} - {kind.__name__}
         assert all(words.is_a(kind.__name__, one) for one in above), f"ontologies/experience.omn lacks {kind}"
         assert words.is_a(kind.__name__, "FailureOfAPlan")
+
+
+def test_each_term_of_a_narrative_is_stated_in_the_vocabulary_or_called_as_one_of_knowrob() -> None:
+    words = load(bundled("ontologies") / "experience.omn")
+    for space in (DUL, SOMA, EXPERIENCE):
+        lacking = {one for one in space.terms if not words.defined(space + one) and not words.is_property(space + one)}
+        assert lacking <= {"Action", "Agent", "InformationObject", "TimeInterval", "json"}

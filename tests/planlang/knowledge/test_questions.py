@@ -1,0 +1,48 @@
+"""Questions as a user writes them: names without namespaces, and what is said about mistakes."""
+
+from __future__ import annotations
+
+import pytest
+
+from planlang.diagnostics import BadInput, Diagnostic
+from planlang.knowledge.questions import LONGEST, names_in, read_question
+from planlang.ontology.expression_text import text_of
+
+NAMES = names_in(["urn:a#Flask", "urn:a#Mug", "urn:b#Mug", "urn:a#holds", "urn:a#Refilling"])
+
+
+def refused(text: str) -> Diagnostic:
+    with pytest.raises(BadInput) as refusal:
+        read_question(text, NAMES)
+    return refusal.value.diagnostics[0]
+
+
+def test_names_need_no_namespace_where_only_one_thing_is_called_so() -> None:
+    question = read_question("Refilling and holds some Flask", NAMES)
+    first, second = question.parts
+    assert (first.term, second.parts[0].term) == ("urn:a#Refilling", "urn:a#holds")
+    assert text_of(question) == "Refilling and (holds some Flask)"
+
+
+def test_a_name_of_several_things_is_refused_with_their_full_names() -> None:
+    said = refused("holds some Mug")
+    assert (said.code, said.message) == ("K002", "Mug has several meanings")
+    assert said.help == "write one of <urn:a#Mug>, <urn:b#Mug>"
+    assert read_question("holds some <urn:b#Mug>", NAMES).parts[1].term == "urn:b#Mug"
+
+
+def test_an_unknown_name_is_refused_with_similar_ones_where_it_stands() -> None:
+    said = refused("Refilling and\n  holds some Flsk")
+    assert (said.code, said.help) == ("K002", "did you mean Flask?")
+    assert said.span is not None
+    assert said.span.line == 2
+    assert refused("holds some <urn:c#Mug>").message == "nothing here knows <urn:c#Mug>"
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "and", "Flask and", "Flask, Mug", "Flask Class: <urn:x> SubClassOf: Flask", "Flask\nIndividual: Mug",
+     "(" * 5000 + "Flask" + ")" * 4999, "holds some", "Flask\x00", "B" * (LONGEST + 1)],
+)  # fmt: skip
+def test_what_is_no_single_expression_is_refused(text: str) -> None:
+    assert refused(text).code[0] in "KO"
