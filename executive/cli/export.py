@@ -24,6 +24,7 @@ from planlang.runs.recorded_run import DamagedTrace, read_records
 
 LARGEST = 200_000_000
 """Bytes of a trace, or of a log of poses, that are read."""
+POSES = "poses.jsonl"
 NAMESPACE = "http://planlang.org/experience/"
 
 
@@ -31,7 +32,7 @@ def command(arguments: ExportArguments) -> Answer:
     """Export a trace; raises BadInput."""
     began = _began(arguments.began)
     folder, trace = arguments.output, arguments.trace
-    outputs = {"the narrative": folder / "narrative.ttl", "the poses": folder / "poses.jsonl"}
+    outputs = {"the narrative": folder / "narrative.ttl", "the poses": folder / POSES}
     _make(folder)
     refuse(check_outputs(outputs, {"the trace": trace, "--poses": arguments.poses}, force=arguments.force))
     content = read_file(trace, "C001", largest=LARGEST)
@@ -47,7 +48,7 @@ def command(arguments: ExportArguments) -> Answer:
     poses = list(transforms_in(records))
     if arguments.poses is not None:
         poses = sorted((*poses, *_logged(arguments.poses, records[0])), key=lambda one: one.step)
-    write_text(outputs["the narrative"], narrative(experience, NAMESPACE + digest[:16], began))
+    write_text(outputs["the narrative"], narrative(experience, NAMESPACE + digest[:16], began, records=[POSES]))
     write_text(outputs["the poses"], "".join(pose_lines(poses, experience.rate, began, trace_sha256=digest)))
     told = dict(_told(experience))
     files = [str(path) for path in outputs.values()]

@@ -23,6 +23,7 @@ from planlang import Recovery, TaskTree, Trace, action, an_object, failures, per
 from planlang.diagnostics import BadInput, Span
 from planlang.experience import Experience, State, experience_in, experience_of, narrative, read_narrative
 from planlang.experience.poses import transforms_in
+from planlang.experience.terms import DUL, EXPERIENCE, SOMA
 from planlang.failures import GraspMissed, ObjectUnfetchable, PlanFailure
 from planlang.files import bundled
 from planlang.ontology import Literal, Triple, load
@@ -294,3 +295,10 @@ def test_the_vocabulary_has_all_failures_of_the_plan_language_below_each_other_a
         above = {one.__name__ for one in kind.__mro__ if issubclass(one, PlanFailure)} - {kind.__name__}
         assert all(words.is_a(kind.__name__, one) for one in above), f"ontologies/experience.omn lacks {kind}"
         assert words.is_a(kind.__name__, "FailureOfAPlan")
+
+
+def test_each_term_of_a_narrative_is_stated_in_the_vocabulary_or_called_as_one_of_knowrob() -> None:
+    words = load(bundled("ontologies") / "experience.omn")
+    for space in (DUL, SOMA, EXPERIENCE):
+        lacking = {one for one in space.terms if not words.defined(space + one) and not words.is_property(space + one)}
+        assert lacking <= {"Action", "Agent", "InformationObject", "TimeInterval", "json"}
