@@ -186,14 +186,12 @@ class _Left:
         found = []
         if self._foreign:
             names = _listed(self._foreign)
-            message = (
-                f"the reasoner is not given {self._rows} statements with datatypes that OWL does not have: {names}"
-            )
-            found.append(note("O062", message, next(iter(self._foreign.values()))))
+            message = f"the reasoner is not given statements with datatypes that OWL does not have: {names}"
+            found.append(note("O062", f"{message} ({self._rows})", next(iter(self._foreign.values()))))
         own = {str(document.path) for document in self._ontology.documents[:1]}  # not what it imports
         numbers = [span for span in self._numbers if span.file in own]
         if numbers:
-            message = f"the reasoner is given {len(numbers)} numbers in the datatypes that their properties have"
+            message = f"the reasoner is given numbers in the datatypes that their properties have ({len(numbers)})"
             found.append(note("O062", message, numbers[0]))
         return found
 
