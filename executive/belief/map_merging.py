@@ -47,7 +47,8 @@ class _Source:
     @staticmethod
     def of(path: Path, ontology: Ontology, found: list[Diagnostic]) -> _Source:
         semantic_map = read_map(ontology)
-        found += (*ontology.diagnostics, *semantic_map.diagnostics)
+        filled_in = ("M005", "M006")  # that is for who uses the merged map
+        found += (*ontology.diagnostics, *(one for one in semantic_map.diagnostics if one.code not in filled_in))
         statements = _turned(main_statements(ontology, {ontology.documents[0].path}), ontology)
         return _Source(path.name, semantic_map, statements, placements(semantic_map))
 

@@ -72,6 +72,14 @@ def test_what_a_crash_left_of_a_real_trace_comes_back_at_every_tenth_record(run:
         assert read_narrative(narrative(told, "http://example.org/run"), "narrative.ttl") == told
 
 
+def test_a_last_line_that_was_torn_is_left_out_and_told(run: Path, tmp_path: Path) -> None:
+    torn = tmp_path / "run.jsonl"
+    torn.write_bytes((run / "run.jsonl").read_bytes()[:-9])
+    found = planlang("export", torn, "--to", "neem", "-o", tmp_path / "neem")
+    assert [one["code"] for one in found["diagnostics"]] == ["X026"]
+    assert not found["is_whole"]
+
+
 def test_the_log_of_poses_follows_the_bottle_and_belongs_to_its_run_only(run: Path) -> None:
     words = ("export", run / "run.jsonl", "--to", "neem", "-o", run / "logged", "--poses")
     found = planlang(*words, run / "poses.jsonl")
