@@ -15,6 +15,7 @@ from planlang.diagnostics import Diagnostic, note, warning
 from planlang.knowledge.places import LEVELS, inverted
 from planlang.ontology import Literal, Ontology, Triple, expand, load
 from planlang.ontology.terms import OWL, RDF, RDFS
+from planlang.units import stated_number, unit_of_property
 
 SAME_PLACE = 0.01
 """Difference of positions that is none [m]."""
@@ -46,7 +47,8 @@ class _Source:
     @staticmethod
     def of(path: Path, ontology: Ontology, found: list[Diagnostic]) -> _Source:
         semantic_map = read_map(ontology)
-        found += (*ontology.diagnostics, *semantic_map.diagnostics)
+        filled_in = ("M005", "M006")  # that is for who uses the merged map
+        found += (*ontology.diagnostics, *(one for one in semantic_map.diagnostics if one.code not in filled_in))
         statements = _turned(main_statements(ontology, {ontology.documents[0].path}), ontology)
         return _Source(path.name, semantic_map, statements, placements(semantic_map))
 
@@ -257,7 +259,7 @@ def _difference(before: tuple[str, list[Triple]], after: tuple[str, list[Triple]
 def _value(triple: Triple) -> object:
     assert isinstance(triple.object, Literal)
     try:
-        return float(triple.object.number()), (triple.object.datatype or "").rpartition("unit#")[2]
+        return float(stated_number(triple.object, unit_of_property(local_name(triple.predicate))))
     except ValueError:
         return triple.object.value.strip()
 

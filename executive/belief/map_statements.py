@@ -47,8 +47,8 @@ def placements(semantic_map: SemanticMap) -> dict[str, Placement]:
     poses = PosesOfThings(ontology, [])
     found = {}
     for thing in semantic_map.objects:
-        if thing.pose is None:
-            continue
+        if thing.pose is None or not any(ontology.triples(thing.iri)):
+            continue  # it has no place, or follows from its class
         seen = poses.newest(thing.iri)
         event = None if seen is None else seen.event
         place = poses.place_of(thing.iri) if seen is None else seen.place

@@ -28,8 +28,6 @@ from planlang.ontology.expressions import Expression
 from planlang.ontology.terms import OWL
 from planlang.recipe import Actions, Thing, read_recipe
 
-OWN = "own:"
-"""Before the identifier of an offer that is the robot's or the user's own: nothing is downloaded for it."""
 MOST_READ = 30
 """Recipes, or maps, that are read to meet one need: a second each for large ones."""
 FOR = " for "
@@ -69,8 +67,6 @@ class Enabling:
     folders: tuple[Path, ...] = ()
     own_map: Path | None = None
     """The user's map; no other one is looked for."""
-    recognised: tuple[str, ...] = ()
-    """Classes that the robot recognises without further models."""
     place: Mapping[str, str] = field(default_factory=dict)
     wanted: dict[Need, Wanted] = field(default_factory=dict)
     found: dict[str, Found] = field(default_factory=dict)
@@ -140,7 +136,7 @@ class Enabling:
     def given_task(self, recipe: Path, task: str | None) -> Need:
         """Return the need of a recipe that the user has. Raises BadInput for one that cannot be used."""
         needs = self.of_recipe(load(recipe, folders=self.folders), task)
-        own = (Offer(f"{OWN}{recipe}", str(recipe), needs),)
+        own = (Offer(str(recipe), str(recipe), needs, is_own=True),)
         return self._want(f"recipe {recipe}", Wanted(FindingKind.RECIPE, str(recipe), own=own))
 
     def of_recipe(self, ontology: Ontology, task: str | None) -> tuple[Need, ...]:
@@ -161,7 +157,8 @@ class Enabling:
             yield self._of_requirement(finding)
         elif finding.kind is FindingKind.ALTERNATIVES and finding.state is not Availability.AVAILABLE:
             text = f"one of {', '.join(one.text for one in finding.below)}"
-            own = tuple(Offer(f"{OWN}{one.text}", one.text, tuple(self._of_finding(one))) for one in finding.below)
+            each = ((one.text, tuple(self._of_finding(one))) for one in finding.below)
+            own = tuple(Offer(f"own {name}", name, needs, is_own=True) for name, needs in each)
             yield self._want(text, Wanted(FindingKind.ALTERNATIVES, text, own=own))
         elif finding.reason == UNKNOWN_STEP and finding.iri is not None:
             yield self._of_step(finding)
@@ -173,14 +170,11 @@ class Enabling:
         need = f"{finding.kind.value} {finding.iri or finding.text}"
         if need in self.wanted:
             return need
-        if finding.state is Availability.AVAILABLE:
+        if all(one.state is Availability.AVAILABLE for one, _ in finding.walk()):
             return self._want(need, Wanted(finding.kind, finding.text, finding.iri, has=finding.reason))
-        own: tuple[Offer, ...] = ()
         self.wanted[need] = Wanted(finding.kind, finding.text)  # what it takes may take it in turn
         is_disproved = any(above in self.robot.lacks for above in self._names_above(finding.iri))
-        if finding.below and not is_disproved:
-            below = tuple(dict.fromkeys(self._of_requirement(one) for one in finding.below))
-            own = (Offer(f"{OWN}{finding.text}", finding.iri or finding.text, below),)
+        own = () if is_disproved else tuple(self._own(finding))
         iri = finding.iri
         asked = finding.text if iri is None else f"<{iri}>"
         if iri is not None and (is_disproved or self.vocabulary.taxonomy.is_below(iri, HARDWARE)):
@@ -189,6 +183,13 @@ class Enabling:
         reason = finding.reason if own else f"{finding.reason}, and {self.shelf.url} has none"
         search = partial(self.shelf.search, asked)
         return self._want(need, Wanted(finding.kind, finding.text, iri, lacks=reason, own=own, search=search))
+
+    def _own(self, finding: Finding) -> Iterator[Offer]:
+        """Yield the ways to have what is required by having what that takes: one, or one for each part of an "or"."""
+        below = tuple(dict.fromkeys(self._of_requirement(one) for one in finding.below))
+        is_any = finding.iri is None and " or " in finding.text
+        for number, needs in enumerate([(one,) for one in below] if is_any else [below] if below else []):
+            yield Offer(f"own {finding.text} {number}", finding.text, needs, is_own=True)
 
     def _names_above(self, iri: str | None) -> Iterator[str]:
         if iri is not None:
@@ -208,7 +209,7 @@ class Enabling:
         """Return the need of a recognition model of a class: one of it or below it, else of a class above it."""
         above = [one for one in ontology.ancestors(cls) if one != cls]
         models = filter(None, (self._recognises(iri, (cls, *above)) for iri in self.robot_models()))
-        own = (one for one in (cls, *above) if one in self.recognised)
+        own = (one for one in (cls, *above) if one in (self.robot.recognises or ()))
         has = next((f"{self.robot.robot} recognises {local_name(one)}" for one in own), None)
         asked = f"<{expand('ObjectRecognitionModel')}> and <{MODEL_OF}> some <{cls}>"
         wider = " or ".join(f"<{MODEL_OF}> value <{one}>" for one in above)
