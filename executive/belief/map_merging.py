@@ -22,6 +22,7 @@ from planlang.diagnostics import Diagnostic, note, warning
 from planlang.knowledge.places import LEVELS, inverted
 from planlang.ontology import Literal, Ontology, Triple, expand, load
 from planlang.ontology.terms import OWL, RDFS
+from planlang.units import stated_number, unit_of_property
 
 SAME_PLACE = 0.01
 """Difference of positions that is none [m]."""
@@ -250,7 +251,7 @@ def _difference(before: tuple[str, list[Triple]], after: tuple[str, list[Triple]
 def _value(triple: Triple) -> object:
     assert isinstance(triple.object, Literal)
     try:
-        return float(triple.object.number()), (triple.object.datatype or "").rpartition("unit#")[2]
+        return float(stated_number(triple.object, unit_of_property(local_name(triple.predicate))))
     except ValueError:
         return triple.object.value.strip()
 
