@@ -199,6 +199,8 @@ class SqliteStore:
             (number,) = database.execute(before, (uid,)).fetchone()
             self._add_revision(database, uid, number + 1, content.data, author, now)
             if request is not None:
+                if self.requested(author, request.key) is not None:
+                    raise EntryExists("another request has been sent with this key")
                 kept = (author, request.key, request.digest, uid)
                 database.execute("INSERT INTO requests VALUES (?, ?, ?, ?)", kept)
             _tell(database, Change.CREATED, uid, content.kind, author, now)
