@@ -211,7 +211,7 @@ class ReplayCheck(Trace):
             if line.event == "world":
                 number = line.record.get("number", 0)
                 if type(number) is not int:
-                    raise ValueError(f"line {line.line} tells of no watch: its number is {str(number)[:40]}")
+                    raise ValueError(f"line {line.number} tells of no watch: its number is {str(number)[:40]}")
                 self._worlds.setdefault((line.path, number), []).append(line)
 
     def _unknown(self, question: str) -> None:
