@@ -18,14 +18,14 @@ import subprocess
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from importlib.util import find_spec
 from pathlib import Path
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, error
 from planlang.ontology.ontology import Ontology
-from planlang.ontology.reasoner_input import ReasonerInput, reasoner_input
+from planlang.ontology.reasoner_input import NAMESPACE, ReasonerInput, reasoner_input
 
 MEMORY = 2000
 """Memory of a reasoner [MB]."""
@@ -123,7 +123,8 @@ class _Reasoning:
             names = [name for name in why if name in self.given.names]
         if is_inconsistent:
             yield self._contradiction(self._explained("--inconsistent", path).get("Thing", ()))
-        for name in sorted(names, key=list(self.given.names).index):
+        order = {name: rank for rank, name in enumerate(self.given.names)}
+        for name in sorted(names, key=order.__getitem__):
             iri = self.given.names[name]
             message = f"the class `{name}` is unsatisfiable: nothing can be of it"
             yield error("O060", message, self.ontology.span(iri), _because(why.get(name, ())))
@@ -164,9 +165,10 @@ class _Reasoning:
         return done.stdout, False
 
     def _explained(self, question: str, path: Path) -> dict[str, tuple[str, ...]]:
-        """Return explanations of what HermiT has found; none if Pellet fails or takes too long."""
+        """Return explanations of what HermiT has found; none if Pellet fails, or needs half of the time left."""
+        half = replace(self, end=self.end - (self.end - time.monotonic()) / 2)
         try:
-            return self._explanations(question, path)
+            return half._explanations(question, path)
         except _Stopped:
             return {}
 
@@ -218,4 +220,4 @@ def _because(why: Sequence[str]) -> str | None:
 def _first_line(text: str) -> str:
     lines = [line.strip() for line in text.splitlines() if line.strip() and not line.strip().startswith("at ")]
     told = next((line for line in lines if "Exception" in line or "ERROR" in line), lines[0] if lines else "no reason")
-    return told.removeprefix('Exception in thread "main" ')[:300]
+    return told.removeprefix('Exception in thread "main" ').replace(NAMESPACE, "")[:300]

@@ -12,6 +12,7 @@ import pytest
 from typer.testing import CliRunner
 
 from executive.cli.app import app
+from planlang.files import Bundled
 from tests.support.knowledge_bases import PIECES, hospital
 from tests.support.servers import running_server
 
@@ -110,3 +111,18 @@ def test_what_the_robot_has_no_model_of_it_does_not_recognise(tmp_path: Path) ->
     found = json.loads(result.stdout)
     assert (result.exit_code, "RecognitionModelMissing" in found["failure"]) == (1, True)
     assert "no recognition model of DrinkingBottle" in found["outcome"]
+
+
+def test_a_model_that_is_taken_also_makes_the_robots_recognition_work(tmp_path: Path) -> None:
+    """A robot whose self-model has no recognition model at all lacks a component, which the bottle's model is."""
+    folder = Bundled.ROBOT.folder
+    for path in folder.glob("amigo.*"):
+        text = path.read_text(encoding="utf-8").replace(",\n        comp:subComponent recognition_model", "")
+        (tmp_path / path.name).write_text(text, encoding="utf-8")
+    hospital(tmp_path / "kb.sqlite").close()
+    words = ("--robot", str(tmp_path / "amigo.toml"))
+    code, found = enable(tmp_path / "kb.sqlite", tmp_path / "taken", "--run", *words)
+    assert (code, found["final_state"]) == (0, ["bottle1: held by patient1"])
+    assert sorted(found["taken"]) == sorted(PIECES.values())
+    (capability,) = [one for one in found["explanation"]["requires"] if one["name"] == "GraspingCapability"]
+    assert "ObjectRecognitionModel" in json.dumps(capability)
