@@ -12,6 +12,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from itertools import islice
 
+from executive.serving.turns import Busy
 from executive.serving.uploads import describe, packed, unpacked
 from executive.serving.vocabulary import Vocabulary
 from planlang.designators import local_name
@@ -189,7 +190,7 @@ class Catalogue:
             if not self._stale:
                 return False
             uid = next(iter(self._stale))
-        with suppress(NoSuchEntry, Changed, BadInput):  # it is another entry by now, or keeps what it has
+        with suppress(NoSuchEntry, Changed, BadInput, Busy):  # it is another entry by now, or keeps what it has
             entry = self._store.entry(uid)
             name, data = uid.partition(".")[2], self._store.content(uid, entry.revision.number)
             made = describe(entry.about, name, data, self._vocabulary)

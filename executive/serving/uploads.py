@@ -19,7 +19,7 @@ from planlang.compiler import compile_ontology
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors
 from planlang.experience import episode_in
-from planlang.files import decode
+from planlang.files import Bundled, decode
 from planlang.knowledge.axioms import own_axioms_of
 from planlang.knowledge.completion import TooLarge
 from planlang.knowledge.descriptions import Description, described
@@ -230,6 +230,11 @@ def _described(ontology: Ontology, subject: str, vocabulary: Vocabulary, file: s
     except TooLarge as problem:
         raise BadInput([error("K013", str(problem), Span(file))]) from None
     return replace(found, place=places(ontology))
+
+
+def warm_up(vocabulary: Vocabulary) -> None:
+    """Read what all checks need, so that the first upload need not."""
+    read_upload(Kind.RECIPE, "first", Bundled.RECIPE.find("serve_a_drink").read_bytes(), None, vocabulary)
 
 
 def describe(about: str, name: str, data: bytes, vocabulary: Vocabulary) -> Description:

@@ -25,7 +25,7 @@ from pathlib import Path
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, error
 from planlang.ontology.ontology import Ontology
-from planlang.ontology.reasoner_input import ReasonerInput, reasoner_input
+from planlang.ontology.reasoner_input import NAMESPACE, ReasonerInput, reasoner_input
 
 MEMORY = 2000
 """Memory of a reasoner [MB]."""
@@ -220,4 +220,4 @@ def _because(why: Sequence[str]) -> str | None:
 def _first_line(text: str) -> str:
     lines = [line.strip() for line in text.splitlines() if line.strip() and not line.strip().startswith("at ")]
     told = next((line for line in lines if "Exception" in line or "ERROR" in line), lines[0] if lines else "no reason")
-    return told.removeprefix('Exception in thread "main" ')[:300]
+    return told.removeprefix('Exception in thread "main" ').replace(NAMESPACE, "")[:300]

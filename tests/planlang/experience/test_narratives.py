@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import replace
 from datetime import UTC, datetime
 from functools import cache
 from typing import Any
@@ -21,7 +22,7 @@ from rdf_graphs import graph_of, read_by_rdflib
 
 from planlang import Recovery, TaskTree, Trace, action, an_object, failures, perform, with_failure_handling
 from planlang.diagnostics import BadInput, Span
-from planlang.experience import Experience, State, experience_in, experience_of, narrative, read_narrative
+from planlang.experience import Experience, State, Thing, experience_in, experience_of, narrative, read_narrative
 from planlang.experience.poses import transforms_in
 from planlang.experience.terms import DUL, EXPERIENCE, SOMA
 from planlang.failures import GraspMissed, ObjectUnfetchable, PlanFailure
@@ -30,6 +31,7 @@ from planlang.ontology import Literal, Triple, load
 from planlang.ontology.terms import RDF, expand
 from planlang.ontology.turtle import read_turtle
 from planlang.runs import DamagedTrace, RecordedRun
+from planlang.runs.codec import dump
 from planlang.testing import PlanRun, Script, run_plan
 
 BASE = "http://example.org/run"
@@ -93,7 +95,8 @@ def recovered_events() -> list[dict[str, Any]]:
         fetch, script=Script().on("GraspingSomething", fails=GraspMissed, times=1, after=1.0), resumable=True
     )
     assert run.failure is None
-    return run.events
+    header, *rest = run.events
+    return [{**header, "parameters": {"cup": dump(CUP)}, "robot": "amigo"}, *rest]  # as planlang run writes them
 
 
 def recovered_run() -> Experience:
@@ -106,6 +109,8 @@ def test_a_recovered_run_tells_participants_roles_resolutions_and_the_chain_of_c
     first = next(one for one in run.activities if one.kind == "perform")
     assert first.state is State.FAILED
     assert [(role.property, role.filler) for role in first.roles] == [("objectActedOn", "cup1")]
+    assert first.participants == ("cup1",)
+    assert run.things == (Thing("cup1", "Object", "Cup", "http://example.org/room#cup1"),)
     assert [(one.designator.text, one.to.value) for one in first.resolutions] == [
         ("GraspingSomething(object_acted_on=cup1)", "process module")
     ]
@@ -184,6 +189,23 @@ def test_which_designators_ran_and_what_they_were_resolved_to_is_one_question_in
     wanted, module = "GraspingSomething(object_acted_on=cup1)", "rule of GraspingSomething"
     states = ["ExecutionState_Failed", "ExecutionState_Succeeded"]
     assert rows == [[wanted, module, state] for state in states]
+
+
+def test_a_designator_without_individual_is_resolved_to_one_of_its_class_under_the_name_of_the_map() -> None:
+    bound = [[dump(CUP), "cup1"], [dump(an_object("WipingTool")), "sponge1"]]
+    left = {"step": 3, "event": "completed", "node": 1, "left": {"belief": {"bound": bound}}}
+    told = experience_of([HEADER, ROOT, left])
+    assert there_and_back(told) == told
+    store = pyoxigraph.Store()
+    store.load(narrative(told, BASE).encode(), format=pyoxigraph.RdfFormat.TURTLE)
+    question = """
+        PREFIX experience: <http://planlang.org/kb/experience.owl#>
+        SELECT ?text ?label ?kind WHERE {
+            ?resolution experience:resolves/experience:text ?text ; experience:resolvedTo ?thing .
+            ?thing <http://www.w3.org/2000/01/rdf-schema#label> ?label ; a ?kind
+        } ORDER BY ?text"""
+    rows = [[one.value for one in row] for row in store.query(question)]  # type: ignore[union-attr]
+    assert rows == [["WipingTool", "sponge1", expand("WipingTool")], ["cup1", "cup1", expand("Cup")]]
 
 
 def test_the_class_of_an_action_is_in_the_namespace_of_the_recipe_around_it() -> None:
@@ -286,6 +308,27 @@ def test_a_narrative_that_contradicts_itself_is_refused(old: str, new: str, reas
     with pytest.raises(BadInput, match=reason) as refused:
         read_narrative(text.replace(old, new), "narrative.ttl")
     assert {one.code for one in refused.value.diagnostics} == {"K080"}
+
+
+@settings(max_examples=examples(1000), deadline=None)
+@hypothesis.given(st.data())
+def test_a_graph_with_statements_taken_out_and_put_together_anew_is_told_or_refused(data: st.DataObject) -> None:
+    triples = list(read_turtle(narrative(recovered_run(), BASE), "n.ttl", base=BASE).triples)
+    for _ in range(data.draw(st.integers(1, 4))):
+        place, other = (data.draw(st.integers(0, len(triples) - 1)) for _ in range(2))
+        one, another = triples[place], triples[other]
+        made = data.draw(st.sampled_from(("none", "subject", "predicate", "object", "text")))
+        if made == "none":
+            del triples[place]
+        else:
+            value = Literal(data.draw(st.text(max_size=3))) if made == "text" else getattr(another, made)
+            triples[place] = replace(one, **{"object" if made == "text" else made: value})
+    try:
+        told = experience_in(triples, "n.ttl")
+    except BadInput as problem:
+        hypothesis.event(problem.diagnostics[0].code)
+        return
+    assert isinstance(narrative(told, BASE), str)
 
 
 def test_the_vocabulary_has_all_failures_of_the_plan_language_below_each_other_as_there() -> None:

@@ -78,6 +78,26 @@ Class: Short2
     assert found.individuals == 1
 
 
+@needs_reasoner
+def test_what_a_reasoner_cannot_take_is_left_out_or_told(tmp_path: Path) -> None:
+    text = """Datatype: Small
+    EquivalentTo: unit:Meter[<= "1"^^unit:Meter]
+
+Class: Short
+    SubClassOf: thickness only {"1"^^unit:Meter, "2"^^unit:Meter}, thickness some Small
+
+Individual: towel
+    Types: Short
+    Facts: thickness "thin"^^xsd:float, thickness "2020-01-01"^^xsd:date, not thickness "1"^^unit:Meter
+"""
+    found = reason(load(written(tmp_path, text), builtin=False))
+    assert [one.code for one in found.diagnostics if one.code != "O062"] == []
+    assert "'thin', Meter, Small, date" in found.diagnostics[0].message
+    text = "ObjectProperty: on\n    Characteristics: Transitive\n\nClass: Pile\n    SubClassOf: on max 1 Pile\n"
+    with pytest.raises(BadInput, match=r"HermiT cannot take the ontology: .*Non-simple property '<on>'"):
+        reason(load(written(tmp_path, text), builtin=False))
+
+
 def test_a_restriction_with_a_unit_becomes_a_class_of_which_nothing_is_known(tmp_path: Path) -> None:
     text = 'Class: Thick\n    EquivalentTo: Wet and (thickness value "2"^^unit:Centimeter)\n'
     given = reasoner_input(load(written(tmp_path, text), builtin=False))
