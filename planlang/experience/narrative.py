@@ -243,12 +243,22 @@ class _Writer:
         self._text(node, EXPERIENCE.value, one.value)
         self._json(node, EXPERIENCE.base, None if one.base is None else list(one.base))
         self._json(node, EXPERIENCE.details, one.details or None)
-        if one.to is ResolvedTo.THING and one.designator.text in self._named:
-            self._say(node, EXPERIENCE.resolvedTo, self._named[one.designator.text])
+        if one.to is ResolvedTo.THING:
+            self._say(node, EXPERIENCE.resolvedTo, self._thing_of_the_map(one))
         elif one.to is ResolvedTo.PLAN and _IRI.fullmatch(one.value):
             self._say(node, EXPERIENCE.resolvedTo, one.value)
         if one.failure is not None:
             self._say(node, EXPERIENCE.failedWith, self._failure(one.failure))
+
+    def _thing_of_the_map(self, one: Resolution) -> str:
+        """Return the individual that a thing's designator was bound to: one that a designator names, or a further."""
+        if one.value in self._named:
+            return self._named[one.value]
+        node = self._shared("bound", one.value, lambda new: self._text(new, RDFS.label, one.value))
+        for thing in self._experience.things:
+            if thing.name == one.designator.text:
+                self._kind(node, thing.type)
+        return node
 
     def _occurrence(self, activity: str, number: int, one: Occurrence) -> None:
         node = self._new("occurrence")

@@ -92,6 +92,7 @@ def test_the_log_of_poses_follows_the_bottle_and_belongs_to_its_run_only(run: Pa
     other = run / "other.jsonl"
     for text, said in (
         (lines[0].replace('"seed": 3', '"seed": 4') + lines[1], "another run: seed"),
+        (lines[0] + lines[1].replace('"step": 0', '"step": 9007199254740992'), "too late"),
         ("{}\n[]\n", "line 2"),
     ):
         other.write_text(text)
@@ -114,9 +115,12 @@ def test_a_file_that_is_no_trace_a_time_without_zone_and_a_strange_file_in_the_f
     trace.write_text('{"step": 0, "event": "header", "schema": 3}\n')
     words = ("export", trace, "--to", "neem", "-o", folder)
     assert [one["code"] for one in planlang(*words)["diagnostics"]] == ["X020"]
+    assert not folder.exists()
     usage = CliRunner().invoke(app, [*map(str, words), "--began", "2026-11-23T14:00:00"], prog_name="planlang")
     assert usage.exit_code == 2
     assert "zone" in usage.stderr
+    trace.write_bytes((run / "run.jsonl").read_bytes())
+    folder.mkdir()
     (folder / "narrative.ttl").write_text("mine")
     assert [one["code"] for one in planlang(*words)["diagnostics"]] == ["C005"]
     assert (folder / "narrative.ttl").read_text() == "mine"

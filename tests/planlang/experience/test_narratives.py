@@ -191,6 +191,23 @@ def test_which_designators_ran_and_what_they_were_resolved_to_is_one_question_in
     assert rows == [[wanted, module, state] for state in states]
 
 
+def test_a_designator_without_individual_is_resolved_to_one_of_its_class_under_the_name_of_the_map() -> None:
+    bound = [[dump(CUP), "cup1"], [dump(an_object("WipingTool")), "sponge1"]]
+    left = {"step": 3, "event": "completed", "node": 1, "left": {"belief": {"bound": bound}}}
+    told = experience_of([HEADER, ROOT, left])
+    assert there_and_back(told) == told
+    store = pyoxigraph.Store()
+    store.load(narrative(told, BASE).encode(), format=pyoxigraph.RdfFormat.TURTLE)
+    question = """
+        PREFIX experience: <http://planlang.org/kb/experience.owl#>
+        SELECT ?text ?label ?kind WHERE {
+            ?resolution experience:resolves/experience:text ?text ; experience:resolvedTo ?thing .
+            ?thing <http://www.w3.org/2000/01/rdf-schema#label> ?label ; a ?kind
+        } ORDER BY ?text"""
+    rows = [[one.value for one in row] for row in store.query(question)]  # type: ignore[union-attr]
+    assert rows == [["WipingTool", "sponge1", expand("WipingTool")], ["cup1", "cup1", expand("Cup")]]
+
+
 def test_the_class_of_an_action_is_in_the_namespace_of_the_recipe_around_it() -> None:
     mine, library = "http://example.org/mine#Serve", "http://example.org/library#Grasp"
     performed = {"kind": "perform", "classes": ["Reaching"]}
