@@ -126,3 +126,18 @@ def test_a_model_that_is_taken_also_makes_the_robots_recognition_work(tmp_path: 
     assert sorted(found["taken"]) == sorted(PIECES.values())
     (capability,) = [one for one in found["explanation"]["requires"] if one["name"] == "GraspingCapability"]
     assert "ObjectRecognitionModel" in json.dumps(capability)
+
+
+def test_a_damaged_list_and_a_file_of_the_users_own_are_reported_and_left(tmp_path: Path) -> None:
+    hospital(tmp_path / "kb.sqlite").close()
+    folder = tmp_path / "amigo"
+    folder.mkdir()
+    (folder / "taken.json").write_text('{"taken": [{"uid": "../../evil"}]}')
+    code, found = enable(tmp_path / "kb.sqlite", folder)
+    assert (code, [one["code"] for one in found["diagnostics"]]) == (2, ["K041"])
+    (folder / "taken.json").unlink()
+    mine = folder / "environments" / "hospital_room.ward" / "hospital_room.ward.omn"
+    mine.parent.mkdir(parents=True)
+    mine.write_text("mine")
+    code, found = enable(tmp_path / "kb.sqlite", folder)
+    assert (code, mine.read_text()) == (2, "mine")

@@ -40,6 +40,16 @@ def test_a_file_of_another_kind_is_refused_and_stays_as_it_is(tmp_path: Path) ->
     assert path.read_text() == "no database" * 100
 
 
+def test_a_folder_is_no_knowledge_base_and_a_missing_one_is_named(tmp_path: Path) -> None:
+    for path, message in (
+        (tmp_path, f"{tmp_path} is a folder"),
+        (tmp_path / "a/b", f"there is no folder {tmp_path}/a"),
+    ):
+        with pytest.raises(BadInput) as refused:
+            SqliteStore(path)
+        assert refused.value.diagnostics[0].message == message
+
+
 _WRITER = """
 import sys
 from dataclasses import replace
