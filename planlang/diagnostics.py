@@ -360,6 +360,7 @@ CODES: dict[str, str] = {
     "K040": "what a knowledge base gives has not the hash that its entry states",
     "K041": "the list of what a robot took from a knowledge base is damaged",
     "K043": "a key was sent over a network without TLS",
+    "K044": "an endpoint or a storage that a server stands on does not answer",
     "K080": "a narrative tells of no episode, or contradicts itself",
     "K081": "a log of poses is none, or of another run than the trace",
 }

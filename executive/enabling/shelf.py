@@ -155,7 +155,7 @@ class RemoteShelf:
         except RefusedByChecks:
             raise
         except NoAnswer as problem:
-            raise BadInput([error("K031", str(problem), help="try again later")]) from None
+            raise BadInput([error("K031", str(problem), help="is it there, and running?")]) from None
         except NotAsAgreed as problem:
             raise BadInput([error("K032", f"{self.url}: {problem}")]) from None
         except Refused as problem:

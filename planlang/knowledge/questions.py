@@ -23,6 +23,8 @@ _HEAD = "".join(f"Prefix: {prefix}: <{start}>\n" for prefix, start in VOCABULARI
 _FRAME = f"Ontology: <urn:{_FILE}>\nClass: <urn:{_FILE}> EquivalentTo:\n"
 _LINES_ABOVE = (_HEAD + _FRAME).count("\n")
 _LOCAL = f"urn:{_FILE}#"
+_EXAMPLE = "ServingFoodOrDrink and objectActedOn some DrinkingBottle"
+_ADVICE = f"a question is a class expression, such as {_EXAMPLE}; a label is searched for words"
 _SEVERAL = re.compile(r":(?=\s|$)")
 
 
@@ -37,6 +39,8 @@ def read_question(
     """
     if len(text) > LONGEST:
         raise BadInput([error("K003", f"a question has at most {LONGEST:,} characters", Span(_FILE))])
+    if not text.strip():
+        raise BadInput([error("K003", "the question is empty", Span(_FILE), _ADVICE)])
     if _SEVERAL.search(text):
         raise BadInput([error("K003", "a question is one class expression, without ':' behind a word", Span(_FILE))])
     try:
@@ -48,8 +52,7 @@ def read_question(
         (stated,) = graph.about(f"urn:{_FILE}", OWL.equivalentClass)
         expression, _ = Expressions(graph).of(stated)
     except (CannotSay, ValueError) as problem:
-        advice = "for instance: ServingADrink and objectActedOn some Bottle"
-        raise BadInput([error("K003", f"this is no question: {problem}", Span(_FILE), advice)]) from None
+        raise BadInput([error("K003", f"this is no question: {problem}", Span(_FILE), _ADVICE)]) from None
     problems: list[Diagnostic] = []
     expression = _resolved(expression, _Names(names, own or {}), problems)
     if problems:
@@ -110,7 +113,10 @@ def _unclear(name: str, meant: list[str], names: _Names, span: Span) -> Diagnost
 
 
 def _shifted(diagnostic: Diagnostic) -> Diagnostic:
-    return replace(diagnostic, span=_in_text(diagnostic.span or Span(_FILE)))
+    """Return what the reader of files says, as said of a question: what a file could go on with is no advice here."""
+    message = diagnostic.message.replace("the end of the file", "the end")
+    advice = _ADVICE if diagnostic.code == "O020" else diagnostic.help
+    return replace(diagnostic, message=message, span=_in_text(diagnostic.span or Span(_FILE)), help=advice)
 
 
 def _in_text(span: Span) -> Span:

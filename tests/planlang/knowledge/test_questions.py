@@ -46,3 +46,11 @@ def test_an_unknown_name_is_refused_with_similar_ones_where_it_stands() -> None:
 )  # fmt: skip
 def test_what_is_no_single_expression_is_refused(text: str) -> None:
     assert refused(text).code[0] in "KO"
+
+
+@pytest.mark.parametrize("text", ["", "  \n", "refilling a flask", "Flask and ("])
+def test_what_cannot_be_read_is_told_what_a_question_is_and_where_words_are_searched(text: str) -> None:
+    said = refused(text)
+    assert said.help is not None
+    assert said.help.startswith("a question is a class expression, such as ")
+    assert "file" not in said.message
