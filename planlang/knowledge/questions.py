@@ -13,7 +13,7 @@ from planlang.ontology.canonical import CannotSay, Graph
 from planlang.ontology.expression_text import Expressions
 from planlang.ontology.expressions import Expression
 from planlang.ontology.manchester import read_manchester
-from planlang.ontology.terms import OWL, VOCABULARIES
+from planlang.ontology.terms import KNOWROB, OWL, VOCABULARIES
 
 LONGEST = 10_000
 """Characters of a question."""
@@ -45,7 +45,7 @@ def read_question(text: str, names: Mapping[str, Iterable[str]]) -> Expression:
         (stated,) = graph.about(f"urn:{_FILE}", OWL.equivalentClass)
         expression, _ = Expressions(graph).of(stated)
     except (CannotSay, ValueError) as problem:
-        advice = "for instance: ServingADrink and objectActedOn some Bottle"
+        advice = "for instance: ServingFoodOrDrink and objectActedOn some Bottle"
         raise BadInput([error("K003", f"this is no question: {problem}", Span(_FILE), advice)]) from None
     problems: list[Diagnostic] = []
     expression = _resolved(expression, names, problems)
@@ -59,13 +59,15 @@ def _resolved(expression: Expression, names: Mapping[str, Iterable[str]], proble
     parts = tuple(_resolved(part, names, problems) for part in expression.parts)
     span = _in_text(expression.span)
     term = expression.term
-    if isinstance(term, str) and term.startswith(_LOCAL):
-        name = str(term).removeprefix(_LOCAL)
+    is_assumed = isinstance(term, str) and term.startswith(KNOWROB) and term not in names.get(local_name(term), (term,))
+    if isinstance(term, str) and (is_assumed or term.startswith(_LOCAL)):
+        name = local_name(term)  # the reader takes words of the vocabulary for KnowRob's
         meant = sorted(set(names.get(name, ())))
         if len(meant) != 1:
             problems.append(_unclear(name, meant, names, span))
         return replace(expression, parts=parts, span=span, term=meant[0] if meant else None)
-    if isinstance(term, str) and expression.kind == "name" and term not in names.get(local_name(term), (term,)):
+    known = (OWL.Thing, *names.get(local_name(term), (term,))) if isinstance(term, str) else ()
+    if isinstance(term, str) and expression.kind == "name" and term not in known:
         problems.append(error("K002", f"nothing here knows <{term}>", span))
     return replace(expression, parts=parts, span=span, term=term)
 
