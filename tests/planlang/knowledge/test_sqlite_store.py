@@ -63,13 +63,14 @@ for number in range(int(sys.argv[2]), 10**9):
 """
 
 
-def test_after_kill_minus_nine_everything_accepted_is_there(tmp_path: Path) -> None:
+@pytest.mark.parametrize("times", [5, pytest.param(100, marks=pytest.mark.long)])
+def test_after_kill_minus_nine_everything_accepted_is_there(tmp_path: Path, times: int) -> None:
     path, accepted = tmp_path / "kb.sqlite", list[str]()
-    for killed in range(5):
+    for killed in range(times):
         arguments = [sys.executable, "-c", _WRITER, str(path), str(killed * 1_000_000)]
         with subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True) as writer:
             assert writer.stdout is not None
-            for _ in range(3 + killed):
+            for _ in range(3 + killed % 7):
                 accepted.append(writer.stdout.readline().strip())
             os.kill(writer.pid, signal.SIGKILL)
             accepted += writer.stdout.read().split("\n")[:-1]
