@@ -256,6 +256,9 @@ CODES: dict[str, str] = {
     "M021": "a larger place is stated as a part of a smaller one; it is turned around",
     "M022": "maps that are merged disagree: about a pose, a value or a class",
     "M023": "maps that are merged have one thing by two names",
+    "M024": "an occupancy grid cannot be read; its obstacles are left out",
+    "M025": "a file of a map is not here, or of a kind that is not read",
+    "M026": "a thing has parts, or their poses, from the model of its class",
     "M030": "a number is in a unit of another dimension, or in an unknown one",
     # B: binding robots
     "B001": "a robot file is not as it should be",
@@ -357,6 +360,7 @@ CODES: dict[str, str] = {
     "K040": "what a knowledge base gives has not the hash that its entry states",
     "K041": "the list of what a robot took from a knowledge base is damaged",
     "K043": "a key was sent over a network without TLS",
+    "K044": "an endpoint or a storage that a server stands on does not answer",
     "K080": "a narrative tells of no episode, or contradicts itself",
     "K081": "a log of poses is none, or of another run than the trace",
 }

@@ -126,13 +126,13 @@ def conversion(literal: Literal, wanted: str | None = None) -> Callable[[float],
 
 
 def unit_of_property(name: str) -> str | None:
-    """Return the unit of the numbers of a property (local name); None if it is unknown."""
-    return _table().properties.get(name)
+    """Return the unit of the number or the numbers of a property (local name); None if it is unknown."""
+    return _table().properties.get(name) or _table().vectors.get(name)
 
 
 def dimension_of(property_name: str) -> Dimension | None:
-    """Return the dimension of a property (local name); None if it is unknown."""
-    name = unit_of_property(property_name)
+    """Return the dimension of a property (local name) that states one number; None if it is unknown."""
+    name = _table().properties.get(property_name)
     return None if name is None else known_unit(name).dimension
 
 
@@ -190,6 +190,7 @@ class _Table:
     scales: Mapping[str, Unit]
     prefixes: Mapping[str, Fraction]
     properties: Mapping[str, str]
+    vectors: Mapping[str, str]
 
 
 @cache
@@ -203,6 +204,7 @@ def _table() -> _Table:
         {name: Unit(bases[of].dimension, Fraction(factor), Fraction(offset)) for name, (factor, offset, of) in scales},
         {name: Fraction(factor) for name, factor in data["prefixes"].items()},
         data["properties"],
+        data["vectors"],
     )
 
 

@@ -7,14 +7,22 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from executive.belief.map_statements import Placement, main_statements, placements, text_of, with_placements
+from executive.belief.map_statements import (
+    Placement,
+    main_statements,
+    placements,
+    text_of,
+    with_one_header,
+    with_placements,
+)
 from executive.belief.measures import EXTENTS, TRIPLES
 from executive.belief.semantic_map import MapObject, SemanticMap, read_map
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, note, warning
 from planlang.knowledge.places import LEVELS, inverted
 from planlang.ontology import Literal, Ontology, Triple, expand, load
-from planlang.ontology.terms import OWL, RDF, RDFS
+from planlang.ontology.terms import OWL, RDFS
+from planlang.units import stated_number, unit_of_property
 
 SAME_PLACE = 0.01
 """Difference of positions that is none [m]."""
@@ -46,7 +54,8 @@ class _Source:
     @staticmethod
     def of(path: Path, ontology: Ontology, found: list[Diagnostic]) -> _Source:
         semantic_map = read_map(ontology)
-        found += (*ontology.diagnostics, *semantic_map.diagnostics)
+        filled_in = ("M005", "M006")  # that is for who uses the merged map
+        found += (*ontology.diagnostics, *(one for one in semantic_map.diagnostics if one.code not in filled_in))
         statements = _turned(main_statements(ontology, {ontology.documents[0].path}), ontology)
         return _Source(path.name, semantic_map, statements, placements(semantic_map))
 
@@ -189,23 +198,12 @@ def _shown(placement: Placement) -> str:
 
 def _united(sources: Sequence[_Source], found: list[Diagnostic]) -> list[Triple]:
     """Return the statements of all maps: one header, and values of the last map that states any."""
-    header = next((t.subject for t in sources[0].statements if _is_header(t)), None)
-    names = {t.subject for source in sources for t in source.statements if _is_header(t)}
-    types = (t for source in sources for t in source.statements if t.predicate == RDF.type)
-    things = {t.subject for t in types if not _is_header(t)}  # some maps are named as their files are
     poses = {expand(f"m{row}{column}") for row in range(4) for column in range(4)}
     united: dict[tuple[object, str, object], Triple] = {}
     values: dict[tuple[object, str], tuple[str, list[Triple]]] = {}
-    for source in sources:
+    for source, statements in zip(sources, with_one_header([one.statements for one in sources]), strict=True):
         stated: dict[tuple[object, str], list[Triple]] = {}
-        for triple in source.statements:
-            if triple.subject in names - {header}:
-                if triple.predicate == OWL.imports and header is not None:
-                    triple = replace(triple, subject=header)
-                elif triple.subject not in things or _is_header(triple):
-                    continue  # nothing else is said of a file that is no more
-            if triple.predicate == OWL.imports and triple.object in names:
-                continue
+        for triple in statements:
             if isinstance(triple.object, Literal) and not triple.predicate.startswith(str(RDFS)):
                 stated.setdefault((triple.subject, triple.predicate), []).append(triple)
             else:
@@ -228,10 +226,6 @@ def _turned(statements: Sequence[Triple], ontology: Ontology) -> list[Triple]:
         else t
         for t in statements
     ]
-
-
-def _is_header(triple: Triple) -> bool:
-    return triple.predicate == RDF.type and triple.object == OWL.Ontology
 
 
 def _without_replaced_sizes(
@@ -257,7 +251,7 @@ def _difference(before: tuple[str, list[Triple]], after: tuple[str, list[Triple]
 def _value(triple: Triple) -> object:
     assert isinstance(triple.object, Literal)
     try:
-        return float(triple.object.number()), (triple.object.datatype or "").rpartition("unit#")[2]
+        return float(stated_number(triple.object, unit_of_property(local_name(triple.predicate))))
     except ValueError:
         return triple.object.value.strip()
 

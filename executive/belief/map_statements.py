@@ -6,7 +6,7 @@ All else of the files is kept as it is: classes, sizes, parts, places, and what 
 from __future__ import annotations
 
 from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from executive.belief.semantic_map import PosesOfThings, SemanticMap
@@ -47,8 +47,8 @@ def placements(semantic_map: SemanticMap) -> dict[str, Placement]:
     poses = PosesOfThings(ontology, [])
     found = {}
     for thing in semantic_map.objects:
-        if thing.pose is None:
-            continue
+        if thing.pose is None or not any(ontology.triples(thing.iri)):
+            continue  # it has no place, or follows from its class
         seen = poses.newest(thing.iri)
         event = None if seen is None else seen.event
         place = poses.place_of(thing.iri) if seen is None else seen.place
@@ -69,7 +69,30 @@ def _facts(ontology: Ontology, event: str) -> Iterator[tuple[str, Term]]:
 def main_statements(ontology: Ontology, files: Container[Path | None]) -> list[Triple]:
     """Return what some of an ontology's files state, in document order, without what it imports."""
     ranges = zip(ontology.documents, ontology.store.ranges, strict=True)
-    return [ontology.store.triple(row) for document, rows in ranges if document.path in files for row in rows]
+    several = [[ontology.store.triple(row) for row in rows] for document, rows in ranges if document.path in files]
+    return [triple for statements in with_one_header(several) for triple in statements]
+
+
+def with_one_header(several: Sequence[Sequence[Triple]]) -> Iterator[list[Triple]]:
+    """Yield the statements of several files with the header of the first one, which imports what all import."""
+    names = {t.subject: None for statements in several for t in statements if _is_header(t)}
+    types = (t for statements in several for t in statements if t.predicate == RDF.type)
+    things = {t.subject for t in types if not _is_header(t)}  # some maps are named as their files are
+    for statements in several:
+        found = []
+        for triple in statements:
+            if triple.predicate == OWL.imports:
+                if triple.object not in names:
+                    found.append(replace(triple, subject=next(iter(names), triple.subject)))
+            elif triple.subject == next(iter(names), None) or triple.subject not in names:
+                found.append(triple)
+            elif triple.subject in things and not _is_header(triple):
+                found.append(triple)  # nothing else is said of a file that is no more
+        yield found
+
+
+def _is_header(triple: Triple) -> bool:
+    return triple.predicate == RDF.type and triple.object == OWL.Ontology
 
 
 def with_placements(

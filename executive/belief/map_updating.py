@@ -29,7 +29,7 @@ from executive.belief.measures import EXTENTS
 from executive.belief.semantic_map import MapObject
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic
-from planlang.ontology import Term, Triple, expand
+from planlang.ontology import Ontology, Term, Triple, expand
 from planlang.ontology.terms import RDF
 from sim.joints import Articulation, JointKind
 
@@ -89,8 +89,15 @@ def _rides(thing: MapObject, belief: Belief) -> bool:
 def _is_known_otherwise(thing: MapObject, belief: Belief) -> bool:
     if thing.name not in belief.names() or any(thing.name in joint.bodies for joint in belief.joints.values()):
         return False
+    if thing.name not in belief.made and not _is_stated(thing, belief):
+        return False  # it goes with what it is a part of
     source = belief.knowledge(thing.name).source
     return source not in (Source.MAP, Source.TOLD) or not belief.by_map_alone(thing.name)
+
+
+def _is_stated(thing: MapObject, belief: Belief) -> bool:
+    """Return whether a map states a thing; parts may follow from classes."""
+    return any(belief.map.ontology.triples(thing.iri))
 
 
 def _moved(thing: MapObject, belief: Belief, start: float, placed: Mapping[str, Placement]) -> dict[str, Placement]:
@@ -115,10 +122,10 @@ def _new(thing: MapObject) -> Iterator[Triple]:
 def _with_joint(statements: list[Triple], leaf: str, belief: Belief) -> list[Triple]:
     """Return statements with the joint of a leaf as it moved: axis and limits unless they are stated, and radius."""
     thing, joint = belief.map.find(leaf), belief.joints[leaf]
-    if thing is None or joint.is_knob:
+    if thing is None or joint.is_knob or not _is_stated(thing, belief):
         return statements
     ontology = belief.map.ontology
-    stated = [one for one in (*thing.parts, *thing.hinged_to) if _is_joint(one, belief)]
+    stated = [one for one in _linked(thing, ontology) if _is_joint(one, belief)]
     iri = stated[0] if stated else f"{thing.iri.rpartition(local_name(thing.iri))[0]}joint_{local_name(thing.iri)}"
     facts: list[tuple[str, Term]] = []
     if not any(ontology.triples(iri, expand("maxJointValue"))):
@@ -138,6 +145,19 @@ def _with_joint(statements: list[Triple], leaf: str, belief: Belief) -> list[Tri
     if ("direction", f"{iri}_direction") in facts:
         statements += stated_facts(f"{iri}_direction", [(RDF.type, expand("Vector")), *vector])
     return statements
+
+
+def _linked(thing: MapObject, ontology: Ontology) -> Iterator[str]:
+    """Yield what may be the joint of a thing: parts, what it is hinged or connected to, what it is a part of."""
+    rigidly = expand("connectedTo-Rigidly")
+    yield from (*thing.parts, *thing.hinged_to)
+    yield from (one for one in ontology.values(thing.iri, rigidly) if isinstance(one, str))
+    yield from (
+        triple.subject
+        for prop in (rigidly, expand("properPhysicalParts"))
+        for triple in ontology.triples(None, prop, thing.iri)
+        if isinstance(triple.subject, str)
+    )
 
 
 def _is_joint(iri: str, belief: Belief) -> bool:

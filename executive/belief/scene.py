@@ -147,6 +147,10 @@ def scene_of(semantic_map: SemanticMap, found: list[Diagnostic] | None = None) -
     bodies, joints = articulated(bodies, semantic_map, found)
     bodies = _opened(bodies, joints, semantic_map, found)
     bodies = with_contents(bodies, semantic_map, found)
+    if semantic_map.has_files:
+        from executive.belief.map_files import with_obstacles  # most maps are what they state
+
+        bodies = with_obstacles(bodies, semantic_map, found)
     controls = controls_of(bodies, joints, semantic_map)
     rules = rules_of(semantic_map.ontology)
     scene = Scene(tuple(bodies), _bounds(bodies), joints=joints, controls=controls, rules=rules)

@@ -15,6 +15,7 @@ from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warnin
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import product
 from planlang.ontology import Literal, Ontology, expand
+from planlang.ontology.terms import OWL
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +57,12 @@ class SemanticMap:
         known = {thing.name: thing for thing in inverse} | {thing.iri: thing for thing in inverse}
         object.__setattr__(self, "_known", known)
         object.__setattr__(self, "_holders", {part: thing for thing in inverse for part in thing.parts})
+
+    @property
+    def has_files(self) -> bool:
+        """Whether a map is stated that is a picture or another file beside the ontology."""
+        maps = self.ontology.individuals(expand("Map"))
+        return any(True for iri in maps for _ in self.ontology.said(iri, "linkToMapFile"))
 
     def find(self, name: str) -> MapObject | None:
         """Return the thing with this IRI, or else of this name."""
@@ -101,17 +108,31 @@ def read_map(ontology: Ontology) -> SemanticMap:
             )
         )
     objects = _with_places_turned(objects, ontology, found)
-    if not any(thing.pose for thing in objects) and not _is_linked(ontology):
+    if any(ontology.triples(None, OWL.onProperty, expand("orientation"))):
+        objects = _with_parts_of_classes(objects, ontology, found)
+    semantic_map = SemanticMap(ontology.iri, ontology, tuple(objects), tuple(found))
+    if not any(thing.pose for thing in objects) and not semantic_map.has_files:
         document = ontology.documents[0] if ontology.documents else None
         span = Span(str(document.path)) if document else None
         help = "a map says where things are: SemanticMapPerception with objectActedOn and eventOccursAt"
         raise BadInput([*found, error("M009", "nothing in this file has a place: it is no map", span, help)])
-    return SemanticMap(ontology.iri, ontology, tuple(objects), tuple(found))
+    return semantic_map
 
 
-def _is_linked(ontology: Ontology) -> bool:
-    """Return whether a map is stated that is a picture or another file beside the ontology."""
-    return any(True for iri in ontology.individuals(expand("Map")) for _ in ontology.said(iri, "linkToMapFile"))
+def _with_parts_of_classes(objects: list[MapObject], ontology: Ontology, found: list[Diagnostic]) -> list[MapObject]:
+    """Return the things with the parts that their classes have, where those state poses."""
+    from executive.belief.class_parts import Known, parts_of_classes  # most classes say nothing of where parts are
+
+    things = {thing.iri: thing for thing in objects}
+    known = (Known(one.iri, one.name, one.types, one.pose, one.parts, one.span) for one in objects)
+    for part in parts_of_classes(known, ontology, found):
+        if part.iri in things:
+            things[part.iri] = replace(things[part.iri], pose=part.pose)
+            continue
+        whole = things[part.whole]
+        things[part.whole] = replace(whole, parts=(*whole.parts, part.iri))
+        things[part.iri] = MapObject(part.iri, part.name, (part.cls,), part.pose, part.size, span=whole.span)
+    return list(things.values())
 
 
 def _with_places_turned(objects: list[MapObject], ontology: Ontology, found: list[Diagnostic]) -> list[MapObject]:

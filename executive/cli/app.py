@@ -111,7 +111,7 @@ for name, arguments, example in (
         '"in reach of the patient with the right arm" --robot amigo --environment hospital_room --explain where.png',
     ),
     ("serve", ServeArguments, "--store kb.sqlite --port 8080"),
-    ("search", SearchArguments, '"ServingADrink and objectActedOn some Bottle" --robot amigo --from URL'),
+    ("search", SearchArguments, '"ServingFoodOrDrink and objectActedOn some DrinkingBottle" --robot amigo --from URL'),
     ("pull", PullArguments, "serveadrink.ward -o pulled --from URL"),
     ("push", PushArguments, "my_recipe.owl --kind recipe --name ward --to URL --key-file my.key"),
     ("rate", RateArguments, "serveadrink.ward 8 --to URL --key-file my.key"),

@@ -71,6 +71,15 @@ Start = Annotated[
     str | None,
     typer.Option(metavar="X,Y,YAW", help="Pose of the base at the start [m, m, rad]; default: free, near the middle."),
 ]
+Set = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="NAME=THING|@FILE",
+        help="Bind a parameter (NAME or STEP.PROPERTY) to a thing of the map, a place to a phrase, or all that the "
+        "lines of a file name; repeatable.",
+    ),
+]
 Modules = Annotated[
     list[Path] | None,
     typer.Option(metavar="FILE.py", help="Also use the process modules of this file, which is executed; repeatable."),
@@ -287,15 +296,7 @@ class RunArguments(TaskArguments, VerboseArguments):
             "rooms. Repeatable.",
         ),
     ] = None
-    set_: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set",
-            metavar="NAME=THING|@FILE",
-            help="Bind a parameter (NAME or STEP.PROPERTY) to a thing of the map, a place to a phrase, or all that the "
-            "lines of a file name; repeatable.",
-        ),
-    ] = None
+    set_: Set = None
     seed: Annotated[
         int | None,
         typer.Option(min=0, metavar="N", help="Displace things in the simulated world by this seed; 0: none."),
@@ -380,6 +381,8 @@ class EnableArguments(OntologyArguments, VerboseArguments):
     trust: Trust = False
     dry: Annotated[bool, typer.Option("--dry", help="Explain what would be taken; take nothing.")] = False
     run: Annotated[bool, typer.Option("--run", help="Run the task with what the robot has then.")] = False
+    set_: Set = None
+    start: Start = None
     seed: Annotated[
         int, typer.Option(min=0, metavar="N", help="With --run: displace things by this seed; 0: none.")
     ] = 0

@@ -10,17 +10,16 @@ from executive.cli import run
 from executive.cli.arguments import EnableArguments, RunArguments
 from executive.cli.console import Answer, ExitCode, say, show
 from executive.cli.inputs import check_files, check_trusted, chosen, environments, refuse
+from executive.cli.match import possessions_in
 from executive.enabling.explanation import Explanation
 from executive.enabling.folder import Folder
 from executive.enabling.needs import Enabling
 from executive.enabling.shelf import open_shelf
 from executive.modules.bundled import performed_by
-from executive.robots import bind_robot, possessions_of
 from planlang.diagnostics import Diagnostic, error, warning
 from planlang.files import Bundled
 from planlang.knowledge.entries import Kind
 from planlang.knowledge.places import LEVELS
-from planlang.ontology import expand
 
 
 def command(arguments: EnableArguments) -> Answer:
@@ -35,17 +34,16 @@ def command(arguments: EnableArguments) -> Answer:
     refuse(problems)
     assert robot is not None
     assert arguments.source is not None
-    bound = bind_robot(robot, urdf=arguments.urdf, folders=arguments.folders)
-    folder = Folder.read(arguments.store or Path(f"{bound.name}_knowledge"))
+    who = possessions_in(robot, arguments.urdf, arguments.folders, problems)
+    folder = Folder.read(arguments.store or Path(f"{who.robot}_knowledge"))
     with closing(open_shelf(arguments.source, arguments.folders)) as shelf:
         enabling = Enabling(
-            possessions_of(bound),
+            who,
             shelf,
             folder,
             performed_by(arguments.modules or (), problems),
             arguments.folders,
             next(iter(maps), None),
-            tuple(map(expand, (bound.camera.recognises if bound.camera else None) or ())),
             {level: text for level in LEVELS if (text := getattr(arguments, level)) is not None},
         )
         explanation, reply = _explained(arguments, enabling)
@@ -104,6 +102,8 @@ def _run(arguments: EnableArguments, explanation: Explanation, folder: Folder) -
         modules=arguments.modules,
         trust=arguments.trust,
         ontologies=arguments.ontologies,
+        set_=arguments.set_,
+        start=arguments.start,
         seed=arguments.seed,
         trace=arguments.trace,
         verbose=arguments.verbose,

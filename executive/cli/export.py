@@ -18,41 +18,49 @@ from executive.runs.traces import damaged
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
 from planlang.experience import Experience, experience_of, narrative
 from planlang.experience.poses import IDENTITY, Transform, pose_lines, read_poses, transforms_in
+from planlang.experience.traces import LONGEST
 from planlang.files import read_file
 from planlang.outputs import check_outputs, write_text
 from planlang.runs.recorded_run import DamagedTrace, read_records
 
 LARGEST = 200_000_000
 """Bytes of a trace, or of a log of poses, that are read."""
+POSES = "poses.jsonl"
 NAMESPACE = "http://planlang.org/experience/"
 
 
 def command(arguments: ExportArguments) -> Answer:
     """Export a trace; raises BadInput."""
-    began = _began(arguments.began)
-    folder, trace = arguments.output, arguments.trace
-    outputs = {"the narrative": folder / "narrative.ttl", "the poses": folder / "poses.jsonl"}
-    _make(folder)
-    refuse(check_outputs(outputs, {"the trace": trace, "--poses": arguments.poses}, force=arguments.force))
-    content = read_file(trace, "C001", largest=LARGEST)
-    found: list[Diagnostic] = []
+    began, folder, trace = _began(arguments.began), arguments.output, arguments.trace
+    records, digest, found = _read(trace)
     try:
-        records, torn = read_records(trace)
         experience = experience_of(records)
     except DamagedTrace as damage:
         raise BadInput([damaged(str(trace), damage)]) from None
-    if torn:
-        found.append(warning("X026", "the last line is incomplete and left out", Span(str(trace), len(records) + 1)))
-    digest = hashlib.sha256(content).hexdigest()
     poses = list(transforms_in(records))
     if arguments.poses is not None:
         poses = sorted((*poses, *_logged(arguments.poses, records[0])), key=lambda one: one.step)
-    write_text(outputs["the narrative"], narrative(experience, NAMESPACE + digest[:16], began))
+    outputs = {"the narrative": folder / "narrative.ttl", "the poses": folder / POSES}
+    _make(folder)
+    refuse(check_outputs(outputs, {"the trace": trace, "--poses": arguments.poses}, force=arguments.force))
+    write_text(outputs["the narrative"], narrative(experience, NAMESPACE + digest[:16], began, records=[POSES]))
     write_text(outputs["the poses"], "".join(pose_lines(poses, experience.rate, began, trace_sha256=digest)))
-    told = dict(_told(experience))
-    files = [str(path) for path in outputs.values()]
-    text = f"{files[0]}: {', '.join(told.values())}\n{files[1]}: {len(poses)} poses"
-    return Answer(diagnostics=tuple(found), text=text, data={"files": files, "poses": len(poses), **_data(experience)})
+    first, second = map(str, outputs.values())
+    text = f"{first}: {', '.join(_told(experience))}\n{second}: {len(poses)} poses"
+    return Answer(
+        diagnostics=found, text=text, data={"files": [first, second], "poses": len(poses), **_data(experience)}
+    )
+
+
+def _read(trace: Path) -> tuple[list[Any], str, tuple[Diagnostic, ...]]:
+    """Return the records of a trace, its SHA-256, and a warning if its last line was cut off. Raises BadInput."""
+    digest = hashlib.sha256(read_file(trace, "C001", largest=LARGEST)).hexdigest()
+    try:
+        records, torn = read_records(trace)
+    except DamagedTrace as damage:
+        raise BadInput([damaged(str(trace), damage)]) from None
+    span = Span(str(trace), len(records) + 1)
+    return records, digest, (warning("X026", "the last line is incomplete and left out", span),) if torn else ()
 
 
 def _make(folder: Path) -> None:
@@ -82,6 +90,8 @@ def _logged(path: Path, header: Mapping[str, Any]) -> list[Transform]:
         known, found = read_poses(lines)
     except ValueError as problem:
         raise BadInput([error("K081", f"this is no log of poses: {problem}", Span(str(path)))]) from None
+    if any(one.step > header["rate"] * LONGEST for one in found):
+        raise BadInput([error("K081", "a pose is too late for any run", Span(str(path)))])
     differing = [key for key in IDENTITY if known.get(key) != header.get(key)]
     if differing:
         advice = "planlang run PLAN --trace run.jsonl --poses poses.jsonl writes both"
@@ -90,17 +100,16 @@ def _logged(path: Path, header: Mapping[str, Any]) -> list[Transform]:
     return found
 
 
-def _told(run: Experience) -> Iterator[tuple[str, str]]:
+def _told(run: Experience) -> Iterator[str]:
     resolved = [one for activity in run.activities for one in activity.resolutions]
-    yield "actions", f"{len(run.activities)} actions"
-    designators = len({one.designator for one in resolved})
-    yield "resolutions", f"{designators} designators resolved {len(resolved)} times"
+    yield f"{len(run.activities)} actions"
+    yield f"{len({one.designator for one in resolved})} designators resolved {len(resolved)} times"
     for name, failures in (("failed", _failures(run)), ("recovered", _recovered(run))):
         if failures:
-            words = ", ".join(f"{kind} {number} times" if number > 1 else kind for kind, number in failures.items())
-            yield name, f"{name}: {words}"
+            words = (f"{kind} {number} times" if number > 1 else kind for kind, number in failures.items())
+            yield f"{name}: {', '.join(words)}"
     if not run.is_whole:
-        yield "end", "the trace ends before the plan"
+        yield "the trace ends before the plan"
 
 
 def _failures(run: Experience) -> Counter[str]:

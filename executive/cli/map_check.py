@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from executive.belief import read_map, scene_of
+from executive.belief.map_files import OBSTACLE
 from executive.cli.console import Answer
 from planlang.diagnostics import BadInput, Severity
 from planlang.ontology import Ontology, load
@@ -24,7 +25,10 @@ def check_map(path: Path, folders: Sequence[Path], no_recipe: BadInput) -> Answe
         raise BadInput((*ontology.diagnostics, *problem.diagnostics)) from None
     found = [*ontology.diagnostics, *semantic_map.diagnostics]
     counts = _counts(scene_of(semantic_map, found))
-    text = f"{path}: a map of {_held(counts)}\nplanlang run RECIPE --environment {path} runs a recipe in it"
+    use = f"planlang run RECIPE --environment {path} runs a recipe in it"
+    if all(number == 0 for kind, (_, _, number) in counts.items() if kind != "obstacles"):
+        use = f"planlang run RECIPE --environment MAP --environment {path} drives around its obstacles"
+    text = f"{path}: a map of {_held(counts)}\n{use}"
     data = {"kind": "map", **{kind: number for kind, (_, _, number) in counts.items()}}
     return Answer(diagnostics=tuple(found), text=text, data=data)
 
@@ -38,13 +42,15 @@ def what_it_holds(ontology: Ontology) -> str | None:
 
 
 def _held(counts: Mapping[str, tuple[str, str, int]]) -> str:
-    return ", ".join(f"{number} {one if number == 1 else many}" for one, many, number in counts.values() if number)
+    held = (f"{number} {one if number == 1 else many}" for one, many, number in counts.values() if number)
+    return ", ".join(held) or "nothing that is here"
 
 
 def _counts(scene: Scene) -> dict[str, tuple[str, str, int]]:
     """Return how many bodies of each kind a map has, with the words for one and for several."""
     shapes = [body.shape for body in scene.bodies]
-    solid = sum(shape in (BodyShape.BOX, BodyShape.CYLINDER) for shape in shapes)
+    mapped = sum(body.name.startswith(OBSTACLE) for body in scene.bodies)
+    solid = sum(shape in (BodyShape.BOX, BodyShape.CYLINDER) for shape in shapes) - mapped
     leaves = sum(not joint.is_knob for joint in scene.joints)
     return {
         "things": ("thing", "things", solid),
@@ -53,5 +59,6 @@ def _counts(scene: Scene) -> dict[str, tuple[str, str, int]]:
         "devices": ("device with a switch", "devices with switches", len({one.device for one in scene.controls})),
         "persons": ("person", "persons", shapes.count(BodyShape.PERSON)),
         "rooms": ("room", "rooms", shapes.count(BodyShape.ROOM)),
+        "obstacles": ("obstacle of a grid", "obstacles of grids", mapped),
         "places": ("mere place", "mere places", shapes.count(BodyShape.MARKER)),
     }

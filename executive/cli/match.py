@@ -42,7 +42,7 @@ def command(arguments: MatchArguments) -> Answer:
     found: list[Diagnostic] = []
     task = _task(ontology, arguments.task, semantics, found)
     performed = performed_by(arguments.modules or (), found)
-    possessions = _possessions(robot, arguments.urdf, folders, found)
+    possessions = possessions_in(robot, arguments.urdf, folders, found)
     matched = match(ontology, task, possessions, semantics, performed)
     if matched.feasible is not True and semantics is Semantics.CLOSURE:
         knowledge = (ontology, *_knowledge(possessions, maps, folders))
@@ -74,7 +74,8 @@ def _action(actions: Actions, wanted: str, span: Span) -> str:
     return named if actions.ontology.is_a(named, expand("knowrob:Event")) else choose_task(actions, wanted)
 
 
-def _possessions(robot: Path, urdf: Path | None, folders: Sequence[Path], found: list[Diagnostic]) -> Possessions:
+def possessions_in(robot: Path, urdf: Path | None, folders: Sequence[Path], found: list[Diagnostic]) -> Possessions:
+    """Return what a robot has, by its self-model alone if there is no URDF of it; appends notes. Raises BadInput."""
     try:
         bound = bind_robot(robot, urdf=urdf, folders=folders)
     except BadInput as problem:

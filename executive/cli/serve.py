@@ -8,21 +8,21 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from executive.cli.arguments import ServeArguments
-from executive.cli.console import Answer, say, show, silent
+from executive.cli.console import Answer, ExitCode, say, show, silent
 from planlang.diagnostics import BadInput, error
 from planlang.knowledge.sqlite_store import SqliteStore
-from planlang.knowledge.stores import SCHEME, Store
+from planlang.knowledge.stores import SCHEME, Store, Unreachable
 
 NEEDED = ("fastapi", "uvicorn", "jinja2", "python_multipart")
-"""Modules of the extra that every server needs."""
+"""Modules of the extra that every server needs; with - for _, they are called as their packages."""
 LONGEST_AUTHOR = 100
 
 
 def command(arguments: ServeArguments) -> Answer:
-    """Serve until somebody ends it, or make a key. Raises BadInput."""
+    """Serve until somebody ends it, or make a key. Exit code 1 if an endpoint does not answer. Raises BadInput."""
     missing = [name for name in NEEDED if find_spec(name) is None]
     if missing:
-        message = f"the server needs packages that are not installed: {', '.join(missing)}"
+        message = f"the server needs packages that are not installed: {', '.join(missing).replace('_', '-')}"
         raise BadInput([error("K004", message, help="pip install 'planlang[serve]'")])
     folders = arguments.folders
     store = _opened(arguments.store, arguments.contents)
@@ -41,6 +41,9 @@ def command(arguments: ServeArguments) -> Answer:
                 app, arguments.host, arguments.port, lambda url: tell(f"{arguments.store} is served at {url}")
             )
         return Answer(text="", data={"url": address, "entries": len(serving.catalogue)})
+    except Unreachable as problem:
+        advice = "the endpoint and the storage have to answer when a server starts"
+        return Answer(ExitCode.FAILED, (error("K044", str(problem), help=advice),))
     finally:
         store.close()
 
@@ -50,6 +53,9 @@ def _opened(address: str, contents: str | None) -> Store:
     if not address.startswith(SCHEME):
         if contents is not None:
             raise BadInput([error("K020", "a file holds its contents itself: --contents goes with sparql+https://...")])
+        if "://" in address:
+            advice = f"write {SCHEME}{address} for a SPARQL endpoint, or the name of a file"
+            raise BadInput([error("K001", f"{address} is no file", help=advice)])
         return SqliteStore(Path(address))
     if find_spec("obstore") is None:
         message = "object storage needs a package that is not installed: obstore"
@@ -59,7 +65,11 @@ def _opened(address: str, contents: str | None) -> Store:
         raise BadInput([error("K020", "a catalogue behind SPARQL keeps contents elsewhere", help=advice)])
     from planlang.knowledge.sparql_store import SparqlStore
 
-    return SparqlStore(address, contents, key=os.environ.get("PLANLANG_SPARQL_KEY"))
+    try:
+        return SparqlStore(address, contents, key=os.environ.get("PLANLANG_SPARQL_KEY"))
+    except ValueError as problem:
+        advice = "s3://BUCKET/FOLDER, gs://, az://, or file:///FOLDER, which is there"
+        raise BadInput([error("K020", str(problem), help=advice)]) from None
 
 
 def _new_key(store: Store, author: str) -> Answer:

@@ -16,17 +16,19 @@ from planlang.knowledge.answers import Declined, KeyNeeded, NoAnswer, NotAsAgree
 from planlang.knowledge.client import Client
 from planlang.knowledge.connection import kept_answers
 from planlang.knowledge.entries import Kind
-from planlang.knowledge.stores import Changed, EntryExists, NoSuchEntry, Refused
+from planlang.knowledge.stores import Changed, EntryExists, NoSuchEntry, NotTheAuthor, Refused
 
 SERVER, KEY = "PLANLANG_SERVER", "PLANLANG_KEY"
 """Environment variables of the server's address and of the author's key."""
 LARGEST_KEY_FILE = 1_000
 _KEY = re.compile(r"[A-Za-z0-9._~+/=-]{1,500}")
 _MAKE = "planlang serve --store FILE --new-key AUTHOR makes one where the server runs"
+_SILENT = "does planlang serve run there, and is the address right?"
 _ADVICE: dict[type[Refused], str] = {
     KeyNeeded: f"--key-file FILE, or {KEY}, gives your key; {_MAKE}",
     NoSuchEntry: "planlang search lists what there is",
     EntryExists: "--update makes the next revision of your own; another --name makes another entry",
+    NotTheAuthor: "only its author changes it; without --update, what you push becomes an entry of your own",
     Changed: "pull it, and push again what you have changed in it",
 }
 
@@ -40,7 +42,7 @@ def ask(arguments: ServerArguments, work: Callable[[Client], Answer]) -> Answer:
         try:
             reply = work(client)
         except NoAnswer as problem:
-            return Answer(ExitCode.FAILED, (error("K031", str(problem), help="try again later"),))
+            return Answer(ExitCode.FAILED, (error("K031", str(problem), help=_SILENT),))
         except NotAsAgreed as problem:
             return Answer(ExitCode.FAILED, (error("K032", f"{client.url}: {problem}"),))
         except Refused as problem:

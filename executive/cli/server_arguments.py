@@ -62,7 +62,7 @@ class SearchArguments(ServerArguments):
 
     expression: Annotated[
         str | None,
-        typer.Argument(metavar="EXPRESSION", help='What it is, e.g. "ServingADrink and objectActedOn some Bottle".'),
+        typer.Argument(metavar="EXPRESSION", help='What it is, e.g. "ServingFoodOrDrink and subAction some Reaching".'),
     ] = None
     label: Annotated[str | None, typer.Option(metavar="TEXT", help="A part of a label or name.")] = None
     kind: Kind = None

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
-from executive.enabling.needs import OWN, Enabling
+from executive.enabling.needs import Enabling
 from executive.enabling.search import Answer, Combination, Need, Offer
 from executive.robots.requirements import Availability, Finding, FindingKind
 from planlang.knowledge.answers import Found
@@ -60,13 +60,13 @@ class Explanation:
         state, reason = Availability.MISSING, wanted.lacks
         if answer.offer is not None:
             state, reason = Availability.AVAILABLE, self._taken(answer.offer)
-        elif answer.considered:
+        elif any(not offer.is_own for offer, _ in answer.considered):
             reason = "what could be had for it needs what is missing"
         return Finding(wanted.kind, wanted.text, wanted.iri, state, reason, None, below)
 
     def _taken(self, offer: Offer) -> str:
-        if offer.uid.startswith(OWN):
-            return f"{offer.uid.removeprefix(OWN)} of {self.enabling.robot.robot}, with what it needs"
+        if offer.is_own:
+            return f"{offer.about} of {self.enabling.robot.robot}, with what it needs"
         if offer.uid in self.enabling.folder.kept:
             return f"{offer.uid} is in {self.enabling.folder.path}"
         return f"{offer.uid} is taken from {self.enabling.shelf.url}"
@@ -81,10 +81,11 @@ class Explanation:
 
     def _refused(self, answer: Answer) -> Iterator[Finding]:
         for offer, lacking in answer.considered:
-            if lacking:
-                name = offer.uid.removeprefix(OWN)
-                below = tuple(map(self._of, lacking))
-                yield _entry(name, f"it needs {_listed(map(self._named, lacking))}", below)
+            below = tuple(map(self._of, lacking))
+            if offer.is_own:
+                yield from below
+            elif lacking:
+                yield _entry(offer.uid, f"it needs {_listed(map(self._named, lacking))}", below)
 
     def entries(self) -> list[Found]:
         """Return the entries that are used, taken now or before, what others need before them."""

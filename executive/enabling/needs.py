@@ -7,12 +7,13 @@ of things among its parameters, and a map that has such things. An entry needs w
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
 from executive.belief.semantic_map import read_map
 from executive.enabling.folder import Folder
+from executive.enabling.parameters import class_of, made_by, things_of
 from executive.enabling.search import Combination, Need, Offer, combine
 from executive.enabling.shelf import Shelf
 from executive.robots.matching import Matcher, Possessions
@@ -25,12 +26,12 @@ from planlang.knowledge.entries import Kind
 from planlang.ontology import Ontology, expand, load
 from planlang.ontology.expressions import Expression
 from planlang.ontology.terms import OWL
-from planlang.recipe import Actions, RecipeSet, read_recipe
-from planlang.recipe.model import Constraint, Filler, Parameter, Part, Place, Thing
-from planlang.recipe.model import Kind as ThingKind
+from planlang.recipe import Actions, Thing, read_recipe
 
-OWN = "own:"
-"""Before the identifier of an offer that is the robot's or the user's own: nothing is downloaded for it."""
+MOST_READ = 30
+"""Recipes, or maps, that are read to meet one need: a second each for large ones."""
+FOR = " for "
+"""Before what a need prefers, in its name: what was taken for the rest of it is considered, too."""
 MODELS = "providesModelFor"
 MODEL_OF = expand(MODELS)
 
@@ -51,6 +52,8 @@ class Wanted:
     search: Callable[[], Iterable[Found]] = tuple
     fits: Callable[[Found], str | None] = lambda found: None
     """Why an entry that was found is of no use after all."""
+    rank: Callable[[Found], int] = lambda found: 0
+    """Entries with a smaller one are taken before others."""
 
 
 @dataclass(slots=True)
@@ -64,8 +67,6 @@ class Enabling:
     folders: tuple[Path, ...] = ()
     own_map: Path | None = None
     """The user's map; no other one is looked for."""
-    recognised: tuple[str, ...] = ()
-    """Classes that the robot recognises without further models."""
     place: Mapping[str, str] = field(default_factory=dict)
     wanted: dict[Need, Wanted] = field(default_factory=dict)
     found: dict[str, Found] = field(default_factory=dict)
@@ -73,6 +74,7 @@ class Enabling:
     refused: dict[Need, list[tuple[str, str]]] = field(default_factory=dict)
     """Entries that are of no use for a need, with the reason."""
     vocabulary: Ontology = field(init=False)
+    _maps: dict[str, tuple[frozenset[str], frozenset[str]]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.vocabulary = load(Path("vocabulary.omn"), folders=self.folders, content=b"Ontology: <urn:vocabulary>")
@@ -87,19 +89,23 @@ class Enabling:
         """Return what meets a need: the robot's own, what it took before, then what the knowledge base has."""
         wanted = self.wanted[need]
         offers = list(wanted.own)
-        kept = [one.found for one in self.folder.kept.values() if need in one.needs]
+        kept = [one.found for one in self.folder.kept.values() if need.partition(FOR)[0] in _general(one.needs)]
         uids = {one.entry.uid for one in kept}
-        for found in (*kept, *(one for one in _best_first(wanted) if one.entry.uid not in uids)):
+        candidates = [*kept, *(one for one in _best_first(wanted) if one.entry.uid not in uids)]
+        most = MOST_READ if wanted.kind in (FindingKind.RECIPE, FindingKind.MAP) else len(candidates)
+        refused = [(one.entry.uid, f"only the best {MOST_READ} are read") for one in candidates[most:]]
+        for found in sorted(candidates[:most], key=wanted.rank):
             try:
                 reason = wanted.fits(found)
                 needs = self.needs_of(found) if reason is None else ()
             except BadInput as problem:
                 reason = f"it cannot be used: {problem.diagnostics[0].message}"
-            if reason is not None:
-                self.refused.setdefault(need, []).append((found.entry.uid, reason))
-                continue
-            self.found[found.entry.uid] = found
-            offers.append(Offer(found.entry.uid, found.entry.about, needs))
+            if reason is None:
+                self.found[found.entry.uid] = found
+                offers.append(Offer(found.entry.uid, found.entry.about, needs))
+            else:
+                refused.append((found.entry.uid, reason))
+        self.refused[need] = refused
         return offers
 
     def content(self, found: Found) -> Ontology:
@@ -130,18 +136,20 @@ class Enabling:
     def given_task(self, recipe: Path, task: str | None) -> Need:
         """Return the need of a recipe that the user has. Raises BadInput for one that cannot be used."""
         needs = self.of_recipe(load(recipe, folders=self.folders), task)
-        own = (Offer(f"{OWN}{recipe}", str(recipe), needs),)
+        own = (Offer(str(recipe), str(recipe), needs, is_own=True),)
         return self._want(f"recipe {recipe}", Wanted(FindingKind.RECIPE, str(recipe), own=own))
 
     def of_recipe(self, ontology: Ontology, task: str | None) -> tuple[Need, ...]:
         """Return what a recipe needs. Raises BadInput for one that cannot be compiled."""
-        reading = read_recipe(Actions(ontology), task)
+        actions = Actions(ontology)
+        reading = read_recipe(actions, task)
         if reading.recipes is None or has_errors(reading.diagnostics):
             raise BadInput([one for one in reading.diagnostics if has_errors([one])])
         matched = match(ontology, reading.recipes, self.robot, performed=self.performed)
-        classes = tuple(dict.fromkeys(things_of(reading.recipes)))
-        needs = [*self._of_finding(matched.tree), *(self.model(cls, ontology) for cls in classes)]
-        return tuple(dict.fromkeys([*needs, self.map(classes, ontology)]))
+        things, made = things_of(actions, reading.recipes), made_by(actions, reading.recipes)
+        models = (self.model(class_of(one), ontology) for one in things)
+        there = [one for one in things if one not in made]
+        return tuple(dict.fromkeys([*self._of_finding(matched.tree), *models, self.map(there, ontology)]))
 
     def _of_finding(self, finding: Finding) -> Iterator[Need]:
         """Yield the needs that a tree of findings stands for, without what available alternatives make unneeded."""
@@ -149,7 +157,8 @@ class Enabling:
             yield self._of_requirement(finding)
         elif finding.kind is FindingKind.ALTERNATIVES and finding.state is not Availability.AVAILABLE:
             text = f"one of {', '.join(one.text for one in finding.below)}"
-            own = tuple(Offer(f"{OWN}{one.text}", one.text, tuple(self._of_finding(one))) for one in finding.below)
+            each = ((one.text, tuple(self._of_finding(one))) for one in finding.below)
+            own = tuple(Offer(f"own {name}", name, needs, is_own=True) for name, needs in each)
             yield self._want(text, Wanted(FindingKind.ALTERNATIVES, text, own=own))
         elif finding.reason == UNKNOWN_STEP and finding.iri is not None:
             yield self._of_step(finding)
@@ -161,14 +170,11 @@ class Enabling:
         need = f"{finding.kind.value} {finding.iri or finding.text}"
         if need in self.wanted:
             return need
-        if finding.state is Availability.AVAILABLE:
+        if all(one.state is Availability.AVAILABLE for one, _ in finding.walk()):
             return self._want(need, Wanted(finding.kind, finding.text, finding.iri, has=finding.reason))
-        own: tuple[Offer, ...] = ()
         self.wanted[need] = Wanted(finding.kind, finding.text)  # what it takes may take it in turn
         is_disproved = any(above in self.robot.lacks for above in self._names_above(finding.iri))
-        if finding.below and not is_disproved:
-            below = tuple(dict.fromkeys(self._of_requirement(one) for one in finding.below))
-            own = (Offer(f"{OWN}{finding.text}", finding.iri or finding.text, below),)
+        own = () if is_disproved else tuple(self._own(finding))
         iri = finding.iri
         asked = finding.text if iri is None else f"<{iri}>"
         if iri is not None and (is_disproved or self.vocabulary.taxonomy.is_below(iri, HARDWARE)):
@@ -177,6 +183,13 @@ class Enabling:
         reason = finding.reason if own else f"{finding.reason}, and {self.shelf.url} has none"
         search = partial(self.shelf.search, asked)
         return self._want(need, Wanted(finding.kind, finding.text, iri, lacks=reason, own=own, search=search))
+
+    def _own(self, finding: Finding) -> Iterator[Offer]:
+        """Yield the ways to have what is required by having what that takes: one, or one for each part of an "or"."""
+        below = tuple(dict.fromkeys(self._of_requirement(one) for one in finding.below))
+        is_any = finding.iri is None and " or " in finding.text
+        for number, needs in enumerate([(one,) for one in below] if is_any else [below] if below else []):
+            yield Offer(f"own {finding.text} {number}", finding.text, needs, is_own=True)
 
     def _names_above(self, iri: str | None) -> Iterator[str]:
         if iri is not None:
@@ -196,7 +209,7 @@ class Enabling:
         """Return the need of a recognition model of a class: one of it or below it, else of a class above it."""
         above = [one for one in ontology.ancestors(cls) if one != cls]
         models = filter(None, (self._recognises(iri, (cls, *above)) for iri in self.robot_models()))
-        own = (one for one in (cls, *above) if one in self.recognised)
+        own = (one for one in (cls, *above) if one in (self.robot.recognises or ()))
         has = next((f"{self.robot.robot} recognises {local_name(one)}" for one in own), None)
         asked = f"<{expand('ObjectRecognitionModel')}> and <{MODEL_OF}> some <{cls}>"
         wider = " or ".join(f"<{MODEL_OF}> value <{one}>" for one in above)
@@ -221,23 +234,40 @@ class Enabling:
         targets = self.robot.model.ontology.values(model, MODEL_OF, subproperties=True)
         return f"{local_name(model)} of {self.robot.robot}" if any(one in targets for one in classes) else None
 
-    def map(self, classes: Sequence[str], ontology: Ontology) -> Need:
-        """Return the need of a map in which there is a thing of each class."""
+    def map(self, things: Sequence[Thing], ontology: Ontology) -> Need:
+        """Return the need of a map with a thing of each class; one that has the very individuals is preferred."""
         if self.own_map is not None:
             return self._want("map", Wanted(FindingKind.MAP, "", has=f"{self.own_map} is given"))
-        names = ", ".join(map(local_name, classes))
+        classes = tuple(dict.fromkeys(map(class_of, things)))
+        individuals = frozenset(one.iri for one in things if one.iri is not None)
+        text = ", ".join([*map(local_name, classes), *(f"{level} {name}" for level, name in self.place.items())])
 
         def fits(found: Found) -> str | None:
-            things = read_map(self.content(found)).objects
-            kinds = {cls for thing in things for one in thing.types for cls in (one, *ontology.ancestors(one))}
+            _, types = self._things_in(found)
+            kinds = {cls for one in types for cls in (one, *ontology.ancestors(one))}
             lacking = [local_name(cls) for cls in classes if cls not in kinds]
             return f"there is no {', '.join(lacking)} in it" if lacking else None
 
-        def search() -> Sequence[Found]:
-            return self.shelf.search(f"<{expand('SemanticEnvironmentMap')}>", kind=Kind.ENVIRONMENT, place=self.place)
+        asked = f"<{expand('SemanticEnvironmentMap')}>"
+        search = partial(self.shelf.search, asked, kind=Kind.ENVIRONMENT, place=self.place)
+        need = f"map {text}{FOR}{' '.join(sorted(individuals))}"
+        wanted = Wanted(FindingKind.MAP, f"with {text}" if text else "", lacks=self._none(), search=search, fits=fits)
+        return self._want(need, replace(wanted, rank=lambda found: len(individuals - self._things_in(found)[0])))
 
-        wanted = Wanted(FindingKind.MAP, f"with {names}" if names else "", None, None, self._none(), (), search, fits)
-        return self._want(f"map {names}", wanted)
+    def _things_in(self, found: Found) -> tuple[frozenset[str], frozenset[str]]:
+        """Return the individuals of a map, and their classes with those above; nothing for one that cannot be read."""
+        uid = found.entry.uid
+        if uid not in self._maps:
+            try:
+                ontology = self.content(found)
+                things = read_map(ontology).objects
+            except BadInput:
+                self._maps[uid] = (frozenset(), frozenset())
+                return self._maps[uid]
+            types = {cls for thing in things for cls in thing.types}
+            above = (up for cls in types for up in ontology.ancestors(cls))
+            self._maps[uid] = (frozenset(thing.iri for thing in things), frozenset(types.union(above)))
+        return self._maps[uid]
 
     def _dependencies(self, links: Links) -> Iterator[tuple[str, str]]:
         """Yield the links that are dependencies, without classes that are above another one."""
@@ -274,6 +304,10 @@ def _best_first(wanted: Wanted) -> list[Found]:
     return sorted(wanted.search(), key=rank)
 
 
+def _general(needs: Iterable[Need]) -> frozenset[str]:
+    return frozenset(one.partition(FOR)[0] for one in needs)
+
+
 def _plain(text: str) -> str:
     return "".join(one for one in local_name(text).casefold() if one.isalnum())
 
@@ -286,28 +320,3 @@ def _is_called(found: Found, name: str) -> bool:
 def _spellings(name: str) -> tuple[str, ...]:
     local = local_name(name)
     return tuple(dict.fromkeys((local.replace("_", " "), _plain(name.partition(".")[0]), _plain(name))))
-
-
-def things_of(recipes: RecipeSet) -> Iterator[str]:
-    """Yield the classes (IRIs) of the objects and persons among the parameters of a recipe and those below it."""
-    for recipe in recipes.recipes.values():
-        for stated in (recipe.parameters, *(step.parameters for step in recipe.steps)):
-            yield from (cls for one in stated for cls in _classes(one))
-
-
-def _classes(parameter: Parameter) -> Iterator[str]:
-    for thing in _things(parameter.filler):
-        if thing.kind in (ThingKind.OBJECT, ThingKind.PERSON) and thing.slot is None:
-            yield thing.stated or expand(thing.type)
-
-
-def _things(filler: Filler) -> Iterator[Thing]:
-    match filler:
-        case Thing():
-            yield filler
-        case Place():
-            yield from filler.things()
-        case Part(of=of):
-            yield of
-        case Constraint(tool=tool, world=world):
-            yield from (tool.of, world.of)

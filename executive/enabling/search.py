@@ -8,6 +8,7 @@ the graph (Dowling and Gallier, 1984), cycles included: nothing is met by itself
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
@@ -17,11 +18,15 @@ Need = str
 
 @dataclass(frozen=True, slots=True)
 class Offer:
-    """An entry that meets a need, if its own ``needs`` are met. ``about`` is the IRI of what it describes."""
+    """An entry that meets a need, if its own ``needs`` are met. ``about`` is the IRI of what it describes.
+
+    What ``is_own`` the robot has itself: nothing is taken for it.
+    """
 
     uid: str
     about: str
     needs: tuple[Need, ...] = ()
+    is_own: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +78,8 @@ def combine(
 ) -> Combination:
     """Return how needs are met. ``has`` returns why the robot meets one, or None; ``offers`` what meets it, best first.
 
-    Each is asked once for each need. An earlier offer is taken before a later one, but none that would need itself.
+    Each is asked once for each need. An earlier offer is taken before a later one, but none that would need itself, and
+    none beside another that is taken anyway.
     """
     graph = _Graph(has, offers)
     graph.explore(wanted)
@@ -148,6 +154,21 @@ class _Graph:
             below = [one for one in dict.fromkeys(self.taken[need].needs) if one in self.taken and one not in seen]
             seen.update(below)
             queue.extend(below)
+        self._share(queue)
+
+    def _share(self, needs: Sequence[Need]) -> None:
+        """Let one offer meet several needs where it can, so that fewer are taken."""
+        uses = Counter(self.taken[need].uid for need in needs)
+        for need in needs:
+            mine = self.taken[need]
+            if mine.is_own or uses[mine.uid] > 1:
+                continue
+            shared = (one for one in self.offers[need] if uses[one.uid] and one.uid != mine.uid)
+            for offer in shared:
+                if all(one in self.met for one in offer.needs) and not self._leads(offer.needs, need):
+                    self.taken[need] = offer
+                    uses.update({mine.uid: -1, offer.uid: 1})
+                    break
 
     def _order(self, need: Need) -> int:
         return self.met.get(need, len(self.met))

@@ -16,7 +16,6 @@ from planlang.knowledge.client import Client
 from planlang.knowledge.connection import kept_answers
 from planlang.knowledge.entries import Attachment, Entry, Kind, Revision
 from planlang.knowledge.index import CannotAnswer
-from planlang.knowledge.questions import read_question
 from planlang.knowledge.sqlite_store import SqliteStore
 from planlang.knowledge.stores import Refused
 
@@ -76,8 +75,8 @@ class LocalShelf:
         """Return the entries that fit, sorted by identifier; none for classes that nothing here knows."""
         catalogue = self._catalogue
         with suppress(BadInput, CannotAnswer):  # a class that nothing here knows
-            asked = None if expression is None else read_question(expression, catalogue.names)
-            uids = catalogue.find(asked, lambda one: one.fits(kind, label, place or {}))
+            asked = None if expression is None else catalogue.question(expression)
+            uids = catalogue.find(asked, kind, label, place)
             return [Found(self._store.entry(uid), links=catalogue.links(uid)) for uid in uids]
         return ()
 
@@ -156,7 +155,7 @@ class RemoteShelf:
         except RefusedByChecks:
             raise
         except NoAnswer as problem:
-            raise BadInput([error("K031", str(problem), help="try again later")]) from None
+            raise BadInput([error("K031", str(problem), help="is it there, and running?")]) from None
         except NotAsAgreed as problem:
             raise BadInput([error("K032", f"{self.url}: {problem}")]) from None
         except Refused as problem:

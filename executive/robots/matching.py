@@ -247,6 +247,8 @@ class Possessions:
     claims: Mapping[str, Span | None]
     model: SelfModel | None = None
     lacks: Mapping[str, str] = field(default_factory=dict)
+    recognises: tuple[str, ...] | None = None
+    """Classes (IRIs) that its camera recognises; None: its robot file does not say."""
 
 
 def possessions_of(robot: Robot) -> Possessions:
@@ -259,7 +261,9 @@ def possessions_of(robot: Robot) -> Possessions:
         lacks |= dict.fromkeys(grasping, f"{robot.name} has no gripper")
     if robot.base.fixed:
         lacks["BaseMotionCapability"] = f"the base of {robot.name} is fixed"
-    return Possessions(robot.name, robot.parts, robot.claims, robot.model, lacks)
+    known = robot.camera.recognises if robot.camera is not None else None
+    recognises = None if known is None else tuple(map(expand, known))
+    return Possessions(robot.name, robot.parts, robot.claims, robot.model, lacks, recognises)
 
 
 @dataclass(frozen=True, slots=True)

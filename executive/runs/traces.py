@@ -85,7 +85,7 @@ def line_of(record: Record) -> str | None:
 
 AGREE = (
     "plan", "iri", "plan_sha256", "parameters", "seed", "schedule", "rate", "start", "robot", "robot_sha256",
-    "urdf_sha256", "map", "map_sha256", "modules", "trusts_map", "unknown",
+    "urdf_sha256", "map", "map_sha256", "modules", "trusts_map", "unknown", "given",
 )  # fmt: skip
 """Keys of the header that a trace and the run that resumes it must have in common."""
 CALLED = {
@@ -98,6 +98,7 @@ CALLED = {
     "modules": "the list of --modules files",
     "trusts_map": "--trust-map",
     "unknown": "--unknown",
+    "given": "--models",
 }
 
 
@@ -209,7 +210,7 @@ def past_of(recorded: RecordedRun) -> tuple[Past, list[Diagnostic]]:
 def check_same_run(recorded: RecordedRun, header: Mapping[str, Any]) -> list[Diagnostic]:
     """Raise BadInput, listing the differences, when a trace is of another run; return warnings about versions."""
     now = {key: header[key] for key in AGREE if key in header}
-    now |= {key: header.get(key) for key in ("modules", "trusts_map", "unknown")}
+    now |= {key: header.get(key) for key in ("modules", "trusts_map", "unknown", "given")}
     span, problems = Span(recorded.name), []
     for key, (before, after) in differences(recorded.header, now).items():
         called = CALLED.get(key, f"the {key}")

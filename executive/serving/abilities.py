@@ -61,7 +61,6 @@ class Abilities:
         """Compare an entry with a self-model (text). Raises BadInput if that is none."""
         robot = _Robot(self_model)
         with TURNS:
-            self._possessions(robot)
             return self._judgement(robot, entry.uid, entry.kind, entry.about, entry.etag)
 
     def check(self, self_model: str) -> None:
@@ -75,8 +74,8 @@ class Abilities:
 
     def _judged(self, robot: _Robot, uid: str, kind: Kind, about: str, etag: str) -> Judgement:
         """Return the judgement of a revision, which its tag names."""
-        ontology = load_upload(uid.partition(".")[2], self._store.content(uid), self._vocabulary)
         possessions = self._possessions(robot)
+        ontology = load_upload(uid.partition(".")[2], self._store.content(uid), self._vocabulary)
         if kind is not Kind.RECIPE:
             return _by_classes(ontology, about, possessions)
         reading = read_recipe(Actions(ontology), about)

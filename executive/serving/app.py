@@ -25,9 +25,10 @@ from executive.serving.bodies import BoundedBodies
 from executive.serving.catalogue import Catalogue
 from executive.serving.mirror import Mirror
 from executive.serving.pages import add_pages
-from executive.serving.problems import add_handlers
+from executive.serving.problems import RESPONSES, add_handlers
 from executive.serving.serving import Served, Serving
 from executive.serving.turns import MOST_THREADS
+from executive.serving.uploads import warm_up
 from executive.serving.vocabulary import read_vocabulary
 from planlang.knowledge.stores import Store
 
@@ -55,6 +56,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     catalogue: Catalogue = app.state.serving.catalogue
 
     def renew() -> None:
+        warm_up(app.state.serving.vocabulary)
         while not ended.is_set() and catalogue.renew():
             pass
 
@@ -68,7 +70,14 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
 def application(store: Store, folders: Sequence[Path] = (), *, routers: Sequence[APIRouter] = ROUTERS) -> FastAPI:
     """Return the application that serves a store. Imports of uploads are looked for in ``folders``."""
     vocabulary = read_vocabulary(folders)
-    app = FastAPI(title="planlang knowledge base", version="1", docs_url=None, redoc_url=None, lifespan=_lifespan)
+    app = FastAPI(
+        title="planlang knowledge base",
+        version="1",
+        docs_url=None,
+        redoc_url=None,
+        responses=RESPONSES,
+        lifespan=_lifespan,
+    )
     catalogue, abilities = Catalogue(store, vocabulary), Abilities(store, vocabulary)
     app.state.serving = Serving(store, catalogue, vocabulary, abilities, Mirror(store))
     for router in routers:

@@ -7,11 +7,12 @@ from __future__ import annotations
 
 import threading
 from bisect import bisect_right, insort
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import islice
 
+from executive.serving.turns import Busy
 from executive.serving.uploads import describe, packed, unpacked
 from executive.serving.vocabulary import Vocabulary
 from planlang.designators import local_name
@@ -20,6 +21,7 @@ from planlang.knowledge.answers import Links
 from planlang.knowledge.descriptions import Described, Description
 from planlang.knowledge.entries import Change, Entry, Kind
 from planlang.knowledge.index import Index
+from planlang.knowledge.questions import read_question
 from planlang.knowledge.stores import Changed, NoSuchEntry, Store
 from planlang.ontology.expressions import Expression
 
@@ -33,17 +35,18 @@ class Listed:
     """What an entry is asked for by, beside its classes; all texts are folded."""
 
     kind: Kind
-    words: tuple[str, ...]
+    words: str
+    """One a line."""
     place: Mapping[str, tuple[str, ...]]
     links: Links = ()
     """What the subject is linked to, also by what its classes require."""
 
-    def fits(self, kind: Kind | None, label: str | None, place: Mapping[str, str]) -> bool:
+    def fits(self, kind: Kind | None, part: str, place: Mapping[str, str]) -> bool:
         """Return True for an entry of a kind, with a part of a label or name, of a room, floor, building, ..."""
         return (
             kind in (None, self.kind)
-            and (label is None or any(label.casefold() in word for word in self.words))
-            and all(text.casefold() in self.place.get(level, ()) for level, text in place.items())
+            and part in self.words
+            and all(text in self.place.get(level, ()) for level, text in place.items())
         )
 
 
@@ -56,8 +59,8 @@ class Catalogue:
         self._index = Index(vocabulary.axioms)
         self._listed: dict[str, Listed] = {}
         self._uids: dict[Kind | None, list[str]] = {kind: [] for kind in (None, *Kind)}
-        self._names: dict[str, set[str]] = {name: set(iris) for name, iris in vocabulary.names.items()}
-        self._known_names: Mapping[str, Iterable[str]] | None = None  # what others look through is not added to
+        self._names: dict[str, set[str]] = {}
+        self._named: set[str] = set()
         self._stale: dict[str, None] = {}
         self._lock = threading.RLock()
         self._seen = store.last_news()
@@ -69,14 +72,19 @@ class Catalogue:
     def __len__(self) -> int:
         return len(self._listed)
 
-    @property
-    def names(self) -> Mapping[str, Iterable[str]]:
-        """Local names that may be asked for -> their IRIs: a name of the vocabulary's own is no other one's."""
+    def question(self, text: str) -> Expression:
+        """Return the class expression that a text is. Raises BadInput."""
         with self._lock:
             self._follow()
-            if self._known_names is None:
-                self._known_names = {name: tuple(iris) for name, iris in self._names.items()}
-            return self._known_names
+            names = self._names.copy()
+        return read_question(text, self._vocabulary.names, names)
+
+    def asked(self, iri: str) -> str:
+        """Return how something is asked for: by its local name if that means nothing else."""
+        name = local_name(iri)
+        with self._lock:
+            meant = {*self._vocabulary.names.get(name, ())} or {*self._names.get(name, ())}
+        return name if meant == {iri} else f"<{iri}>"
 
     @property
     def stale(self) -> int:
@@ -101,16 +109,30 @@ class Catalogue:
         """Return names that may be asked for and that begin with a text, or else contain it, the shortest first."""
         wanted = text.casefold()
         with self._lock:
-            names = list(self._names)
+            names = [*self._vocabulary.names, *self._names]
         found = [name for name in names if wanted in name.casefold()]
         return tuple(sorted(found, key=lambda name: (not name.casefold().startswith(wanted), len(name), name))[:most])
 
-    def find(self, expression: Expression | None, fits: Callable[[Listed], bool]) -> tuple[str, ...]:
-        """Return the entries that an expression includes and that fit otherwise, sorted. Raises CannotAnswer."""
+    def find(
+        self,
+        expression: Expression | None,
+        kind: Kind | None = None,
+        label: str | None = None,
+        place: Mapping[str, str] | None = None,
+    ) -> tuple[str, ...]:
+        """Return the entries that an expression includes and that fit otherwise, sorted. Raises CannotAnswer.
+
+        ``label``: a part of a label or name. ``place``: the room, floor, building, ... by number, label or name.
+        """
+        part = (label or "").casefold()
+        wanted = {level: text.casefold() for level, text in (place or {}).items()}
         with self._lock:
             self._follow()
-            uids: Iterable[str] = self._uids[None] if expression is None else self._index.answers(expression)
-            return tuple(uid for uid in uids if fits(self._listed[uid]))
+            uids = tuple(self._uids[None] if expression is None else self._index.answers(expression))
+            if kind is None and not part and not wanted:
+                return uids
+            listed = [self._listed[uid] for uid in uids]
+        return tuple(uid for uid, one in zip(uids, listed, strict=True) if one.fits(kind, part, wanted))
 
     def links(self, uid: str) -> Links:
         """Return the properties and classes that an entry's subject is linked to; nothing for one that is not there."""
@@ -142,17 +164,18 @@ class Catalogue:
             place[level] = (*place.get(level, ()), text.casefold())
         self._index.add(entry.uid, description)
         self._add_names(description)
-        self._listed[entry.uid] = Listed(entry.kind, tuple(words), place, tuple(_links(description)))
+        self._listed[entry.uid] = Listed(entry.kind, "\n".join(words), place, tuple(_links(description)))
         for kind in (None, entry.kind):
             insort(self._uids[kind], entry.uid)
 
     def _add_names(self, description: Description) -> None:
-        for iri in (name for one in description.nodes for name in (*one.labels, *(prop for prop, _ in one.links))):
+        stated = {name for one in description.nodes for name in (*one.labels, *(prop for prop, _ in one.links))}
+        for iri in sorted(stated - self._named):
+            self._named.add(iri)
             iri = iri.strip("{}")
             name = local_name(iri)
             if name not in self._vocabulary.names:
                 self._names.setdefault(name, set()).add(iri)
-                self._known_names = None
 
     def _remove(self, uid: str) -> None:
         listed = self._listed.pop(uid, None)
@@ -167,7 +190,7 @@ class Catalogue:
             if not self._stale:
                 return False
             uid = next(iter(self._stale))
-        with suppress(NoSuchEntry, Changed, BadInput):  # it is another entry by now, or keeps what it has
+        with suppress(NoSuchEntry, Changed, BadInput, Busy):  # it is another entry by now, or keeps what it has
             entry = self._store.entry(uid)
             name, data = uid.partition(".")[2], self._store.content(uid, entry.revision.number)
             made = describe(entry.about, name, data, self._vocabulary)

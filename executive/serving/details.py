@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from itertools import islice
 
@@ -90,18 +90,14 @@ class Known:
     place: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
-def known_of(stored: bytes, vocabulary: Vocabulary, names: Mapping[str, Iterable[str]]) -> Known:
+def known_of(stored: bytes, vocabulary: Vocabulary, asked: Callable[[str], str]) -> Known:
     """Return what a stored description says; nothing for one that an earlier version wrote.
 
-    ``names`` has the IRIs of every local name that may be asked for: others are asked for by their IRI.
+    ``asked`` returns how a class or a property is asked for: by its local name, or by its IRI.
     """
     description, _ = unpacked(stored, vocabulary)
     if description is None or not description.nodes:
         return Known()
-
-    def asked(iri: str) -> str:
-        name = local_name(iri)
-        return name if {*names.get(name, ())} == {iri} else f"<{iri}>"
 
     root = description.nodes[0]
     classes = {local_name(label): asked(label) for label in _classes(root.labels)[:MOST_CLASSES]}

@@ -176,7 +176,7 @@ def _entry_page(
         size=len(data),
         lines=None if text is None else lines_of(text),
         details=details_of(entry, data, served.vocabulary),
-        known=known_of(served.store.description(entry.uid), served.vocabulary, served.catalogue.names),
+        known=known_of(served.store.description(entry.uid), served.vocabulary, served.catalogue.asked),
         is_judged=entry.kind in JUDGED,
         robot=robot,
         robots=[*([sent] if sent else []), *_compared(served, entry, robot, len(data))],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sqlite3
 from collections.abc import Iterable
 from http import HTTPStatus
 from typing import Any
@@ -11,6 +12,7 @@ from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
 
+from executive.serving.turns import Busy
 from planlang.diagnostics import BadInput, Diagnostic, Span
 from planlang.knowledge.stores import Changed, EntryExists, NoSuchEntry, NotTheAuthor, Refused, Unreachable
 
@@ -26,7 +28,40 @@ _REFUSALS: dict[type[Refused], HTTPStatus] = {
 _HEADERS = {
     HTTPStatus.UNAUTHORIZED: {"WWW-Authenticate": "Bearer"},
     HTTPStatus.SERVICE_UNAVAILABLE: {"Retry-After": "5"},
+    HTTPStatus.TOO_MANY_REQUESTS: {"Retry-After": "5"},
 }
+
+
+_TEXT = {"type": ["string", "null"]}
+_NUMBER = {"type": ["integer", "null"]}
+_DIAGNOSTIC = {
+    "type": "object",
+    "required": ["severity", "code", "message"],
+    "properties": {
+        "severity": {"enum": ["error", "warning", "note"]},
+        **{name: {"type": "string"} for name in ("code", "message")},
+        **dict.fromkeys(("file", "help"), _TEXT),
+        **dict.fromkeys(("line", "column"), _NUMBER),
+    },
+}
+_PROBLEM = {
+    "type": "object",
+    "required": ["type", "title", "status", "detail", "diagnostics"],
+    "properties": {
+        **{name: {"type": "string"} for name in ("type", "title", "detail")},
+        "status": {"type": "integer"},
+        "diagnostics": {"type": "array", "items": _DIAGNOSTIC},
+    },
+}
+RESPONSES: dict[int | str, dict[str, Any]] = {
+    status: {"description": description, "content": {MEDIA_TYPE: {"schema": _PROBLEM}}}
+    for status, description in {
+        "4XX": "The request is refused, for this reason",
+        "422": "What was sent is malformed, or the checks refuse it, with these diagnostics",
+        "503": "The store or a limit does not let this be answered now",
+    }.items()
+}
+"""What every route may answer besides, for the OpenAPI document."""
 
 
 class Problem(Exception):
@@ -58,8 +93,8 @@ def problem_response(status: HTTPStatus, detail: str, diagnostics: Iterable[Diag
     return JSONResponse({**body, "diagnostics": listed}, int(status), _HEADERS.get(status), MEDIA_TYPE)
 
 
-Refusal = Problem | Refused | Unreachable | BadInput
-REFUSALS = (Problem, Refused, Unreachable, BadInput)
+Refusal = Problem | Refused | Unreachable | Busy | BadInput
+REFUSALS = (Problem, Refused, Unreachable, Busy, BadInput)
 """Why something is not done."""
 
 
@@ -71,6 +106,8 @@ def refusal(problem: Refusal) -> tuple[HTTPStatus, str, tuple[Diagnostic, ...]]:
         return _REFUSALS.get(type(problem), HTTPStatus.CONFLICT), str(problem), ()
     if isinstance(problem, Unreachable):
         return HTTPStatus.SERVICE_UNAVAILABLE, str(problem), ()
+    if isinstance(problem, Busy):
+        return HTTPStatus.TOO_MANY_REQUESTS, str(problem), ()
     errors = sum(one.severity.value == "error" for one in problem.diagnostics)
     detail = f"the checks found {errors} error{'s' if errors != 1 else ''}"
     return HTTPStatus.UNPROCESSABLE_ENTITY, detail, problem.diagnostics
@@ -82,6 +119,7 @@ def add_handlers(app: FastAPI) -> None:
     @app.exception_handler(Problem)
     @app.exception_handler(Refused)
     @app.exception_handler(Unreachable)
+    @app.exception_handler(Busy)
     @app.exception_handler(BadInput)
     def refused(_: Request, problem: Refusal) -> Response:
         return problem_response(*refusal(problem))
@@ -96,3 +134,11 @@ def add_handlers(app: FastAPI) -> None:
         found = problem_response(HTTPStatus(problem.status_code), str(problem.detail))
         found.headers.update(problem.headers or {})
         return found
+
+    @app.exception_handler(sqlite3.OperationalError)
+    def unable(_: Request, problem: sqlite3.OperationalError) -> Response:
+        return problem_response(HTTPStatus.SERVICE_UNAVAILABLE, f"the store cannot be used now: {problem}")
+
+    @app.exception_handler(Exception)
+    def failed(_: Request, __: Exception) -> Response:
+        return problem_response(HTTPStatus.INTERNAL_SERVER_ERROR, "this is a mistake of the server's, and in its log")

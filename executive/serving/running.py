@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import signal
+import socket
 from collections.abc import Callable
 from types import FrameType
 
@@ -19,19 +21,14 @@ MOST_CONNECTIONS = 500
 
 def run(app: FastAPI, host: str, port: int, on_ready: Callable[[str], None]) -> str:
     """Serve until SIGINT or SIGTERM, answer what was asked, and return the address. Raises BadInput with K005."""
+    listening = _listening(host, port)
     config = uvicorn.Config(
         app,
-        host=host,
-        port=port,
         log_level="warning",
         server_header=False,
         limit_concurrency=MOST_CONNECTIONS,
         timeout_graceful_shutdown=PATIENCE,
     )
-    try:
-        listening = config.bind_socket()
-    except (OSError, SystemExit) as problem:
-        raise BadInput([error("K005", f"nothing can listen at {host}, port {port}: {problem}")]) from None
     name, number = listening.getsockname()[:2]
     url = f"http://{f'[{name}]' if ':' in name else name}:{number}"
     before = signal.signal(signal.SIGTERM, _interrupt)  # the server raises it again when it has ended
@@ -44,6 +41,17 @@ def run(app: FastAPI, host: str, port: int, on_ready: Callable[[str], None]) -> 
         signal.signal(signal.SIGTERM, before)
         listening.close()
     return url
+
+
+def _listening(host: str, port: int) -> socket.socket:
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    try:
+        return socket.create_server((host, port), family=family)
+    except OSError as problem:
+        reason = (problem.strerror or str(problem)).partition(" (while")[0]
+        advice = "--port names another one; 0 takes any that is free" if problem.errno == errno.EADDRINUSE else None
+        message = f"nothing can listen at {host}, port {port}: {reason}"
+        raise BadInput([error("K005", message, help=advice)]) from None
 
 
 def _interrupt(_: int, __: FrameType | None) -> None:

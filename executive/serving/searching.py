@@ -16,7 +16,7 @@ from executive.serving.serving import Served, Serving
 from planlang.knowledge.entries import Entry, Kind
 from planlang.knowledge.index import CannotAnswer
 from planlang.knowledge.places import LEVELS
-from planlang.knowledge.questions import LONGEST, read_question
+from planlang.knowledge.questions import LONGEST
 
 router = APIRouter(prefix="/v1", tags=["search"])
 
@@ -69,12 +69,10 @@ def search_for_a_robot(question: RobotsQuestion, served: Served) -> dict[str, An
 
 def answered(question: Question, served: Serving, shown: Callable[[Entry], dict[str, Any]]) -> dict[str, Any]:
     """Return the records that fit a question. Raises BadInput for an expression that is none, and Problem."""
-    expression = None
-    if question.expression is not None:
-        expression = read_question(question.expression, served.catalogue.names)
-    place = {level: text for level in LEVELS if (text := getattr(question, level)) is not None}
+    catalogue, place = served.catalogue, {level: text for level in LEVELS if (text := getattr(question, level))}
+    expression = None if question.expression is None else catalogue.question(question.expression)
     try:
-        found = served.catalogue.find(expression, lambda one: one.fits(question.kind, question.label, place))
+        found = catalogue.find(expression, question.kind, question.label, place)
     except CannotAnswer as problem:
         raise Problem(HTTPStatus.UNPROCESSABLE_ENTITY, str(problem)) from None
     after = question.after or ""

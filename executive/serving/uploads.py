@@ -19,7 +19,7 @@ from planlang.compiler import compile_ontology
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors
 from planlang.experience import episode_in
-from planlang.files import decode
+from planlang.files import Bundled, decode
 from planlang.knowledge.axioms import own_axioms_of
 from planlang.knowledge.completion import TooLarge
 from planlang.knowledge.descriptions import Description, described
@@ -37,6 +37,8 @@ MAPS = ("knowrob:SemanticEnvironmentMap", "srdl2-comp:EnvironmentMap")
 """Classes of maps."""
 OUTWARD = ("objectActedOn", "relativeTo", "providesModelFor", "subClassOf")
 """Properties from what says something about a thing, or from a part of it, to the thing."""
+IMPORTS = ("O030", "O031", "O032")
+"""Codes of what is imported and not found."""
 
 _SYNTAXES = {
     documents.Syntax.RDFXML: (Syntax.RDFXML, ".owl"),
@@ -59,7 +61,7 @@ def read_upload(kind: Kind, name: str, data: bytes, about: str | None, vocabular
 
     Raises BadInput with everything that is wrong with it.
     """
-    _check_name("upload", name, name)
+    _check_name("upload", name, None)
     with TURNS:
         return _read(kind, name, data, about, vocabulary)
 
@@ -68,8 +70,8 @@ def _read(kind: Kind, name: str, data: bytes, about: str | None, vocabulary: Voc
     ontology, syntax, file = _loaded(name, data, vocabulary)
     found = [one for one in ontology.diagnostics if _concerns(one, file)]
     subject = _checked(kind, ontology, about, found)
-    found = list(dict.fromkeys(one for one in found if _concerns(one, file)))
-    _check_name(subject, name, file)
+    found = list(dict.fromkeys(_as_here(one) for one in found if _concerns(one, file)))
+    _check_name(subject, name, Span(file))
     if has_errors(found):
         raise BadInput(found)
     description = _described(ontology, subject, vocabulary, file)
@@ -78,11 +80,18 @@ def _read(kind: Kind, name: str, data: bytes, about: str | None, vocabulary: Voc
     return Upload(content, description, tuple(found))
 
 
-def _check_name(about: str, name: str, file: str) -> None:
+def _as_here(diagnostic: Diagnostic) -> Diagnostic:
+    """Return a diagnostic with advice for who hands in, where that for who has the files does not help."""
+    if diagnostic.code not in IMPORTS:
+        return diagnostic
+    return replace(diagnostic, help="this server knows the bundled ontologies and those of planlang serve --ontologies")
+
+
+def _check_name(about: str, name: str, span: Span | None) -> None:
     try:
         uid_of(about, name)
     except ValueError as problem:
-        raise BadInput([error("K012", str(problem), Span(file))]) from None
+        raise BadInput([error("K012", str(problem), span)]) from None
 
 
 def packed(description: Description, vocabulary: Vocabulary) -> bytes:
@@ -114,7 +123,10 @@ def _loaded(name: str, data: bytes, vocabulary: Vocabulary) -> tuple[Ontology, S
     stem = "".join(name.split()) or "upload"
     read = documents.syntax_of(decode(data, stem), stem)
     if read not in _SYNTAXES:
-        advice = "planlang convert writes a world in URDF as a map in Manchester syntax"
+        advice = (
+            "a world: planlang convert writes it as a map in Manchester syntax; a robot: hand in its self-model, "
+            "and attach the URDF to that"
+        )
         raise BadInput([error("K014", f"{read.value} is not kept here", Span(stem), advice)])
     syntax, suffix = _SYNTAXES[read]
     file = stem.replace("/", "_")[:100] + suffix
@@ -230,6 +242,11 @@ def _described(ontology: Ontology, subject: str, vocabulary: Vocabulary, file: s
     except TooLarge as problem:
         raise BadInput([error("K013", str(problem), Span(file))]) from None
     return replace(found, place=places(ontology))
+
+
+def warm_up(vocabulary: Vocabulary) -> None:
+    """Read what all checks need, so that the first upload need not."""
+    read_upload(Kind.RECIPE, "first", Bundled.RECIPE.find("serve_a_drink").read_bytes(), None, vocabulary)
 
 
 def describe(about: str, name: str, data: bytes, vocabulary: Vocabulary) -> Description:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Sequence
 from datetime import datetime
 from typing import Any
 
@@ -33,21 +34,23 @@ from planlang.ontology.terms import KNOWROB, OWL, RDF, RDFS, VOCABULARIES, XSD, 
 from planlang.outputs import MARK
 
 IMPORTED = "http://planlang.org/kb/experience.owl"
-POSES = "poses.jsonl"
 _HERE = Span("narrative")
 _IRI = re.compile(r"https?://[^\x00-\x20<>\"{}|^`\\\x7f-\U0010ffff]+")
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_-]{0,79}")
 _DECLARED = (DUL.Action, DUL.Agent, DUL.InformationObject, DUL.TimeInterval)
 
 
-def narrative(experience: Experience, base: str, began: datetime | None = None) -> str:
+def narrative(experience: Experience, base: str, began: datetime | None = None, *, records: Sequence[str] = ()) -> str:
     """Return a narrative in Turtle. ``base`` is the IRI, without ``#``, that names it.
 
     Times are seconds since 1970 if the run ``began`` at a known time (with its zone), otherwise since its beginning.
-    Equal experiences give equal texts.
+    ``records`` are names of files beside it that tell more of the run, such as poses. Equal experiences give equal
+    texts.
     """
     writer = _Writer(experience, base, 0.0 if began is None else began.timestamp())
     writer.write(began)
+    for file in records:
+        writer.record(file)
     prefixes = {**PREFIXES, "knowrob": KNOWROB, "rdfs": RDFS, "owl": OWL, "xsd": XSD, "": f"{base}#"}
     return f"# {MARK}\n{turtle(writer.triples, prefixes, base)}"
 
@@ -73,8 +76,9 @@ class _Writer:
         self._say(episode, RDF.type, SOMA.Episode)
         self._text(episode, RDFS.label, f"{run.plan}: {self._outcome()}")
         self._text(episode, EXPERIENCE.planName, run.plan)
-        for prop, text in (("recipe", run.iri), ("robot", run.robot), ("environment", run.environment)):
-            self._text(episode, EXPERIENCE + prop, text)
+        self._text(episode, EXPERIENCE.recipe, run.iri)
+        self._text(episode, EXPERIENCE.robot, run.robot)
+        self._text(episode, EXPERIENCE.environment, run.environment)
         self._text(episode, EXPERIENCE.began, None if began is None else began.isoformat())
         self._number(episode, EXPERIENCE.rate, run.rate)
         self._number(episode, EXPERIENCE.seed, run.seed)
@@ -88,6 +92,14 @@ class _Writer:
             for link in failure.chain():
                 self._say(self._activity_iri(survivor.number), EXPERIENCE.recoveredFrom, self._failure(link))
                 self._say(episode, EXPERIENCE.includesRecoveredFailure, self._failure(link))
+
+    def record(self, file: str) -> None:
+        """State that a file tells more of what was done in the whole run."""
+        for root in (one for one in self._experience.activities if one.parent is None):
+            node = self._new("record")
+            self._say(self._activity_iri(root.number), SOMA.includesRecord, node)
+            self._say(node, RDF.type, DUL.InformationObject)
+            self._text(node, SOMA.hasFilePath, file)
 
     def _outcome(self) -> str:
         activities = self._experience.activities
@@ -231,12 +243,22 @@ class _Writer:
         self._text(node, EXPERIENCE.value, one.value)
         self._json(node, EXPERIENCE.base, None if one.base is None else list(one.base))
         self._json(node, EXPERIENCE.details, one.details or None)
-        if one.to is ResolvedTo.THING and one.designator.text in self._named:
-            self._say(node, EXPERIENCE.resolvedTo, self._named[one.designator.text])
+        if one.to is ResolvedTo.THING:
+            self._say(node, EXPERIENCE.resolvedTo, self._thing_of_the_map(one))
         elif one.to is ResolvedTo.PLAN and _IRI.fullmatch(one.value):
             self._say(node, EXPERIENCE.resolvedTo, one.value)
         if one.failure is not None:
             self._say(node, EXPERIENCE.failedWith, self._failure(one.failure))
+
+    def _thing_of_the_map(self, one: Resolution) -> str:
+        """Return the individual that a thing's designator was bound to: one that a designator names, or a further."""
+        if one.value in self._named:
+            return self._named[one.value]
+        node = self._shared("bound", one.value, lambda new: self._text(new, RDFS.label, one.value))
+        for thing in self._experience.things:
+            if thing.name == one.designator.text:
+                self._kind(node, thing.type)
+        return node
 
     def _occurrence(self, activity: str, number: int, one: Occurrence) -> None:
         node = self._new("occurrence")

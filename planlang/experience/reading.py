@@ -107,7 +107,9 @@ class _Reader:
         if state is None or (parent is not None and parent not in numbers):
             self._refuse("its execution state is unknown, or the action around it no part of the episode", node)
         designator = next((self._designator(one) for one in self._many(node, EXPERIENCE.describedBy)), None)
-        participants = [names.get(one, "") for one in self._many(node, DUL.hasParticipant)]
+        participants = self._many(node, DUL.hasParticipant)
+        if not names.keys() >= set(participants):
+            self._refuse("a participant is no thing of the episode", node)
         return Activity(
             numbers[node],
             None if parent is None else numbers[parent],
@@ -121,7 +123,7 @@ class _Reader:
             self._failed(node),
             designator,
             self._roles_of(task),
-            tuple(sorted(participants)),
+            tuple(sorted(names[one] for one in participants)),
             tuple(self._listed(node, EXPERIENCE.hasResolution, self._resolution)),
             tuple(self._listed(node, EXPERIENCE.hasOccurrence, self._occurrence)),
         )

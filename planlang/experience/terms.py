@@ -7,9 +7,8 @@ from planlang.ontology.terms import Namespace
 
 DUL = Namespace(
     "http://www.ontologydesignpatterns.org/ont/dul/DUL.owl#",
-    """Action Agent InformationObject Plan Role Task TimeInterval classifies definesTask executesTask hasConstituent
-    hasParticipant hasTimeInterval includesAction includesAgent includesObject includesTime isExecutedIn isTaskOf
-    satisfies""",
+    """Action Agent InformationObject Role Task TimeInterval classifies definesTask executesTask hasConstituent
+    hasParticipant hasTimeInterval includesAction includesAgent includesObject includesTime isExecutedIn isTaskOf""",
 )
 SOMA = Namespace(
     "http://www.ease-crc.org/ont/SOMA.owl#",

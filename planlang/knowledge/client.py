@@ -4,7 +4,7 @@ General layout: ``connection`` sends requests again, bounds answers and keeps wh
 ::
 
     with Client("http://localhost:8080", cache=kept_answers()) as client:
-        for found in client.search(expression="ServingADrink and objectActedOn some Bottle"):
+        for found in client.search(expression="ServingFoodOrDrink and subAction some Reaching"):
             recipe = client.content(found.entry)
 """
 

@@ -10,7 +10,7 @@ import json
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 
-from planlang.knowledge.axioms import THING, Axioms, One
+from planlang.knowledge.axioms import THING, Axioms, Concept, One
 from planlang.knowledge.completion import Completion, Node
 
 MOST_NODES = 20_000
@@ -72,7 +72,7 @@ def described(
     nodes[root].is_own = True
     numbers = {root: 0}
     queue = [root]
-    found = []
+    found, stated = [], _Stated(vocabulary)
     for number in queue:
         links: list[tuple[str, int | Label]] = []
         for prop, target in nodes[number].links:
@@ -83,7 +83,7 @@ def described(
                     queue.append(target)
                 end = numbers[target]
             links += [(one, end) for one in _shown(completion, prop)]
-        found.append(Described(_most_specific(nodes[number], vocabulary), tuple(sorted(set(links), key=repr))))
+        found.append(Described(_most_specific(nodes[number], stated), tuple(sorted(set(links), key=repr))))
     return Description(tuple(found), tuple(words), tuple(place))
 
 
@@ -111,15 +111,36 @@ def label_of(concept: object) -> Label | None:
     return concept if isinstance(concept, str) else None
 
 
-def _most_specific(node: Node, vocabulary: Axioms) -> tuple[Label, ...]:
+def _most_specific(node: Node, stated: _Stated) -> tuple[Label, ...]:
     """Return the labels of a node without those that the vocabulary states above another of them."""
-    kept: dict[Label, frozenset[object]] = {}
-    for concept in node.labels:
-        label = label_of(concept)
-        if label is None or label == THING or any(concept in implied for implied in kept.values()):
-            continue
-        above = frozenset(vocabulary.above.get(concept, ()))
-        for upper in map(label_of, above):
-            kept.pop(upper or "", None)
-        kept[label] = above
+    kept: list[Label] = []
+    implied: set[Label] = {THING}
+    for label in map(label_of, node.labels):
+        if label is not None and label not in implied:
+            above = stated.above(label)
+            kept = [one for one in kept if one not in above]
+            kept.append(label)
+            implied |= above
     return tuple(kept)
+
+
+class _Stated:
+    """What the vocabulary states above labels, through any number of them."""
+
+    def __init__(self, vocabulary: Axioms) -> None:
+        self._vocabulary = vocabulary
+        self._known: dict[Label, frozenset[Label]] = {}
+
+    def above(self, label: Label) -> frozenset[Label]:
+        """Return the labels above one."""
+        found = self._known.get(label)
+        if found is None:
+            reached, queue = {label}, [label]
+            for one in queue:
+                concept: Concept = One(one[1:-1]) if one.startswith("{") else one
+                for upper in map(label_of, self._vocabulary.above.get(concept, ())):
+                    if upper is not None and upper not in reached:
+                        reached.add(upper)
+                        queue.append(upper)
+            found = self._known[label] = frozenset(reached - {label})
+        return found

@@ -131,10 +131,10 @@ def uid_of(about: str, name: str) -> str:
     """Return the identifier of an entry: the described class's local name, a point, the author's name for it.
 
     Both in lower case without blanks, as RoboEarth's database formed them. Raises ValueError, with the reason, for
-    anything but letters, digits, ``_`` and ``-``.
+    anything but letters a to z, digits, ``_`` and ``-``.
     """
     parts = ["".join(part.split()).lower() for part in (local_name(about), name)]
     for part in parts:
         if not _PART.fullmatch(part):
-            raise ValueError(f"{part[:40]!r} is no name of an entry: up to 100 letters, digits, _ and -")
+            raise ValueError(f"{part[:40]!r} is no part of an identifier: 1 to 100 of a to z, 0 to 9, _ and -")
     return ".".join(parts)

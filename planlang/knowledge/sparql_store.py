@@ -18,6 +18,7 @@ from urllib.parse import quote
 
 import httpx
 import obstore
+from obstore.exceptions import BaseError
 from obstore.store import ObjectStore, from_url
 
 from planlang.knowledge.entries import (
@@ -55,6 +56,14 @@ class _Update:
     delete: str = ""
 
 
+def _storage(address: str) -> ObjectStore:
+    try:
+        return from_url(address)
+    except (BaseError, ValueError) as problem:
+        reason = str(problem).partition("\n")[0]
+        raise ValueError(f"contents cannot be kept at {address}: {reason}") from None
+
+
 class SparqlStore:
     """A :class:`~planlang.knowledge.stores.Store` over an endpoint and an object storage; threads may share it.
 
@@ -66,12 +75,12 @@ class SparqlStore:
     ) -> None:
         """``url``: that below which the endpoint has ``query`` and ``update``; ``contents``: an address of obstore.
 
-        ``key``: a Bearer token for the endpoint.
+        ``key``: a Bearer token for the endpoint. Raises ValueError for an address that is none.
         """
         headers = {} if key is None else {"Authorization": f"Bearer {key}"}
         base = url.removeprefix(SCHEME).rstrip("/") + "/"
         self._http = httpx.Client(base_url=base, headers=headers, timeout=_SECONDS)
-        self._contents = from_url(contents) if isinstance(contents, str) else contents
+        self._contents = _storage(contents) if isinstance(contents, str) else contents
         self._kept = revisions_kept
 
     # the endpoint and the storage

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from planlang.diagnostics import BadInput, Span, error
+from planlang.diagnostics import BadInput, Diagnostic, Span, error
 from planlang.knowledge.entries import (
     HIGHEST_RATING,
     LOWEST_RATING,
@@ -72,6 +72,14 @@ _LAST = """SELECT e.uid, e.kind, e.about, e.label, e.author, e.syntax, e.created
     AND r.number = (SELECT max(number) FROM revisions WHERE uid = e.uid)"""
 
 
+def _no_base(path: Path, problem: sqlite3.DatabaseError) -> Diagnostic:
+    if path.is_dir():
+        return error("K001", f"{path} is a folder", help="name a file in it: it is made if there is none")
+    if not path.parent.is_dir():
+        return error("K001", f"there is no folder {path.parent}", help="make it first")
+    return error("K001", f"this is no knowledge base: {problem}", Span(str(path)))
+
+
 class SqliteStore:
     """A :class:`~planlang.knowledge.stores.Store` in one file; threads and processes may share it.
 
@@ -88,7 +96,7 @@ class SqliteStore:
         try:
             self._prepare()
         except sqlite3.DatabaseError as problem:
-            raise BadInput([error("K001", f"this is no knowledge base: {problem}", Span(str(path)))]) from None
+            raise BadInput([_no_base(path, problem)]) from None
 
     def _prepare(self) -> None:
         database = self._database
@@ -199,6 +207,8 @@ class SqliteStore:
             (number,) = database.execute(before, (uid,)).fetchone()
             self._add_revision(database, uid, number + 1, content.data, author, now)
             if request is not None:
+                if self.requested(author, request.key) is not None:
+                    raise EntryExists("another request has been sent with this key")
                 kept = (author, request.key, request.digest, uid)
                 database.execute("INSERT INTO requests VALUES (?, ?, ?, ?)", kept)
             _tell(database, Change.CREATED, uid, content.kind, author, now)

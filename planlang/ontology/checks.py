@@ -360,7 +360,7 @@ def _circles(triples: Triples, rests: Sequence[int]) -> Iterator[Diagnostic]:
 
 
 def _values(triples: Triples) -> Iterator[Diagnostic]:
-    wrong = {number for term, number in triples.numbers.items() if isinstance(term, Literal) and _is_wrong(term)}
+    wrong = {number for term, number in triples.numbers.items() if isinstance(term, Literal) and is_malformed(term)}
     if wrong:
         for row, number in enumerate(triples.objects):
             if number in wrong:
@@ -371,7 +371,8 @@ def _values(triples: Triples) -> Iterator[Diagnostic]:
                 yield warning("O019", what, triple.span, "correct the value, or its datatype")
 
 
-def _is_wrong(value: Literal) -> bool:
+def is_malformed(value: Literal) -> bool:
+    """Return True for a value that its datatype does not have."""
     form = _FORMS.get(value.datatype or "")
     return form is not None and not form.fullmatch(value.value.strip())
 

@@ -33,6 +33,8 @@ class Syntax(Enum):
     TURTLE = "Turtle"
     URDF = "URDF"
     """A world: read as the statements of a map."""
+    GRID = "YAML of an occupancy grid"
+    """As ROS map_server writes it: read as the statement of such a map."""
 
 
 _MANCHESTER = re.compile(
@@ -41,6 +43,7 @@ _MANCHESTER = re.compile(
     r"|DifferentIndividuals):(?=\s|$|<)"
 )
 _URDF = re.compile(r"(?:\s|<\?[^>]*\?>|<!--.*?-->|<!DOCTYPE[^>\[]*(?:\[[^\]]*\]\s*)?>)*+<robot\b", re.DOTALL)
+_GRID = re.compile(r"(?:image|resolution|origin|negate|occupied_thresh|free_thresh|mode)[ \t]*:[ \t\r\n]")
 _NOTHING_SAID = re.compile(r"(?:[^\S\r\n]*(?:#[^\r\n]*)?(?:\r\n?|\n))*(?:[^\S\r\n]*#[^\r\n]*\Z)?")
 _TURTLE = re.compile(
     r"""@prefix\b|@base\b|(?i:prefix|base)\s
@@ -59,6 +62,8 @@ def syntax_of(text: str, file: str) -> Syntax:
     start = text[position : position + 10_000].lstrip()[:2000]
     if _MANCHESTER.match(start):
         return Syntax.MANCHESTER
+    if _GRID.match(start):
+        return Syntax.GRID
     if _TURTLE.match(start):
         return Syntax.TURTLE
     if _URDF.match(text, position):
@@ -86,6 +91,10 @@ def read_syntax(content: bytes, file: str, *, base: str, label: str) -> Parsed:
             from planlang.ontology.urdf_world import read_world
 
             return read_world(Path(file))
+        case Syntax.GRID:
+            from planlang.ontology.grid_file import read_grid_file
+
+            return read_grid_file(Path(file), base)
     return read(text, file, base=base, label=label)
 
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, note
+from planlang.ontology.checks import is_malformed
 from planlang.ontology.nested_writers import rdfxml
 from planlang.ontology.ontology import Ontology
 from planlang.ontology.terms import OWL, RDF, RDFS, XSD, BNode, Literal, Term, Triple
@@ -38,7 +39,8 @@ _NUMBER = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?
 _FILLERS = frozenset((OWL.someValuesFrom, OWL.allValuesFrom, OWL.hasValue, OWL.onDataRange))
 _WORDS = frozenset((RDFS.label, RDFS.comment, RDFS.seeAlso, RDFS.isDefinedBy, OWL.versionInfo, OWL.imports))
 _W3C = "http://www.w3.org/"
-_NAMESPACE = "http://planlang/#"
+NAMESPACE = "http://planlang/#"
+"""The namespace of the names that a reasoner is given."""
 
 
 @dataclass(slots=True)
@@ -56,7 +58,7 @@ class ReasonerInput:
         """Return the axioms in RDF/XML, with what is said about individuals or without."""
         header = Triple("http://planlang/", RDF.type, OWL.Ontology, Span(""))
         kept = (triple for row, triple in enumerate(self.triples) if facts or row not in self.facts)
-        return rdfxml([header, *kept], {"e": _NAMESPACE})[0]
+        return rdfxml([header, *kept], {"e": NAMESPACE})[0]
 
 
 def reasoner_input(ontology: Ontology) -> ReasonerInput:
@@ -167,9 +169,11 @@ class _Left:
         return foreign, restrictions
 
     def _foreign_datatype(self, triple: Triple) -> str | None:
-        """Return the datatype of a triple's object, or the object that is one, if OWL 2 does not have it."""
+        """Return the datatype or value that a triple's object is or has and that OWL 2 does not have; else None."""
         value = triple.object
         if isinstance(value, Literal):
+            if is_malformed(value):
+                return repr(value.value[:20])
             return None if value.datatype is None or value.datatype in BUILT_IN else value.datatype
         if isinstance(value, BNode) or triple.predicate not in {RDFS.range, OWL.onDatatype, *_FILLERS}:
             return None
@@ -186,14 +190,12 @@ class _Left:
         found = []
         if self._foreign:
             names = _listed(self._foreign)
-            message = (
-                f"the reasoner is not given {self._rows} statements with datatypes that OWL does not have: {names}"
-            )
-            found.append(note("O062", message, next(iter(self._foreign.values()))))
+            message = f"the reasoner is not given statements with values that OWL does not have: {names}"
+            found.append(note("O062", f"{message} ({self._rows})", next(iter(self._foreign.values()))))
         own = {str(document.path) for document in self._ontology.documents[:1]}  # not what it imports
         numbers = [span for span in self._numbers if span.file in own]
         if numbers:
-            message = f"the reasoner is given {len(numbers)} numbers in the datatypes that their properties have"
+            message = f"the reasoner is given numbers in the datatypes that their properties have ({len(numbers)})"
             found.append(note("O062", message, numbers[0]))
         return found
 
@@ -216,7 +218,7 @@ def _renamed(triples: Iterable[Triple]) -> tuple[list[Triple], dict[str, str]]:
             name = candidate = "_".join(re.findall(r"[A-Za-z0-9_]+", local_name(iri))).lstrip("0123456789") or "thing"
             while name in names:
                 name = f"{candidate}_{len(names)}"
-            of[iri], names[name] = _NAMESPACE + name, iri
+            of[iri], names[name] = NAMESPACE + name, iri
         return of[iri]
 
     def term(value: Term) -> Term:

@@ -18,14 +18,16 @@ import subprocess
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from importlib.util import find_spec
 from pathlib import Path
 
+from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error
 from planlang.ontology.ontology import Ontology
-from planlang.ontology.reasoner_input import ReasonerInput, reasoner_input
+from planlang.ontology.reasoner_input import NAMESPACE, ReasonerInput, reasoner_input
+from planlang.ontology.terms import Triple
 
 MEMORY = 2000
 """Memory of a reasoner [MB]."""
@@ -123,7 +125,8 @@ class _Reasoning:
             names = [name for name in why if name in self.given.names]
         if is_inconsistent:
             yield self._contradiction(self._explained("--inconsistent", path).get("Thing", ()))
-        for name in sorted(names, key=list(self.given.names).index):
+        order = {name: rank for rank, name in enumerate(self.given.names)}
+        for name in sorted(names, key=order.__getitem__):
             iri = self.given.names[name]
             message = f"the class `{name}` is unsatisfiable: nothing can be of it"
             yield error("O060", message, self.ontology.span(iri), _because(why.get(name, ())))
@@ -139,7 +142,7 @@ class _Reasoning:
     def _contradiction(self, why: Sequence[str]) -> Diagnostic:
         """Return the error of what contradicts itself, at the first individual of the explanation."""
         facts = {str(self.given.triples[row].subject).rpartition("#")[2] for row in sorted(self.given.facts)}
-        words = dict.fromkeys(word for line in why for word in re.findall(r"\w+", line))
+        words = dict.fromkeys(word for line in why for word in re.findall(r"\w+", line.partition(" (")[0]))
         named = [word for word in words if word in facts]
         if not named:
             message = "what the ontology says contradicts itself: nothing can be as it says"
@@ -164,9 +167,10 @@ class _Reasoning:
         return done.stdout, False
 
     def _explained(self, question: str, path: Path) -> dict[str, tuple[str, ...]]:
-        """Return explanations of what HermiT has found; none if Pellet fails or takes too long."""
+        """Return explanations of what HermiT has found; none if Pellet fails, or needs half of the time left."""
+        half = replace(self, end=self.end - (self.end - time.monotonic()) / 2)
         try:
-            return self._explanations(question, path)
+            return half._explanations(question, path)
         except _Stopped:
             return {}
 
@@ -183,7 +187,8 @@ class _Reasoning:
             if "NOT ENTAILED" not in rest:
                 lines = [re.sub(r"^\d+\)", "", line).strip() for line in rest.partition(":")[2].splitlines()]
                 told = {line for line in lines if line and not line.startswith("Explanation")}
-                found[name.strip()] = tuple(sorted(told))  # Pellet tells them in any order
+                placed = [_located(line, self.given.triples) for line in sorted(told)]  # Pellet has no order
+                found[name.strip()] = tuple(placed)
         return found
 
     def _run(self, classpath: Sequence[str], main: str, arguments: Sequence[str]) -> subprocess.CompletedProcess[str]:
@@ -208,6 +213,22 @@ def _home() -> Path:
     return Path(spec.origin).parent
 
 
+def _located(told: str, triples: Sequence[Triple]) -> str:
+    """Return a statement as Pellet tells it, with the place where it is written if that can be found."""
+    words = told.split()
+    if len(words) < 3:
+        return told
+    predicate = "equivalentClass" if words[1] == "equivalentTo" else words[1]
+    ends = {NAMESPACE + words[0], NAMESPACE + words[-1]}  # in any order: Pellet turns disjointWith around
+    named = [one for one in triples if local_name(one.predicate) == predicate and one.subject in ends]
+    exact = [one for one in named if {one.subject, one.object} == ends]
+    exact = exact or [one for one in named if one.subject == NAMESPACE + words[0]]
+    if len({one.span for one in exact}) != 1:
+        return told
+    span = exact[0].span
+    return f"{told} ({Path(span.file).name}:{span.line})"
+
+
 def _because(why: Sequence[str]) -> str | None:
     if not why:
         return None
@@ -218,4 +239,4 @@ def _because(why: Sequence[str]) -> str | None:
 def _first_line(text: str) -> str:
     lines = [line.strip() for line in text.splitlines() if line.strip() and not line.strip().startswith("at ")]
     told = next((line for line in lines if "Exception" in line or "ERROR" in line), lines[0] if lines else "no reason")
-    return told.removeprefix('Exception in thread "main" ')[:300]
+    return told.removeprefix('Exception in thread "main" ').replace(NAMESPACE, "")[:300]

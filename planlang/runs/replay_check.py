@@ -209,7 +209,10 @@ class ReplayCheck(Trace):
         self._worlds: dict[tuple[str | None, int], list[Line]] = {}
         for line in self.lines:
             if line.event == "world":
-                self._worlds.setdefault((line.path, int(line.record.get("number", 0))), []).append(line)
+                number = line.record.get("number", 0)
+                if type(number) is not int:
+                    raise ValueError(f"line {line.number} tells of no watch: its number is {str(number)[:40]}")
+                self._worlds.setdefault((line.path, number), []).append(line)
 
     def _unknown(self, question: str) -> None:
         if self.next() is not None:

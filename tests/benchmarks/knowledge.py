@@ -36,7 +36,6 @@ from planlang.files import Bundled, bundled
 from planlang.knowledge.axioms import Axioms, Some
 from planlang.knowledge.descriptions import described
 from planlang.knowledge.entries import Content, Kind, Syntax
-from planlang.knowledge.questions import read_question
 from planlang.knowledge.sqlite_store import SqliteStore
 from planlang.ontology import Ontology, load
 from planlang.ontology.convert import Target, write
@@ -194,16 +193,16 @@ def sparql(question: str) -> str:
 
 def measure_search(world: World, catalogue: Catalogue) -> None:
     """Print what questions cost, here and with pyoxigraph."""
-    names, mirror = catalogue.names, world.mirror()
+    mirror = world.mirror()
     print("\n| question | entries | index | with reading the question | pyoxigraph |\n|---|---|---|---|---|")
     costs: dict[str, list[tuple[float, float, float]]] = {"selective": [], "broad": []}
     for kind, questions in (("broad", BROAD), ("selective", world.questions())):
         for text in questions:
-            expression = read_question(text, names)
-            found = catalogue.find(expression, lambda _: True)
+            expression = catalogue.question(text)
+            found = catalogue.find(expression)
             others = list(mirror.query(sparql(text)))  # type: ignore[arg-type]
-            whole = cpu(lambda text=text: catalogue.find(read_question(text, names), lambda _: True))
-            alone = cpu(lambda expression=expression: catalogue.find(expression, lambda _: True))
+            whole = cpu(lambda text=text: catalogue.find(catalogue.question(text)))
+            alone = cpu(lambda expression=expression: catalogue.find(expression))
             other = cpu(lambda text=text: list(mirror.query(sparql(text))), 5)
             costs[kind].append((alone, whole, other))
             if kind == "broad":
@@ -262,7 +261,8 @@ def measure_upload(store: SqliteStore) -> None:
 def server(path: Path) -> Iterator[tuple[str, subprocess.Popen[str]]]:
     """Start a server at a free port; gives its address and process, and ends it."""
     command = [sys.executable, "-m", "planlang_command", "serve", "--store", str(path), "--port", "0"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, start_new_session=True) as process:
+    environment = os.environ | {"PYTHONUNBUFFERED": "1"}
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as process:
         assert process.stdout is not None
         try:
             yield process.stdout.readline().rpartition(" ")[2].strip(), process
@@ -387,7 +387,7 @@ def measure_kill(folder: Path, kills: int) -> None:
             for client in clients:
                 client.start()
             time.sleep(Random(kill).uniform(0.05, 0.5))
-            os.killpg(process.pid, signal.SIGKILL)
+            process.kill()
             for client in clients:
                 client.join()
     store = SqliteStore(path)

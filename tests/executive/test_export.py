@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -10,13 +11,21 @@ import pytest
 from typer.testing import CliRunner
 
 from executive.cli.app import app
+from executive.serving.uploads import read_upload
+from executive.serving.vocabulary import read_vocabulary
+from planlang import Recovery, action, an_object, perform, with_failure_handling
 from planlang.designators import local_name
 from planlang.experience import experience_of, narrative, read_narrative
 from planlang.experience.model import ResolvedTo
 from planlang.experience.poses import read_poses
+from planlang.failures import GraspMissed
 from planlang.files import bundled
+from planlang.knowledge.entries import Kind
+from planlang.knowledge.index import Index
+from planlang.knowledge.questions import read_question
 from planlang.ontology import load
 from planlang.runs.recorded_run import read_records
+from planlang.testing import Script, run_plan
 
 
 def planlang(*words: object) -> dict[str, Any]:
@@ -63,6 +72,14 @@ def test_what_a_crash_left_of_a_real_trace_comes_back_at_every_tenth_record(run:
         assert read_narrative(narrative(told, "http://example.org/run"), "narrative.ttl") == told
 
 
+def test_a_last_line_that_was_torn_is_left_out_and_told(run: Path, tmp_path: Path) -> None:
+    torn = tmp_path / "run.jsonl"
+    torn.write_bytes((run / "run.jsonl").read_bytes()[:-9])
+    found = planlang("export", torn, "--to", "neem", "-o", tmp_path / "neem")
+    assert [one["code"] for one in found["diagnostics"]] == ["X026"]
+    assert not found["is_whole"]
+
+
 def test_the_log_of_poses_follows_the_bottle_and_belongs_to_its_run_only(run: Path) -> None:
     words = ("export", run / "run.jsonl", "--to", "neem", "-o", run / "logged", "--poses")
     found = planlang(*words, run / "poses.jsonl")
@@ -75,6 +92,7 @@ def test_the_log_of_poses_follows_the_bottle_and_belongs_to_its_run_only(run: Pa
     other = run / "other.jsonl"
     for text, said in (
         (lines[0].replace('"seed": 3', '"seed": 4') + lines[1], "another run: seed"),
+        (lines[0] + lines[1].replace('"step": 0', '"step": 9007199254740992'), "too late"),
         ("{}\n[]\n", "line 2"),
     ):
         other.write_text(text)
@@ -97,9 +115,12 @@ def test_a_file_that_is_no_trace_a_time_without_zone_and_a_strange_file_in_the_f
     trace.write_text('{"step": 0, "event": "header", "schema": 3}\n')
     words = ("export", trace, "--to", "neem", "-o", folder)
     assert [one["code"] for one in planlang(*words)["diagnostics"]] == ["X020"]
+    assert not folder.exists()
     usage = CliRunner().invoke(app, [*map(str, words), "--began", "2026-11-23T14:00:00"], prog_name="planlang")
     assert usage.exit_code == 2
     assert "zone" in usage.stderr
+    trace.write_bytes((run / "run.jsonl").read_bytes())
+    folder.mkdir()
     (folder / "narrative.ttl").write_text("mine")
     assert [one["code"] for one in planlang(*words)["diagnostics"]] == ["C005"]
     assert (folder / "narrative.ttl").read_text() == "mine"
@@ -143,10 +164,36 @@ def test_a_run_that_was_pushed_is_found_by_what_was_recovered_in_it(run: Path, t
     store.close()
 
 
-def test_each_word_for_experience_has_one_meaning_for_a_server() -> None:
-    pytest.importorskip("fastapi", reason="the server is in the extra serve")
-    from executive.serving.vocabulary import read_vocabulary
+def grasp_missed(attempts: int) -> str:
+    """The narrative of a run in which the first grasp is missed, and grasping is tried so often."""
 
+    async def grasp() -> None:
+        body = partial(perform, action("GraspingSomething", object_acted_on=an_object("Cup")))
+        await with_failure_handling(body, Recovery(GraspMissed, attempts=attempts - 1))
+
+    script = Script().on("GraspingSomething", fails=GraspMissed, times=1)
+    run = run_plan(grasp, script=script)
+    assert (run.failure is None) == (attempts > 1)
+    return narrative(experience_of(run.events), f"http://example.org/{attempts}")
+
+
+def test_a_failure_that_ended_the_run_was_not_recovered() -> None:
+    vocabulary = read_vocabulary()
+    index = Index(vocabulary.axioms)
+    for attempts in (1, 2):
+        upload = read_upload(Kind.EXPERIENCE, f"run{attempts}", grasp_missed(attempts).encode(), None, vocabulary)
+        assert upload.diagnostics == ()
+        index.add(f"run{attempts}", upload.description)
+    for question, found in (
+        ("Episode and includesFailure some GraspMissed", ("run1", "run2")),
+        ("Episode and includesRecoveredFailure some GraspMissed", ("run2",)),
+        ("Episode and includesRecoveredFailure some GripperFailure", ("run2",)),
+        ("includesAction some (recoveredFrom some GraspMissed)", ("run2",)),
+    ):
+        assert index.answers(read_question(question, vocabulary.names)) == found
+
+
+def test_each_word_for_experience_has_one_meaning_for_a_server() -> None:
     names = read_vocabulary().names
     words = load(bundled("ontologies") / "experience.omn", builtin=False).alone()
     stated = {term for term in words.store.terms if isinstance(term, str) and words.main(term)}

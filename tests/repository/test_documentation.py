@@ -49,8 +49,8 @@ def agrees(shown: str, real: str) -> bool:
 
 
 def shape(text: str) -> str:
-    """An output without its numbers, which may differ in the last digits from machine to machine."""
-    return re.sub(r" +", " ", re.sub(r"(?<![\w@.])-?\d+(\.\d+)?", "#", text))
+    """An output without its numbers, which may differ in the last digits from machine to machine, and times."""
+    return re.sub(r" +", " ", re.sub(r"(?<![\w@.])-?\d+(\.\d+)?|(?<=\dT)\d+", "#", text))
 
 
 def fitted(shown: str, real: str) -> str:

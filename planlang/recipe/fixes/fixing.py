@@ -144,7 +144,7 @@ def _editable(state: _State) -> Editable:
             return XmlText(state.text, state.file)
         case Syntax.MANCHESTER:
             return ManchesterText(state.text, state.file)
-        case Syntax.TURTLE | Syntax.URDF as syntax:
+        case Syntax.TURTLE | Syntax.URDF | Syntax.GRID as syntax:
             raise CannotEdit(f"{syntax.value} is not edited; planlang convert writes it in another syntax")
 
 

@@ -10,7 +10,8 @@ from executive.belief import Belief, SemanticMap, read_map, scene_of
 from executive.belief.map_statements import placements
 from executive.belief.map_updating import updated_map
 from executive.cli.app import app
-from planlang.files import bundled
+from planlang.diagnostics import Diagnostic
+from planlang.files import Bundled, bundled
 from planlang.geometry import Pose
 from planlang.ontology import load
 from planlang.protocols import Detection
@@ -19,6 +20,16 @@ from sim import PlanningWorld
 Write = Callable[..., str]
 Read = Callable[..., SemanticMap]
 BOX = (0.4, 0.8, 0.8)
+LOCKER = """
+Class: Locker
+    SubClassOf: knowrob:Cabinet-PieceOfFurniture, knowrob:properPhysicalParts some LockerDoor
+Class: LockerDoor
+    SubClassOf: knowrob:Door, knowrob:orientation value door_place,
+        knowrob:depthOfObject value 0.02, knowrob:widthOfObject value 0.8, knowrob:heightOfObject value 0.8
+Individual: door_place
+    Types: knowrob:RotationMatrix3D
+    Facts: knowrob:translation "0.21 0 0", knowrob:quaternion "0 0 0 1", knowrob:relativeTo Locker
+"""
 
 
 @pytest.fixture
@@ -89,6 +100,43 @@ def test_a_door_is_written_closed_with_the_radius_and_the_axis_by_which_it_was_o
     assert before.pose
     assert after.pose
     assert before.pose.distance(after.pose) < 1e-6
+
+
+def test_parts_that_follow_from_a_class_follow_from_it_again(
+    left: Left, map_of: Read, thing: Write, seen: Write
+) -> None:
+    semantic_map = map_of(
+        LOCKER,
+        thing("one", "Cabinet-PieceOfFurniture", BOX).replace("Types: ", "Types: Locker, "),
+        seen("one", (1, 0, 0.4)),
+    )
+    names = [thing.name for thing in semantic_map.objects]
+    assert names == ["one", "one_LockerDoor"]
+    updated = left(semantic_map, lambda belief: belief.moved("one_LockerDoor", 1.0), "one_LockerDoor")
+    assert [thing.name for thing in updated.objects] == names
+    assert not [d for d in updated.diagnostics if d.code != "M026"]
+
+
+def test_a_kitchen_of_two_files_is_left_behind_as_one_with_the_same_things_and_joints(
+    corpus: Path, tmp_path: Path
+) -> None:
+    files = [corpus / "environments" / "IAI_kitchen@iai_maps.urdf", Bundled.ENVIRONMENT.find("iai_kitchen_milk")]
+    before = read_map(load(files[0], also=files[1:]))
+    world = PlanningWorld(scene_of(before))
+    belief, found = Belief(before, world), list[Diagnostic]()
+    belief.moved("iai_fridge_door", 1.0)
+    (tmp_path / "after.omn").write_text(updated_map(belief, set(files), ["iai_fridge_door"], found))
+    world.close()
+    assert found == []
+    scenes = [scene_of(one) for one in (before, read_map(load(tmp_path / "after.omn")))]
+    bodies = [{body.name: body for body in scene.bodies} for scene in scenes]
+    assert bodies[0].keys() == bodies[1].keys()
+    for name, body in bodies[0].items():
+        assert (bodies[1][name].size, bodies[1][name].shape) == (body.size, body.shape)
+        assert bodies[1][name].pose.distance(body.pose) < 1e-6
+    joints = [{joint.leaf: (*joint.point, *joint.axis, joint.upper) for joint in scene.joints} for scene in scenes]
+    assert joints[0].keys() == joints[1].keys()
+    assert all(joints[1][leaf] == pytest.approx(joints[0][leaf], abs=1e-6) for leaf in joints[0])
 
 
 def test_the_map_of_a_run_lets_the_next_run_begin_where_things_were_seen(tmp_path: Path) -> None:

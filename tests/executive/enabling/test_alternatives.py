@@ -12,9 +12,11 @@ from executive.enabling.folder import Folder
 from executive.enabling.needs import Enabling
 from executive.enabling.shelf import LocalShelf
 from executive.modules.bundled import performed_by
+from executive.robots import bind_robot, possessions_of
 from executive.robots.matching import Possessions
 from executive.robots.robot import claims_of, parts_of, read_self_model
-from planlang.knowledge.entries import Kind
+from planlang.files import Bundled
+from planlang.knowledge.entries import Content, Kind, Syntax
 from planlang.knowledge.sqlite_store import SqliteStore
 from planlang.ontology import load
 from tests.support.knowledge_bases import ontology, put, recognition_model
@@ -132,3 +134,40 @@ def test_a_model_of_a_class_above_or_below_is_one_too_and_one_beside_is_not(tmp_
         "DrinkingBottle": ["drinkingvesselmodel.ada"],
         "Plate": [],
     }
+
+
+def in_rooms(tmp_path: Path, store: SqliteStore, place: dict[str, str]) -> Explanation:
+    """Return how fetching from a cabinet is enabled with three maps, of which two have a cabinet and a bottle."""
+    put(store, Kind.RECIPE, "any", Bundled.RECIPE.find("fetch_from_cabinet").read_bytes())
+    for cls in ("DrinkingBottle", "Cabinet-PieceOfFurniture"):
+        put(store, Kind.OBJECT, "ada", recognition_model(cls))
+    for name in ("hospital_room", "kitchenette", "soup_kitchen"):
+        put(store, Kind.ENVIRONMENT, "ada", Bundled.ENVIRONMENT.find(name).read_bytes())
+    shelf = LocalShelf(tmp_path / "kb.sqlite")
+    who = possessions_of(bind_robot(Bundled.ROBOT.find("amigo")))
+    enabling = Enabling(who, shelf, Folder.read(tmp_path / "folder"), performed_by((), []), place=place)
+    found = Explanation(enabling, enabling.combination(enabling.task("fetch_from_cabinet")))
+    shelf.close()
+    return found
+
+
+def test_the_map_that_has_the_very_things_of_the_recipe_is_preferred(tmp_path: Path, store: SqliteStore) -> None:
+    found = in_rooms(tmp_path, store, {})
+    assert [one.uid for one in found.maps()] == ["kitchenette.ada"]
+    refused = "entry soup_kitchen.ada - missing: there is no Cabinet-PieceOfFurniture, DrinkingBottle in it"
+    assert [line for line in found.tree().lines() if line.endswith(refused)]
+
+
+def test_a_map_is_of_the_room_that_was_asked_for(tmp_path: Path, store: SqliteStore) -> None:
+    found = in_rooms(tmp_path, store, {"room": "3001", "floor": "3"})
+    assert [one.uid for one in found.maps()] == ["hospital_room.ada"]
+
+
+def test_a_recipe_that_cannot_be_compiled_any_more_is_refused(tmp_path: Path, store: SqliteStore) -> None:
+    put_task(store, "GoToTheLab", "comp:EnvironmentMap")
+    wrong = (Path(__file__).parents[2] / "diagnostics" / "R012_cycle.omn").read_bytes()
+    content = Content(Kind.RECIPE, "http://example.org/wrong.owl#Go", "wrong", "go", Syntax.MANCHESTER, wrong)
+    store.create(content, "ada", "2026-01-01T00:00:00Z")
+    found = explained(tmp_path, robot(), "go")
+    assert found.unmet() == ("recipe go",)
+    assert "entry go.wrong - missing: it cannot be used:" in "\n".join(found.tree().lines())

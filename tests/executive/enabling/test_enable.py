@@ -12,6 +12,7 @@ import pytest
 from typer.testing import CliRunner
 
 from executive.cli.app import app
+from planlang.files import Bundled
 from tests.support.knowledge_bases import PIECES, hospital
 from tests.support.servers import running_server
 
@@ -33,30 +34,40 @@ def files(folder: Path) -> set[str]:
     return {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
 
 
-def test_a_robot_that_has_nothing_takes_exactly_what_it_needs_and_serves_the_drink(tmp_path: Path) -> None:
-    hospital(tmp_path / "kb.sqlite").close()
-    code, found = enable(tmp_path / "kb.sqlite", tmp_path / "amigo", "--run")
-    assert (code, found["outcome"], found["final_state"]) == (0, "done", ["bottle1: held by patient1"])
-    assert sorted(found["taken"]) == sorted(PIECES.values())
-    assert files(tmp_path / "amigo") == {
-        "taken.json",
-        *(f"{folder}/.planlang-pulled.json" for folder in FOLDERS),
-        "recipes/serveadrink.ward/serveadrink.ward.omn",
-        "environments/hospital_room.ward/hospital_room.ward.omn",
-        "objects/drinkingbottlemodel.ada/drinkingbottlemodel.ada.omn",
-        "objects/patientmodel.ada/patientmodel.ada.omn",
-        "objects/patientmodel.ada/patient.model",
-    }
+TAKEN = {
+    "taken.json",
+    *(f"{folder}/.planlang-pulled.json" for folder in FOLDERS),
+    "recipes/serveadrink.ward/serveadrink.ward.omn",
+    "environments/hospital_room.ward/hospital_room.ward.omn",
+    "objects/drinkingbottlemodel.ada/drinkingbottlemodel.ada.omn",
+    "objects/patientmodel.ada/patientmodel.ada.omn",
+    "objects/patientmodel.ada/patient.model",
+}
 
 
-def test_the_same_from_a_server(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_robot_that_has_nothing_takes_exactly_what_it_needs_and_serves_the_drink(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The experiment of the paper's section IX: one command, a server, a robot without recipe, models and map."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     hospital(tmp_path / "kb.sqlite").close()
-    local = enable(tmp_path / "kb.sqlite", tmp_path / "from_file")
+    with running_server(tmp_path / "kb.sqlite") as server:
+        code, found = enable(server.url, tmp_path / "amigo", "--run")
+        assert (code, found["outcome"], found["final_state"]) == (0, "done", ["bottle1: held by patient1"])
+        assert sorted(found["taken"]) == sorted(PIECES.values())
+        assert files(tmp_path / "amigo") == TAKEN
+
+
+def test_a_store_gives_what_a_server_gives_and_the_cache_what_it_gave_before(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    hospital(tmp_path / "kb.sqlite").close()
+    _, local = enable(tmp_path / "kb.sqlite", tmp_path / "from_file")
     with running_server(tmp_path / "kb.sqlite") as server:
         code, found = enable(server.url, tmp_path / "amigo")
-    assert (code, found["taken"]) == (local[0], local[1]["taken"]) == (0, found["taken"])
-    assert files(tmp_path / "amigo") == files(tmp_path / "from_file")
+    assert (code, found["taken"]) == (0, local["taken"])
+    assert files(tmp_path / "amigo") == files(tmp_path / "from_file") == TAKEN
     code, found = enable(server.url, tmp_path / "other")
     assert (code, [one["code"] for one in found["diagnostics"]]) == (0, ["K033"])
     code, found = enable("http://127.0.0.1:9", tmp_path / "none")
@@ -110,3 +121,33 @@ def test_what_the_robot_has_no_model_of_it_does_not_recognise(tmp_path: Path) ->
     found = json.loads(result.stdout)
     assert (result.exit_code, "RecognitionModelMissing" in found["failure"]) == (1, True)
     assert "no recognition model of DrinkingBottle" in found["outcome"]
+
+
+def test_a_model_that_is_taken_also_makes_the_robots_recognition_work(tmp_path: Path) -> None:
+    """A robot whose self-model has no recognition model at all lacks a component, which the bottle's model is."""
+    folder = Bundled.ROBOT.folder
+    for path in folder.glob("amigo.*"):
+        text = path.read_text(encoding="utf-8").replace(",\n        comp:subComponent recognition_model", "")
+        (tmp_path / path.name).write_text(text, encoding="utf-8")
+    hospital(tmp_path / "kb.sqlite").close()
+    words = ("--robot", str(tmp_path / "amigo.toml"))
+    code, found = enable(tmp_path / "kb.sqlite", tmp_path / "taken", "--run", *words)
+    assert (code, found["final_state"]) == (0, ["bottle1: held by patient1"])
+    assert sorted(found["taken"]) == sorted(PIECES.values())
+    (capability,) = [one for one in found["explanation"]["requires"] if one["name"] == "GraspingCapability"]
+    assert "ObjectRecognitionModel" in json.dumps(capability)
+
+
+def test_a_damaged_list_and_a_file_of_the_users_own_are_reported_and_left(tmp_path: Path) -> None:
+    hospital(tmp_path / "kb.sqlite").close()
+    folder = tmp_path / "amigo"
+    folder.mkdir()
+    (folder / "taken.json").write_text('{"taken": [{"uid": "../../evil"}]}')
+    code, found = enable(tmp_path / "kb.sqlite", folder)
+    assert (code, [one["code"] for one in found["diagnostics"]]) == (2, ["K041"])
+    (folder / "taken.json").unlink()
+    mine = folder / "environments" / "hospital_room.ward" / "hospital_room.ward.omn"
+    mine.parent.mkdir(parents=True)
+    mine.write_text("mine")
+    code, found = enable(tmp_path / "kb.sqlite", folder)
+    assert (code, mine.read_text()) == (2, "mine")

@@ -61,6 +61,14 @@ def test_six_deep_among_thousands_of_alternatives_with_cycles_is_looked_at_once(
     assert [one.uid for one in combination.offers()][-1] == "0-0/last"
 
 
+def test_one_entry_that_meets_two_needs_is_taken_for_both() -> None:
+    both = Offer("both", "A")
+    offers = {"A": [Offer("best", "A"), both], "B": [both]}
+    assert list(found(["A", "B"], offers).offers()) == [both]
+    own = Offer("own", "A", is_own=True)
+    assert list(found(["A", "B"], {**offers, "A": [own, both]}).offers()) == [own, both]
+
+
 NEEDS = st.integers(0, 7).map(str)
 
 

@@ -68,6 +68,23 @@ def test_what_the_compiler_refuses_is_not_kept_and_the_reasons_have_places(clien
     assert client.get("/v1/recipes").json()["entries"] == []
 
 
+def test_what_an_author_is_advised_is_what_an_author_can_do(client: TestClient) -> None:
+    importing = b"Ontology: <urn:o> Import: <package://elsewhere/owl/mugs.owl>\nClass: <urn:o#Mug>"
+    importing += b" SubClassOf: <http://knowrob.org/kb/knowrob.owl#Cup>"
+    taken = client.post("/v1/objects?name=mug", content=importing)
+    assert (taken.status_code, taken.json()["diagnostics"][0]["code"]) == (201, "O030"), taken.text
+    assert "beside this file" not in taken.json()["diagnostics"][0]["help"]
+    (refused,) = client.post("/v1/robots?name=cart", content=b'<robot name="cart"/>').json()["diagnostics"]
+    assert refused["code"] == "K014"
+    assert "hand in its self-model" in refused["help"]
+
+
+def test_a_name_of_other_letters_is_refused_with_those_that_may_be_used(client: TestClient) -> None:
+    (refused,) = client.post("/v1/recipes?name=gr\u00f6\u00dfe", content=RECIPE).json()["diagnostics"]
+    assert refused["message"] == "'gr\u00f6\u00dfe' is no part of an identifier: 1 to 100 of a to z, 0 to 9, _ and -"
+    assert refused["file"] is None
+
+
 def test_an_identifier_is_given_once(client: TestClient, other: TestClient) -> None:
     create(client)
     assert other.post("/v1/recipes", params={"name": "ward"}, content=RECIPE).status_code == HTTPStatus.CONFLICT

@@ -38,6 +38,8 @@ def test_no_request_makes_the_server_fail(app: FastAPI, store: SqliteStore, clie
                 case.path_parameters |= {"uid": "serveadrink.ward", "kind": "recipes"}
             response = case.call(headers=headers)
             assert response.status_code < 500, (case.method, case.path, response.text)
-            assert response.headers.get("content-type") != "application/json" or response.json() is not None
+            if response.status_code >= 400:
+                assert response.headers["content-type"] == ["application/problem+json"]
+                assert response.json()["status"] == response.status_code
 
         answered()

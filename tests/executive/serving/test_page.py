@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from fastapi.testclient import TestClient
-from hypothesis import given
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from executive.serving.app import application
@@ -251,3 +251,10 @@ def test_a_damaged_form_is_read_or_refused(start: int, length: int, written: byt
     data = FORM[:start] + written + FORM[start + length :]
     with suppress(Problem):
         read_form(data, "application/x-www-form-urlencoded" if is_plain else "multipart/form-data; boundary=b")
+
+
+@given(st.sampled_from(("expression", "label", "kind", "robot", "room", "limit", "after")), st.text(max_size=40))
+@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_any_question_has_an_answer(client: TestClient, field: str, text: str) -> None:
+    assert client.get("/search", params={"label": "a", field: text}).status_code == 200
+    assert client.post("/search", data={"label": "a", field: text}).status_code == 200

@@ -44,7 +44,7 @@ class Watched:
     def __init__(self, browser: Any, url: str, **options: Any) -> None:
         self.said: list[str] = []
         self.page = browser.new_context(base_url=url, **options).new_page()
-        self.page.set_default_timeout(10_000)
+        self.page.set_default_timeout(60_000)  # what is waited for comes, also on a busy machine
         self.page.on("console", lambda message: self.said.append(message.text))
         self.page.on("pageerror", lambda problem: self.said.append(str(problem)))
 

@@ -137,3 +137,12 @@ def test_descriptions_of_another_layout_are_made_anew_from_the_contents(client: 
         assert found(later, expression="providesModelFor some Cup") == [MODEL]
         assert found(later, expression="subAction some (objectActedOn some Bottle)") == [SERVING]
     assert not store.description(MODEL).startswith(b"0")
+
+
+def test_a_name_that_several_entries_define_means_any_of_their_classes(client: TestClient) -> None:
+    theirs = Bundled.RECIPE.find("serve_a_drink").read_bytes().replace(b"kb/serve_a_drink.owl", b"kb/another.owl")
+    client.post("/v1/recipes", params={"name": "west"}, content=theirs)
+    assert found(client, expression="ServeADrink") == [SERVING, "serveadrink.west"]
+    assert found(client, expression="Event and ServeADrink", label="ward") == []
+    assert found(client, expression="<http://planlang.org/kb/another.owl#ServeADrink>") == ["serveadrink.west"]
+    assert found(client, expression="subAction some GraspBottle") == [SERVING, "serveadrink.west"]

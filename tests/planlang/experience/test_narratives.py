@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import replace
 from datetime import UTC, datetime
 from functools import cache
 from typing import Any
@@ -12,6 +13,7 @@ from typing import Any
 import hypothesis
 import pyoxigraph
 import pytest
+from cut_runs import completed, cut
 from examples import examples
 from hypothesis import settings
 from hypothesis import strategies as st
@@ -20,15 +22,17 @@ from rdf_graphs import graph_of, read_by_rdflib
 
 from planlang import Recovery, TaskTree, Trace, action, an_object, failures, perform, with_failure_handling
 from planlang.diagnostics import BadInput, Span
-from planlang.experience import Experience, State, experience_in, experience_of, narrative, read_narrative
+from planlang.experience import Experience, State, Thing, experience_in, experience_of, narrative, read_narrative
 from planlang.experience.poses import transforms_in
+from planlang.experience.terms import DUL, EXPERIENCE, SOMA
 from planlang.failures import GraspMissed, ObjectUnfetchable, PlanFailure
 from planlang.files import bundled
 from planlang.ontology import Literal, Triple, load
 from planlang.ontology.terms import RDF, expand
 from planlang.ontology.turtle import read_turtle
-from planlang.runs import DamagedTrace
-from planlang.testing import Script, run_plan
+from planlang.runs import DamagedTrace, RecordedRun
+from planlang.runs.codec import dump
+from planlang.testing import PlanRun, Script, run_plan
 
 BASE = "http://example.org/run"
 CUP = an_object("Cup", iri="http://example.org/room#cup1")
@@ -91,7 +95,8 @@ def recovered_events() -> list[dict[str, Any]]:
         fetch, script=Script().on("GraspingSomething", fails=GraspMissed, times=1, after=1.0), resumable=True
     )
     assert run.failure is None
-    return run.events
+    header, *rest = run.events
+    return [{**header, "parameters": {"cup": dump(CUP)}, "robot": "amigo"}, *rest]  # as planlang run writes them
 
 
 def recovered_run() -> Experience:
@@ -104,6 +109,8 @@ def test_a_recovered_run_tells_participants_roles_resolutions_and_the_chain_of_c
     first = next(one for one in run.activities if one.kind == "perform")
     assert first.state is State.FAILED
     assert [(role.property, role.filler) for role in first.roles] == [("objectActedOn", "cup1")]
+    assert first.participants == ("cup1",)
+    assert run.things == (Thing("cup1", "Object", "Cup", "http://example.org/room#cup1"),)
     assert [(one.designator.text, one.to.value) for one in first.resolutions] == [
         ("GraspingSomething(object_acted_on=cup1)", "process module")
     ]
@@ -113,6 +120,21 @@ def test_a_recovered_run_tells_participants_roles_resolutions_and_the_chain_of_c
     ] == [("retry", ["ObjectUnfetchable", "GraspMissed"])]
     assert {failure.type for _, failure in run.recovered()} == {"GraspMissed", "ObjectUnfetchable"}
     assert {survivor.kind for survivor, _ in run.recovered()} == {"with_failure_handling"}
+
+
+def test_a_run_that_was_killed_and_resumed_tells_what_one_tells_that_was_not() -> None:
+    async def twice() -> None:
+        await with_failure_handling(fetch)
+        await with_failure_handling(fetch)
+
+    def ran(past: RecordedRun | None = None) -> PlanRun[Any]:
+        script = Script().on("GraspingSomething", after=1.0)
+        return run_plan(twice, script=script, resumable=True, resume=past)
+
+    whole = ran()
+    resumed = ran(cut(whole, completed(whole)[0] + 3))
+    assert any(one["event"] == "resumed" for one in resumed.events)
+    assert experience_of(resumed.events) == experience_of(whole.events)
 
 
 def test_rdflib_and_pyoxigraph_read_the_same_graph() -> None:
@@ -148,6 +170,8 @@ def test_texts_of_any_characters_come_back(name: str, message: str, result: Any)
     ]
     told = experience_of(json.loads(json.dumps(events)))
     assert there_and_back(told) == told
+    text = narrative(told, BASE)
+    assert read_by_rdflib(text, "turtle", BASE) == graph_of(read_turtle(text, "narrative.ttl", base=BASE).triples)
 
 
 def test_which_designators_ran_and_what_they_were_resolved_to_is_one_question_in_sparql() -> None:
@@ -165,6 +189,23 @@ def test_which_designators_ran_and_what_they_were_resolved_to_is_one_question_in
     wanted, module = "GraspingSomething(object_acted_on=cup1)", "rule of GraspingSomething"
     states = ["ExecutionState_Failed", "ExecutionState_Succeeded"]
     assert rows == [[wanted, module, state] for state in states]
+
+
+def test_a_designator_without_individual_is_resolved_to_one_of_its_class_under_the_name_of_the_map() -> None:
+    bound = [[dump(CUP), "cup1"], [dump(an_object("WipingTool")), "sponge1"]]
+    left = {"step": 3, "event": "completed", "node": 1, "left": {"belief": {"bound": bound}}}
+    told = experience_of([HEADER, ROOT, left])
+    assert there_and_back(told) == told
+    store = pyoxigraph.Store()
+    store.load(narrative(told, BASE).encode(), format=pyoxigraph.RdfFormat.TURTLE)
+    question = """
+        PREFIX experience: <http://planlang.org/kb/experience.owl#>
+        SELECT ?text ?label ?kind WHERE {
+            ?resolution experience:resolves/experience:text ?text ; experience:resolvedTo ?thing .
+            ?thing <http://www.w3.org/2000/01/rdf-schema#label> ?label ; a ?kind
+        } ORDER BY ?text"""
+    rows = [[one.value for one in row] for row in store.query(question)]  # type: ignore[union-attr]
+    assert rows == [["WipingTool", "sponge1", expand("WipingTool")], ["cup1", "cup1", expand("Cup")]]
 
 
 def test_the_class_of_an_action_is_in_the_namespace_of_the_recipe_around_it() -> None:
@@ -269,6 +310,27 @@ def test_a_narrative_that_contradicts_itself_is_refused(old: str, new: str, reas
     assert {one.code for one in refused.value.diagnostics} == {"K080"}
 
 
+@settings(max_examples=examples(1000), deadline=None)
+@hypothesis.given(st.data())
+def test_a_graph_with_statements_taken_out_and_put_together_anew_is_told_or_refused(data: st.DataObject) -> None:
+    triples = list(read_turtle(narrative(recovered_run(), BASE), "n.ttl", base=BASE).triples)
+    for _ in range(data.draw(st.integers(1, 4))):
+        place, other = (data.draw(st.integers(0, len(triples) - 1)) for _ in range(2))
+        one, another = triples[place], triples[other]
+        made = data.draw(st.sampled_from(("none", "subject", "predicate", "object", "text")))
+        if made == "none":
+            del triples[place]
+        else:
+            value = Literal(data.draw(st.text(max_size=3))) if made == "text" else getattr(another, made)
+            triples[place] = replace(one, **{"object" if made == "text" else made: value})
+    try:
+        told = experience_in(triples, "n.ttl")
+    except BadInput as problem:
+        hypothesis.event(problem.diagnostics[0].code)
+        return
+    assert isinstance(narrative(told, BASE), str)
+
+
 def test_the_vocabulary_has_all_failures_of_the_plan_language_below_each_other_as_there() -> None:
     words = load(bundled("ontologies") / "experience.omn")
     kinds = [one for one in vars(failures).values() if isinstance(one, type) and issubclass(one, PlanFailure)]
@@ -276,3 +338,10 @@ def test_the_vocabulary_has_all_failures_of_the_plan_language_below_each_other_a
         above = {one.__name__ for one in kind.__mro__ if issubclass(one, PlanFailure)} - {kind.__name__}
         assert all(words.is_a(kind.__name__, one) for one in above), f"ontologies/experience.omn lacks {kind}"
         assert words.is_a(kind.__name__, "FailureOfAPlan")
+
+
+def test_each_term_of_a_narrative_is_stated_in_the_vocabulary_or_called_as_one_of_knowrob() -> None:
+    words = load(bundled("ontologies") / "experience.omn")
+    for space in (DUL, SOMA, EXPERIENCE):
+        lacking = {one for one in space.terms if not words.defined(space + one) and not words.is_property(space + one)}
+        assert lacking <= {"Action", "Agent", "InformationObject", "TimeInterval", "json"}

@@ -40,6 +40,16 @@ def test_a_file_of_another_kind_is_refused_and_stays_as_it_is(tmp_path: Path) ->
     assert path.read_text() == "no database" * 100
 
 
+def test_a_folder_is_no_knowledge_base_and_a_missing_one_is_named(tmp_path: Path) -> None:
+    for path, message in (
+        (tmp_path, f"{tmp_path} is a folder"),
+        (tmp_path / "a/b", f"there is no folder {tmp_path}/a"),
+    ):
+        with pytest.raises(BadInput) as refused:
+            SqliteStore(path)
+        assert refused.value.diagnostics[0].message == message
+
+
 _WRITER = """
 import sys
 from dataclasses import replace
@@ -53,13 +63,14 @@ for number in range(int(sys.argv[2]), 10**9):
 """
 
 
-def test_after_kill_minus_nine_everything_accepted_is_there(tmp_path: Path) -> None:
+@pytest.mark.parametrize("times", [5, pytest.param(100, marks=pytest.mark.long)])
+def test_after_kill_minus_nine_everything_accepted_is_there(tmp_path: Path, times: int) -> None:
     path, accepted = tmp_path / "kb.sqlite", list[str]()
-    for killed in range(5):
+    for killed in range(times):
         arguments = [sys.executable, "-c", _WRITER, str(path), str(killed * 1_000_000)]
         with subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True) as writer:
             assert writer.stdout is not None
-            for _ in range(3 + killed):
+            for _ in range(3 + killed % 7):
                 accepted.append(writer.stdout.readline().strip())
             os.kill(writer.pid, signal.SIGKILL)
             accepted += writer.stdout.read().split("\n")[:-1]

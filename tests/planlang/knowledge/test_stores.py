@@ -31,24 +31,60 @@ def endpoint() -> Iterator[str]:
     program = Path(sys.executable).with_name("oxigraph")
     if not program.exists():
         pytest.skip("the SPARQL server oxigraph is not installed")
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        address = f"127.0.0.1:{free.getsockname()[1]}"
+    address = _free_address()
     with subprocess.Popen([program, "serve", "--bind", address], stderr=subprocess.DEVNULL) as server:
         _wait_for(address)
         yield f"sparql+http://{address}"
         server.kill()
 
 
+def _free_address() -> str:
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        return f"127.0.0.1:{free.getsockname()[1]}"
+
+
 def _wait_for(address: str) -> None:
     host, _, port = address.partition(":")
-    for _ in range(100):
+    for _ in range(300):
         try:
             socket.create_connection((host, int(port)), timeout=1).close()
             return
         except OSError:
             time.sleep(0.05)
-    pytest.fail("the SPARQL server does not start")
+    pytest.fail("the server does not start")
+
+
+@pytest.fixture(scope="module")
+def bucket() -> Iterator[str]:
+    """Yield the address of a server of object storage that speaks S3, with one bucket."""
+    program = Path(sys.executable).with_name("moto_server")
+    if not program.exists():
+        pytest.skip("the server moto is not installed")
+    address = _free_address()
+    arguments = [program, "--port", address.partition(":")[2]]
+    with subprocess.Popen(arguments, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as server:
+        _wait_for(address)
+        httpx.put(f"http://{address}/shared").raise_for_status()
+        yield f"http://{address}"
+        server.kill()
+
+
+def test_contents_are_kept_in_s3(endpoint: str, bucket: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    from planlang.knowledge.sparql_store import SparqlStore
+
+    settings = {"ENDPOINT_URL": bucket, "ALLOW_HTTP": "true", "REGION": "us-east-1", "ACCESS_KEY_ID": "a",
+                "SECRET_ACCESS_KEY": "b"}  # fmt: skip
+    for name, value in settings.items():
+        monkeypatch.setenv(f"AWS_{name}", value)
+    with (
+        closing(SparqlStore(endpoint, "s3://shared/kb")) as one,
+        closing(SparqlStore(endpoint, "s3://shared/kb")) as two,
+    ):
+        entry = one.create(replace(SERVING, name="in s3"), "ada", NOW)
+        one.attach(entry.uid, "model.pcd", "application/octet-stream", b"points", "ada", NOW)
+        assert two.content(entry.uid) == b"one"
+        assert two.attachment(entry.uid, "model.pcd")[1] == b"points"
 
 
 @pytest.fixture(params=["sqlite", "sparql"])

@@ -50,10 +50,13 @@ def test_contradictions_are_found_where_they_are_written_and_explained(tmp_path:
         ("O061", 18),
     ]
     unsatisfiable, inconsistent = found.diagnostics
-    assert unsatisfiable.help == "because Damp subClassOf Dry; Damp subClassOf Wet; Dry disjointWith Wet"
+    below, disjoint = "(towels.omn:16)", "Dry disjointWith Wet (towels.omn:11)"
+    assert unsatisfiable.help == f"because Damp subClassOf Dry {below}; Damp subClassOf Wet {below}; {disjoint}"
     assert "`towel`" in inconsistent.message
     assert inconsistent.help is not None
-    assert {"towel type Dry", "towel type Wet"} < set(inconsistent.help.removeprefix("because ").split("; "))
+    assert {"towel type Dry (towels.omn:19)", "towel type Wet (towels.omn:19)", disjoint} == set(
+        inconsistent.help.removeprefix("because ").split("; ")
+    )
 
 
 @needs_reasoner
@@ -76,6 +79,26 @@ Class: Short2
     assert {one.code for one in found.diagnostics} == {"O062"}
     assert "Centimeter, Meter" in found.diagnostics[0].message
     assert found.individuals == 1
+
+
+@needs_reasoner
+def test_what_a_reasoner_cannot_take_is_left_out_or_told(tmp_path: Path) -> None:
+    text = """Datatype: Small
+    EquivalentTo: unit:Meter[<= "1"^^unit:Meter]
+
+Class: Short
+    SubClassOf: thickness only {"1"^^unit:Meter, "2"^^unit:Meter}, thickness some Small
+
+Individual: towel
+    Types: Short
+    Facts: thickness "thin"^^xsd:float, thickness "2020-01-01"^^xsd:date, not thickness "1"^^unit:Meter
+"""
+    found = reason(load(written(tmp_path, text), builtin=False))
+    assert [one.code for one in found.diagnostics if one.code != "O062"] == []
+    assert "'thin', Meter, Small, date" in found.diagnostics[0].message
+    text = "ObjectProperty: on\n    Characteristics: Transitive\n\nClass: Pile\n    SubClassOf: on max 1 Pile\n"
+    with pytest.raises(BadInput, match=r"HermiT cannot take the ontology: .*Non-simple property '<on>'"):
+        reason(load(written(tmp_path, text), builtin=False))
 
 
 def test_a_restriction_with_a_unit_becomes_a_class_of_which_nothing_is_known(tmp_path: Path) -> None:

@@ -1,0 +1,124 @@
+"""Parts that the class of a thing has: models of classes state where their parts are, and each instance has them there.
+
+``Class: Cabinet SubClassOf: properPhysicalParts some Door1``, ``Class: Door1 SubClassOf: orientation value Pose1``, and
+``Pose1`` is ``relativeTo`` the cabinet's class, another part's class, or another pose.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
+
+from executive.belief.measures import Size, read_size, read_transform
+from planlang.designators import local_name
+from planlang.diagnostics import Diagnostic, Span, note
+from planlang.geometry import Pose
+from planlang.ontology import Ontology, expand
+
+DEEPEST = 5
+"""Parts of parts of a thing that are taken from classes."""
+MOST_PARTS = 1000
+"""Parts of a map that are."""
+
+
+class Known(NamedTuple):
+    """What a map says of a thing; parts are IRIs."""
+
+    iri: str
+    name: str
+    types: tuple[str, ...]
+    pose: Pose | None
+    parts: tuple[str, ...]
+    span: Span | None
+
+
+class ClassPart(NamedTuple):
+    """A part that follows from a class, or a part of the map (by its IRI) whose pose does."""
+
+    whole: str
+    iri: str
+    name: str
+    cls: str
+    pose: Pose
+    size: Size | None
+
+
+def parts_of_classes(things: Iterable[Known], ontology: Ontology, found: list[Diagnostic]) -> list[ClassPart]:
+    """Return the parts, and the poses of parts, that the classes of things state and the map does not."""
+    reader = _Reader(things, ontology, found)
+    for thing in tuple(reader.things.values()):
+        reader.complete(reader.things[thing.iri])
+    return reader.parts
+
+
+class _Reader:
+    def __init__(self, things: Iterable[Known], ontology: Ontology, found: list[Diagnostic]) -> None:
+        self.things = {thing.iri: thing for thing in things}
+        self.names = {thing.name for thing in self.things.values()}
+        self.ontology, self.found = ontology, found
+        self.parts: list[ClassPart] = []
+
+    def complete(self, thing: Known) -> None:
+        """Find the parts that the class of a thing has, and theirs."""
+        if thing.pose is None:
+            return
+        frames = {cls: thing.pose for own in thing.types for cls in self.ontology.ancestors(own)}
+        before = len(self.parts)
+        self._add(thing, frames, thing, DEEPEST)
+        if len(self.parts) > before:
+            names = ", ".join(part.name for part in self.parts[before:])
+            self.found.append(note("M026", f"{thing.name} has {names} where its class has them", thing.span))
+
+    def _add(self, whole: Known, frames: dict[str, Pose], root: Known, depth: int) -> None:
+        """Add the parts of a thing; ``frames``: poses of classes, in the map."""
+        for cls in self._classes_of_parts(whole):
+            if depth == 0 or len(self.parts) >= MOST_PARTS:
+                return
+            stated = (self.things[iri] for iri in self.things[whole.iri].parts if iri in self.things)
+            part = next((one for one in stated if any(self.ontology.is_a(own, cls) for own in one.types)), None)
+            pose = self._pose(cls, frames) if part is None or part.pose is None else part.pose
+            if pose is None:
+                continue
+            frames[cls] = pose
+            if part is not None and part.pose is not None:
+                continue
+            if part is None:
+                part = self._new(root, cls, pose)
+                whole = whole._replace(parts=(*whole.parts, part.iri))
+                self.things[whole.iri] = whole
+            part = part._replace(pose=pose)
+            size = read_size(self.ontology, cls, (cls,), [])
+            self.things[part.iri] = part
+            self.parts.append(ClassPart(whole.iri, part.iri, part.name, cls, pose, size))
+            self._add(part, {**frames, **dict.fromkeys(self.ontology.ancestors(cls), pose)}, root, depth - 1)
+
+    def _classes_of_parts(self, thing: Known) -> Iterator[str]:
+        for cls in thing.types:
+            for restriction in self.ontology.inherited_restrictions(cls, expand("properPhysicalParts")):
+                if restriction.kind == "some" and isinstance(restriction.filler, str):
+                    yield restriction.filler
+
+    def _new(self, root: Known, cls: str, pose: Pose) -> Known:
+        name, number = f"{root.name}_{local_name(cls)}", 2
+        while name in self.names:
+            name, number = f"{root.name}_{local_name(cls)}_{number}", number + 1
+        self.names.add(name)
+        return Known(f"{root.iri}{name.removeprefix(root.name)}", name, (cls,), pose, (), root.span)
+
+    def _pose(self, cls: str, frames: dict[str, Pose]) -> Pose | None:
+        """Return the pose of a part's class in the map; None if none is stated, or it is relative to something else."""
+        for restriction in self.ontology.inherited_restrictions(cls, expand("orientation")):
+            if isinstance(restriction.filler, str):
+                return self._resolved(restriction.filler, frames, ())
+        return None
+
+    def _resolved(self, place: str, frames: dict[str, Pose], within: tuple[str, ...]) -> Pose | None:
+        matrix = None if place in within else read_transform(self.ontology, place, self.found)
+        parents = (one for one in self.ontology.values(place, expand("relativeTo")) if isinstance(one, str))
+        parent = next(parents, None)
+        if matrix is None or parent is None:
+            return None
+        frame = frames.get(parent)
+        if frame is None and any(self.ontology.triples(parent, expand("m03"))):  # relative to another pose
+            frame = self._resolved(parent, frames, (*within, place))
+        return None if frame is None else frame @ Pose.from_matrix(matrix)

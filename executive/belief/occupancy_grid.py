@@ -1,0 +1,156 @@
+"""Occupancy grids as ROS map_server writes them: a YAML file beside a picture (PGM), read with bounds.
+
+Of YAML what map_server writes is read: a flat list of ``key: value``, and the origin as a list of three numbers; so no
+anchors, tags or nesting of a stranger's file are ever followed. Format: https://wiki.ros.org/map_server, Netpbm's PGM.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planlang.diagnostics import BadInput, Span, error
+from planlang.files import decode, read_file
+from planlang.geometry import Array
+
+LARGEST_YAML, LARGEST_PICTURE = 10_000, 64_000_000
+"""Bytes that are read at most."""
+MOST_CELLS = 16_000_000
+"""Cells of a grid: 200 m by 200 m with 5 cm."""
+RESOLUTIONS = (0.001, 10.0)
+"""Least and greatest length of a cell [m]."""
+CODE = "M024"
+
+Cells = NDArray[np.bool_]
+
+_LINE = re.compile(r"(\w+)[ \t]*:[ \t]*(.*?)[ \t]*(?:#.*)?")
+_ITEM = re.compile(r"[ \t]*-[ \t]*(.*?)[ \t]*(?:#.*)?")
+_SPACE = rb"(?:\s|#[^\n]*\n)++"
+_DIGITS = re.compile(rb"[0-9\s]*+")
+_HEADER = re.compile(rb"(P[25])" + 3 * (_SPACE + rb"(\d{1,6})") + rb"\s")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OccupancyGrid:
+    """What a grid tells of each cell; row 0 is that of the smallest y, in the grid's own frame."""
+
+    occupied: Cells
+    """Cells (rows, columns) that something is in."""
+    free: Cells
+    """Cells (rows, columns) that are known to be free; the others are unknown."""
+    resolution: float
+    """Length of a cell [m]."""
+    origin: tuple[float, float, float]
+    """Pose of the outer corner of the first cell in the map: x [m], y [m], yaw [rad]."""
+
+    def centres(self, cells: Cells) -> Array:
+        """Return the middles (n, 2) of some cells (rows, columns) in the map [m]."""
+        rows, columns = np.nonzero(cells)
+        return self.in_map(np.stack([columns + 0.5, rows + 0.5], axis=-1) * self.resolution)
+
+    def in_map(self, points: Array) -> Array:
+        """Return points (n, 2) of the grid's frame in the map's [m]."""
+        x, y, yaw = self.origin
+        cosine, sine = math.cos(yaw), math.sin(yaw)
+        turn = np.array([[cosine, sine], [-sine, cosine]])  # of rows
+        return np.asarray(np.array([x, y]) + (points[:, :1] * turn[0] + points[:, 1:] * turn[1]))
+
+
+def read_grid(path: Path) -> OccupancyGrid:
+    """Read the grid of a YAML file. Raises BadInput with one error that says what is wrong, and where."""
+    entries = _entries(path)
+
+    def number(key: str, default: float | None = None) -> float:
+        text, line = entries.get(key, ("", 1))
+        if not text and default is not None:
+            return default
+        return _number(text, key, Span(str(path), line))
+
+    resolution = number("resolution")
+    if not RESOLUTIONS[0] <= resolution <= RESOLUTIONS[1]:
+        least, most = RESOLUTIONS
+        raise _bad(f"a resolution of {resolution} m is not from {least} to {most} m", path, entries["resolution"][1])
+    image, line = entries.get("image", ("", 1))
+    if not image:
+        raise _bad("there is no image", path, line)
+    picture = path.parent / image
+    if not picture.resolve().is_relative_to(path.parent.resolve()):
+        picture = path.parent / Path(image).name  # where it was made it may have been anywhere
+    shares, raw = read_pgm(picture)
+    mode = entries.get("mode", ("trinary", 1))[0]
+    chance = raw / 100 if mode == "raw" else shares if number("negate", 0.0) else 1.0 - shares
+    most = number("occupied_thresh", 0.65)
+    occupied = (chance > most) & ((raw <= 100) if mode == "raw" else True)
+    free = chance < number("free_thresh", 0.196)
+    text, line = entries.get("origin", ("", 1))
+    words = text.strip("[]").replace(",", " ").split()
+    if len(words) != 3:
+        raise _bad(f"the origin is x, y and yaw, not {text[:80]!r}", path, line)
+    x, y, yaw = (_number(word, "origin", Span(str(path), line)) for word in words)
+    return OccupancyGrid(occupied[::-1], free[::-1], resolution, (x, y, yaw))
+
+
+def _entries(path: Path) -> dict[str, tuple[str, int]]:
+    """Return the values of a YAML file as text, each with its line; items of a list are put beside each other."""
+    text = decode(read_file(path, CODE, largest=LARGEST_YAML), str(path))
+    entries: dict[str, tuple[str, int]] = {}
+    last = ""
+    for number, line in enumerate(text.splitlines(), 1):
+        if not line.strip() or line.lstrip().startswith(("#", "---")):
+            continue
+        item, entry = _ITEM.fullmatch(line), _LINE.fullmatch(line)
+        if item is not None and last:
+            before, first = entries[last]
+            entries[last] = f"{before} {item[1]}", first
+        elif entry is not None:
+            last = entry[1]
+            entries[last] = entry[2].strip("\"'"), number
+        else:
+            raise _bad(f"this line is no `key: value`: {line[:80]!r}", path, number)
+    return entries
+
+
+def _number(text: str, key: str, span: Span) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not abs(value) <= 1e6:
+        raise BadInput([error(CODE, f"{key} is {text[:80]!r}, no number that a map has", span)])
+    return value
+
+
+def read_pgm(path: Path) -> tuple[Array, Array]:
+    """Return the shares of the greatest brightness (rows, columns) of a picture, the upper row first, and the values.
+
+    Raises BadInput for what is no PGM, or too large.
+    """
+    content = read_file(path, CODE, largest=LARGEST_PICTURE)
+    header = _HEADER.match(content)
+    if header is None:
+        raise _bad("this is no PGM picture (P5 or P2)", path, 1)
+    width, height, most = (int(number) for number in header.groups()[1:])
+    if not (0 < width * height <= MOST_CELLS and 0 < most <= 65535):
+        message = f"a picture of {width} x {height} with values up to {most} is none, or has over {MOST_CELLS:,} cells"
+        raise _bad(message, path, 1)
+    data = content[header.end() :]
+    if header[1] == b"P2":
+        if not _DIGITS.fullmatch(data):
+            raise _bad("something else than numbers follows the header", path, 1)
+        values = np.fromstring(data, dtype=np.int64, sep=" ")[: width * height]
+    else:
+        kind = np.dtype(np.uint8 if most < 256 else ">u2")
+        values = np.frombuffer(data[: width * height * kind.itemsize], dtype=kind).astype(np.int64)
+    if len(values) != width * height or values.min() < 0 or values.max() > most:
+        raise _bad(f"{width} x {height} values from 0 to {most} are announced, and not there", path, 1)
+    raw = values.reshape(height, width).astype(float)
+    return raw / most, raw
+
+
+def _bad(message: str, path: Path, line: int) -> BadInput:
+    return BadInput([error(CODE, message, Span(str(path), line))])

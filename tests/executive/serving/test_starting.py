@@ -1,0 +1,53 @@
+"""What an operator is told by ``planlang serve`` when it cannot start."""
+
+from __future__ import annotations
+
+import socket
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from executive.cli.app import app
+
+for package in ("fastapi", "uvicorn", "jinja2", "python_multipart"):
+    pytest.importorskip(package, reason="the server is in the extra serve")
+
+
+def invoke(*arguments: object) -> Result:
+    """Run the command in this process."""
+    return CliRunner().invoke(app, [str(argument) for argument in arguments], prog_name="planlang")
+
+
+def test_a_port_that_is_taken_is_told_with_another_one_to_take(tmp_path: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        refused = invoke("serve", "--store", tmp_path / "kb.sqlite", "--port", port)
+    assert refused.exit_code == 2
+    assert refused.stderr.splitlines()[:2] == [
+        f"error K005 nothing can listen at 127.0.0.1, port {port}: Address already in use",
+        "    help: --port names another one; 0 takes any that is free",
+    ]
+
+
+def test_an_address_of_the_web_is_no_file_and_the_scheme_for_an_endpoint_is_told() -> None:
+    refused = invoke("serve", "--store", "https://example.org/sparql", "--new-key", "ada")
+    assert refused.exit_code == 2
+    assert "write sparql+https://example.org/sparql for a SPARQL endpoint" in refused.stderr
+
+
+@pytest.mark.parametrize("contents", ["somewhere", "nothing://x", "file:///none/such"])
+def test_contents_that_cannot_be_kept_somewhere_are_refused(contents: str) -> None:
+    pytest.importorskip("obstore", reason="object storage is in the extra serve")
+    refused = invoke("serve", "--store", "sparql+http://127.0.0.1:9/", "--contents", contents, "--new-key", "ada")
+    assert refused.exit_code == 2
+    assert f"error K020 contents cannot be kept at {contents}: " in refused.stderr
+
+
+def test_an_endpoint_that_does_not_answer_is_no_error_of_planlang(tmp_path: Path) -> None:
+    pytest.importorskip("obstore", reason="object storage is in the extra serve")
+    store = ("--store", "sparql+http://127.0.0.1:9/", "--contents", tmp_path.as_uri())
+    for wanted in (("--new-key", "ada"), ("--port", 0)):
+        refused = invoke("serve", *store, *wanted)
+        assert refused.exit_code == 1
+        assert refused.stderr.startswith("error K044 the SPARQL endpoint does not answer: "), refused.output
