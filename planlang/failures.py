@@ -71,12 +71,8 @@ class PlanFailure(Exception):
     @classmethod
     def caused_by(cls, failure: PlanFailure) -> Self:
         """Return a failure of this class that has the fields it shares with ``failure``, and that as its cause."""
-        shared = {
-            f.name: getattr(failure, f.name)
-            for f in fields(cls)
-            if f.init and f.name != "message" and hasattr(failure, f.name)
-        }
-        raised = cls(**shared)
+        names = (f.name for f in fields(cls) if f.init and f.name != "message" and hasattr(failure, f.name))
+        raised = cls(**{name: getattr(failure, name) for name in names})
         raised.__cause__ = failure
         return raised
 

@@ -83,14 +83,21 @@ def _is_there(thing: MapObject, belief: Belief) -> bool:
 def _rides(thing: MapObject, belief: Belief) -> bool:
     """Return whether a thing is no body of its own: a handle is a part of the body that it moves with."""
     holder = belief.map.holder(thing)
-    return holder is not None and thing.name not in belief.made and _is_there(holder, belief)
+    return holder is not None and (holder.name in belief.names() or holder.name in belief.unknown)
 
 
 def _is_known_otherwise(thing: MapObject, belief: Belief) -> bool:
     if thing.name not in belief.names() or any(thing.name in joint.bodies for joint in belief.joints.values()):
         return False
+    if thing.name not in belief.made and not _is_stated(thing, belief):
+        return False  # it goes with what it is a part of
     source = belief.knowledge(thing.name).source
     return source not in (Source.MAP, Source.TOLD) or not belief.by_map_alone(thing.name)
+
+
+def _is_stated(thing: MapObject, belief: Belief) -> bool:
+    """Return whether a map states a thing; parts may follow from classes."""
+    return any(belief.map.ontology.triples(thing.iri))
 
 
 def _moved(thing: MapObject, belief: Belief, start: float, placed: Mapping[str, Placement]) -> dict[str, Placement]:
@@ -115,7 +122,7 @@ def _new(thing: MapObject) -> Iterator[Triple]:
 def _with_joint(statements: list[Triple], leaf: str, belief: Belief) -> list[Triple]:
     """Return statements with the joint of a leaf as it moved: axis and limits unless they are stated, and radius."""
     thing, joint = belief.map.find(leaf), belief.joints[leaf]
-    if thing is None or joint.is_knob:
+    if thing is None or joint.is_knob or not _is_stated(thing, belief):
         return statements
     ontology = belief.map.ontology
     stated = [one for one in _linked(thing, ontology) if _is_joint(one, belief)]

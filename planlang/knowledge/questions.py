@@ -13,7 +13,7 @@ from planlang.ontology.canonical import CannotSay, Graph
 from planlang.ontology.expression_text import Expressions
 from planlang.ontology.expressions import Expression
 from planlang.ontology.manchester import read_manchester
-from planlang.ontology.terms import OWL, VOCABULARIES
+from planlang.ontology.terms import KNOWROB, OWL, VOCABULARIES
 
 LONGEST = 10_000
 """Characters of a question."""
@@ -73,7 +73,7 @@ class _Names:
     def knows(self, iri: str) -> bool:
         name = local_name(iri)
         known = {*self.vocabulary.get(name, ()), *self.own.get(name, ())}
-        return not known or iri in known
+        return not known or iri in known or iri == OWL.Thing
 
 
 _OF_CLASSES = frozenset(("and", "or", "not"))
@@ -90,8 +90,9 @@ def _resolved(
     )
     span = _in_text(expression.span)
     term = expression.term
-    if isinstance(term, str) and term.startswith(_LOCAL):
-        name = str(term).removeprefix(_LOCAL)
+    is_assumed = isinstance(term, str) and term.startswith(KNOWROB) and not names.knows(term)
+    if isinstance(term, str) and (is_assumed or term.startswith(_LOCAL)):
+        name = local_name(term)  # the reader takes words of the vocabulary for KnowRob's
         meant = names.of(name)
         if len(meant) > 1 and is_class and name not in names.vocabulary:
             return Expression("or", span, parts=tuple(Expression("name", span, iri) for iri in meant))

@@ -20,6 +20,16 @@ from sim import PlanningWorld
 Write = Callable[..., str]
 Read = Callable[..., SemanticMap]
 BOX = (0.4, 0.8, 0.8)
+LOCKER = """
+Class: Locker
+    SubClassOf: knowrob:Cabinet-PieceOfFurniture, knowrob:properPhysicalParts some LockerDoor
+Class: LockerDoor
+    SubClassOf: knowrob:Door, knowrob:orientation value door_place,
+        knowrob:depthOfObject value 0.02, knowrob:widthOfObject value 0.8, knowrob:heightOfObject value 0.8
+Individual: door_place
+    Types: knowrob:RotationMatrix3D
+    Facts: knowrob:translation "0.21 0 0", knowrob:quaternion "0 0 0 1", knowrob:relativeTo Locker
+"""
 
 
 @pytest.fixture
@@ -90,6 +100,21 @@ def test_a_door_is_written_closed_with_the_radius_and_the_axis_by_which_it_was_o
     assert before.pose
     assert after.pose
     assert before.pose.distance(after.pose) < 1e-6
+
+
+def test_parts_that_follow_from_a_class_follow_from_it_again(
+    left: Left, map_of: Read, thing: Write, seen: Write
+) -> None:
+    semantic_map = map_of(
+        LOCKER,
+        thing("one", "Cabinet-PieceOfFurniture", BOX).replace("Types: ", "Types: Locker, "),
+        seen("one", (1, 0, 0.4)),
+    )
+    names = [thing.name for thing in semantic_map.objects]
+    assert names == ["one", "one_LockerDoor"]
+    updated = left(semantic_map, lambda belief: belief.moved("one_LockerDoor", 1.0), "one_LockerDoor")
+    assert [thing.name for thing in updated.objects] == names
+    assert not [d for d in updated.diagnostics if d.code != "M026"]
 
 
 def test_a_kitchen_of_two_files_is_left_behind_as_one_with_the_same_things_and_joints(

@@ -48,6 +48,15 @@ def test_what_is_no_single_expression_is_refused(text: str) -> None:
     assert refused(text).code[0] in "KO"
 
 
+def test_everything_can_be_asked_for_also_where_something_else_is_called_thing() -> None:
+    assert read_question("owl:Thing", names_in(["urn:a#Thing"])).term == "http://www.w3.org/2002/07/owl#Thing"
+
+
+def test_a_word_of_the_vocabulary_means_what_is_known_under_it() -> None:
+    names = names_in(["http://www.roboearth.org/kb/roboearth.owl#RoboEarthObjRecSystem"])
+    assert read_question("RoboEarthObjRecSystem", names).term == names["RoboEarthObjRecSystem"][0]
+
+
 @pytest.mark.parametrize("text", ["", "  \n", "refilling a flask", "Flask and ("])
 def test_what_cannot_be_read_is_told_what_a_question_is_and_where_words_are_searched(text: str) -> None:
     said = refused(text)

@@ -163,7 +163,9 @@ PlanFailure
     NavigationFailure
       NavigationPoseUnreachable NavigationGoalNotReached NavigationGoalInCollision
     PerceptionFailure
-      ObjectNotFound ObjectLost AmbiguousPerception
+      ObjectNotFound
+        RecognitionModelMissing
+      ObjectLost AmbiguousPerception
     LookingFailure
       LookingGoalUnreachable
     ManipulationFailure

@@ -47,6 +47,7 @@ TASKS_OF_KNOWROB = (
     "AddingAnEgg",
     "ClosingACupboard",
     "ClosingACupboardDrawer",
+    "Mixing",
     "PickingUpAnObject",
     "PuttingDownAnObject",
     "PuttingSomethingSomewhere",
