@@ -70,6 +70,8 @@ SERVING, ROOM, MODEL = "serveadrink.ward", "hospital_room.west", "cupmodel.cup"
         ("subAction some (objectActedOn some Bottle)", [SERVING]),
         ("subAction some (objectActedOn some Bed-PieceOfFurniture)", []),
         ("SemanticEnvironmentMap", [ROOM]),
+        ("mapOf some Bed-PieceOfFurniture and mapOf some Patient", [ROOM]),
+        ("mapOf some Refrigerator", []),
         ("providesModelFor some Cup", [MODEL]),
         ("providesModelFor some DrinkingVessel", [MODEL]),
         ("providesModelFor some Cupboard", []),
