@@ -52,7 +52,7 @@ def ask_in_body(request: Request, served: Served, body: Body) -> Response:
 
 def _query_of(form: str) -> str:
     try:
-        (question,) = parse_qs(form, errors="strict", max_num_fields=MOST_FIELDS).get("query", ())
+        (question,) = parse_qs(form, errors="strict", max_num_fields=MOST_FIELDS).get("query", [])
     except ValueError:
         raise Problem(HTTPStatus.BAD_REQUEST, "a form has one query=...; updates are not possible") from None
     return question
