@@ -119,7 +119,7 @@ def test_an_identifier_is_given_once(store: Store) -> None:
 
 @pytest.mark.parametrize("name", ["", "../x", "a/b", "x" * 101, "ü", "a.b"])
 def test_a_name_that_makes_no_identifier_is_refused(store: Store, name: str) -> None:
-    with pytest.raises(ValueError, match="no name of an entry"):
+    with pytest.raises(ValueError, match="no part of an identifier"):
         store.create(replace(SERVING, name=name), "ada", NOW)
 
 
