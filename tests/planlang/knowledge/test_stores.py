@@ -178,6 +178,13 @@ def test_an_author_has_one_rating_and_the_mean_is_shown(store: Store) -> None:
             store.rate(entry.uid, "bob", wrong, NOW)
 
 
+def test_keys_that_were_dropped_are_nobodys_and_those_of_others_stay(store: Store) -> None:
+    keys, other = [store.new_key("ada", NOW) for _ in range(2)], store.new_key("bob", NOW)
+    assert (store.drop_keys("ada"), store.drop_keys("ada")) == (2, 0)
+    assert [store.author_of(key) for key in (*keys, other)] == [None, None, "bob"]
+    assert store.author_of(store.new_key("ada", NOW)) == "ada"
+
+
 def test_keys_tell_authors(store: Store) -> None:
     key, other = store.new_key("ada", NOW), store.new_key("ada", NOW)
     assert store.author_of(key) == store.author_of(other) == "ada"
