@@ -11,7 +11,6 @@ real servers 100 times while they write. Entries are drawn.
 from __future__ import annotations
 
 import argparse
-import os
 import signal
 import subprocess
 import sys
@@ -261,11 +260,10 @@ def measure_upload(store: SqliteStore) -> None:
 def server(path: Path) -> Iterator[tuple[str, subprocess.Popen[str]]]:
     """Start a server at a free port; gives its address and process, and ends it."""
     command = [sys.executable, "-m", "planlang_command", "serve", "--store", str(path), "--port", "0"]
-    environment = os.environ | {"PYTHONUNBUFFERED": "1"}
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as process:
-        assert process.stdout is not None
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stderr is not None
         try:
-            yield process.stdout.readline().rpartition(" ")[2].strip(), process
+            yield process.stderr.readline().rpartition(" ")[2].strip(), process
         finally:
             process.send_signal(signal.SIGTERM)
 
