@@ -13,7 +13,6 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from numbers import Real
 
-from planlang.lengths import metres
 from planlang.misuse import Usage, WrongType, WrongValue, amount, contrast, written
 from planlang.relations import RELATIONS, measured, named
 
@@ -370,7 +369,11 @@ def _bounded(relations: list[Relation], within: float | str | None, beyond: floa
 def _length(bound: str, length: float | str | None) -> float | None:
     try:
         known = None if isinstance(length, str) else amount(length)
-        return known if length is None or known is not None else metres(length)
+        if length is None or known is not None:
+            return known
+        from planlang.lengths import metres  # most plans state no lengths
+
+        return metres(length)
     except ValueError as problem:
         wrong, right = (f"a_location(near=table, {bound}={code})" for code in (written(length), '"30 cm"'))
         raise WrongValue(contrast(str(problem), wrong, right)) from None

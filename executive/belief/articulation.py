@@ -58,6 +58,10 @@ def articulated(
     return _Reader(bodies, semantic_map, found).read()
 
 
+DEEPEST = 5
+"""Levels of parts of a leaf: a handle of a door in a drawer has three."""
+
+
 @dataclass(slots=True)
 class _Leaf:
     """A leaf with its furniture, its parts, and unit vectors in the map: outwards, and both directions of its edges."""
@@ -242,9 +246,9 @@ class _Reader:
         """Return the joints of a thing, which is a part of theirs, of which they are a part, or hinged to them."""
         ontology, rigidly = self.map.ontology, expand("connectedTo-Rigidly")
         named = [*thing.parts, *thing.hinged_to]
-        for triple in (*ontology.triples(None, rigidly), *ontology.triples(None, expand("properPhysicalParts"))):
-            if triple.object == thing.iri and isinstance(triple.subject, str):
-                named.append(triple.subject)
+        for prop in (rigidly, expand("properPhysicalParts")):
+            holders = (triple.subject for triple in ontology.triples(None, prop, thing.iri))
+            named += [one for one in holders if isinstance(one, str)]
         named += [one for one in ontology.values(thing.iri, rigidly) if isinstance(one, str)]
         return [iri for iri in dict.fromkeys(named) if self._is_joint(iri, "HingedJoint", "PrismaticJoint")]
 
@@ -269,11 +273,14 @@ class _Reader:
         return None
 
     def _parts(self, thing: MapObject) -> list[MapObject]:
-        """Return the parts of a thing, and theirs."""
-        found = [thing]
-        for one in found:
-            found += [self.things[iri] for iri in one.parts if iri in self.things and self.things[iri] not in found]
-        return [one for one in found[1:] if one.iri in self.bodies and not self._is_joint(one.iri, "Joint-Physical")]
+        """Return the parts of a thing, and theirs, down to :data:`DEEPEST` levels."""
+        found, level = {thing.iri: thing}, [thing]
+        for _ in range(DEEPEST):
+            below = (self.things[iri] for one in level for iri in one.parts if iri in self.things)
+            level = list({one.iri: one for one in below if one.iri not in found}.values())
+            found |= {one.iri: one for one in level}
+        parts = list(found.values())[1:]
+        return [one for one in parts if one.iri in self.bodies and not self._is_joint(one.iri, "Joint-Physical")]
 
     def _handle(self, parts: Sequence[MapObject]) -> Body | None:
         for cls in GRIPS:

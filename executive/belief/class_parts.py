@@ -16,7 +16,7 @@ from planlang.geometry import Pose
 from planlang.ontology import Ontology, expand
 
 DEEPEST = 5
-"""Parts of parts of a thing that are taken from classes."""
+"""Parts of parts of a thing that are taken from classes, and poses that are relative to each other in a row."""
 MOST_PARTS = 1000
 """Parts of a map that are."""
 
@@ -113,7 +113,7 @@ class _Reader:
         return None
 
     def _resolved(self, place: str, frames: dict[str, Pose], within: tuple[str, ...]) -> Pose | None:
-        matrix = None if place in within else read_transform(self.ontology, place, self.found)
+        matrix = None if place in within or len(within) > DEEPEST else read_transform(self.ontology, place, self.found)
         parents = (one for one in self.ontology.values(place, expand("relativeTo")) if isinstance(one, str))
         parent = next(parents, None)
         if matrix is None or parent is None:

@@ -7,6 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
 from executive.belief.map_statements import (
     Placement,
     main_statements,
@@ -19,6 +21,7 @@ from executive.belief.measures import EXTENTS, TRIPLES
 from executive.belief.semantic_map import MapObject, SemanticMap, read_map
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, note, warning
+from planlang.geometry import Array
 from planlang.knowledge.places import LEVELS, inverted
 from planlang.ontology import Literal, Ontology, Triple, expand, load
 from planlang.ontology.terms import OWL, RDFS
@@ -106,39 +109,46 @@ def _same(
 ) -> Iterator[tuple[str, str]]:
     """Yield the names of things in a map that the earlier ones have by another name, with that name."""
     own = {thing.iri for thing in source.map.objects}
-    others = [thing for iri, thing in things.items() if iri not in own]
+    others = {iri: thing for iri, thing in things.items() if iri not in own}
+    numbered, named = dict[str, list[MapObject]](), dict[str, list[MapObject]]()
+    for one in others.values():
+        named.setdefault(local_name(one.iri), []).append(one)
+        for number in _numbers(one, ontology):
+            numbered.setdefault(number, []).append(one)
+    placed = [one for one in others.values() if one.pose and one.size]
+    places = np.array([one.pose.position for one in placed if one.pose]).reshape(-1, 3)
     for thing in source.map.objects:
         if thing.iri in things:
             continue
-        other = next((one for one in others if _is_one(thing, one, ontology)), None)
-        if other is None:
-            found += _namesakes(thing, others, source, ontology)
-        else:
-            others.remove(other)
+        numbers = _numbers(thing, ontology)
+        alike = [one for number in numbers for one in numbered.get(number, ())]
+        alike += [one for one in _near(thing, placed, places) if not (numbers and _numbers(one, ontology))]
+        other = next((one for one in alike if one.iri in others and _are_related(thing, one, ontology)), None)
+        if other is not None:
+            del others[other.iri]
             message = f"{local_name(thing.iri)} of {source.name} is {local_name(other.iri)} of the maps before it"
             found.append(note("M023", message, thing.span, "same class, and same place or number"))
             yield thing.iri, other.iri
+        elif any(_are_related(thing, one, ontology) for one in named.get(local_name(thing.iri), ())):
+            message = f"{local_name(thing.iri)} of {source.name} is taken as another than that of the maps before"
+            help = f"they are at different places; rename <{thing.iri}> if they are one"
+            found.append(note("M023", message, thing.span, help))
 
 
-def _namesakes(
-    thing: MapObject, others: Sequence[MapObject], source: _Source, ontology: Ontology
-) -> Iterator[Diagnostic]:
-    """Yield a note if earlier maps have another thing of the same local name and class."""
-    if any(local_name(one.iri) == local_name(thing.iri) and _are_related(one, thing, ontology) for one in others):
-        message = f"{local_name(thing.iri)} of {source.name} is taken as another one than that of the maps before it"
-        yield note("M023", message, thing.span, f"they are at different places; rename <{thing.iri}> if they are one")
+def _numbers(thing: MapObject, ontology: Ontology) -> list[str]:
+    """Return the numbers of a place: of a room, a floor, a building."""
+    names = [number for _, number in LEVELS.values() if number is not None]
+    return [str(one) for name in names for one in ontology.values(thing.iri, expand(name))]
 
 
-def _is_one(a: MapObject, b: MapObject, ontology: Ontology) -> bool:
-    if not _are_related(a, b, ontology):
-        return False
-    numbers = [number for _, number in LEVELS.values() if number is not None]
-    stated = [{one for name in numbers for one in ontology.values(thing.iri, expand(name))} for thing in (a, b)]
-    if all(stated):
-        return stated[0] == stated[1]
-    if a.pose is None or b.pose is None or a.size is None or b.size is None:
-        return False
-    return math.dist(a.pose.position, b.pose.position) < ALIKE * min(*a.size, *b.size)
+def _near(thing: MapObject, placed: Sequence[MapObject], places: Array) -> Iterator[MapObject]:
+    """Yield the things whose middles (n, 3) are so near to that of a thing that two of them have no room there."""
+    if thing.pose is None or thing.size is None or not placed:
+        return
+    distances = np.linalg.norm(places - thing.pose.position, axis=1)
+    for index in np.flatnonzero(distances < ALIKE * min(thing.size)).tolist():
+        if distances[index] < ALIKE * min(placed[index].size or (0.0,)):
+            yield placed[index]
 
 
 def _are_related(a: MapObject, b: MapObject, ontology: Ontology) -> bool:

@@ -83,7 +83,7 @@ def _is_there(thing: MapObject, belief: Belief) -> bool:
 def _rides(thing: MapObject, belief: Belief) -> bool:
     """Return whether a thing is no body of its own: a handle is a part of the body that it moves with."""
     holder = belief.map.holder(thing)
-    return holder is not None and thing.name not in belief.made and _is_there(holder, belief)
+    return holder is not None and (holder.name in belief.names() or holder.name in belief.unknown)
 
 
 def _is_known_otherwise(thing: MapObject, belief: Belief) -> bool:

@@ -253,6 +253,10 @@ class Seen(NamedTuple):
     event: str
 
 
+DEEPEST = 50
+"""Poses that are relative to each other in a row."""
+
+
 class PosesOfThings:
     """Poses of things as matrices, each read once, relative ones composed."""
 
@@ -293,6 +297,10 @@ class PosesOfThings:
             circle = " -> ".join(local_name(iri) for iri in (*self.open[self.open.index(place) :], place))
             help = "state one of them in the map frame, without relativeTo"
             self.found.append(warning("M008", f"poses relative to each other: {circle}", self._span(place), help))
+            return None
+        if len(self.open) == DEEPEST:
+            message = f"{local_name(self.open[0])} is relative to a pose that is relative to others, {DEEPEST} times"
+            self.found.append(warning("M008", message, self._span(self.open[0]), "state it in the map frame"))
             return None
         self.open.append(place)
         matrix = read_transform(self.ontology, place, self.found)

@@ -488,3 +488,7 @@ class ServeArguments(OntologyArguments):
     new_key: Annotated[
         str | None, typer.Option(metavar="AUTHOR", help="Print a new key for an author, and serve nothing.")
     ] = None
+    drop_keys: Annotated[
+        str | None,
+        typer.Option(metavar="AUTHOR", help="Let no earlier key of an author be valid any more, and serve nothing."),
+    ] = None

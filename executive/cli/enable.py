@@ -16,7 +16,7 @@ from executive.enabling.folder import Folder
 from executive.enabling.needs import Enabling
 from executive.enabling.shelf import open_shelf
 from executive.modules.bundled import performed_by
-from planlang.diagnostics import Diagnostic, error, warning
+from planlang.diagnostics import BadInput, Diagnostic, error, warning
 from planlang.files import Bundled
 from planlang.knowledge.entries import Kind
 from planlang.knowledge.places import LEVELS
@@ -53,6 +53,8 @@ def command(arguments: EnableArguments) -> Answer:
 
 def _explained(arguments: EnableArguments, enabling: Enabling) -> tuple[Explanation, Answer]:
     """Return why the robot can do the task, or not, and the answer after what is missing has been taken."""
+    if not arguments.recipe.strip():
+        raise BadInput([error("C001", "the name of the task is empty")])
     path, robot = Path(arguments.recipe), enabling.robot.robot
     is_file = path.is_file()
     root = enabling.given_task(path, arguments.task) if is_file else enabling.task(arguments.recipe)

@@ -19,7 +19,10 @@ LONGEST_AUTHOR = 100
 
 
 def command(arguments: ServeArguments) -> Answer:
-    """Serve until somebody ends it, or make a key. Exit code 1 if an endpoint does not answer. Raises BadInput."""
+    """Serve until somebody ends it, or make and drop keys.
+
+    Exit code 1 if an endpoint does not answer. Raises BadInput.
+    """
     missing = [name for name in NEEDED if find_spec(name) is None]
     if missing:
         message = f"the server needs packages that are not installed: {', '.join(missing).replace('_', '-')}"
@@ -27,8 +30,8 @@ def command(arguments: ServeArguments) -> Answer:
     folders = arguments.folders
     store = _opened(arguments.store, arguments.contents)
     try:
-        if arguments.new_key is not None:
-            return _new_key(store, arguments.new_key)
+        if arguments.new_key is not None or arguments.drop_keys is not None:
+            return _keys(store, arguments)
         from executive.serving.app import application
         from executive.serving.running import run
 
@@ -72,11 +75,22 @@ def _opened(address: str, contents: str | None) -> Store:
         raise BadInput([error("K020", str(problem), help=advice)]) from None
 
 
-def _new_key(store: Store, author: str) -> Answer:
+def _keys(store: Store, arguments: ServeArguments) -> Answer:
+    """Drop an author's keys, make a new one, or both."""
     from executive.serving.serving import now
 
-    if not author.strip() or len(author) > LONGEST_AUTHOR or not author.isprintable():
-        message = f"an author has a printable name of at most {LONGEST_AUTHOR} characters"
-        raise BadInput([error("K006", message)])
-    key = store.new_key(author, now())
-    return Answer(text=key, data={"author": author, "key": key})
+    lines: list[str] = []
+    data: dict[str, object] = {}
+    if arguments.drop_keys is not None:
+        dropped = store.drop_keys(arguments.drop_keys)
+        lines.append(f"{arguments.drop_keys}: {dropped} key{'' if dropped == 1 else 's'} dropped")
+        data = {"author": arguments.drop_keys, "dropped": dropped}
+    author = arguments.new_key
+    if author is not None:
+        if not author.strip() or len(author) > LONGEST_AUTHOR or not author.isprintable():
+            message = f"an author has a printable name of at most {LONGEST_AUTHOR} characters"
+            raise BadInput([error("K006", message)])
+        key = store.new_key(author, now())
+        lines.append(key)
+        data |= {"author": author, "key": key}
+    return Answer(text="\n".join(lines), data=data)

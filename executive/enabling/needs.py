@@ -175,12 +175,14 @@ class Enabling:
         self.wanted[need] = Wanted(finding.kind, finding.text)  # what it takes may take it in turn
         is_disproved = any(above in self.robot.lacks for above in self._names_above(finding.iri))
         own = () if is_disproved else tuple(self._own(finding))
-        iri = finding.iri
+        iri, why = finding.iri, finding.reason
+        if finding.state is Availability.AVAILABLE:
+            why += ", but lacks what it takes"
         asked = finding.text if iri is None else f"<{iri}>"
         if iri is not None and (is_disproved or self.vocabulary.taxonomy.is_below(iri, HARDWARE)):
-            reason = f"{finding.reason}; that is hardware or depends on it, which no knowledge base has"
+            reason = f"{why}; that is hardware or depends on it, which no knowledge base has"
             return self._want(need, Wanted(finding.kind, finding.text, iri, lacks=reason, own=own))
-        reason = finding.reason if own else f"{finding.reason}, and {self.shelf.url} has none"
+        reason = why if own else f"{why}, and {self.shelf.url} has none"
         search = partial(self.shelf.search, asked)
         return self._want(need, Wanted(finding.kind, finding.text, iri, lacks=reason, own=own, search=search))
 

@@ -70,7 +70,9 @@ class Catalogue:
                 self._add(kinds[uid], stored)
 
     def __len__(self) -> int:
-        return len(self._listed)
+        with self._lock:
+            self._follow()
+            return len(self._listed)
 
     def question(self, text: str) -> Expression:
         """Return the class expression that a text is. Raises BadInput."""
@@ -109,6 +111,7 @@ class Catalogue:
         """Return names that may be asked for and that begin with a text, or else contain it, the shortest first."""
         wanted = text.casefold()
         with self._lock:
+            self._follow()
             names = [*self._vocabulary.names, *self._names]
         found = [name for name in names if wanted in name.casefold()]
         return tuple(sorted(found, key=lambda name: (not name.casefold().startswith(wanted), len(name), name))[:most])

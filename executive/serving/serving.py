@@ -51,7 +51,7 @@ def _asker(request: Request, given: Annotated[HTTPAuthorizationCredentials | Non
         return None
     author = _serving(request).store.author_of(given.credentials)
     if author is None:
-        raise Problem(HTTPStatus.UNAUTHORIZED, "this key is nobody's")
+        raise Problem(HTTPStatus.UNAUTHORIZED, "this key is nobody's, or was dropped")
     return author
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from http import HTTPStatus
 from typing import Annotated, Any
+from urllib.parse import parse_qs
 
 from fastapi import APIRouter, Query, Request, Response
 from fastapi.responses import JSONResponse, PlainTextResponse
@@ -17,9 +18,15 @@ router = APIRouter(prefix="/v1/sparql", tags=["sparql"])
 
 LONGEST = 100_000
 """Characters of a question."""
+MOST_FIELDS = 10
+"""Fields of a form: the protocol also has those that name graphs, which a question names itself here."""
 _RESULTS = "application/sparql-results+json"
 _QUERY = "application/sparql-query"
-_ASKED: dict[str, Any] = {"requestBody": {"required": True, "content": {_QUERY: {"schema": {"type": "string"}}}}}
+_FORM = "application/x-www-form-urlencoded"
+_FIELDS = {"type": "object", "properties": {"query": {"type": "string"}}, "required": ["query"]}
+_ASKED: dict[str, Any] = {
+    "requestBody": {"required": True, "content": {_QUERY: {"schema": {"type": "string"}}, _FORM: {"schema": _FIELDS}}}
+}
 
 
 @router.get("", response_model=None)
@@ -30,22 +37,34 @@ def ask(served: Served, query: Annotated[str, Query(max_length=LONGEST)]) -> Res
 
 @router.post("", response_model=None, openapi_extra=_ASKED)
 def ask_in_body(request: Request, served: Served, body: Body) -> Response:
-    """Answer the question that is the body, of type application/sparql-query."""
-    if request.headers.get("content-type", "").partition(";")[0].strip().lower() != _QUERY:
+    """Answer the question that is the body, of type application/sparql-query, or the query of a form."""
+    kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
+    if kind not in (_QUERY, _FORM):
         raise Problem(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, f"a question is sent as {_QUERY}; updates are not possible")
     if len(body) > LONGEST:
         raise Problem(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"a question has at most {LONGEST:,} characters")
     try:
-        return _answer(served.mirror, body.decode())
+        text = body.decode()
     except UnicodeDecodeError:
         raise Problem(HTTPStatus.BAD_REQUEST, "a question is UTF-8 text") from None
+    return _answer(served.mirror, text if kind == _QUERY else _query_of(text))
+
+
+def _query_of(form: str) -> str:
+    try:
+        (question,) = parse_qs(form, errors="strict", max_num_fields=MOST_FIELDS).get("query", [])
+    except ValueError:
+        raise Problem(HTTPStatus.BAD_REQUEST, "a form has one query=...; updates are not possible") from None
+    return question
 
 
 def _answer(mirror: Mirror, question: str) -> Response:
     try:
         found = mirror.ask(question)
     except NoAnswer as problem:
-        raise Problem(HTTPStatus.BAD_REQUEST, f"this is no question that can be answered: {problem}") from None
+        raise Problem(
+            HTTPStatus.BAD_REQUEST, f"no SELECT, ASK, CONSTRUCT or DESCRIBE that can be answered: {problem}"
+        ) from None
     except Exceeded as problem:
         raise Problem(HTTPStatus.SERVICE_UNAVAILABLE, str(problem)) from None
     if "triples" in found:

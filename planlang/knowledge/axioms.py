@@ -178,7 +178,8 @@ def _is_data(expression: Expression) -> bool:
 def _read_facts(ontology: Ontology, found: Axioms, known: Ontology, vocabulary: Axioms) -> None:
     """Read what individuals are and what they are linked to, as axioms about their own classes.
 
-    Both of a link exist, so that the second is of the property's ranges in every respect.
+    Both of a link exist, so that the second is of the property's ranges in every respect, and is linked to the first by
+    the inverse of the property, if that has one.
 
     A link to what is a class for ``known``, as a model has that is for one, is a link to something of the class, too.
     """
@@ -190,6 +191,7 @@ def _read_facts(ontology: Ontology, found: Axioms, known: Ontology, vocabulary: 
         if isinstance(triple.subject, str)
         and (triple.object == OWL.NamedIndividual or not str(triple.object).startswith(language))
     }
+    inverses = _inverses(known)
     for triple in ontology.triples(p=OWL.sameAs):
         for one, other in ((triple.subject, triple.object), (triple.object, triple.subject)):
             if isinstance(one, str) and isinstance(other, str):
@@ -203,11 +205,23 @@ def _read_facts(ontology: Ontology, found: Axioms, known: Ontology, vocabulary: 
                         found.state(One(individual), implied)
             elif isinstance(triple.object, str) and not triple.predicate.startswith(language):
                 found.state(One(individual), Some(triple.predicate, One(triple.object)))
+                for inverse in inverses.get(triple.predicate, ()):
+                    found.state(One(triple.object), Some(inverse, One(individual)))
                 if known.is_class(triple.object):
                     found.state(One(individual), Some(triple.predicate, triple.object))
                 above = {triple.predicate}.union(*(one.properties_above.get(triple.predicate, ()) for one in stated))
                 for implied in (of for prop in sorted(above) for one in stated for of in one.ranges.get(prop, ())):
                     found.state(One(triple.object), implied)
+
+
+def _inverses(ontology: Ontology) -> dict[str, list[str]]:
+    """Return the named inverses of properties, stated for either."""
+    found: dict[str, list[str]] = {}
+    for triple in ontology.triples(p=OWL.inverseOf):
+        if isinstance(triple.subject, str) and isinstance(triple.object, str):
+            found.setdefault(triple.subject, []).append(triple.object)
+            found.setdefault(triple.object, []).append(triple.subject)
+    return found
 
 
 def concept(expression: Expression | None) -> Concept | None:

@@ -314,6 +314,13 @@ class SparqlStore:
         self._update(f"INSERT {{ {node} p:keyOf {_text(author)}; p:made {_text(now)} }} WHERE {{}}")
         return key
 
+    def drop_keys(self, author: str) -> int:
+        """Let no key of an author be valid any more; returns how many there were."""
+        pattern = f"?key p:keyOf {_text(author)}"
+        count = len(self._ask(pattern))
+        self._update(f"DELETE {{ ?key ?property ?value }} WHERE {{ {pattern}; ?property ?value }}")
+        return count
+
     def author_of(self, key: str) -> str | None:
         """Return whose key this is, None for nobody's."""
         node = _node("key", hashlib.sha256(key.encode()).hexdigest())

@@ -299,6 +299,11 @@ class SqliteStore:
             database.execute("INSERT INTO keys VALUES (?, ?, ?)", (_digest(key.encode()), author, now))
         return key
 
+    def drop_keys(self, author: str) -> int:
+        """Let no key of an author be valid any more; returns how many there were."""
+        with self._transaction() as database:
+            return database.execute("DELETE FROM keys WHERE author = ?", (author,)).rowcount
+
     def author_of(self, key: str) -> str | None:
         """Return whose key this is, None for nobody's."""
         row = self._database.execute("SELECT author FROM keys WHERE sha256 = ?", (_digest(key.encode()),)).fetchone()

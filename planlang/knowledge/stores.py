@@ -99,6 +99,9 @@ class Store(Protocol):
     def new_key(self, author: str, now: str) -> str:
         """Return a new key of an author (256 random bits); only its SHA-256 is kept. Earlier keys stay valid."""
 
+    def drop_keys(self, author: str) -> int:
+        """Let no key of an author be valid any more; returns how many there were."""
+
     def author_of(self, key: str) -> str | None:
         """Return whose key this is, None for nobody's."""
 

@@ -1,6 +1,6 @@
 """Measure what it costs to find a combination of entries in which nothing is unmet.
 
-A knowledge base of 1,000 alternatives on six levels: for each of 20 components of a level there are entries that need
+A knowledge base of 1,080 alternatives on six levels: for each of 20 components of a level there are entries that need
 two components of the next one. Only the last of each can be had: the others also need hardware that the robot lacks, or
 what needs them in turn. CPU seconds of one search in the opened store, the median of several in new objects each.
 """
@@ -22,7 +22,7 @@ from executive.serving.vocabulary import read_vocabulary
 from planlang.knowledge.entries import Kind
 from planlang.knowledge.sqlite_store import SqliteStore
 
-REPETITIONS, ALTERNATIVES, DEPTH, WIDTH = 5, 1000, 6, 20
+REPETITIONS, ALTERNATIVES, DEPTH, WIDTH = 5, 1080, 6, 20
 HEAD = """Prefix: : <http://example.org/levels.owl#>
 Prefix: knowrob: <http://knowrob.org/kb/knowrob.owl#>
 Prefix: comp: <http://knowrob.org/kb/srdl2-comp.owl#>

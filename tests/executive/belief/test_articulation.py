@@ -237,3 +237,13 @@ def test_seeds_move_what_stands_in_a_cabinet_only_within_its_room(shelf: Semanti
         real = perturb(scene, seed)
         assert real.joints == scene.joints
         assert np.abs(np.array(real.body("bottle1").pose.position[:2]) - (0.0, -0.25)).max() < 0.25
+
+
+def test_parts_that_are_parts_of_each_other_in_a_circle_are_read(map_of: Read, thing: Write, seen: Write) -> None:
+    names = [f"drawer{number}" for number in range(60)]
+    parts = zip(names, [*names[1:], names[0]], strict=True)
+    semantic_map = map_of(
+        *(thing(name, "Drawer", (0.3, 0.3, 0.1), f"properPhysicalParts {part}") for name, part in parts),
+        *(seen(name, (number, 0, 0.5)) for number, name in enumerate(names)),
+    )
+    assert [body.name for body in scene_of(semantic_map).bodies] == names

@@ -4,6 +4,7 @@ import json
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -85,6 +86,21 @@ def test_a_pose_that_is_none_costs_its_thing_and_every_one_is_told(map_of: Read,
     scene_of(semantic_map, found)
     assert [(d.code, d.severity) for d in found if d.code == "M002"] == [("M002", Severity.WARNING)] * 2
     assert [d.message.split()[0] for d in found if d.code == "M012"] == ["bad", "worse", "inside"]
+
+
+def test_poses_that_are_relative_in_a_row_without_end_cost_their_things(
+    map_of: Read, thing: Write, seen: Write
+) -> None:
+    names = [f"cup{number}" for number in range(1500)]
+    frames = [thing(name, "Cup", (0.08, 0.08, 0.1)) for name in names]
+    row = [seen(one, (0.1, 0, 0), relative_to=other) for one, other in pairwise(names)]
+    semantic_map = map_of(*frames, *row, seen(names[-1], (0, 0, 0)))
+    last = semantic_map.find(names[-2])
+    assert last
+    assert last.pose
+    assert last.pose.position == (0.1, 0, 0)
+    assert semantic_map.objects[0].pose is None
+    assert {d.code for d in semantic_map.diagnostics} == {"M008"}
 
 
 def test_a_file_in_which_no_pose_can_be_read_is_no_map_and_told_why(map_of: Read, thing: Write, seen: Write) -> None:

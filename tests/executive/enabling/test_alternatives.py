@@ -171,3 +171,13 @@ def test_a_recipe_that_cannot_be_compiled_any_more_is_refused(tmp_path: Path, st
     found = explained(tmp_path, robot(), "go")
     assert found.unmet() == ("recipe go",)
     assert "entry go.wrong - missing: it cannot be used:" in "\n".join(found.tree().lines())
+
+
+def test_a_claimed_capability_without_what_it_takes_is_missing(tmp_path: Path, store: SqliteStore) -> None:
+    """The arm of this robot claims to grasp, which takes that things are recognised: it has nothing for that."""
+    put(store, Kind.RECIPE, "ward", Bundled.RECIPE.find("serve_a_drink").read_bytes())
+    for cls in ("DrinkingBottle", "Patient"):
+        put(store, Kind.OBJECT, "ada", recognition_model(cls))
+    found = explained(tmp_path, possessions_of(bind_robot(Bundled.ROBOT.find("panda"))), "serve_a_drink")
+    assert "component ObjectRecognitionComponent" in found.unmet()
+    assert "panda claims it, but lacks what it takes" in "\n".join(found.tree().lines())

@@ -41,6 +41,15 @@ def entries(client: TestClient) -> None:
         assert made.status_code == HTTPStatus.CREATED, made.text
 
 
+def test_the_number_of_entries_and_the_names_are_those_of_the_store(client: TestClient) -> None:
+    assert client.get("/v1/health").json() == {"status": "ok", "entries": 4}
+    assert client.get("/names?start=TeaCupOf").json() == {"names": []}
+    cup = b"Ontology: <urn:o> Class: <urn:o#TeaCupOfMine> SubClassOf: <http://knowrob.org/kb/knowrob.owl#Cup>"
+    client.post("/v1/objects?name=cup", content=cup)
+    assert client.get("/names?start=TeaCupOf").json() == {"names": ["TeaCupOfMine"]}
+    assert client.get("/v1/health").json() == {"status": "ok", "entries": 5}
+
+
 def found(client: TestClient, **question: Any) -> list[str]:
     answer = client.get("/v1/search", params=question)
     assert answer.status_code == HTTPStatus.OK, answer.text
@@ -61,6 +70,8 @@ SERVING, ROOM, MODEL = "serveadrink.ward", "hospital_room.west", "cupmodel.cup"
         ("subAction some (objectActedOn some Bottle)", [SERVING]),
         ("subAction some (objectActedOn some Bed-PieceOfFurniture)", []),
         ("SemanticEnvironmentMap", [ROOM]),
+        ("mapOf some Bed-PieceOfFurniture and mapOf some Patient", [ROOM]),
+        ("mapOf some Refrigerator", []),
         ("providesModelFor some Cup", [MODEL]),
         ("providesModelFor some DrinkingVessel", [MODEL]),
         ("providesModelFor some Cupboard", []),

@@ -51,6 +51,15 @@ def test_a_question_in_the_body_and_triples_as_an_answer(client: TestClient) -> 
     assert answer.text.endswith(" .\n")
 
 
+def test_a_form_asks_as_clients_of_the_protocol_do_by_default(client: TestClient) -> None:
+    client.post("/v1/recipes", params={"name": "ward"}, content=RECIPE)
+    question = "ASK { GRAPH <urn:entry:serveadrink.ward> { ?a ?b ?c } }"
+    assert client.post("/v1/sparql", data={"query": question}).json()["boolean"] is True
+    for form in ({"update": "CLEAR ALL"}, {"query": [question, question]}, {}):
+        refused = client.post("/v1/sparql", data=form, headers={"Content-Type": "application/x-www-form-urlencoded"})
+        assert refused.status_code == 400, refused.text
+
+
 @pytest.mark.parametrize(
     ("content", "kind", "status"),
     [

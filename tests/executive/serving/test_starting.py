@@ -9,6 +9,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from executive.cli.app import app
+from planlang.knowledge.sqlite_store import SqliteStore
 
 for package in ("fastapi", "uvicorn", "jinja2", "python_multipart"):
     pytest.importorskip(package, reason="the server is in the extra serve")
@@ -51,3 +52,14 @@ def test_an_endpoint_that_does_not_answer_is_no_error_of_planlang(tmp_path: Path
         refused = invoke("serve", *store, *wanted)
         assert refused.exit_code == 1
         assert refused.stderr.startswith("error K044 the SPARQL endpoint does not answer: "), refused.output
+
+
+def test_a_key_that_leaked_is_dropped_and_another_takes_its_place(tmp_path: Path) -> None:
+    store = ("serve", "--store", tmp_path / "kb.sqlite")
+    leaked = invoke(*store, "--new-key", "ada").stdout.strip()
+    told, key = invoke(*store, "--drop-keys", "ada", "--new-key", "ada").stdout.splitlines()
+    assert told == "ada: 1 key dropped"
+    opened = SqliteStore(tmp_path / "kb.sqlite")
+    assert [opened.author_of(one) for one in (leaked, key)] == [None, "ada"]
+    opened.close()
+    assert invoke(*store, "--drop-keys", "eve").stdout == "eve: 0 keys dropped\n"

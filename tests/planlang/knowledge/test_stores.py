@@ -119,7 +119,7 @@ def test_an_identifier_is_given_once(store: Store) -> None:
 
 @pytest.mark.parametrize("name", ["", "../x", "a/b", "x" * 101, "ü", "a.b"])
 def test_a_name_that_makes_no_identifier_is_refused(store: Store, name: str) -> None:
-    with pytest.raises(ValueError, match="no name of an entry"):
+    with pytest.raises(ValueError, match="no part of an identifier"):
         store.create(replace(SERVING, name=name), "ada", NOW)
 
 
@@ -176,6 +176,13 @@ def test_an_author_has_one_rating_and_the_mean_is_shown(store: Store) -> None:
     for wrong in (-1, 11):
         with pytest.raises(ValueError, match="from 0 to 10"):
             store.rate(entry.uid, "bob", wrong, NOW)
+
+
+def test_keys_that_were_dropped_are_nobodys_and_those_of_others_stay(store: Store) -> None:
+    keys, other = [store.new_key("ada", NOW) for _ in range(2)], store.new_key("bob", NOW)
+    assert (store.drop_keys("ada"), store.drop_keys("ada")) == (2, 0)
+    assert [store.author_of(key) for key in (*keys, other)] == [None, None, "bob"]
+    assert store.author_of(store.new_key("ada", NOW)) == "ada"
 
 
 def test_keys_tell_authors(store: Store) -> None:
