@@ -11,23 +11,25 @@ real servers 100 times while they write. Entries are drawn.
 from __future__ import annotations
 
 import argparse
-import os
 import signal
 import subprocess
 import sys
 import tempfile
 import threading
 import time
-from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from random import Random
 from statistics import median
 
 import httpx
 import pyoxigraph
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
+
+from many_clients import traffic
 
 from executive.serving.catalogue import Catalogue
 from executive.serving.uploads import packed
@@ -261,11 +263,10 @@ def measure_upload(store: SqliteStore) -> None:
 def server(path: Path) -> Iterator[tuple[str, subprocess.Popen[str]]]:
     """Start a server at a free port; gives its address and process, and ends it."""
     command = [sys.executable, "-m", "planlang_command", "serve", "--store", str(path), "--port", "0"]
-    environment = os.environ | {"PYTHONUNBUFFERED": "1"}
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as process:
-        assert process.stdout is not None
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stderr is not None
         try:
-            yield process.stdout.readline().rpartition(" ")[2].strip(), process
+            yield process.stderr.readline().rpartition(" ")[2].strip(), process
         finally:
             process.send_signal(signal.SIGTERM)
 
@@ -278,101 +279,16 @@ Class: Bottle{number}
 """
 
 
-@dataclass
-class Tally:
-    """What clients saw: answers by status, seconds of each, and what was accepted: entry -> number in its content."""
-
-    statuses: Counter[int] = field(default_factory=Counter)
-    seconds: list[float] = field(default_factory=list)
-    accepted: dict[str, set[int]] = field(default_factory=dict)
-    lock: threading.Lock = field(default_factory=threading.Lock)
-
-
-class LoadClient:
-    """A client that reads and writes until a time; half of its changes go to one entry that all clients change."""
-
-    def __init__(self, url: str, key: str, number: int, tally: Tally) -> None:
-        self._http = httpx.Client(base_url=url, headers={"Authorization": f"Bearer {key}"}, timeout=60)
-        self._number, self._tally, self._random = number, tally, Random(number)
-        self._made = 0
-
-    def run(self, until: float) -> None:
-        """Send requests until a moment of the monotonic clock."""
-        with self._http:
-            while time.monotonic() < until:
-                draw = self._random.random()
-                if draw < 0.55:
-                    self._ask("GET", "/v1/search", params={"expression": self._random.choice(BROAD[:4])})
-                elif draw < 0.75:
-                    self._ask("GET", "/v1/recipes", params={"limit": "20"})
-                elif draw < 0.9 or not self._made:
-                    self._create()
-                else:
-                    self._change()
-
-    def _ask(self, method: str, path: str, **arguments: object) -> httpx.Response:
-        began = time.monotonic()
-        answer = self._http.request(method, path, **arguments)  # type: ignore[arg-type]
-        with self._tally.lock:
-            self._tally.statuses[answer.status_code] += 1
-            self._tally.seconds.append(time.monotonic() - began)
-        return answer
-
-    def _content(self) -> tuple[int, str]:
-        self._made += 1
-        number = self._number * 100_000 + self._made
-        return number, TASK.format(number=number)
-
-    def _create(self) -> None:
-        number, text = self._content()
-        arguments = {"name": f"n{number}", "about": f"Bottle{number}"}
-        answer = self._ask("POST", "/v1/objects", params=arguments, content=text)
-        if answer.is_success:
-            with self._tally.lock:
-                self._tally.accepted[answer.json()["entry"]["uid"]] = {number}
-
-    def _change(self) -> None:
-        """Change the entry that all share; who comes second is refused."""
-        number, _ = self._content()
-        tag = self._ask("GET", "/v1/objects/bottle0.shared").headers.get("ETag", "")
-        text = TASK.format(number=0) + f"# {number}\n"
-        path = "/v1/objects/bottle0.shared/content"
-        if self._ask("PUT", path, content=text, headers={"If-Match": tag}).is_success:
-            with self._tally.lock:
-                self._tally.accepted.setdefault("bottle0.shared", set()).add(number)
-
-
 def measure_load(store: SqliteStore, path: Path, seconds: float) -> None:
     """Print what many clients at once see of a real server, and if everything that it accepted is there."""
-    key, tally = store.new_key("carl", NOW), Tally()
     with server(path) as (url, _):
-        shared = {"name": "shared", "about": "Bottle0"}
-        headers = {"Authorization": f"Bearer {key}"}
-        text = TASK.format(number=0)
-        httpx.post(f"{url}/v1/objects", params=shared, content=text, headers=headers, timeout=60).raise_for_status()
-        until = time.monotonic() + seconds
-        clients = [LoadClient(url, key, number, tally) for number in range(1, CLIENTS + 1)]
-        threads = [threading.Thread(target=client.run, args=(until,)) for client in clients]
-        for thread in threads:
-            thread.start()
-        for thread in threads:
-            thread.join()
-        lost = [uid for uid, numbers in tally.accepted.items() if not _is_readable(url, uid, numbers)]
-    spent = sorted(tally.seconds)
-    wrong = sum(count for status, count in tally.statuses.items() if status >= 500)
-    print(f"\n{CLIENTS} clients, {seconds:.0f} s: {len(spent)} requests, {dict(sorted(tally.statuses.items()))}")
-    print(f"5xx: {wrong}; {sum(map(len, tally.accepted.values()))} accepted writes, not readable afterwards: {lost}")
-    middle, last = spent[len(spent) // 2], spent[int(0.99 * (len(spent) - 1))]
-    print(f"median {middle * 1e3:.0f} ms, p99 {last * 1e3:.0f} ms of real time, clients on the same cores")
-
-
-def _is_readable(url: str, uid: str, numbers: set[int]) -> bool:
-    """Return True if an entry has a content that was accepted, or one revision for each that was."""
-    text = httpx.get(f"{url}/v1/objects/{uid}/content", timeout=60).text
-    if uid != "bottle0.shared":
-        return all(f"Bottle{number}\n" in text for number in numbers)
-    last = httpx.get(f"{url}/v1/objects/{uid}", timeout=60).json()["revision"]["number"]
-    return bool(last == len(numbers) + 1 and any(f"# {number}\n" in text for number in numbers))
+        found = traffic(url, store.new_key("carl", NOW), CLIENTS, seconds)
+        lost = found.lost(url)
+    print(f"\n{CLIENTS} clients, {seconds:.0f} s, real time; clients on the same cores")
+    print("| call | answers | median | p99 |\n|---|---|---|---|")
+    for call, times in sorted(found.times.items()):
+        row(call, len(times), f"{median(times):.2f} s", f"{times[int(0.99 * (len(times) - 1))]:.2f} s")
+    print(f"not answered well: {found.failures or 'none'}; accepted and not readable afterwards: {lost or 'none'}")
 
 
 def measure_kill(folder: Path, kills: int) -> None:
@@ -386,7 +302,10 @@ def measure_kill(folder: Path, kills: int) -> None:
             clients = [threading.Thread(target=_write, args=(url, key, 100 * kill + n, accepted)) for n in range(4)]
             for client in clients:
                 client.start()
-            time.sleep(Random(kill).uniform(0.05, 0.5))
+            before, patience = len(accepted), time.monotonic() + 30
+            while len(accepted) < before + 1 + kill % 7 and time.monotonic() < patience:
+                time.sleep(0.002)
+            time.sleep(Random(kill).uniform(0, 0.1))
             process.kill()
             for client in clients:
                 client.join()
