@@ -3,9 +3,9 @@
 ``search`` asks selective and broad class expressions, and pyoxigraph the same over the same content in the same run
 (median of 5, and it is not asked for properties below others). ``upload`` and ``start`` tell what a server needs for
 these. All in CPU time, medians of 20. ``load`` lets 50 clients read and write for 30 s at a real server; ``kill`` ends
-real servers 100 times while they write. Entries are drawn.
+real servers 100 times while they write; ``sparql`` reads while an endless question is computed. Entries are drawn.
 
-    python tests/benchmarks/knowledge.py --parts search,upload,start,load,kill
+    python tests/benchmarks/knowledge.py --parts search,upload,start,load,sparql,kill
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -291,6 +292,27 @@ def measure_load(store: SqliteStore, path: Path, seconds: float) -> None:
     print(f"not answered well: {found.failures or 'none'}; accepted and not readable afterwards: {lost or 'none'}")
 
 
+ENDLESS = "SELECT (COUNT(*) AS ?n) { ?a ?b ?c . ?d ?e ?f . ?g ?h ?i . ?j ?k ?l }"
+
+
+def measure_sparql(path: Path) -> None:
+    """Print how long reading takes while a cross product over all entries is computed, and how that ends."""
+    with server(path) as (url, _), httpx.Client(base_url=url, timeout=600) as client:
+        entries = client.get("/v1/recipes", params={"limit": 50}).json()["entries"]
+        client.get("/v1/sparql", params={"query": "ASK {}"}).raise_for_status()  # the mirror is made
+        with ThreadPoolExecutor(1) as beside:
+            endless = beside.submit(httpx.get, f"{url}/v1/sparql", params={"query": ENDLESS}, timeout=60)
+            times = []
+            while not endless.done():
+                began = time.perf_counter()
+                client.get(f"/v1/recipes/{entries[len(times) % len(entries)]['uid']}").raise_for_status()
+                times.append(1000 * (time.perf_counter() - began))
+        cut = endless.result()
+    p99 = sorted(times)[int(0.99 * (len(times) - 1))]
+    print(f"\na cross product: {cut.status_code}, {cut.json()['detail']}")
+    print(f"{len(times)} entries read meanwhile, real time: median {median(times):.1f} ms, p99 {p99:.1f} ms")
+
+
 def measure_kill(folder: Path, kills: int) -> None:
     """Print if everything is there that servers accepted before they were killed while clients wrote."""
     path, accepted = folder / "killed.sqlite", list[tuple[str, int]]()
@@ -332,7 +354,7 @@ def _write(url: str, key: str, first: int, accepted: list[tuple[str, int]]) -> N
 def main() -> None:
     """Measure the parts that were asked for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--parts", default="search,upload,start,load,kill")
+    parser.add_argument("--parts", default="search,upload,start,load,sparql,kill")
     parser.add_argument("--seconds", type=float, default=SECONDS)
     parser.add_argument("--kills", type=int, default=KILLS)
     arguments = parser.parse_args()
@@ -352,6 +374,8 @@ def main() -> None:
                 measure_upload(store)
             if "load" in parts:
                 measure_load(store, folder / "kb.sqlite", arguments.seconds)
+            if "sparql" in parts:
+                measure_sparql(folder / "kb.sqlite")
             store.close()
     if "kill" in parts:
         with tempfile.TemporaryDirectory() as name:  # on a disk
