@@ -145,16 +145,17 @@ def _with_places_turned(objects: list[MapObject], ontology: Ontology, found: lis
         return objects
     from planlang.knowledge.places import inverted  # most maps state it the right way round
 
+    things, parts_of = {thing.iri: thing for thing in objects}, dict[str, dict[str, None]]()
     for triple in inverted(ontology):
         smaller, larger = str(triple.subject), str(triple.object)
         message = f"{local_name(larger)} is stated as a part of {local_name(smaller)}, which is smaller: turned around"
         found.append(note("M021", message, triple.span))
-        for index, thing in enumerate(objects):
-            if thing.iri == smaller:
-                objects[index] = replace(thing, parts=tuple(part for part in thing.parts if part != larger))
-            elif thing.iri == larger and smaller not in thing.parts:
-                objects[index] = replace(thing, parts=(*thing.parts, smaller))
-    return objects
+        for iri in (smaller, larger):
+            if iri in things:
+                parts_of.setdefault(iri, dict.fromkeys(things[iri].parts))
+        parts_of.get(smaller, {}).pop(larger, None)
+        parts_of.get(larger, {})[smaller] = None
+    return [replace(thing, parts=tuple(parts_of.get(thing.iri, thing.parts))) for thing in objects]
 
 
 IN_HAND = "srdl2-comp:predecessorInKinematicChain"
