@@ -51,7 +51,9 @@ def self_model_of(name: str) -> str:
     if looks_like_toml(path):
         stated = read_robot_file(path).self_model
         if stated is None:
-            advice = "self_model = FILE in it names the ontology that says what the robot has"
+            advice = (
+                "--robot takes the ontology that says what the robot has; self_model = FILE names it in a robot file"
+            )
             raise BadInput([error("K037", f"{path.name} names no self-model to ask with", Span(str(path)), advice)])
         path = stated
     return decode(read_file(path, largest=LARGEST), str(path))

@@ -149,7 +149,7 @@ def author_of(form: Form, served: Serving) -> str:
     """Return the author whose key a form has. Raises Problem without one, and for nobody's."""
     author = served.store.author_of(form.text("key"))
     if author is None:
-        reason = "this key is nobody's" if form.text("key") else "this needs your key"
+        reason = "this key is nobody's, or was dropped" if form.text("key") else "this needs your key"
         raise Problem(HTTPStatus.UNAUTHORIZED, reason)
     return author
 

@@ -16,7 +16,7 @@ from executive.serving.problems import REFUSALS, Problem, refusal
 from executive.serving.serving import Served, Serving, now
 from executive.serving.sources import MOST_SHOWN, is_own, lines_with, text_of
 from executive.serving.uploads import Upload, read_upload
-from planlang.diagnostics import Diagnostic
+from planlang.diagnostics import Diagnostic, has_errors
 from planlang.knowledge.entries import Entry, Kind
 
 router = APIRouter(route_class=PageRoute, include_in_schema=False)
@@ -99,13 +99,14 @@ def _kept(served: Serving, draft: Draft, checked: Upload, author: str) -> Entry:
 
 def _page(draft: Draft, outcome: Outcome | None) -> Response:
     text = text_of(draft.data) if outcome else None
-    shown = () if outcome is None else outcome.diagnostics[:MOST_SHOWN]
+    said = () if outcome is None else sorted(outcome.diagnostics, key=lambda one: not has_errors([one]))
+    shown = said[:MOST_SHOWN]  # errors before notes
     return page(
         "upload",
         draft=draft,
         outcome=outcome,
-        diagnostics=shown,
+        errors=[one for one in shown if has_errors([one]) and is_own(one)],
         elsewhere=[one for one in shown if text is None or not is_own(one)],
         lines=() if text is None else lines_with(text, shown),
-        left_out=0 if outcome is None else len(outcome.diagnostics) - len(shown),
+        left_out=len(said) - len(shown),
     )

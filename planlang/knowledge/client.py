@@ -124,10 +124,10 @@ class Client:
         """Return a revision of an entry that is kept, without a number the last. Raises NoSuchEntry."""
         if number in (None, entry.revision.number):
             return entry.revision
-        found = next((one for one in self.revisions(entry) if one.number == number), None)
-        if found is None:
-            raise NoSuchEntry(f"revision {number} of {entry.uid} is not kept")
-        return found
+        kept = {one.number: one for one in self.revisions(entry)}
+        if number not in kept:
+            raise NoSuchEntry(f"revision {number} of {entry.uid} is not kept; kept are {', '.join(map(str, kept))}")
+        return kept[number]
 
     def revisions(self, entry: Entry) -> tuple[Revision, ...]:
         """Return the revisions that are kept, last first."""

@@ -95,6 +95,7 @@ def test_what_a_robot_lacks_is_told_below_each_answer() -> None:
     assert "         ManipulationEntity: bare has none" in lacks, found.output
     unknown = invoke("search", "--robot", "panda")
     assert (unknown.exit_code, codes(unknown)) == (2, ["K037"]), "it has no self-model"
+    assert "--robot takes the ontology that says what the robot has" in unknown.stderr
 
 
 def test_a_wrong_question_is_refused_with_its_place() -> None:
@@ -110,6 +111,17 @@ def test_what_is_pulled_is_what_was_pushed() -> None:
     assert Path("a/b/serveadrink.ben.omn").read_bytes() == RECIPE.read_bytes()
     checked = invoke("check", "a/b/serveadrink.ben.omn")
     assert checked.exit_code == 0, checked.output
+
+
+def test_refusals_tell_what_else_there_is() -> None:
+    unkept = invoke("pull", "serveadrink.ben", "--revision", "99")
+    assert unkept.exit_code == 2
+    assert "revision 99 of serveadrink.ben is not kept; kept are 1" in unkept.stderr
+    Path("mine.omn").write_text(RECIPE.read_text() + "# mine\n")
+    theirs = invoke("push", "mine.omn", "--kind", "recipe", "--name", "serveadrink.ben", "--update")
+    assert (theirs.exit_code, codes(theirs)) == (2, ["K036"])
+    assert "serveadrink.ben is not yours" in theirs.stderr
+    assert "without --update, what you push becomes an entry of your own" in theirs.stderr
 
 
 def test_a_pulled_recipe_needs_no_trust_and_a_pulled_plan_never_runs_without() -> None:

@@ -77,8 +77,17 @@ def test_what_is_wrong_with_a_recipe_stands_at_its_line(client: TestClient, key:
     number = BROKEN.split("\n").index("        knowrob:toLocation valu graspingPlace") + 1
     at_line = page.partition(f'<span class="number">{number}</span>')[2].partition('<div class="line')[0]
     assert 'class="diagnostic error"' in at_line
+    assert f'<a href="#line-{number}">line {number}</a>: ' in page  # errors are named before the lines and their notes
     assert escape(BROKEN.split("\n")[2]) in page  # to be mended and sent again
     assert client.get("/recipes").text.count("serveadrink.ward") == 0
+
+
+def test_an_error_is_shown_however_many_notes_stand_before_it(client: TestClient, key: str) -> None:
+    head, imported, rest = RECIPE.partition("    Import:")
+    others = "".join(f"    Import: <package://elsewhere/owl/mugs{one}.owl>\n" for one in range(150))
+    page = upload(client, key, head + others + imported + rest.replace("Action some ", "Action some No", 1))
+    assert "more are not shown" in page
+    assert 'class="diagnostic error"' in page
 
 
 def test_a_file_is_taken_as_its_bytes_are(client: TestClient, key: str, store: SqliteStore) -> None:
