@@ -96,7 +96,7 @@ def options_of(arguments: RunArguments) -> RunOptions:
         environment=semantic_map,
         additions=additions,
         start=start or header.start,
-        models=None if arguments.models is None else tuple(arguments.models),
+        models=tuple(arguments.models) if arguments.models else None,
         trust_map=arguments.trust_map or header.trusts_map,
         unknown=tuple(arguments.unknown or header.unknown),
         bindings=bindings,

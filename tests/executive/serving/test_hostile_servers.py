@@ -100,7 +100,7 @@ def command(serve: Callable[[httpx.Request], httpx.Response], *words: str) -> Re
         patch.setattr("executive.cli.server.Client", partial(Client, transport=transport, sleep=lambda _: None))
         patch.setenv("PLANLANG_SERVER", "http://knowledge.test")
         patch.setenv("PLANLANG_KEY", "key")
-        patch.setenv("XDG_CACHE_HOME", "/nowhere")
+        patch.setenv("XDG_CACHE_HOME", "/dev/null/nowhere")
         return CliRunner().invoke(app, list(words), prog_name="planlang")
 
 
