@@ -72,6 +72,8 @@ def test_a_recipe_and_its_plan_serve_the_drink_alike_and_leave_their_files(
 def test_a_signal_ends_a_run_with_cleanup_a_complete_trace_and_valid_files(
     number: int, code: int, tmp_path: Path
 ) -> None:
+    if signal.getsignal(number) is signal.SIG_IGN:
+        pytest.skip("whoever runs the tests ignores this signal (nohup), and so does what they start")
     command = [sys.executable, "-m", "executive", "run", "serve_a_drink", "--trace", "run.jsonl", "--picture", "s.png"]
     environment = {**os.environ, "PYTHONPATH": str(CHECKOUT), "PYTHONUNBUFFERED": "1"}
     with subprocess.Popen(
