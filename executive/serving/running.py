@@ -29,6 +29,8 @@ def run(app: FastAPI, host: str, port: int, on_ready: Callable[[str], None]) -> 
         limit_concurrency=MOST_CONNECTIONS,
         timeout_graceful_shutdown=PATIENCE,
     )
+    # what is small is sent at once: the loop does so only for sockets that name their protocol, which this one does not
+    listening.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     name, number = listening.getsockname()[:2]
     url = f"http://{f'[{name}]' if ':' in name else name}:{number}"
     before = signal.signal(signal.SIGTERM, _interrupt)  # the server raises it again when it has ended
