@@ -281,6 +281,18 @@ def test_only_a_trace_that_tells_what_the_plan_was_told_can_be_replayed() -> Non
         replay(top, run_plan(top))
 
 
+def test_a_watch_whose_number_is_none_is_told_with_its_line() -> None:
+    @plan
+    async def top() -> None:
+        await sleep(1)
+
+    events = run_plan(top, resumable=True).trace.events
+    (first,) = (place for place, one in enumerate(events) if one.get("node") == 1 and one["event"] == "started")
+    watch = {"step": 0, "event": "world", "node": 1, "name": "watch", "number": [], "value": False}
+    with pytest.raises(ValueError, match=f"line {first + 2} tells of no watch"):
+        replay(top, RecordedRun.of([*events[: first + 1], watch, *events[first + 1 :]]))
+
+
 async def looks_first(belief: Any, asked: Any) -> str:
     await perform(action("LookingForSomething", object_acted_on=CUP))
     return "seen"
