@@ -1,4 +1,4 @@
-"""The server that a command asks: its address, the author's key, and what its refusals mean for the user."""
+"""The server that a command asks: its address and the author's key."""
 
 from __future__ import annotations
 
@@ -10,27 +10,18 @@ from urllib.parse import urlsplit
 
 from executive.cli.console import Answer, ExitCode
 from executive.cli.server_arguments import AuthorArguments, KindWord, ServerArguments
-from planlang.diagnostics import BadInput, error, has_errors, warning
+from planlang.diagnostics import BadInput, error, warning
 from planlang.files import read_file
-from planlang.knowledge.answers import Declined, KeyNeeded, NoAnswer, NotAsAgreed
+from planlang.knowledge.answers import NoAnswer, NotAsAgreed
 from planlang.knowledge.client import Client
-from planlang.knowledge.connection import kept_answers
 from planlang.knowledge.entries import Kind
-from planlang.knowledge.stores import Changed, EntryExists, NoSuchEntry, NotTheAuthor, Refused
+from planlang.knowledge.refusals import HOW_TO_MAKE_A_KEY, KEY, client_of, diagnostics_of, kept_warning
+from planlang.knowledge.stores import Refused
 
-SERVER, KEY = "PLANLANG_SERVER", "PLANLANG_KEY"
-"""Environment variables of the server's address and of the author's key."""
+SERVER = "PLANLANG_SERVER"
+"""Environment variable of the server's address."""
 LARGEST_KEY_FILE = 1_000
 _KEY = re.compile(r"[A-Za-z0-9._~+/=-]{1,500}")
-_MAKE = "planlang serve --store FILE --new-key AUTHOR makes one where the server runs"
-_SILENT = "does planlang serve run there, and is the address right?"
-_ADVICE: dict[type[Refused], str] = {
-    KeyNeeded: f"--key-file FILE, or {KEY}, gives your key; {_MAKE}",
-    NoSuchEntry: "planlang search lists what there is",
-    EntryExists: "--update makes the next revision of your own; another --name makes another entry",
-    NotTheAuthor: "only its author changes it; without --update, what you push becomes an entry of your own",
-    Changed: "pull it, and push again what you have changed in it",
-}
 
 
 def ask(arguments: ServerArguments, work: Callable[[Client], Answer]) -> Answer:
@@ -41,15 +32,11 @@ def ask(arguments: ServerArguments, work: Callable[[Client], Answer]) -> Answer:
     with _client(arguments) as client:
         try:
             reply = work(client)
-        except NoAnswer as problem:
-            return Answer(ExitCode.FAILED, (error("K031", str(problem), help=_SILENT),))
-        except NotAsAgreed as problem:
-            return Answer(ExitCode.FAILED, (error("K032", f"{client.url}: {problem}"),))
+        except (NoAnswer, NotAsAgreed) as problem:
+            return Answer(ExitCode.FAILED, diagnostics_of(client.url, problem))
         except Refused as problem:
-            raise _refused(client.url, problem) from None
-        warned = []
-        if client.offline is not None:
-            warned.append(warning("K033", f"{client.offline}; this is what was read from it before"))
+            raise BadInput(diagnostics_of(client.url, problem)) from None
+        warned = [*kept_warning(client)]
         if isinstance(arguments, AuthorArguments) and _can_be_read(client.url):
             warned.append(warning("K043", f"your key went to {client.url} unencrypted", help="use https"))
         return replace(reply, diagnostics=(*reply.diagnostics, *warned))
@@ -66,10 +53,7 @@ def _client(arguments: ServerArguments) -> Client:
     if not url:
         raise BadInput([error("K030", "no server was named", help=f"add --from URL, or set {SERVER}")])
     key = _key(arguments) if isinstance(arguments, AuthorArguments) else None  # a reader tells nobody who he is
-    try:
-        return Client(url, key, kept_answers())
-    except ValueError as problem:
-        raise BadInput([error("K030", f"the server's address cannot be used: {problem}")]) from None
+    return client_of(url, key)
 
 
 def _key(arguments: AuthorArguments) -> str | None:
@@ -81,16 +65,8 @@ def _key(arguments: AuthorArguments) -> str | None:
     if stated is None:
         return None
     if not _KEY.fullmatch(stated.strip()):
-        raise BadInput([error("K034", f"{where} holds no key", help=_MAKE)])
+        raise BadInput([error("K034", f"{where} holds no key", help=HOW_TO_MAKE_A_KEY)])
     return stated.strip()
-
-
-def _refused(url: str, problem: Refused) -> BadInput:
-    found = problem.diagnostics if isinstance(problem, Declined) else ()
-    if has_errors(found):
-        return BadInput(found)
-    message = "; ".join((str(problem), *getattr(problem, "__notes__", ())))
-    return BadInput([*found, error("K036", f"{url} refuses: {message}", help=_ADVICE.get(type(problem)))])
 
 
 def kind_of(word: KindWord | None) -> Kind | None:

@@ -1,4 +1,4 @@
-"""Where entries are looked for: a store on this machine, or a server's over HTTP."""
+"""Knowledge bases that a robot asks: a store on this machine, or a server's over HTTP."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from typing import Protocol
 
 from executive.serving.catalogue import Catalogue
 from executive.serving.vocabulary import read_vocabulary
-from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
-from planlang.knowledge.answers import Declined, Found, NoAnswer, NotAsAgreed, RefusedByChecks
+from planlang.diagnostics import BadInput, Diagnostic, Span, error
+from planlang.knowledge.answers import Found, NoAnswer, NotAsAgreed, RefusedByChecks
 from planlang.knowledge.client import Client
-from planlang.knowledge.connection import kept_answers
 from planlang.knowledge.entries import Attachment, Entry, Kind, Revision
 from planlang.knowledge.index import CannotAnswer
+from planlang.knowledge.refusals import client_of, diagnostics_of, kept_warning
 from planlang.knowledge.sqlite_store import SqliteStore
 from planlang.knowledge.stores import Refused
 
@@ -141,8 +141,7 @@ class RemoteShelf:
 
     def diagnostics(self) -> Sequence[Diagnostic]:
         """Return a warning if the server does not answer."""
-        offline = self._client.offline
-        return () if offline is None else (warning("K033", f"{offline}; this is what was read from it before"),)
+        return kept_warning(self._client)
 
     def close(self) -> None:
         """Close the connection."""
@@ -154,13 +153,8 @@ class RemoteShelf:
             yield
         except RefusedByChecks:
             raise
-        except NoAnswer as problem:
-            raise BadInput([error("K031", str(problem), help="is it there, and running?")]) from None
-        except NotAsAgreed as problem:
-            raise BadInput([error("K032", f"{self.url}: {problem}")]) from None
-        except Refused as problem:
-            found = problem.diagnostics if isinstance(problem, Declined) else ()
-            raise BadInput([*found, error("K036", f"{self.url} refuses: {problem}")]) from None
+        except (NoAnswer, NotAsAgreed, Refused) as problem:
+            raise BadInput(diagnostics_of(self.url, problem)) from None
 
 
 def verified(data: bytes, sha256: str, what: str) -> bytes:
@@ -173,10 +167,7 @@ def verified(data: bytes, sha256: str, what: str) -> bytes:
 def open_shelf(source: str, folders: Sequence[Path] = ()) -> Shelf:
     """Return the knowledge base of an address or a file. Raises BadInput if there is none."""
     if "://" in source:
-        try:
-            return RemoteShelf(Client(source, cache=kept_answers()))
-        except ValueError as problem:
-            raise BadInput([error("K030", f"the server's address cannot be used: {problem}")]) from None
+        return RemoteShelf(client_of(source))
     path = Path(source)
     if not path.is_file():
         advice = "name a server, or the file of a store, as planlang serve --store makes one"

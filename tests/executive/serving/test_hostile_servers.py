@@ -97,7 +97,7 @@ def command(serve: Callable[[httpx.Request], httpx.Response], *words: str) -> Re
     """Run a command whose server is a function."""
     with pytest.MonkeyPatch.context() as patch:
         transport = httpx.MockTransport(serve)
-        patch.setattr("executive.cli.server.Client", partial(Client, transport=transport, sleep=lambda _: None))
+        patch.setattr("planlang.knowledge.refusals.Client", partial(Client, transport=transport, sleep=lambda _: None))
         patch.setenv("PLANLANG_SERVER", "http://knowledge.test")
         patch.setenv("PLANLANG_KEY", "key")
         patch.setenv("XDG_CACHE_HOME", "/dev/null/nowhere")
