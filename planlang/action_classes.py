@@ -1,4 +1,4 @@
-"""What is above a class of actions, by what the plan states and what the vocabulary knows."""
+"""The classes above a class of actions, by what the plan states and what the vocabulary knows."""
 
 from __future__ import annotations
 

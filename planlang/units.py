@@ -183,7 +183,7 @@ def in_chosen_unit(literal: Literal, chosen: Mapping[Dimension, str]) -> Literal
 
 @dataclass(frozen=True, slots=True)
 class _Table:
-    """What units.toml states."""
+    """The statements of units.toml."""
 
     bases: Mapping[str, Unit]
     units: Mapping[str, tuple[Fraction, str]]

@@ -1,4 +1,4 @@
-"""What a recipe's ontology says of bottles, asked through owlready2."""
+"""Ask through owlready2 what a recipe's ontology says of bottles."""
 
 from planlang.files import Bundled
 from planlang.ontology import load

@@ -22,7 +22,7 @@ MOST_PARTS = 1000
 
 
 class Known(NamedTuple):
-    """What a map says of a thing; parts are IRIs."""
+    """Statements of a map about a thing; parts are IRIs."""
 
     iri: str
     name: str

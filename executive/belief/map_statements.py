@@ -1,4 +1,4 @@
-"""What map files state, with new poses: each thing's newest one, as one perception, in the frame that it was stated in.
+"""Map files with new poses: each thing's newest one, as one perception, in the frame that it was stated in.
 
 All else of the files is kept as it is: classes, sizes, parts, places, and what no reader here knows.
 """
@@ -27,7 +27,7 @@ _OF_EVENTS = tuple(map(expand, ("objectActedOn", "eventOccursAt", "startTime")))
 
 @dataclass(frozen=True, slots=True)
 class Placement:
-    """Where a thing is, what says so, and since when."""
+    """The place of a thing, what states it, and since when."""
 
     thing: str
     """IRI."""
@@ -38,7 +38,7 @@ class Placement:
     relative_to: str | None = None
     """The thing, by IRI, in whose frame the pose is written."""
     facts: tuple[tuple[str, Term], ...] = ()
-    """What else is stated of the perception."""
+    """Other statements about the perception."""
 
 
 def placements(semantic_map: SemanticMap) -> dict[str, Placement]:

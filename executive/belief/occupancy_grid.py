@@ -37,7 +37,7 @@ _HEADER = re.compile(rb"(P[25])" + 3 * (_SPACE + rb"(\d{1,6})") + rb"\s")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OccupancyGrid:
-    """What a grid tells of each cell; row 0 is that of the smallest y, in the grid's own frame."""
+    """The content of each cell of a grid; row 0 is that of the smallest y, in the grid's own frame."""
 
     occupied: Cells
     """Cells (rows, columns) that something is in."""

@@ -60,7 +60,7 @@ class SemanticMap:
 
     @property
     def has_files(self) -> bool:
-        """Whether a map is stated that is a picture or another file beside the ontology."""
+        """True if a map is stated that is a picture or another file beside the ontology."""
         maps = self.ontology.individuals(expand("Map"))
         return any(True for iri in maps for _ in self.ontology.said(iri, "linkToMapFile"))
 

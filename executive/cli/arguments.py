@@ -191,7 +191,7 @@ class ConvertArguments(Arguments):
 
 
 class Form(Enum):
-    """How experience is written."""
+    """A form in which experience is written."""
 
     NEEM = "neem"
 

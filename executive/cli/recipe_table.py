@@ -38,7 +38,7 @@ class Row:
     warnings: str = ""
     refused: str | None = None
     map: str | None = None
-    """What the file holds, if it is a map and no recipe."""
+    """The things that the file holds, if it is a map and no recipe."""
 
 
 def check_folder(folder: Path, folders: Sequence[Path]) -> Answer:

@@ -1,1 +1,1 @@
-"""What a robot lacks for a task, and where it can be had: the search over alternatives, and its explanation."""
+"""Enabling a robot for a task with what a knowledge base has: the search over alternatives, and its explanation."""

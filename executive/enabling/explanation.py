@@ -1,4 +1,4 @@
-"""Why a robot can do a task with what a knowledge base has, or which side lacks what: a tree of findings."""
+"""Explanations why a robot can do a task with a knowledge base, or which side lacks what: a tree of findings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a task needs of a robot, and what a knowledge base offers for it: the graph that is searched.
+"""Needs of a task, and offers of a knowledge base for them: the graph that is searched.
 
 A task needs a recipe. A recipe needs what matching it with the robot finds required, recognition models of all classes
 of things among its parameters, and a map that has such things. An entry needs what its subject's class depends on.
@@ -38,7 +38,7 @@ MODEL_OF = expand(MODELS)
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """What a need is about: how it is met, beside by the robot itself.
+    """The subject of a need: how it is met, beside by the robot itself.
 
     ``own`` are offers of the robot's own, each with what it takes; ``lacks`` says why the robot does not have it.
     """
@@ -51,7 +51,7 @@ class Wanted:
     own: tuple[Offer, ...] = ()
     search: Callable[[], Iterable[Found]] = tuple
     fits: Callable[[Found], str | None] = lambda found: None
-    """Why an entry that was found is of no use after all."""
+    """The reason why an entry that was found is of no use after all."""
     rank: Callable[[Found], int] = lambda found: 0
     """Entries with a smaller one are taken before others."""
 

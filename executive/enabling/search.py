@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 Need = str
-"""What is needed, as a class expression: the IRI of a class, or Manchester syntax."""
+"""A need as a class expression: the IRI of a class, or Manchester syntax."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +31,7 @@ class Offer:
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """How a need is met, or why not.
+    """The answer to a need: how it is met, or why not.
 
     ``by`` is the reason why the robot meets it itself; ``offer`` what is taken for it; neither if nothing meets it.
     ``considered`` are all offers with the needs of theirs that nothing meets.

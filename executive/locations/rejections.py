@@ -56,7 +56,7 @@ class FreeHands:
 
 @dataclass(slots=True, eq=False)
 class Findings:
-    """What one search for a location finds out for the later ones, whatever has to be seen from a base pose."""
+    """Findings of one search for a location, kept for the later ones, whatever has to be seen from a base pose."""
 
     walled: bool = False
     """True if a place was rejected because the base cannot drive there: others are asked for that first, then."""

@@ -1,4 +1,4 @@
-"""What a robot can do of what is kept: entries compared with the self-model that it sends along."""
+"""Abilities of robots: entries compared with the self-model that it sends along."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ ROBOTS_KEPT, JUDGEMENTS_KEPT = 16, 10_000
 
 @dataclass(frozen=True, slots=True)
 class Judgement:
-    """Whether a robot can use an entry, and what it lacks or may lack for that."""
+    """The answer whether a robot can use an entry, and what it lacks or may lack for that."""
 
     state: Availability
     missing: tuple[Missing, ...] = ()

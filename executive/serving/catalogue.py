@@ -32,14 +32,14 @@ _CONTENT = frozenset((Change.CREATED, Change.CHANGED))
 
 @dataclass(frozen=True, slots=True)
 class Listed:
-    """What an entry is asked for by, beside its classes; all texts are folded."""
+    """The words and places that an entry is asked for by, beside its classes; all texts are folded."""
 
     kind: Kind
     words: str
     """One a line."""
     place: Mapping[str, tuple[str, ...]]
     links: Links = ()
-    """What the subject is linked to, also by what its classes require."""
+    """Links of the subject, also by what its classes require."""
 
     def fits(self, kind: Kind | None, part: str, place: Mapping[str, str]) -> bool:
         """Return True for an entry of a kind, with a part of a label or name, of a room, floor, building, ..."""

@@ -1,4 +1,4 @@
-"""What an entry's page shows of its content: how a recipe's steps follow each other, and what they require."""
+"""The content of an entry as its page shows it: how a recipe's steps follow each other, and what they require."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Details:
     capabilities: tuple[Required, ...] = ()
     components: tuple[Required, ...] = ()
     diagnostics: tuple[Diagnostic, ...] = ()
-    """Why a recipe cannot be compiled now, though it could be when it was taken."""
+    """The reason why a recipe cannot be compiled now, though it could be when it was taken."""
 
 
 def details_of(entry: Entry, data: bytes, vocabulary: Vocabulary) -> Details | None:
@@ -83,7 +83,7 @@ def _listed(found: Mapping[str, tuple[str, ...]]) -> tuple[Required, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Known:
-    """What an entry is found by: class expressions that it is in, as shown and as asked, and names of its place."""
+    """Ways to find an entry: class expressions that it is in, as shown and as asked, and names of its place."""
 
     classes: Mapping[str, str] = field(default_factory=dict)
     expressions: Mapping[str, str] = field(default_factory=dict)

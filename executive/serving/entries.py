@@ -191,7 +191,7 @@ def revisions(kind: Kind, uid: str, served: Served) -> dict[str, Any]:
 
 
 class Rating(BaseModel):
-    """How good an entry is."""
+    """A judgement of how good an entry is."""
 
     rating: Annotated[int, Field(ge=LOWEST_RATING, le=HIGHEST_RATING, strict=True)]
 

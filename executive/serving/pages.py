@@ -1,4 +1,4 @@
-"""How pages are written: templates that escape what strangers wrote, and headers that let no script of theirs run."""
+"""Writing of pages: templates that escape what strangers wrote, and headers that let no script of theirs run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What goes wrong, as problem documents (RFC 9457); the compiler's diagnostics are in them as in its other outputs."""
+"""Problem documents (RFC 9457); the compiler's diagnostics are in them as in its other outputs."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ RESPONSES: dict[int | str, dict[str, Any]] = {
         "503": "The store or a limit does not let this be answered now",
     }.items()
 }
-"""What every route may answer besides, for the OpenAPI document."""
+"""Answers that every route may give besides, for the OpenAPI document."""
 
 
 class Problem(Exception):
@@ -95,7 +95,7 @@ def problem_response(status: HTTPStatus, detail: str, diagnostics: Iterable[Diag
 
 Refusal = Problem | Refused | Unreachable | Busy | BadInput
 REFUSALS = (Problem, Refused, Unreachable, Busy, BadInput)
-"""Why something is not done."""
+"""The reason why something is not done."""
 
 
 def refusal(problem: Refusal) -> tuple[HTTPStatus, str, tuple[Diagnostic, ...]]:

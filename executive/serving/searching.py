@@ -25,7 +25,7 @@ _Text = Annotated[str | None, Field(max_length=LONGEST_TEXT)]
 
 
 class Question(BaseModel):
-    """What is searched: entries that fit everything that is given."""
+    """A search for entries that fit everything that is given."""
 
     model_config = ConfigDict(extra="forbid")
 

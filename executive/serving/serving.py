@@ -1,4 +1,4 @@
-"""What every route works with: the store, its catalogue, and who is asking."""
+"""The state that every route works with: the store, its catalogue, and who is asking."""
 
 from __future__ import annotations
 
@@ -66,10 +66,10 @@ async def _body(request: Request) -> bytes:
 
 
 Served = Annotated[Serving, Depends(_serving)]
-"""What is served."""
+"""The store that is served, with all that belongs to it."""
 Asker = Annotated[str | None, Depends(_asker)]
-"""Who is asking; None for a stranger."""
+"""The author who is asking; None for a stranger."""
 Author = Annotated[str, Depends(_author)]
-"""Who is asking, by a key."""
+"""The author who is asking, by a key."""
 Body = Annotated[bytes, Depends(_body)]
 """The body (its size is bounded by :mod:`executive.serving.bodies`)."""

@@ -24,7 +24,7 @@ router = APIRouter(route_class=PageRoute, include_in_schema=False)
 
 @dataclass(frozen=True, slots=True)
 class Draft:
-    """What is handed in: for a new entry, or with ``uid`` for a revision of one that had a tag then."""
+    """An upload of the page: for a new entry, or with ``uid`` for a revision of one that had a tag then."""
 
     kind: Kind = Kind.RECIPE
     name: str = ""
@@ -43,7 +43,7 @@ class Draft:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What came of a draft: an entry, or why there is none; and what the checks said."""
+    """The outcome of a draft: an entry, or why there is none; and what the checks said."""
 
     entry: Entry | None = None
     reason: str = ""

@@ -1,4 +1,4 @@
-"""What is uploaded: checked as the compiler and the readers of maps and robots check it, and described for the index.
+"""Uploads: checked as the compiler and the readers of maps and robots check it, and described for the index.
 
 Uploads come from strangers: imports are found among the bundled ontologies and in the operator's folders only, and
 nothing of an upload is ever written to a file or executed.

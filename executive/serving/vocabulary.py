@@ -1,4 +1,4 @@
-"""What the server knows before anything is uploaded: the bundled ontologies and those of the operator's folders."""
+"""The vocabulary that a server begins with: the bundled ontologies and those of the operator's folders."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Vocabulary:
     digest: str
     """Digest of everything that was read."""
     diagnostics: tuple[Diagnostic, ...] = ()
-    """What could not be read."""
+    """Notes on files that could not be read."""
 
 
 def read_vocabulary(folders: Sequence[Path] = ()) -> Vocabulary:

@@ -1,4 +1,4 @@
-"""What was done in a run, as others write it: narratives in SOMA's and DUL's terms, and poses over time.
+"""Experience of runs as others write it: narratives in SOMA's and DUL's terms, and poses over time.
 
 General layout: ``model`` (what is told), ``traces`` (from a trace), ``terms`` and ``narrative`` (to RDF), ``reading``
 (back from it), ``poses``.

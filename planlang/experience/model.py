@@ -1,4 +1,4 @@
-"""What was done in a run: who did what with what, when, how it ended, and what descriptions were resolved to."""
+"""Experience of a run: who did what with what, when, how it ended, and what descriptions were resolved to."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 
 class State(StrEnum):
-    """How an activity ended; the values are those of a trace, RUNNING for one whose end the trace does not tell."""
+    """The end of an activity; the values are those of a trace, RUNNING for one whose end the trace does not tell."""
 
     SUCCEEDED = "succeeded"
     FAILED = "failed"
@@ -81,7 +81,7 @@ class Thing:
 
 @dataclass(frozen=True, slots=True)
 class Resolution:
-    """What a designator was resolved to, and when [world steps].
+    """The solution of a designator, and when it was found [world steps].
 
     ``value`` names the module, plan or thing; of a pose of the base it is empty and ``base`` is (x, y, heading)
     [m, m, rad] in the map. ``details`` is what else the trace tells of it. ``failure`` is why it did not serve.

@@ -22,7 +22,7 @@ BASE = "base"
 IDENTITY = ("seed", "schedule", "plan_sha256", "robot_sha256", "map_sha256")
 """Keys of a trace's header by which a log of poses tells whose it is."""
 EPOCH = datetime.fromtimestamp(0, UTC)
-"""When a run is taken to have begun of which nobody said."""
+"""The beginning of a run of which nobody said when it was."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""What was done in a run, from the records of its trace. A trace may come from a stranger: nothing in it is trusted."""
+"""Activities of a run, from the records of its trace. A trace may come from a stranger: nothing in it is trusted."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a server of a knowledge base answers, as typed values; an answer is a stranger's text and checked like one."""
+"""Answers of a server of a knowledge base as typed values; an answer is a stranger's text and checked like one."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Declined(Refused):
 
 
 class KeyNeeded(Declined):
-    """What was asked needs a key, or the key that was given is nobody's."""
+    """The request needs a key, or the key that was given is nobody's."""
 
 
 class TooMany(Declined):
@@ -53,12 +53,12 @@ class TooMany(Declined):
 
 
 class RefusedByChecks(Declined):
-    """What was handed in, or asked, is wrong; the diagnostics say where."""
+    """The upload or the question is wrong; the diagnostics say where."""
 
 
 @dataclass(frozen=True, slots=True)
 class Lack:
-    """What a robot lacks, or may lack, for an entry."""
+    """A part or capability that a robot lacks, or may lack, for an entry."""
 
     name: str
     reason: str = ""
@@ -72,7 +72,7 @@ class Found:
     can: str | None = None
     missing: tuple[Lack, ...] = ()
     links: Links = ()
-    """What the entry's subject is linked to, also by what its classes require."""
+    """Links of the entry's subject, also by what its classes require."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -86,7 +86,7 @@ class Client:
 
     @property
     def offline(self) -> str | None:
-        """Why answers are those of the cache; None while the server answers."""
+        """The reason why answers are those of the cache; None while the server answers."""
         return None if self._connection.offline is None else str(self._connection.offline)
 
     # reading
@@ -258,7 +258,7 @@ class Client:
 
 
 _OCTETS = "application/octet-stream"
-"""What an ontology is sent as: its syntax is read from its text."""
+"""The media type of an ontology that is sent: its syntax is read from its text."""
 
 
 def _path(*words: str) -> str:

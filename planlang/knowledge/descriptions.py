@@ -1,4 +1,4 @@
-"""What an entry is about, so that it is found: its classes and what it is linked to, its words, its place.
+"""Descriptions of entries, by which they are found: their classes, their links, its words, its place.
 
 A description is what a store keeps beside an entry's content and what an index is built from: it holds what the entry
 adds to the vocabulary, and names of the vocabulary for everything else.
@@ -30,7 +30,7 @@ class Described:
 
 @dataclass(frozen=True, slots=True)
 class Description:
-    """What an entry is about. ``nodes[0]`` is the described class or individual.
+    """The description of an entry. ``nodes[0]`` is the described class or individual.
 
     ``words`` are labels and names that a reader may search for; ``place`` has the values of ``room``, ``floor``,
     ``building``, ``street`` and ``city`` that a map states.
@@ -125,7 +125,7 @@ def _most_specific(node: Node, stated: _Stated) -> tuple[Label, ...]:
 
 
 class _Stated:
-    """What the vocabulary states above labels, through any number of them."""
+    """The labels that the vocabulary states above others, through any number of them."""
 
     def __init__(self, vocabulary: Axioms) -> None:
         self._vocabulary = vocabulary

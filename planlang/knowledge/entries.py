@@ -1,4 +1,4 @@
-"""What a knowledge base keeps: entries with their revisions, files that belong to them, ratings and news."""
+"""The content of a knowledge base: entries with their revisions, files that belong to them, ratings and news."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class Revision:
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """What is kept under one identifier, without its content.
+    """A thing kept under one identifier, without its content.
 
     ``uid`` follows the entry's class and the author's own name for it (:func:`uid_of`) and never changes. ``about`` is
     the IRI of the class (recipe, object model) or individual (map, robot) that the entry describes. ``rating`` is the
@@ -89,7 +89,7 @@ class Entry:
 
 @dataclass(frozen=True, slots=True)
 class Content:
-    """What an author hands in for an entry, after the checks.
+    """The upload of an author for an entry, after the checks.
 
     ``name`` is the author's own name for it, the second part of the identifier; unused when an entry is changed.
     ``description`` is what it is found by, packed (:mod:`planlang.knowledge.descriptions`).
@@ -105,7 +105,7 @@ class Content:
 
 
 class Change(StrEnum):
-    """What happened to an entry."""
+    """A change of an entry."""
 
     CREATED = "created"
     CHANGED = "changed"

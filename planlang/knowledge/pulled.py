@@ -23,7 +23,7 @@ RECORD = ".planlang-pulled.json"
 
 @dataclass(frozen=True, slots=True)
 class Origin:
-    """Where a file in a folder is from: server, entry, its author and revision; and what it was then."""
+    """The origin of a file in a folder: server, entry, its author and revision; and what it was then."""
 
     server: str
     uid: str

@@ -19,11 +19,11 @@ MOST_FILES, LARGEST_ENTRY = 1_000, 2_000_000_000
 
 
 class Source(Protocol):
-    """What an entry is pulled from: a client of a server, or a store of this machine."""
+    """The source of pulled entries: a client of a server, or a store of this machine."""
 
     @property
     def url(self) -> str:
-        """Where it is, as the record of what was pulled has it."""
+        """Its address, as the record of what was pulled has it."""
 
     def revision(self, entry: Entry, number: int | None = None) -> Revision:
         """Return a revision of an entry, the last one unless told otherwise."""

@@ -18,7 +18,7 @@ from typing import Any
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What one question may take: seconds of wall clock, bytes of memory beyond the mirror's, rows of the answer."""
+    """Limits of one question: seconds of wall clock, bytes of memory beyond the mirror's, rows of the answer."""
 
     seconds: float = 10.0
     memory: int = 500_000_000
@@ -30,7 +30,7 @@ class Exceeded(Exception):
 
 
 class NoAnswer(Exception):
-    """What was asked is no question of SPARQL, or wants something that is not there, such as another server."""
+    """The text is no question of SPARQL, or wants something that is not there, such as another server."""
 
 
 class Endpoint:

@@ -17,7 +17,7 @@ from typing import Any
 import pyoxigraph as ox
 
 GRAPHS = "urn:entry:"
-"""What the name of an entry's graph begins with; the identifier follows."""
+"""The beginning of the name of an entry's graph; the identifier follows."""
 
 
 def close_off(room: int) -> None:

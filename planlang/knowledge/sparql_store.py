@@ -49,7 +49,7 @@ Row = dict[str, str]
 
 @dataclass(frozen=True, slots=True)
 class _Update:
-    """What a change deletes and inserts where a pattern holds."""
+    """Statements that a change deletes and inserts where a pattern holds."""
 
     where: str
     insert: str = ""

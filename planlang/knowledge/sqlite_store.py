@@ -65,7 +65,7 @@ _UNUSED = """CREATE TRIGGER unused_after_{table} AFTER DELETE ON {table} BEGIN
     DELETE FROM blobs WHERE sha256 = OLD.sha256
     AND NOT EXISTS (SELECT 1 FROM revisions WHERE sha256 = OLD.sha256)
     AND NOT EXISTS (SELECT 1 FROM attachments WHERE sha256 = OLD.sha256); END"""
-"""What forgets a content with the last thing that refers to it."""
+"""A trigger that forgets a content with the last thing that refers to it."""
 
 _LAST = """SELECT e.uid, e.kind, e.about, e.label, e.author, e.syntax, e.created, r.number, r.sha256, r.author, r.made
     FROM entries e JOIN revisions r ON r.uid = e.uid

@@ -1,4 +1,4 @@
-"""What every store of a knowledge base can do, and what it refuses.
+"""The protocol of stores of a knowledge base, and their refusals.
 
 Stores do not know the time nor who is asking: both are told, so that the same calls give the same store. They check
 nothing but what would damage themselves: what an entry says has been checked before.
@@ -13,7 +13,7 @@ from typing import Protocol
 from planlang.knowledge.entries import Attachment, Content, Entry, Kind, News, Revision
 
 SCHEME = "sparql+"
-"""What the address of a store over a SPARQL endpoint begins with, before http or https."""
+"""The beginning of the address of a store over a SPARQL endpoint, before http or https."""
 
 
 class Refused(Exception):
@@ -37,7 +37,7 @@ class Changed(Refused):
 
 
 class Unreachable(Exception):
-    """What a store stands on does not answer; the text says what. The same call may succeed later."""
+    """Something that a store stands on does not answer; the text says what. The same call may succeed later."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""What a reasoner for description logic is given of an ontology: its axioms, without what reasoners cannot take.
+"""The input of a reasoner for description logic: the axioms of an ontology, without what reasoners cannot take.
 
 Values of datatypes that OWL 2 does not have, such as the units of QUDT, make HermiT give up. Facts with them are left
 out; a restriction with them becomes a class of which nothing is known, so that what is found to contradict does. A
@@ -49,7 +49,7 @@ class ReasonerInput:
 
     triples: list[Triple]
     facts: frozenset[int]
-    """Which triples are about individuals."""
+    """Numbers of the triples that are about individuals."""
     names: dict[str, str]
     """Name -> IRI."""
     notes: list[Diagnostic] = field(default_factory=list)
@@ -83,7 +83,7 @@ def _is_about_individual(ontology: Ontology, subject: str | BNode) -> bool:
 
 
 class _Left:
-    """What is left of an ontology, and what was taken away or changed."""
+    """The rest of an ontology, and what was taken away or changed."""
 
     def __init__(self, ontology: Ontology) -> None:
         self._ontology = ontology

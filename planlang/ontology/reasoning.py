@@ -51,7 +51,7 @@ class Reasoner(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Reasoned:
-    """What a reasoner found: contradictions, each with an explanation where Pellet has one."""
+    """Findings of a reasoner: contradictions, each with an explanation where Pellet has one."""
 
     classes: int
     individuals: int

@@ -1,4 +1,4 @@
-"""What was done in a real run, exported by the command: read back, pushed to a knowledge base, and found there."""
+"""Experience of a real run, exported by the command: read back, pushed to a knowledge base, and found there."""
 
 from __future__ import annotations
 

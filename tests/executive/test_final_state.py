@@ -1,4 +1,4 @@
-"""What a run says at its end about things, containers and devices, from the simulator's truth."""
+"""The last lines of a run about things, containers and devices, from the simulator's truth."""
 
 from __future__ import annotations
 

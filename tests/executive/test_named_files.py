@@ -1,4 +1,4 @@
-"""What a user names: a recipe or a plan, as its content says, or neither."""
+"""Files that a user names: a recipe or a plan, as its content says, or neither."""
 
 from __future__ import annotations
 

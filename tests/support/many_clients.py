@@ -19,7 +19,7 @@ QUESTION = {"expression": "ServingFoodOrDrink and subAction some Reaching", "lim
 
 @dataclass
 class Traffic:
-    """What clients asked, and what they were answered."""
+    """Requests of clients, and their answers."""
 
     answers: Counter[tuple[str, int]] = field(default_factory=Counter)
     """Call and status -> how often."""

@@ -1,4 +1,4 @@
-"""What a knowledge base offers is weighed: an alternative that needs what the robot lacks is refused, and says so."""
+"""Offers of a knowledge base are weighed: an alternative that needs what the robot lacks is refused, and says so."""
 
 from __future__ import annotations
 

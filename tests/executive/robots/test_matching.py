@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,13 +10,12 @@ import pytest
 from typer.testing import CliRunner
 
 from executive.cli.app import app
-from executive.robots import FindingKind, Robot, Semantics, bind_robot, missing_capabilities, requirements
+from executive.robots import FindingKind, Semantics
 from executive.robots.matching import ClosedWorld, Matcher, Possessions, compared
 from executive.robots.robot import Part, claims_of, parts_of, read_self_model
 from executive.robots.tasks import Match, match, with_remedies
 from planlang.diagnostics import Span
-from planlang.files import bundled
-from planlang.ontology import BNode, Ontology, expand, load
+from planlang.ontology import BNode, Ontology, load
 from planlang.ontology.expression_text import expression_of, text_of
 from planlang.ontology.expressions import Expression
 from planlang.recipe import Actions, read_recipe
@@ -432,73 +430,3 @@ Individual: :parking
     result = CliRunner().invoke(app, ["run", str(path), "--robot", "amigo", "--environment", "hospital_room"])
     assert result.exit_code == code, result.output
     assert (f"component {needed}: amigo has none (required by Park > {needed})" in result.stdout) is bool(code)
-
-
-SERVING = ("Translation-LocationChange", "Reaching", "OpeningAGripper", "ClosingAGripper", "HandingOverAnObject")
-LOOKING = "LookingForSomething"
-
-
-@pytest.fixture(scope="module")
-def vocabulary() -> Ontology:
-    """The bundled vocabulary."""
-    return load(bundled("ontologies") / "knowrob.omn")
-
-
-@pytest.fixture(scope="module")
-def amigo() -> Robot:
-    """The bundled robot."""
-    return bind_robot("amigo")
-
-
-def names(ontology: Ontology, robot: Robot, *actions: str) -> list[str]:
-    return [missing.name for missing in missing_capabilities(ontology, map(expand, actions), robot)]
-
-
-def test_amigo_lacks_nothing_for_serving(vocabulary: Ontology, amigo: Robot) -> None:
-    assert names(vocabulary, amigo, *SERVING, LOOKING, "GraspingSomething", "PickingUpAnObject") == []
-
-
-def test_a_robot_without_gripper_is_told_what_it_lacks_and_why(vocabulary: Ontology, amigo: Robot) -> None:
-    handless = replace(amigo, arms=tuple(replace(arm, gripper=None) for arm in amigo.arms))
-    missing = missing_capabilities(vocabulary, map(expand, SERVING), handless)
-    assert "GripperMotionCapability" in [one.name for one in missing]
-    text = "; ".join(map(str, missing))
-    assert "amigo has no gripper" in text
-    assert "required by OpeningAGripper > GripperMotionCapability" in text
-
-
-def test_claims_do_not_replace_an_arm(vocabulary: Ontology, amigo: Robot) -> None:
-    assert "ArmMotionCapability" in names(vocabulary, replace(amigo, arms=()), "Reaching")
-    assert names(vocabulary, replace(amigo, arms=()), "Translation-LocationChange") == []
-
-
-def test_a_claim_without_its_components_does_not_count(vocabulary: Ontology, amigo: Robot) -> None:
-    blind = replace(amigo, parts=tuple(p for p in amigo.parts if not any("Recognition" in cls for cls in p.classes)))
-    assert "ObjectRecognitionCapability" in names(vocabulary, blind, LOOKING)
-
-
-def test_what_nobody_claims_or_explains_is_unknown(vocabulary: Ontology, amigo: Robot) -> None:
-    nothing = replace(amigo, claims={}, parts=())
-    found = missing_capabilities(vocabulary, [expand("Translation-LocationChange")], nothing)
-    assert {one.kind for one in found} == {FindingKind.CAPABILITY, FindingKind.COMPONENT}
-
-
-def test_requirements_are_closed_over_capabilities(vocabulary: Ontology) -> None:
-    capabilities, components = requirements(vocabulary, [expand("GraspingSomething")])
-    found = {iri.rsplit("#")[-1] for iri in capabilities}
-    assert {"GraspingCapability", "ArmMotionCapability", "GripperMotionCapability"} <= found
-    assert {"ArmComponent", "ManipulationEntity"} <= {iri.rsplit("#")[-1] for iri in components}
-
-
-@pytest.mark.parametrize("name", ["amigo@hydro.owl", "amigo@re_stack.owl.in"])
-def test_grasping_is_possible_for_real_robots_as_expected(corpus: Path, vocabulary: Ontology, name: str) -> None:
-    table = json.loads((corpus / "truth" / "srdl_expected_serve_drink.json").read_text())
-    expected = next(
-        row["closure"]
-        for row in table
-        if row["robot_file"] == name.removesuffix(".in") and row["recipe_set"] == "serve_drink_hydro"
-    )
-    actions = [expand(a) for a in ("Translation-LocationChange", "Reaching", "OpeningAGripper", "GraspingSomething")]
-    missing = missing_capabilities(vocabulary, actions, bind_robot(corpus / "robots" / name))
-    assert {m.name for m in missing if m.kind is FindingKind.CAPABILITY} == set(expected["missing_capabilities"])
-    assert {m.name for m in missing if m.kind is FindingKind.COMPONENT} == set(expected["missing_components"])

@@ -1,4 +1,4 @@
-"""What the server refuses: changes without the author's key, and bodies and names that are meant to harm."""
+"""Refusals of the server: changes without the author's key, and bodies and names that are meant to harm."""
 
 from __future__ import annotations
 

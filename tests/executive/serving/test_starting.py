@@ -1,4 +1,4 @@
-"""What an operator is told by ``planlang serve`` when it cannot start."""
+"""Messages to an operator of ``planlang serve`` when it cannot start."""
 
 from __future__ import annotations
 

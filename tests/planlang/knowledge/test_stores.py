@@ -1,4 +1,4 @@
-"""What every store does: what was accepted stays, what was refused changes nothing."""
+"""Every store: what was accepted stays, what was refused changes nothing."""
 
 from __future__ import annotations
 

@@ -156,7 +156,7 @@ def test_not_finding_it_there_either_is_left_to_the_body(executive: Any, module:
 
 
 def strategies_of(what: Any) -> dict[str, Any]:
-    """What a Recovery may be told to do, by the failure that it ends in unless it says else."""
+    """Strategies that a Recovery may be given, by the failure that it ends in unless it says else."""
     return {
         "ObjectNowhereToBeFound": look_from_another_place(what),
         "ObjectUnfetchable": fetch_again(what),

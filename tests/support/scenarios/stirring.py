@@ -1,4 +1,4 @@
-"""What is stirred: the way of the tip of the tool through its vessel, by poses of the world alone."""
+"""Stirring: the way of the tip of the tool through its vessel, by poses of the world alone."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is wiped: the surface that the lower side of a sponge was on, by poses of the world alone."""
+"""Wiping: the surface that the lower side of a sponge was on, by poses of the world alone."""
 
 from __future__ import annotations
 
