@@ -16,6 +16,7 @@ from executive.enabling.explanation import Explanation
 from executive.enabling.folder import Folder
 from executive.enabling.needs import Enabling
 from executive.enabling.shelf import LocalShelf
+from executive.enabling.stock import Stock
 from executive.robots.matching import Possessions
 from executive.serving.uploads import read_upload
 from executive.serving.vocabulary import read_vocabulary
@@ -81,7 +82,7 @@ def main() -> None:
         for _ in range(REPETITIONS):
             robot = Possessions("robot", (), {})
             began = time.process_time()
-            enabling = Enabling(robot, shelf, Folder.read(folder / "none"), folders=(folder,), own_map=Path("map"))
+            enabling = Enabling(robot, Stock(shelf, Folder.read(folder / "none"), (folder,)), own_map=Path("map"))
             found = Explanation(enabling, enabling.combination(enabling.task("WorkDeeply")))
             seconds.append(time.process_time() - began)
         assert found is not None
