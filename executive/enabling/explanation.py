@@ -24,6 +24,7 @@ class Explanation:
     enabling: Enabling
     combination: Combination
     _shown: set[Need] = field(default_factory=set)
+    _alternatives: tuple[Alternative, ...] | None = None
 
     def tree(self) -> Finding:
         """Return the finding about the task's recipe, with all that it needs below."""
@@ -33,8 +34,10 @@ class Explanation:
 
     def alternatives(self) -> tuple[Alternative, ...]:
         """Return the ways to do a task that cannot be done, with what each lacks, the nearest to complete first."""
-        (root,) = self.combination.wanted
-        return alternatives(self.combination, root) if self.combination.unmet else ()
+        if self._alternatives is None:
+            (root,) = self.combination.wanted
+            self._alternatives = alternatives(self.combination, root) if self.combination.unmet else ()
+        return self._alternatives
 
     def unmet(self) -> tuple[str, ...]:
         """Return what the alternative that is nearest to complete lacks."""

@@ -307,6 +307,9 @@ class Enabling:
 
     def _dependency(self, prop: str, target: str) -> Need:
         kind = WORDS[local_name(prop)]
+        need = f"{kind.value} {target}"
+        if need in self.wanted:
+            return need
         matcher = Matcher(self.vocabulary, self.robot)
         if kind is FindingKind.CAPABILITY:
             return self._of_requirement(matcher.capability(target))
