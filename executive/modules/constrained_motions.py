@@ -80,9 +80,9 @@ class ConstrainedMotions(PlatformModule):
         motion, solved = await self._solved(grounding, asked, phase)
         self.platform.arms.choices.choose(motion.arms[0].name)
         self.platform.leaning |= self._leaning(motion, solved)
-        await self.gone(motion, solved.trajectory)
-        self._check_end(grounding, motion, solved)
-        await Pouring(self.platform).pour(action, motion, grounding.group(motion), solved.trajectory.positions)
+        async with Pouring(self.platform, phase).during(action, motion, grounding.group(motion), solved.trajectory):
+            await self.gone(motion, solved.trajectory)
+            self._check_end(grounding, motion, solved)
         self._straightened()
         phase.before = tuple(asked)
         names, rows = grounding.world_things(asked), solved.trajectory.positions

@@ -38,6 +38,7 @@ def test_the_documentation_has_the_command_of_every_scenario() -> None:
 def test_a_pancake_that_the_spatula_did_not_take_along_is_not_flipped(
     corpus: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    skip_without_pr2(scenarios()["flipping"].command)
     monkeypatch.setattr("sim.processes.NEAR_BLADE", -1.0)
     found = judged(scenarios()["flipping"])
     assert found.result.failure[0] == "ObjectNotTurned"
