@@ -137,6 +137,9 @@ class World(Protocol):
     def let_go(self, leaf: str) -> None:
         """Let a door or drawer stay where it is."""
 
+    def set_pushing(self, link: str, *, pushing: bool) -> None:
+        """Let the hand at a link push what it meets and can be moved; else that stops it, as it does at first."""
+
     def led(self) -> Mapping[str, str]:
         """Door or drawer -> link of the robot that moves it; one that the hand has slipped off is none."""
 

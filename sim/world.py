@@ -17,6 +17,7 @@ from sim.contact import Query
 from sim.controls import Controls
 from sim.kinematic import KinematicScene
 from sim.processes import Processes
+from sim.pushing import Pushing
 from sim.robot import BASE, Robot
 from sim.scene import RobotBody, Scene
 
@@ -187,6 +188,8 @@ class PyBulletWorld(KinematicScene):
         self._controls = Controls(scene.controls, self._matter)
         hands = {} if robot is None else robot.hands
         self._hands = frozenset((*hands, *(link for fingers in hands.values() for link in fingers)))
+        if self._robot is not None:
+            self._pushing = Pushing(self._bodies, self._leaves, self._contacts, self.changes)
 
     # Time and motions
 
@@ -195,7 +198,7 @@ class PyBulletWorld(KinematicScene):
         for playback in self._motions.values():
             if playback.state().state is MotionState.MOVING:
                 free = [strand for strand in playback.strands if strand.blocked_by is None]
-                self._now = advance(playback, self._find, self._contacts.felt, self._now)
+                self._now = advance(playback, self._met, self._contacts.felt, self._now)
                 self._push(free)
         self._here()
         if self._robot is not None:
@@ -207,8 +210,16 @@ class PyBulletWorld(KinematicScene):
         self._processes.step(1 / self.rate)
         self.steps += 1
 
+    def _met(self, configuration: Configuration, query: Query) -> tuple[Contact, ...]:
+        """Return the contacts at a configuration, once what hands push has given way."""
+        return self._pushing.contacts_after(lambda: self._find(configuration, query))
+
+    def set_pushing(self, link: str, *, pushing: bool) -> None:
+        """Let the hand at a link push what it meets and can be moved, or be stopped by that again."""
+        (self._pushing.begin if pushing else self._pushing.end)(link)
+
     def _push(self, moved: Sequence[Strand]) -> None:
-        """Let hands push what stops them."""
+        """Let hands push the buttons that stop them."""
         for strand in moved:
             if (
                 strand.blocked_by in self._bodies.poses

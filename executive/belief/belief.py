@@ -133,6 +133,11 @@ class Belief(KnownThings):
             self._taken.add(name)
         self._changed("released", name=name, pose=pose, to=to)
 
+    def pushed(self, name: str, pose: Pose) -> None:
+        """Record that a hand has pushed a thing to where it now is."""
+        self._know(name, Source.DONE)
+        self._put(name, pose, "pushed")
+
     def lost(self, name: str, pose: Pose) -> None:
         """Record that a thing has left the hand by itself and came down, as far as is known, at ``pose``."""
         self.dropped |= dict.fromkeys(self.held[name].arms, name)

@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import chain
 from typing import Any
 
+import numpy as np
+
 from executive.belief.class_names import is_kind
 from executive.belief.contents import is_content
 from executive.belief.knowledge import Grip, Knowledge, Source
@@ -18,6 +20,7 @@ from planlang.failures import AmbiguousPerception, ObjectUnresolvable
 from planlang.geometry import Pose
 from sim import PlanningWorld
 from sim.joints import Articulation
+from sim.leaves import inside
 
 ALIKE = 0.02
 """Things whose distances from the robot differ by less are equally near [m]."""
@@ -48,7 +51,8 @@ class KnownThings:
         self.tell: Callable[[str, Mapping[str, Any]], None] = _ignore
         """The listener to which changes are written: event, details."""
         self._poses: dict[str, Pose] = {name: world.pose(name) for name in world.names()}
-        self._first = dict(self._poses)
+        closed = {name: world.scene.body(name).pose for joint in world.scene.joints for name in joint.bodies}
+        self._first = self._poses | {name: pose for name, pose in closed.items() if name in self._poses}
         self.unknown = {name: self._poses.pop(name) for name in dict.fromkeys(unknown) if name in self._poses}
         """Things of which the robot does not know where they are, with the pose that the map states."""
         self._absent = {name: None for name in NAMES if name in self._poses}
@@ -63,7 +67,7 @@ class KnownThings:
         self._in_vain: dict[str, list[tuple[float, float, float]]] = {}
         self.joints: dict[str, Articulation] = {joint.leaf: joint for joint in world.scene.joints}
         """The joints, by leaf."""
-        self._values = dict.fromkeys(self.joints, 0.0)
+        self._values = {leaf: world.joint(leaf) for leaf in self.joints}
         self.led: dict[str, str] = {}
         """Leaf -> link of the hand that moves it."""
         self._moving = {name: leaf for leaf, joint in self.joints.items() for name in joint.bodies}
@@ -94,6 +98,15 @@ class KnownThings:
     def pose(self, name: str) -> Pose:
         """Return a thing's believed pose; of a held one, where it was last known to stand."""
         return self._poses[name]
+
+    def closed_pose(self, name: str) -> Pose:
+        """Return the believed pose of a thing; of what moves with a door or drawer, that when it is closed."""
+        pose, leaf = self._poses[name], self._moving.get(name)
+        if leaf is None and name not in self.held:
+            opened = (one for one, value in self._values.items() if value and not self.joints[one].is_knob)
+            within = (one for one in opened if inside(self._poses[one], self._boxes[one], np.array([pose.position]))[0])
+            leaf = next(within, None)
+        return pose if leaf is None else self.joints[leaf].motion(self._values[leaf]).inverse() @ pose
 
     def reference_pose(self, name: str) -> Pose:
         """Return what locations relative to a thing refer to: its pose, of a held one that before it was grasped."""

@@ -295,13 +295,9 @@ def default_starts(scene: Scene, radius: float) -> Iterator[tuple[float, float, 
     x_min, y_min, x_max, y_max = scene.bounds
     centre = np.array(rooms[0].pose.position[:2] if rooms else ((x_min + x_max) / 2, (y_min + y_max) / 2))
     inner = [footprint(room.pose, room.size) for room in rooms]
-    outer = [
-        footprint(body.pose, body.size)
-        for body in scene.bodies
-        if body.shape not in (BodyShape.MARKER, BodyShape.ROOM)
-        and body.pose != STOWED
-        and corners(body.pose, body.size)[:, 2].min() < HEADROOM
-    ]
+    solid = (body for body in scene.bodies if body.shape not in (BodyShape.MARKER, BodyShape.ROOM))
+    placed = [(scene.first_pose(body), body.size) for body in solid if body.pose != STOWED]
+    outer = [footprint(pose, size) for pose, size in placed if corners(pose, size)[:, 2].min() < HEADROOM]
     found = False
     for reach, spacing in GRIDS:
         points = _grid(centre, min(reach, max(x_max - x_min, y_max - y_min)), spacing)

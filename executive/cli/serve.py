@@ -34,12 +34,13 @@ def command(arguments: ServeArguments) -> Answer:
             return _keys(store, arguments)
         from executive.serving.app import application
         from executive.serving.running import run
+        from executive.serving.workers import Limits, Staff
 
-        app = application(store, folders)
+        app = application(store, folders, staff=Staff(folders, Limits(arguments.check_seconds)))
         serving = app.state.serving
         show(serving.vocabulary.diagnostics)
         tell = silent if arguments.json else say
-        with closing(serving.mirror):
+        with closing(serving):
             address = run(
                 app, arguments.host, arguments.port, lambda url: tell(f"{arguments.store} is served at {url}")
             )

@@ -107,6 +107,12 @@ ON_DEMAND = (
         "WipingMotion",
         failures=(ManipulationFailure, NavigationFailure, PerceptionFailure, LookingFailure, DesignatorFailure),
     ),
+    _on_demand(
+        "pushing:Pushing",
+        "pushing",
+        "PushingMotion",
+        failures=(ManipulationFailure, NavigationFailure, PerceptionFailure, LookingFailure, DesignatorFailure),
+    ),
     _on_demand("mapping:Mapping", "mapping", "UploadMapToRoboEarth"),
     _on_demand(
         "two_hands:TwoHands",

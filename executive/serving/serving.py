@@ -16,6 +16,7 @@ from executive.serving.catalogue import Catalogue
 from executive.serving.mirror import Mirror
 from executive.serving.problems import Problem
 from executive.serving.vocabulary import Vocabulary
+from executive.serving.workers import Staff
 from planlang.knowledge.stores import Store
 
 
@@ -28,7 +29,13 @@ class Serving:
     vocabulary: Vocabulary
     abilities: Abilities
     mirror: Mirror
+    staff: Staff
     writing: threading.Lock = field(default_factory=threading.Lock)
+
+    def close(self) -> None:
+        """End the processes that belong to it."""
+        self.mirror.close()
+        self.staff.close()
 
 
 def now() -> str:

@@ -13,7 +13,6 @@ from pathlib import Path
 from executive.belief.object_models import WHOLES
 from executive.belief.semantic_map import read_map
 from executive.robots.robot import read_self_model
-from executive.serving.turns import TURNS
 from executive.serving.vocabulary import Vocabulary
 from planlang.compiler import compile_ontology
 from planlang.designators import local_name
@@ -62,11 +61,6 @@ def read_upload(kind: Kind, name: str, data: bytes, about: str | None, vocabular
     Raises BadInput with everything that is wrong with it.
     """
     _check_name("upload", name, None)
-    with TURNS:
-        return _read(kind, name, data, about, vocabulary)
-
-
-def _read(kind: Kind, name: str, data: bytes, about: str | None, vocabulary: Vocabulary) -> Upload:
     ontology, syntax, file = _loaded(name, data, vocabulary)
     found = [one for one in ontology.diagnostics if _concerns(one, file)]
     subject = _checked(kind, ontology, about, found)
@@ -245,15 +239,14 @@ def _described(ontology: Ontology, subject: str, vocabulary: Vocabulary, file: s
 
 
 def warm_up(vocabulary: Vocabulary) -> None:
-    """Read what all checks need, so that the first upload need not."""
+    """Read what all checks need, so that none of them need."""
     read_upload(Kind.RECIPE, "first", Bundled.RECIPE.find("serve_a_drink").read_bytes(), None, vocabulary)
 
 
 def describe(about: str, name: str, data: bytes, vocabulary: Vocabulary) -> Description:
     """Return the description of a content that was taken before. Raises BadInput if it cannot be read any more."""
-    with TURNS:
-        ontology, _, file = _loaded(name, data, vocabulary)
-        return _described(ontology, about, vocabulary, file)
+    ontology, _, file = _loaded(name, data, vocabulary)
+    return _described(ontology, about, vocabulary, file)
 
 
 def _words(ontology: Ontology, subject: str) -> Iterator[str]:
