@@ -94,7 +94,9 @@ def _ways(control: Control, arm: ArmModel, named: Array, targets: Array) -> Iter
         # the arm's own seeds led nowhere before where nothing was solved: they would again
         for some, seeds in ((solved, every), (~solved, every[:1])):
             rows = np.flatnonzero(some)
-            joints[rows], good[rows] = arm.solver.solve(targets[rows], np.broadcast_to(seeds, (len(rows), *seeds.shape)))
+            joints[rows], good[rows] = arm.solver.solve(
+                targets[rows], np.broadcast_to(seeds, (len(rows), *seeds.shape))
+            )
         solved = good
         yield targets[good], joints[good]
 
