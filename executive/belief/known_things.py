@@ -112,6 +112,10 @@ class KnownThings:
         """Return what locations relative to a thing refer to: its pose, of a held one that before it was grasped."""
         return self.held[name].before if name in self.held else self._poses[name]
 
+    def carried(self) -> frozenset[str]:
+        """Return the things that hands hold, and those that stand on them and go with them."""
+        return frozenset(self.held).union(*(grip.riders for grip in self.held.values()))
+
     def seen_from_here(self, name: str) -> bool:
         """Return True if a thing has been seen since the base last moved, or the map is trusted about it."""
         return (self.trusts_map and name not in self._in_vain) or self.seen(name)
