@@ -292,7 +292,7 @@ CODES: dict[str, str] = {
     "P010": "a phrase is of no place: it means nothing for what is looked for, or contradicts itself",
     "P011": "a phrase names an arm or a grasp that nothing in it uses; it is left out",
     # X: running
-    "X001": "a plan cannot be imported",
+    "X001": "a plan cannot be imported, or an earlier version of planlang has compiled it",
     "X002": "a file defines no plan",
     "X003": "there is no free pose for the robot to start at",
     "X004": "a plan has no such parameter",

@@ -201,9 +201,9 @@ class ConstrainedMotions(PlatformModule):
     def _ends_of(
         self, grounding: Grounding, motion: GroundedMotion, base: BasePose, start: Array, tries: int
     ) -> Iterator[Array]:
-        problem, touching = grounding.problem(motion, base), self.platform.scene.collisions.touching
+        problem = grounding.problem(motion, base)
         for q in Ends.of(problem, start, [motion.constraints]).reached(tries):
-            if not touching(dict(zip(problem.group.names, q.tolist(), strict=True)), base):
+            if not grounding.touching(motion, q, base):
                 yield q
 
     # The motion
