@@ -182,7 +182,7 @@ PlanFailure
     ObjectUnreachable ObjectUnfetchable ObjectUndeliverable ObjectNowhereToBeFound EnvironmentUnreachable
   DesignatorFailure
     ObjectUnresolvable ActionUnresolvable MissingCapability LocationUnresolvable
-      BehindClosedDoor TooHeavy
+      BehindClosedDoor TooHeavy HandsLacking
   CompositeFailure Timeout BudgetExceeded BranchEvaporated PolicyViolated GoalNotAchieved TransitionMissing
 """
 
