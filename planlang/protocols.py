@@ -126,7 +126,7 @@ class World(Protocol):
         """Return what links of a hand feel on their skins, or by the currents of their motors."""
 
     def attach(self, link: str, name: str) -> None:
-        """Fix a body to a link of the robot."""
+        """Fix a body to a link of the robot, beside links that hold it already."""
 
     def release(self, name: str) -> None:
         """Let a body go; it sinks to the first surface below."""

@@ -99,6 +99,8 @@ class Body:
     """Its mass, with what it contains at the beginning [kg]; 0 if it is not known."""
     largest_tilt: float | None = None
     """The angle by which its z axis may lean while carried [rad]; None if it may be turned as one likes."""
+    hands: int = 1
+    """The number of hands that hold it: it slips off fewer."""
 
     def __post_init__(self) -> None:
         if self.shape not in tuple(BodyShape):

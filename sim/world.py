@@ -164,6 +164,9 @@ def _obstacle(contacts: Sequence[Contact], before: Mapping[tuple[str, str], floa
 ROBOT = "robot"
 """The name by which :func:`held_by` calls the robot."""
 
+STRAYED, TWISTED = 0.01, 0.1
+"""What several hands hold slips off when one is farther [m, rad] from where it took it than this."""
+
 _RESTS = 0.005
 """Height above its support at which a body still rests on it [m]."""
 
@@ -201,7 +204,7 @@ class PyBulletWorld(KinematicScene):
         if self._robot is not None:
             self._contacts.part()
             self._slip(self._robot)
-        self._people.step({name: self._bodies.poses[name] for name in self._held})
+        self._people.step({name: self._bodies.poses[name] for name, held in self._held.items() if held.on is None})
         self._falling.step()
         self._controls.turned(self._leaves.values, self._leaves.joints)
         self._processes.step(1 / self.rate)
@@ -226,10 +229,17 @@ class PyBulletWorld(KinematicScene):
                 self._controls.pushed(strand.blocked_by, strand.touch, self._bodies.poses[strand.blocked_by])
 
     def _slip(self, robot: Robot) -> None:
-        """Let leaves stay behind from which a hand has slipped off."""
+        """Let leaves stay behind from which a hand has slipped off, and what slips out of one of its hands fall."""
         for leaf, link in self.led().items():
             if self._leaves.strayed(leaf, robot.link_pose(link)):
                 self.let_go(leaf)
+        for name in [name for name, held in self._held.items() if held.needs > 1]:
+            for link, offset in self._held[name].links.items():
+                there, here = self._bodies.poses[name], robot.link_pose(link) @ offset
+                strayed = here.distance(there) > STRAYED or here.turn(there) > TWISTED
+                if strayed or not self._contacts.pinches(link, name):
+                    self.release(name)
+                    break
 
     def start(self, group: str, trajectory: Trajectory) -> None:
         """Begin a motion. A joint obeys the newest motion: another group that moves one of these joints is halted.
@@ -260,9 +270,10 @@ class PyBulletWorld(KinematicScene):
 
     def release(self, name: str) -> None:
         """Let a body go: it sinks in free fall unless a person has taken it. ``KeyError`` when it is not held."""
+        riders = self.riders(name)
         super().release(name)
         if self._people.holder(name) is None:
-            self._falling.begin(name)
+            self._falling.begin(name, riders)
 
     def falling(self, name: str) -> bool:
         """Return whether a body is on its way down."""

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from executive.belief.knowledge import Grip, Knowledge, Source
+from executive.belief.knowledge import Grip, Hold, Knowledge, Source
 from executive.belief.known_things import KnownThings
 from executive.belief.obstacles import NAMES
 from executive.belief.semantic_map import MapObject
@@ -33,7 +34,7 @@ class Belief(KnownThings):
         for detection in detections:
             if detection.name in self.unknown:
                 self._find_out(detection.name)
-            if detection.name in self._poses and detection.name not in self.held:
+            if detection.name in self._poses and detection.name not in self.carried():
                 self._know(detection.name, Source.SEEN)
                 self._in_vain.pop(detection.name, None)
                 self._put(detection.name, detection.pose, "seen")
@@ -110,18 +111,24 @@ class Belief(KnownThings):
         self._moves += 1
 
     def grasped(self, name: str, arm: str, link: str, offset: Pose) -> None:
-        """Record that a hand holds a thing from now on."""
+        """Record that a hand holds a thing from now on, beside hands that hold it already."""
         self._taken.discard(name)
         self.dropped.pop(arm, None)
         self.dropped = {arm: dropped for arm, dropped in self.dropped.items() if dropped != name}
-        self.held[name] = Grip(arm, link, offset, self._poses[name])
+        grip = self.held.get(name)
+        if grip is None or arm in grip.arms:
+            self.held[name] = Grip(arm, link, offset, self._poses[name])
+        else:
+            self.held[name] = replace(grip, others=(*grip.others, Hold(arm, link, offset)))
         self._changed("grasped", name=name, arm=arm)
 
+    def loaded(self, name: str, riders: Iterable[str]) -> None:
+        """Record that things stand on a held one and go with it."""
+        self.held[name] = replace(self.held[name], riders=tuple(riders))
+
     def released(self, name: str, pose: Pose, *, to: str | None = None) -> None:
-        """Record that a thing was let go: to a person, or it came down at ``pose``."""
-        self.held.pop(name, None)
-        self._poses[name] = pose
-        self._know(name, Source.DONE)
+        """Record that a thing was let go: to a person, or it came down at ``pose``, and with it what stands on it."""
+        self._came_down(name, pose)
         if to is not None:
             self._taken.add(name)
         self._changed("released", name=name, pose=pose, to=to)
@@ -133,10 +140,17 @@ class Belief(KnownThings):
 
     def lost(self, name: str, pose: Pose) -> None:
         """Record that a thing has left the hand by itself and came down, as far as is known, at ``pose``."""
-        self.dropped[self.held.pop(name).arm] = name
-        self._poses[name] = pose
-        self._know(name, Source.DONE)
+        self.dropped |= dict.fromkeys(self.held[name].arms, name)
+        self._came_down(name, pose)
         self._changed("lost", name=name, pose=pose)
+
+    def _came_down(self, name: str, pose: Pose) -> None:
+        grip = self.held.pop(name, None)
+        motion = pose @ self._poses[name].inverse()
+        down = {name: pose, **{one: motion @ self._poses[one] for one in (grip.riders if grip is not None else ())}}
+        self._poses |= down
+        for one in down:
+            self._know(one, Source.DONE)
 
     def came_to_be(self, thing: MapObject, pose: Pose) -> None:
         """Record that a thing came into being."""
@@ -201,7 +215,14 @@ class Belief(KnownThings):
             [one.name, one.iri, list(one.types), list(one.size or ()), dump(self._first[one.name])]
             for one in self.made.values()
         ]
-        held = {name: [grip.arm, grip.link, dump(grip.offset), dump(grip.before)] for name, grip in self.held.items()}
+        held = {
+            name: [
+                [[hand.arm, hand.link, dump(hand.offset)] for hand in grip.hands],
+                dump(grip.before),
+                list(grip.riders),
+            ]
+            for name, grip in self.held.items()
+        }
         return {
             "revision": self.revision,
             "made": made,
@@ -251,10 +272,9 @@ class Belief(KnownThings):
             self.recognition.restore(state["recognition"])
             self._absent = {name: None for name in NAMES if name in poses}
             self.met = None if state["met"] is None else str(state["met"])
-            self.held = {
-                name: Grip(str(arm), str(link), _pose(offset), _pose(before))
-                for name, (arm, link, offset, before) in state["held"].items()
-            }
+            self.held = {name: _grip(*grip) for name, grip in state["held"].items()}
+            if unknown := {rider for grip in self.held.values() for rider in grip.riders} - self._poses.keys():
+                raise ValueError(f"the map has no {', '.join(sorted(unknown))}")
             self.dropped = dropped
             self._taken, self._moves = set(state["taken"]), int(state["moves"])
             self._known = {
@@ -276,8 +296,10 @@ class Belief(KnownThings):
 
     def sync(self, world: PlanningWorld, configuration: Configuration) -> None:
         """Make a planning world equal to the belief: the robot, what it holds, everything else."""
-        for name in world.attached():
-            if name not in self.held or world.attached()[name] != self.held[name].link:
+        riders = self.carried() - self.held.keys()
+        for name in [name for name in world.attached() if name not in riders]:
+            held = self.held[name].hands if name in self.held else ()
+            if name in world.attached() and world.holders(name) != tuple(hand.link for hand in held):
                 world.release(name)
         for leaf in world.led():
             if self.led.get(leaf) != world.led()[leaf]:
@@ -299,14 +321,25 @@ class Belief(KnownThings):
                 continue
             if name not in there:
                 world.restore(name)
-            if name in self.held:
-                grip = self.held[name]
-                at = world.link_pose(grip.link) @ grip.offset
-                if name not in world.attached():
-                    world.set_pose(name, at)
-                    world.attach(grip.link, name)
-            elif world.pose(name) != pose:
+            if name not in self.held and name not in riders and world.pose(name) != pose:
                 world.set_pose(name, pose)
+        for name, grip in self.held.items():
+            if name not in world.attached():
+                self._put_into_hands(world, name, grip)
+
+    def _put_into_hands(self, world: PlanningWorld, name: str, grip: Grip) -> None:
+        """Attach a thing in a planning world; what stands on it goes with it."""
+        at = world.link_pose(grip.link) @ grip.offset
+        motion = at @ self._poses[name].inverse()
+        for one in (name, *grip.riders):
+            world.set_pose(one, motion @ self._poses[one])
+        for hand in grip.hands:
+            world.attach(hand.link, name)
+
+
+def _grip(hands: Sequence[Any], before: object, riders: Sequence[object]) -> Grip:
+    first, *others = (Hold(str(arm), str(link), _pose(offset)) for arm, link, offset in hands)
+    return Grip(*first, _pose(before), tuple(others), tuple(map(str, riders)))
 
 
 def _pose(state: object) -> Pose:

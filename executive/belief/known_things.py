@@ -112,6 +112,10 @@ class KnownThings:
         """Return what locations relative to a thing refer to: its pose, of a held one that before it was grasped."""
         return self.held[name].before if name in self.held else self._poses[name]
 
+    def carried(self) -> frozenset[str]:
+        """Return the things that hands hold, and those that stand on them and go with them."""
+        return frozenset(self.held).union(*(grip.riders for grip in self.held.values()))
+
     def seen_from_here(self, name: str) -> bool:
         """Return True if a thing has been seen since the base last moved, or the map is trusted about it."""
         return (self.trusts_map and name not in self._in_vain) or self.seen(name)
@@ -193,13 +197,15 @@ class KnownThings:
         if not holding:
             known = ", ".join(name for name in self._poses if name not in NAMES)
             missing = "is not there any more" if meant in self._gone else "is not in the map"
+            missing = "has not been found yet" if meant in self.unknown else missing
             raise ObjectUnresolvable(f"{what} ({what.type}) {missing}; there are {known}", designator=str(what))
         return min(holding, key=lambda name: math.dist(self._poses[name].position[:2], near[:2]))
 
     def _meant(self, what: Object) -> str | None:
-        """Return the individual that a designator names, if it is in something else, or not there any more."""
+        """Return the individual that a designator names, if it is in something else, not found yet, or gone."""
         named = (thing for thing in self.things if what.iri is not None and thing.iri == what.iri)
-        return next((thing.name for thing in named if is_content(thing) or thing.name in self._gone), None)
+        elsewhere = {*self._gone, *self.unknown}
+        return next((thing.name for thing in named if is_content(thing) or thing.name in elsewhere), None)
 
     def means(self, what: Object, name: str) -> bool:
         """Return whether a designator means a thing itself, not what is in it."""

@@ -97,9 +97,6 @@ SOFT = ("TableCovering", "Napkin", "PaperTowel")
 LIGHT_FURNITURE = ("Table-PieceOfFurniture", "Chair-PieceOfFurniture", "SideTable", "Stool")
 """Classes of furniture that people push around."""
 
-TWO_HANDED = ("Tray", "Platter")
-"""Classes of things that one hand does not hold level, whatever handles they have."""
-
 FIXED = (
     "FurniturePiece",
     "Box-Container",
@@ -175,8 +172,8 @@ def _body(thing: MapObject, pose: Pose, semantic_map: SemanticMap) -> Body:
 
 
 def _handles(thing: MapObject, semantic_map: SemanticMap) -> Iterator[tuple[str, Handle]]:
-    """Yield the parts, by IRI, by which a hand takes a thing, however wide that is; no furniture, leaf or tray is."""
-    if not thing.parts or thing.pose is None or _is_a(thing, semantic_map, (*LIGHT_FURNITURE, *TWO_HANDED)):
+    """Yield the parts, by IRI, by which hands take a thing, however wide that is; no furniture and no leaf is."""
+    if not thing.parts or thing.pose is None or _is_a(thing, semantic_map, LIGHT_FURNITURE):
         return
     if _movable(thing, semantic_map, wide=True) and _shape(thing, semantic_map) in (BodyShape.BOX, BodyShape.CYLINDER):
         for part in filter(None, map(semantic_map.find, thing.parts)):

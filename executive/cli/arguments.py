@@ -489,6 +489,12 @@ class ServeArguments(OntologyArguments):
         int,
         typer.Option(min=1, metavar="SECONDS", help="CPU time after which a check or a conversion is ended."),
     ] = 10
+    rate: Annotated[
+        float,
+        typer.Option(
+            min=0, metavar="NUMBER", help="Requests of one author, or of one address, in a second; 0: any number."
+        ),
+    ] = 500.0
     new_key: Annotated[
         str | None, typer.Option(metavar="AUTHOR", help="Print a new key for an author, and serve nothing.")
     ] = None
