@@ -256,9 +256,11 @@ CODES: dict[str, str] = {
     "M021": "a larger place is stated as a part of a smaller one; it is turned around",
     "M022": "maps that are merged disagree: about a pose, a value or a class",
     "M023": "maps that are merged have one thing by two names",
-    "M024": "an occupancy grid cannot be read; its obstacles are left out",
+    "M024": "an occupancy grid, points or an octree cannot be read; its obstacles are left out",
     "M025": "a file of a map is not here, or of a kind that is not read",
     "M026": "a thing has parts, or their poses, from the model of its class",
+    "M027": "a map that is merged is in another frame; it is moved",
+    "M028": "nothing tells how the frames of maps that are merged lie to each other",
     "M030": "a number is in a unit of another dimension, or in an unknown one",
     # B: binding robots
     "B001": "a robot file is not as it should be",
@@ -290,7 +292,7 @@ CODES: dict[str, str] = {
     "P010": "a phrase is of no place: it means nothing for what is looked for, or contradicts itself",
     "P011": "a phrase names an arm or a grasp that nothing in it uses; it is left out",
     # X: running
-    "X001": "a plan cannot be imported",
+    "X001": "a plan cannot be imported, or an earlier version of planlang has compiled it",
     "X002": "a file defines no plan",
     "X003": "there is no free pose for the robot to start at",
     "X004": "a plan has no such parameter",

@@ -99,6 +99,8 @@ class Body:
     """Its mass, with what it contains at the beginning [kg]; 0 if it is not known."""
     largest_tilt: float | None = None
     """The angle by which its z axis may lean while carried [rad]; None if it may be turned as one likes."""
+    hands: int = 1
+    """The number of hands that hold it: it slips off fewer."""
 
     def __post_init__(self) -> None:
         if self.shape not in tuple(BodyShape):
@@ -131,7 +133,7 @@ class Scene:
     start: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Base of the robot at the beginning: x, y, yaw."""
     joints: tuple[Articulation, ...] = ()
-    """The leaves that turn or slide; the poses of their bodies are those when it is closed."""
+    """The leaves that turn or slide; the poses of their bodies, and of what lies in them, are those when closed."""
     controls: tuple[Control, ...] = ()
     """Buttons and knobs of devices."""
     rules: Rules = field(default_factory=Rules)
@@ -153,6 +155,11 @@ class Scene:
         if name in self._by_name:
             return self._by_name[name]
         raise KeyError(f"no body {name!r} in the scene; there are {', '.join(body.name for body in self.bodies)}")
+
+    def first_pose(self, body: Body) -> Pose:
+        """Return the pose of a body at the beginning, when some leaves are open."""
+        joint = next((joint for joint in self.joints if joint.first and body.name in joint.bodies), None)
+        return body.pose if joint is None else joint.motion(joint.first) @ body.pose
 
     def with_poses(self, poses: Mapping[str, Pose]) -> Scene:
         """Return the same scene with some bodies elsewhere."""

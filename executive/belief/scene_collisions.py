@@ -420,8 +420,11 @@ class SceneCollisions:
         middle = moved(base, bodies.centre)
         return bodies.against(base, self._room().near(middle, bodies.reach), (self._touching(arm), touches))
 
-    def group_check(self, group: ArmGroup, arms: Sequence[ArmModel]) -> QuickCheck:
-        """Return a check, without PyBullet, of how arms may move together here; blades may go under what is thin."""
+    def group_check(self, group: ArmGroup, arms: Sequence[ArmModel], touches: str | None = None) -> QuickCheck:
+        """Return a check, without PyBullet, of how arms may move together here; blades may go under what is thin.
+
+        ``touches``: the body that their hands may touch.
+        """
         world, base_link = self._world, self._robot.base_link
         names = tuple(arm.name for arm in arms)
         if names not in self._groups:
@@ -431,13 +434,18 @@ class SceneCollisions:
         room = self._room().near(moved(base, bodies.centre), bodies.reach)
         if any(world.scene.body(name).blade for name in world.attached()):
             room = room.without([body.name for body in world.scene.bodies if body.thin])
-        return bodies.against(base, room, (frozenset(), None))
+        return bodies.against(base, room, (frozenset[str]().union(*(arm.hand_links for arm in arms)), touches))
 
-    def touching(self, joints: Mapping[str, float], base: BasePose | None = None) -> list[tuple[str, str]]:
-        """Return which two bodies penetrate each other, wrongly, with some joints, and perhaps the base, elsewhere."""
+    def touching(
+        self, joints: Mapping[str, float], base: BasePose | None = None, *, ignore: Collection[tuple[str, str]] = ()
+    ) -> list[tuple[str, str]]:
+        """Return which two bodies penetrate each other, wrongly, with some joints, and perhaps the base, elsewhere.
+
+        ``ignore``: pairs of a link and a body that may touch.
+        """
         now = self._world.configuration()
         there = Configuration(base or now.base, {**now.joints, **joints})
-        return [(contact.part, contact.body) for contact in self._world.contacts(there, tuple(joints))]
+        return [(contact.part, contact.body) for contact in self._world.contacts(there, tuple(joints), ignore=ignore)]
 
     def arm_check(
         self, arm: ArmModel, touches: str | None, fingers: Fingers, near: tuple[Array, float] | None = None

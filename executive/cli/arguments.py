@@ -488,6 +488,16 @@ class ServeArguments(OntologyArguments):
     ] = None
     host: Annotated[str, typer.Option(metavar="ADDRESS", help="The address to listen at.")] = "127.0.0.1"
     port: Annotated[int, typer.Option(min=0, max=65535, help="The port to listen at; 0: any free one.")] = 8080
+    check_seconds: Annotated[
+        int,
+        typer.Option(min=1, metavar="SECONDS", help="CPU time after which a check or a conversion is ended."),
+    ] = 10
+    rate: Annotated[
+        float,
+        typer.Option(
+            min=0, metavar="NUMBER", help="Requests of one author, or of one address, in a second; 0: any number."
+        ),
+    ] = 500.0
     new_key: Annotated[
         str | None, typer.Option(metavar="AUTHOR", help="Print a new key for an author, and serve nothing.")
     ] = None

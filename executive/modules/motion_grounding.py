@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -47,10 +48,10 @@ UP = Object("Up", "map:up")
 
 
 class Grounding:
-    """Grounds motions of one platform."""
+    """Grounds motions of one platform; hands of the arms that move may touch the body ``touches``."""
 
-    def __init__(self, platform: Platform) -> None:
-        self._platform = platform
+    def __init__(self, platform: Platform, touches: str | None = None) -> None:
+        self._platform, self._touches = platform, touches
         self._models = ObjectModels(platform.belief.map.ontology)
 
     def world_things(self, constraints: Iterable[MotionConstraint]) -> tuple[str, ...]:
@@ -157,8 +158,20 @@ class Grounding:
         """Return the arms of a motion as one space of joints."""
         return ArmGroup([arm.solver.chain for arm in motion.arms])
 
-    def problem(self, motion: GroundedMotion, base: BasePose | None = None) -> MotionProblem:
-        """Return the problem of moving from where the robot is; from another base bodies count as not there."""
+    def touching(
+        self, motion: GroundedMotion, q: Array, base: BasePose | None = None, *, clear: bool = False
+    ) -> list[tuple[str, str]]:
+        """Return what touches wrongly with the arms of a motion at joint values (n,); ``clear`` as in `problem`."""
+        may = () if clear or self._touches is None else {link for arm in motion.arms for link in arm.hand_links}
+        ignore = [(link, self._touches) for link in sorted(may) if self._touches is not None]
+        joints = dict(zip(self.group(motion).names, q.tolist(), strict=True))
+        return self._platform.scene.collisions.touching(joints, base, ignore=ignore)
+
+    def problem(self, motion: GroundedMotion, base: BasePose | None = None, *, clear: bool = False) -> MotionProblem:
+        """Return the problem of moving from where the robot is; from another base bodies count as not there.
+
+        ``clear``: hands touch nothing, not even what they otherwise may.
+        """
         platform, scene = self._platform, self._platform.scene
         now = platform.base()
         link = scene.world.link_pose(platform.robot.base_link).matrix()
@@ -181,10 +194,8 @@ class Grounding:
         if base is not None:
             return MotionProblem(group, where, rates)
 
-        def touching(q: Array) -> list[tuple[str, str]]:
-            return scene.collisions.touching(dict(zip(group.names, q.tolist(), strict=True)))
-
-        return MotionProblem(group, where, rates, scene.collisions.group_check(group, motion.arms), touching)
+        check = scene.collisions.group_check(group, motion.arms, None if clear else self._touches)
+        return MotionProblem(group, where, rates, check, partial(self.touching, motion, clear=clear))
 
     def _frame(self, name: str, base: BasePose) -> Array:
         """Return the rotation (3, 3) of a reference frame, a link; one that the robot lacks is its base."""

@@ -12,12 +12,13 @@ from contextlib import suppress
 from dataclasses import dataclass
 from itertools import islice
 
-from executive.serving.turns import Busy
 from executive.serving.uploads import describe, packed, unpacked
 from executive.serving.vocabulary import Vocabulary
+from executive.serving.workers import Workers
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput
 from planlang.knowledge.answers import Links
+from planlang.knowledge.axioms import THING
 from planlang.knowledge.descriptions import Described, Description
 from planlang.knowledge.entries import Change, Entry, Kind
 from planlang.knowledge.index import Index
@@ -84,6 +85,8 @@ class Catalogue:
     def asked(self, iri: str) -> str:
         """Return how something is asked for: by its local name if that means nothing else."""
         name = local_name(iri)
+        if name == local_name(THING):
+            return name if iri == THING else f"<{iri}>"
         with self._lock:
             meant = {*self._vocabulary.names.get(name, ())} or {*self._names.get(name, ())}
         return name if meant == {iri} else f"<{iri}>"
@@ -187,16 +190,16 @@ class Catalogue:
             for kind in (None, listed.kind):
                 self._uids[kind].remove(uid)
 
-    def renew(self) -> bool:
+    def renew(self, workers: Workers) -> bool:
         """Describe one entry anew whose description another version or vocabulary made; False if there is none."""
         with self._lock:
             if not self._stale:
                 return False
             uid = next(iter(self._stale))
-        with suppress(NoSuchEntry, Changed, BadInput, Busy):  # it is another entry by now, or keeps what it has
+        with suppress(NoSuchEntry, Changed, BadInput):  # it is another entry by now, or keeps what it has
             entry = self._store.entry(uid)
             name, data = uid.partition(".")[2], self._store.content(uid, entry.revision.number)
-            made = describe(entry.about, name, data, self._vocabulary)
+            made = workers.call(describe, entry.about, name, data)
             with self._lock:
                 self._store.describe(uid, packed(made, self._vocabulary), entry.etag)
                 self._remove(uid)

@@ -15,7 +15,7 @@ from types import NoneType, UnionType
 from typing import Any, get_args, get_origin, get_type_hints
 
 from planlang.diagnostics import Diagnostic, Severity, Span
-from planlang.knowledge.entries import Entry, News
+from planlang.knowledge.entries import Entry, News, is_uid
 from planlang.knowledge.stores import Changed, EntryExists, NoSuchEntry, NotTheAuthor, Refused
 
 Links = tuple[tuple[str, str], ...]
@@ -23,7 +23,6 @@ Links = tuple[tuple[str, str], ...]
 
 LONGEST_TEXT = 10_000
 """Characters of a text in an answer that are kept."""
-_UID = re.compile(r"[a-z0-9][a-z0-9_-]{0,99}\.[a-z0-9][a-z0-9_-]{0,99}")
 _FILE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
 _SHA256 = re.compile(r"[0-9a-f]{64}")
 _DIGEST = re.compile(r"(?:^|[\s,])sha-256=:([A-Za-z0-9+/=]+):")
@@ -100,7 +99,7 @@ def read_entry(data: object) -> Entry:
     entry: Entry = read_as(Entry, data)
     names = [one.name for one in entry.attachments]
     digests = [entry.revision.sha256, *(one.sha256 for one in entry.attachments)]
-    if not _UID.fullmatch(entry.uid) or not all(map(_FILE_NAME.fullmatch, names)) or len(set(names)) < len(names):
+    if not is_uid(entry.uid) or not all(map(_FILE_NAME.fullmatch, names)) or len(set(names)) < len(names):
         raise NotAsAgreed("an entry, or a file of it, has a name that names nothing")
     if not all(map(_SHA256.fullmatch, digests)):
         raise NotAsAgreed(f"{entry.uid} has a digest that is none")

@@ -102,7 +102,10 @@ def main() -> None:
         spent = seconds(shelf, folder, time.process_time)
         print(f"{spent:.3f} s of CPU in a store (median of {REPETITIONS}; at most 0.5 s)")
         shelf.close()
-        with running_server(folder / "kb.sqlite", (folder,)) as server, closing(RemoteShelf(Client(server.url))) as far:
+        with (
+            running_server(folder / "kb.sqlite", folders=(folder,)) as server,
+            closing(RemoteShelf(Client(server.url))) as far,
+        ):
             spent = seconds(far, folder, time.thread_time)
             print(f"{spent:.3f} s of CPU from a server, without its own (median of {REPETITIONS}; at most 0.5 s)")
 

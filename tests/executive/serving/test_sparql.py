@@ -11,6 +11,7 @@ import pytest
 from fastapi.testclient import TestClient
 
 from executive.serving.app import application
+from executive.serving.workers import Staff
 from planlang.files import Bundled
 from planlang.knowledge.sqlite_store import SqliteStore
 
@@ -21,9 +22,9 @@ COUNT = "SELECT (COUNT(*) AS ?n) { GRAPH <urn:entry:serveadrink.ward> { ?a ?b ?c
 
 
 @pytest.fixture
-def client(tmp_path: Path) -> Iterator[TestClient]:
+def client(tmp_path: Path, staff: Staff) -> Iterator[TestClient]:
     with closing(SqliteStore(tmp_path / "kb.sqlite")) as store:
-        app = application(store)
+        app = application(store, staff=staff)
         with closing(app.state.serving.mirror):
             yield TestClient(app, headers={"Authorization": f"Bearer {store.new_key('ada', NOW)}"})
 
