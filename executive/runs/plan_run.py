@@ -236,7 +236,7 @@ class Run:
         if options.models is not None:
             from executive.belief.recognition_models import read_given_parts, with_given_parts
 
-            given = read_given_parts(options.models, options.ontologies)
+            given = read_given_parts(options.models, options.ontologies, found)
             bare = with_given_parts(bare, given)
         assessment = assess(needs, partial(missing_capabilities, semantic_map.ontology, robot=bare), unperformed)
         if self._requirements is not None:
