@@ -348,6 +348,7 @@ CODES: dict[str, str] = {
     "K012": "the name of an upload, or of its subject, makes no identifier",
     "K013": "an upload says more than can be indexed",
     "K014": "an upload is in a syntax that is not kept",
+    "K015": "checking an upload, converting or comparing a content takes more time or memory than the server gives it",
     "K020": "contents are kept in a file, or beside an endpoint, not both",
     "K030": "no server was named, or its address is none",
     "K031": "a server does not answer",
