@@ -26,6 +26,7 @@ from executive.serving.catalogue import Catalogue
 from executive.serving.mirror import Mirror
 from executive.serving.pages import add_pages
 from executive.serving.problems import RESPONSES, add_handlers
+from executive.serving.rates import Paced, Rates
 from executive.serving.serving import Served, Serving
 from executive.serving.vocabulary import read_vocabulary
 from executive.serving.workers import Staff
@@ -75,12 +76,13 @@ def application(
     *,
     routers: Sequence[APIRouter] = ROUTERS,
     staff: Staff | None = None,
+    rates: Rates | None = None,
 ) -> FastAPI:
     """Return the application that serves a store. Imports of uploads are looked for in ``folders``.
 
     ``staff``: workers that know the same folders, where several applications share them.
     """
-    staff = staff or Staff(folders)
+    staff, rates = staff or Staff(folders), rates or Rates()
     vocabulary = read_vocabulary(folders)
     app = FastAPI(
         title="planlang knowledge base",
@@ -91,10 +93,11 @@ def application(
         lifespan=_lifespan,
     )
     catalogue, abilities = Catalogue(store, vocabulary), Abilities(store, staff.reading)
-    app.state.serving = Serving(store, catalogue, vocabulary, abilities, Mirror(store), staff)
+    app.state.serving = Serving(store, catalogue, vocabulary, abilities, Mirror(store), staff, rates)
     for router in routers:
         app.include_router(router)
     add_handlers(app)
     add_pages(app)
     app.add_middleware(BoundedBodies)
+    app.add_middleware(Paced, rates=rates)
     return app

@@ -18,6 +18,7 @@ from executive.serving.workers import Workers
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput
 from planlang.knowledge.answers import Links
+from planlang.knowledge.axioms import THING
 from planlang.knowledge.descriptions import Described, Description
 from planlang.knowledge.entries import Change, Entry, Kind
 from planlang.knowledge.index import Index
@@ -84,6 +85,8 @@ class Catalogue:
     def asked(self, iri: str) -> str:
         """Return how something is asked for: by its local name if that means nothing else."""
         name = local_name(iri)
+        if name == local_name(THING):
+            return name if iri == THING else f"<{iri}>"
         with self._lock:
             meant = {*self._vocabulary.names.get(name, ())} or {*self._names.get(name, ())}
         return name if meant == {iri} else f"<{iri}>"

@@ -6,6 +6,7 @@ import hashlib
 from collections.abc import Callable
 from http import HTTPStatus
 from typing import Annotated, Any
+from urllib.parse import quote
 
 from fastapi import APIRouter, Header, Query, Request, Response
 from fastapi.responses import JSONResponse
@@ -73,7 +74,7 @@ def create(
         with served.writing:
             entry = _made_before(served, author, handed) or served.store.create(upload.content, author, now(), handed)
     answer = taken(entry, upload, HTTPStatus.CREATED)
-    answer.headers["Location"] = f"/v1/{entry.kind.value}/{entry.uid}"
+    answer.headers["Location"] = f"/v1/{entry.kind.value}/{quote(entry.uid)}"
     return answer
 
 

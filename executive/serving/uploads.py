@@ -6,6 +6,7 @@ nothing of an upload is ever written to a file or executed.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,7 +19,7 @@ from planlang.compiler import compile_ontology
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors
 from planlang.experience import episode_in
-from planlang.files import Bundled, decode
+from planlang.files import Bundled, bundled, decode
 from planlang.knowledge.axioms import own_axioms_of
 from planlang.knowledge.completion import TooLarge
 from planlang.knowledge.descriptions import Description, described
@@ -64,7 +65,7 @@ def read_upload(kind: Kind, name: str, data: bytes, about: str | None, vocabular
     ontology, syntax, file = _loaded(name, data, vocabulary)
     found = [one for one in ontology.diagnostics if _concerns(one, file)]
     subject = _checked(kind, ontology, about, found)
-    found = list(dict.fromkeys(_as_here(one) for one in found if _concerns(one, file)))
+    found = list(dict.fromkeys(as_here(one, vocabulary) for one in found if _concerns(one, file)))
     _check_name(subject, name, Span(file))
     if has_errors(found):
         raise BadInput(found)
@@ -74,11 +75,19 @@ def read_upload(kind: Kind, name: str, data: bytes, about: str | None, vocabular
     return Upload(content, description, tuple(found))
 
 
-def _as_here(diagnostic: Diagnostic) -> Diagnostic:
-    """Return a diagnostic with advice for who hands in, where that for who has the files does not help."""
-    if diagnostic.code not in IMPORTS:
-        return diagnostic
-    return replace(diagnostic, help="this server knows the bundled ontologies and those of planlang serve --ontologies")
+def as_here(diagnostic: Diagnostic, vocabulary: Vocabulary) -> Diagnostic:
+    """Return a diagnostic as a stranger is told it: with advice for who hands in, and without paths of this machine."""
+
+    def named(text: str) -> str:
+        for folder in (str(path) for given in vocabulary.folders for path in (given, given.resolve())):
+            text = re.sub(rf"(?<![\w./-]){re.escape(folder)}/", "ontologies/", text)
+        return text.replace(f"{bundled('ontologies')}/", "ontologies/")
+
+    advice = diagnostic.help and named(diagnostic.help)
+    if diagnostic.code in IMPORTS:
+        advice = "this server knows the bundled ontologies and those of planlang serve --ontologies"
+    span = diagnostic.span and diagnostic.span._replace(file=named(diagnostic.span.file))
+    return replace(diagnostic, message=named(diagnostic.message), span=span, help=advice)
 
 
 def _check_name(about: str, name: str, span: Span | None) -> None:

@@ -20,7 +20,7 @@ from io import BufferedRWPair
 from pathlib import Path
 from typing import Any
 
-from executive.serving.uploads import warm_up
+from executive.serving.uploads import as_here, warm_up
 from executive.serving.vocabulary import Vocabulary, read_vocabulary
 from planlang.diagnostics import BadInput
 
@@ -67,7 +67,7 @@ def _work(stream: BufferedRWPair[Any, Any], vocabulary: Vocabulary, seconds: int
         try:
             answer = ("done", function(*arguments, vocabulary))
         except BadInput as problem:
-            answer = ("refused", problem.diagnostics)
+            answer = ("refused", [as_here(one, vocabulary) for one in problem.diagnostics])
         except MemoryError:
             answer, is_last = ("memory", None), True  # what is left of it is not to be shared with the next
         except Exception as problem:
