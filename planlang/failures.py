@@ -192,6 +192,12 @@ class ManipulationGoalInCollision(ManipulationFailure):
     text: ClassVar[str] = "the arm has no room at its goal"
 
 
+class ObjectNotTurned(ManipulationFailure):
+    """A thing that was to be turned over still lies as it did."""
+
+    text: ClassVar[str] = "the object did not turn over"
+
+
 class GripperFailure(ManipulationFailure):
     """A gripper did not do what it should."""
 

@@ -197,13 +197,15 @@ class KnownThings:
         if not holding:
             known = ", ".join(name for name in self._poses if name not in NAMES)
             missing = "is not there any more" if meant in self._gone else "is not in the map"
+            missing = "has not been found yet" if meant in self.unknown else missing
             raise ObjectUnresolvable(f"{what} ({what.type}) {missing}; there are {known}", designator=str(what))
         return min(holding, key=lambda name: math.dist(self._poses[name].position[:2], near[:2]))
 
     def _meant(self, what: Object) -> str | None:
-        """Return the individual that a designator names, if it is in something else, or not there any more."""
+        """Return the individual that a designator names, if it is in something else, not found yet, or gone."""
         named = (thing for thing in self.things if what.iri is not None and thing.iri == what.iri)
-        return next((thing.name for thing in named if is_content(thing) or thing.name in self._gone), None)
+        elsewhere = {*self._gone, *self.unknown}
+        return next((thing.name for thing in named if is_content(thing) or thing.name in elsewhere), None)
 
     def means(self, what: Object, name: str) -> bool:
         """Return whether a designator means a thing itself, not what is in it."""

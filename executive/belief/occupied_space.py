@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +49,10 @@ class OccupiedSpace:
     frame: Pose = _MAP
     """The frame in the map; its z axis is the map's."""
 
+    def within(self, frame: Pose) -> OccupiedSpace:
+        """Return the same with its frame in another one, which has a pose in the map."""
+        return replace(self, frame=frame @ self.frame)
+
     def boxes(self, bodies: Sequence[Body]) -> list[Box]:
         """Return boxes that cover what no body explains, inside of the rooms if there are any."""
         points, length = self._thinned()
@@ -69,7 +73,7 @@ class OccupiedSpace:
         points = self.points
         if self.height is None:
             points = points[np.isfinite(points).all(axis=1)]
-            low = points[:, 2] - self.half
+            low = points[:, 2] + self.frame.position[2] - self.half
             points = points[(low >= FLOOR - 1e-9) & (low <= HIGHEST)]
             middle = np.median(points, axis=0) if len(points) else 0.0
             points = points[(np.abs(points - middle) <= FARTHEST).all(axis=1)]

@@ -90,13 +90,12 @@ def read_map(ontology: Ontology) -> SemanticMap:
     for iri in things:
         types, vessels = ontology.types(iri), _vessels(ontology, iri)
         size = read_size(ontology, iri, (*vessels, *types), found)
-        matrix = poses.of(iri)
         objects.append(
             MapObject(
                 iri,
                 _unique(local_name(iri), names),
                 (*types, *vessels),
-                None if matrix is None else Pose.from_matrix(matrix),
+                poses.pose(iri),
                 size,
                 parts=_individuals(ontology, iri, "properPhysicalParts"),
                 hinged_to=_individuals(ontology, iri, "hingedTo"),
@@ -171,7 +170,7 @@ _MARKS = (
 def _things(ontology: Ontology) -> tuple[str, ...]:
     """Return the IRIs of the things of the map, in document order of what makes them one."""
     things: dict[str, None] = {}
-    links = set(ontology.individuals(expand("UrdfLink"))) | set(ontology.individuals(expand("UrdfJoint")))
+    others = {iri for name in ("UrdfLink", "UrdfJoint", "Map") for iri in ontology.individuals(expand(name))}
     for event in _perceptions(ontology):
         things.update(dict.fromkeys(_individuals(ontology, event, "objectActedOn")))
     for name in _MARKS:
@@ -183,7 +182,7 @@ def _things(ontology: Ontology) -> tuple[str, ...]:
             if isinstance(triple.subject, str) and isinstance(triple.object, str):
                 things[triple.subject] = None
     order = {iri: rank for rank, iri in enumerate(_typed(ontology))}
-    there = (iri for iri in things if iri in order and iri not in links and not _is_feature(ontology, iri))
+    there = (iri for iri in things if iri in order and iri not in others and not _is_feature(ontology, iri))
     return tuple(sorted(there, key=order.__getitem__))
 
 
@@ -276,6 +275,11 @@ class PosesOfThings:
     def of(self, thing: str) -> Array | None:
         """Return where a thing is, (4, 4) in the map; None if that is nowhere stated, or cannot be read."""
         return next((matrix for matrix in map(self._resolve, self._places_of(thing)) if matrix is not None), None)
+
+    def pose(self, thing: str) -> Pose | None:
+        """Return :meth:`of` as a pose."""
+        matrix = self.of(thing)
+        return None if matrix is None else Pose.from_matrix(matrix)
 
     def place_of(self, thing: str) -> str | None:
         """Return the pose of a thing: that of its latest perception, else the one that it states itself."""

@@ -238,9 +238,12 @@ class ReachSearch:
                 log.findings.met.update(known(rows[~undecided[rows]]))
 
         def is_stopped(number: int, candidate: int) -> bool:
-            """Return whether the hand itself is in something: then no base pose of a candidate that failed will do."""
+            """Return whether the hand itself is in something: then no base pose of a candidate that failed will do.
+
+            To look at this takes as long as to validate many base poses: it is for when there are many.
+            """
             key = (number, candidate)
-            if key in failures and key not in stopped:
+            if key in failures and key not in stopped and 2 * validated > budget.exact:
                 stopped[key] = Trial(*failures[key], scene, hands[number].check).hand_is_stopped()
             return stopped.get(key, False)
 

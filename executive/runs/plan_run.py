@@ -19,6 +19,7 @@ from executive.robots import FindingKind, Missing, bind_robot, missing_capabilit
 from executive.robots.arms import with_carrying
 from executive.runs.assembly import RobotExecutive, platform_of, real_scene, world_at_start
 from executive.runs.final_state import state_lines
+from executive.runs.importing import import_plan, line_in
 from executive.runs.in_hands import in_hands, take
 from executive.runs.parameters import Bound, bound_parameters, not_in_map, plan_parameters, things_of, unknown_things
 from executive.runs.plan_files import (
@@ -27,8 +28,6 @@ from executive.runs.plan_files import (
     compiled_plan,
     count_of_steps,
     fixed_recipe,
-    import_plan,
-    line_in,
     located,
     main_plan,
     needs_of,

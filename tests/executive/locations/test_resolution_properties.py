@@ -285,6 +285,7 @@ def drained(stage: Stage) -> tuple[list[tuple[float, float, float]], str]:
     return [solution.base for solution in found], str(ended.value)
 
 
+@pytest.mark.long
 def test_the_iterator_goes_on_with_greater_efforts_until_there_are_no_more(
     gangway: Stage, monkeypatch: pytest.MonkeyPatch
 ) -> None:
