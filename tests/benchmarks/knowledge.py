@@ -2,9 +2,9 @@
 
 ``search`` asks selective and broad class expressions, and pyoxigraph the same over the same content in the same run
 (median of 5, and it is not asked for properties below others). ``upload`` and ``start`` tell what a server needs for
-these. In CPU time, uploads in real time, medians of 20. ``load`` lets 50 clients read and write for 30 s at a real server; ``kill``, only
-if it is asked for, ends real servers 100 times while they write. ``sparql`` reads entries while an endless question is
-computed. Entries are drawn.
+these. In CPU time, uploads in real time, medians of 20. ``load`` lets 50 clients read and write for 30 s at a real
+server; ``kill``, only if it is asked for, ends real servers 100 times while they write. ``sparql`` reads entries while
+an endless question is computed. Entries are drawn.
 
     python tests/benchmarks/knowledge.py --parts search,upload,start,load,sparql,kill
 """
