@@ -78,7 +78,7 @@ class Body:
     """True for what may stand elsewhere than in the map: see :func:`sim.scene.perturb`."""
     color: tuple[float, float, float, float] | None = None
     cavities: tuple[Cavity, ...] = ()
-    """Rooms inside a box: compartments, the inside of a drawer."""
+    """Rooms inside a box: compartments, the inside of a drawer; of a room: openings in its walls."""
     content: tuple[Portion, ...] = ()
     """Its content, or what it consists of, at the beginning."""
     capacity: float = 0.0
