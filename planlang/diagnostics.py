@@ -261,6 +261,7 @@ CODES: dict[str, str] = {
     "M026": "a thing has parts, or their poses, from the model of its class",
     "M027": "a map that is merged is in another frame; it is moved",
     "M028": "nothing tells how the frames of maps that are merged lie to each other",
+    "M029": "rooms are connected, and nothing says where; a doorway is assumed, or there is no way",
     "M030": "a number is in a unit of another dimension, or in an unknown one",
     # B: binding robots
     "B001": "a robot file is not as it should be",

@@ -10,7 +10,8 @@ from typing import Any
 
 import pytest
 
-from executive.runs.plan_run import Outcome, RunResult, run_plan_file
+from executive.runs.options import Outcome, RunResult
+from executive.runs.plan_run import run_plan_file
 from planlang import now, par, perform, sleep
 from planlang.designators import a_person, a_posture, action
 from planlang.failures import GraspSlipped, ObjectLost

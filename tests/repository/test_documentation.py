@@ -16,7 +16,7 @@ import pytest
 from typer.testing import CliRunner
 
 from executive.cli.app import app
-from executive.runs.plan_run import RunOptions, RunResult
+from executive.runs.options import RunOptions, RunResult
 from planlang.diagnostics import CODES
 
 CHECKOUT = Path(__file__).resolve().parents[2]
