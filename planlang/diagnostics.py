@@ -261,6 +261,7 @@ CODES: dict[str, str] = {
     "M026": "a thing has parts, or their poses, from the model of its class",
     "M027": "a map that is merged is in another frame; it is moved",
     "M028": "nothing tells how the frames of maps that are merged lie to each other",
+    "M029": "rooms are connected, and nothing says where; a doorway is assumed, or there is no way",
     "M030": "a number is in a unit of another dimension, or in an unknown one",
     # B: binding robots
     "B001": "a robot file is not as it should be",
@@ -348,6 +349,7 @@ CODES: dict[str, str] = {
     "K012": "the name of an upload, or of its subject, makes no identifier",
     "K013": "an upload says more than can be indexed",
     "K014": "an upload is in a syntax that is not kept",
+    "K015": "checking an upload, converting or comparing a content takes more time or memory than the server gives it",
     "K020": "contents are kept in a file, or beside an endpoint, not both",
     "K030": "no server was named, or its address is none",
     "K031": "a server does not answer",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -91,14 +91,21 @@ class OccupiedSpace:
         kept = np.ones(len(there), dtype=bool)
         if rooms:
             tops = [corners(room.pose, room.size)[:, 2].max() - near for room in rooms]
-            kept = np.any(
-                [_in_outline(there, room, -near) & (there[:, 2] <= top) for room, top in zip(rooms, tops, strict=True)],
-                axis=0,
-            )
+            inside = [
+                _in_outline(there, room, -near) & (there[:, 2] <= top) for room, top in zip(rooms, tops, strict=True)
+            ]
+            openings = [_in_outline(there, one, 0.0) for room in rooms for one in _openings(room)]
+            kept = np.any([*inside, *openings], axis=0)
         for thing in bodies:
             if thing.shape not in (BodyShape.ROOM, BodyShape.MARKER):
                 kept &= ~(_in_outline if self.height is not None else _in_box)(there, thing, near)
         return kept
+
+
+def _openings(room: Body) -> Iterator[Body]:
+    """Yield the openings in the walls of a room, as bodies: what a sensor has there is in the way."""
+    for one in room.cavities:
+        yield Body(room.name, room.pose @ Pose(one.centre), one.size)
 
 
 def _in_box(points: Array, body: Body, more: float) -> NDArray[np.bool_]:

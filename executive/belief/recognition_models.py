@@ -16,11 +16,12 @@ from executive.robots.robot import Part
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error
 from planlang.files import SUFFIXES
-from planlang.ontology import Ontology, expand, load
+from planlang.ontology import Literal, Ontology, expand, load
 
 MOST_FILES = 1000
 """Ontologies of a folder that are read."""
 _MODEL, _PROVIDES = expand("ObjectRecognitionModel"), expand("providesModelFor")
+_FILE = expand("roboearth:linkToRecognitionModel")
 _KNOWLEDGE = (_MODEL, expand("SoftwareObject"), expand("srdl2-comp:SoftwareComponent"), expand("Map"))
 """Classes of what a robot can be given as a file."""
 
@@ -73,6 +74,12 @@ def with_given_parts(robot: Robot, given: Iterable[GivenPart]) -> Robot:
     """Return a robot that has models, programs and maps beside the parts of its self-model."""
     parts = (Part(local_name(one.iri), one.classes, None, one.span) for one in given)
     return replace(robot, parts=(*robot.parts, *parts))
+
+
+def model_files(ontology: Ontology, iri: str) -> tuple[str, ...]:
+    """Return the names of the files that a recognition model has: the last part of each link to one."""
+    links = [one.value for one in ontology.values(iri, _FILE, subproperties=True) if isinstance(one, Literal)]
+    return tuple(dict.fromkeys(link.strip().rpartition("/")[2] for link in links))
 
 
 def missing_model(what: str, types: Sequence[str]) -> str:

@@ -379,6 +379,9 @@ class EnableArguments(OntologyArguments, VerboseArguments):
     task: Annotated[str | None, typer.Option(metavar="CLASS", help="The task of a RECIPE that states several.")] = None
     modules: Modules = None
     trust: Trust = False
+    limit: Annotated[
+        int, typer.Option(min=1, metavar="N", help="Read at most N recipes and maps in search of a combination.")
+    ] = 300
     dry: Annotated[bool, typer.Option("--dry", help="Explain what would be taken; take nothing.")] = False
     run: Annotated[bool, typer.Option("--run", help="Run the task with what the robot has then.")] = False
     set_: Set = None

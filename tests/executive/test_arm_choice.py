@@ -14,7 +14,8 @@ from executive.modules.platform import ArmChoices
 from executive.modules.process_modules import Grasping
 from executive.robots import bind_robot
 from executive.runs.assembly import world_at_start
-from executive.runs.plan_run import Outcome, RunOptions, RunResult, run_plan_file
+from executive.runs.options import Outcome, RunOptions, RunResult
+from executive.runs.plan_run import run_plan_file
 from planlang import VirtualHost, checkpoint, par, perform, run, seq
 from planlang.designators import a_device, a_location, action, an_object
 from planlang.diagnostics import BadInput

@@ -101,7 +101,10 @@ def test_a_content_that_is_not_what_its_entry_states_is_refused(tmp_path: Path) 
     with sqlite3.connect(tmp_path / "kb.sqlite") as database:
         database.execute("UPDATE blobs SET data = ? WHERE sha256 = ?", (b"", wrong))
     code, found = enable(tmp_path / "kb.sqlite", tmp_path / "amigo")
-    assert (code, [one["code"] for one in found["diagnostics"]]) == (2, ["K040"])
+    assert (code, found["missing"]) == (3, ["recognition model Patient"])
+    refused = f"it cannot be used: {PIECES['recognition model Patient']} has not the content that its entry states"
+    assert refused in json.dumps(found["explanation"])
+    assert not (tmp_path / "amigo").exists()
 
 
 def test_a_task_is_found_by_its_class_its_label_and_a_class_above_it(tmp_path: Path) -> None:

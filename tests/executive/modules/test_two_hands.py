@@ -16,6 +16,7 @@ from planlang.failures import HandsLacking, LocationUnresolvable, ObjectLost, To
 from planlang.geometry import Pose
 from planlang.ontology import Ontology
 from sim import Body, PlanningWorld, Scene
+from sim.scene import Handle
 from sim.world import at_rest_on, held_by
 from tests.executive.conftest import PLACE, MakeStage, Stage, furnisher
 from tests.support.extras import skip_without_pr2
@@ -53,8 +54,19 @@ def taken(stage: Stage) -> None:
     stage.run(take)
 
 
-def test_a_tray_is_brought_to_another_table_with_the_cup_on_it(stage_of: MakeStage) -> None:
-    stage = stage_of(TABLE, OTHER, TRAY, CUP)
+BARS = tuple(Handle(Pose((0.0, side * 0.32, 0.02)), (0.12, 0.015, 0.015)) for side in (1, -1))
+TRAYS = {
+    "wide": replace(TRAY, size=(0.6, 0.4, 0.03)),
+    "turned": replace(TRAY, pose=Pose.planar(1.2, 0.0, 0.3, 0.755), size=(0.55, 0.55, 0.03)),
+    "with handles": replace(TRAY, size=(0.4, 0.6, 0.03), wall=0.0, handles=BARS),
+}
+
+
+@pytest.mark.parametrize("kind", TRAYS)
+def test_a_tray_is_brought_to_another_table_with_the_cup_on_it(stage_of: MakeStage, kind: str) -> None:
+    tray = TRAYS[kind]
+    cup = replace(CUP, pose=Pose((1.2, 0.06, tray.pose.position[2] + (0.036 if tray.wall else 0.0601))))
+    stage = stage_of(TABLE, OTHER, tray, cup)
     taken(stage)
     assert held_by(stage.truth, "tray") == "robot"
     assert (len(stage.truth.holders("tray")), stage.truth.riders("tray")) == (2, ("cup",))
@@ -69,7 +81,7 @@ def test_a_tray_is_brought_to_another_table_with_the_cup_on_it(stage_of: MakeSta
 
 
 def test_the_tray_falls_with_what_is_on_it_when_one_hand_opens(stage_of: MakeStage) -> None:
-    stage = stage_of(TABLE, OTHER, TRAY, CUP)
+    stage = stage_of(TABLE, OTHER, TRAYS["turned"], CUP)
     taken(stage)
     gripper = stage.platform.robot.arm("left").gripper
     assert gripper is not None
@@ -98,7 +110,7 @@ def test_too_few_hands_are_refused_with_both_numbers(stage_of: MakeStage, number
 
 
 def test_what_the_arms_do_not_span_is_refused_with_reasons(stage_of: MakeStage) -> None:
-    stage = stage_of(TABLE, replace(TRAY, size=(1.1, 1.3, 0.03)))
-    with pytest.raises(LocationUnresolvable, match=r"1.1 m by 1.3 m, with two hands: \d+ candidates: ") as caught:
+    stage = stage_of(TABLE, replace(TRAY, size=(1.5, 1.7, 0.03)))
+    with pytest.raises(LocationUnresolvable, match=r"1.5 m by 1.7 m, with two hands: \d+ candidates: ") as caught:
         taken(stage)
     assert sum(caught.value.counts.values()) > 0
