@@ -257,7 +257,7 @@ class Run:
         if assessment.missing and not options.force:
             return self._refused(assessment.missing)
 
-        believed = world_at_start(scene, robot, options.start, self._stack)
+        believed = world_at_start(scene, robot, options.start, self._stack, held)
         scene = believed.scene
         real = real_scene(scene, options.seed, believed)
         real = replace(real, start=scene.start) if robot.base.fixed else real
