@@ -157,8 +157,8 @@ class Grounding:
         """Return the arms of a motion as one space of joints."""
         return ArmGroup([arm.solver.chain for arm in motion.arms])
 
-    def problem(self, motion: GroundedMotion, base: BasePose | None = None) -> MotionProblem:
-        """Return the problem of moving from where the robot is; from another base bodies count as not there."""
+    def problem(self, motion: GroundedMotion, base: BasePose | None = None, *, blocked: bool = True) -> MotionProblem:
+        """Return the problem of moving from where the base is, or from elsewhere; unless ``blocked`` without bodies."""
         platform, scene = self._platform, self._platform.scene
         now = platform.base()
         link = scene.world.link_pose(platform.robot.base_link).matrix()
@@ -166,8 +166,9 @@ class Grounding:
         place = now if base is None else base
         group = self.group(motion)
         frames = {one.frame.lstrip("/"): self._frame(one.frame, place) for one in motion.constraints if one.frame}
+        base_link = product(Pose.planar(*place).matrix(), map_to_base)
         where = Surroundings(
-            product(Pose.planar(*place).matrix(), map_to_base),
+            base_link,
             motion.tools,
             motion.things,
             frames,
@@ -178,13 +179,14 @@ class Grounding:
             np.array([getattr(one, kind) for one in limits]) for kind in ("speed", "acceleration", "jerk")
         )
         rates = JointRates(speed, acceleration, jerk, platform.world.rate)
-        if base is not None:
+        if not blocked:
             return MotionProblem(group, where, rates)
 
         def touching(q: Array) -> list[tuple[str, str]]:
-            return scene.collisions.touching(dict(zip(group.names, q.tolist(), strict=True)))
+            return scene.collisions.touching(dict(zip(group.names, q.tolist(), strict=True)), base)
 
-        return MotionProblem(group, where, rates, scene.collisions.group_check(group, motion.arms), touching)
+        check = scene.collisions.group_check(group, motion.arms, base_link)
+        return MotionProblem(group, where, rates, check, touching)
 
     def _frame(self, name: str, base: BasePose) -> Array:
         """Return the rotation (3, 3) of a reference frame, a link; one that the robot lacks is its base."""
