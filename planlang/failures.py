@@ -192,6 +192,12 @@ class ManipulationGoalInCollision(ManipulationFailure):
     text: ClassVar[str] = "the arm has no room at its goal"
 
 
+class ObjectNotTurned(ManipulationFailure):
+    """A thing that was to be turned over still lies as it did."""
+
+    text: ClassVar[str] = "the object did not turn over"
+
+
 class GripperFailure(ManipulationFailure):
     """A gripper did not do what it should."""
 
@@ -373,6 +379,20 @@ class TooHeavy(LocationUnresolvable):
         return (
             f"{self.text}: {self.designator}: {self.what} weighs {self.mass:g} kg, the hand carries {self.payload:g} kg"
         )
+
+
+@dataclass(eq=False, repr=False)
+class HandsLacking(LocationUnresolvable):
+    """The thing to be grasped takes more hands than are free: ``needed`` and ``hands`` are their numbers."""
+
+    what: str | None = field(default=None, kw_only=True)
+    needed: int = field(default=2, kw_only=True)
+    hands: int = field(default=0, kw_only=True)
+
+    def describe(self) -> str:
+        """``no place found: tray1 takes 2 hands, 1 is free``."""
+        free = "1 is" if self.hands == 1 else f"{self.hands} are"
+        return f"{self.text}: {self.what} takes {self.needed} hands, {free} free"
 
 
 class ObjectUnresolvable(DesignatorFailure):

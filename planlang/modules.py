@@ -17,7 +17,7 @@ import traceback
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
-from functools import cached_property
+from functools import cached_property, partial
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from types import ModuleType
@@ -65,6 +65,8 @@ class OnDemand:
     name: str
     actions: tuple[str, ...]
     failures: tuple[type[Exception], ...] = ()
+    performs: Callable[[Any, Action], bool] | None = None
+    """Says of a platform and an action whether it performs that; None: it performs all of its classes."""
 
     def __call__(self, platform: Any) -> ProcessModule:
         """Return the module; it is imported later."""
@@ -75,6 +77,8 @@ class _Demanded:
     def __init__(self, what: OnDemand, platform: Any) -> None:
         self.name, self.actions, self.failures = what.name, what.actions, what.failures
         self._place, self._platform = what.place, platform
+        if what.performs is not None:
+            self.performs = partial(what.performs, platform)
 
     @cached_property
     def _module(self) -> ProcessModule:
@@ -109,6 +113,8 @@ class Registered:
     actions: tuple[str, ...]
     origin: str
     rank: Rank
+    selects: bool = False
+    """True if it performs some actions of its classes only: it comes first, and others perform the rest."""
 
 
 class ModuleRegistry:
@@ -120,8 +126,8 @@ class ModuleRegistry:
 
     @property
     def actions(self) -> frozenset[str]:
-        """The classes of actions that the registered modules name."""
-        return frozenset(name for one in self._registered for name in one.actions)
+        """The classes of actions that the registered modules name, all actions of which they perform."""
+        return frozenset(name for one in self._registered if not one.selects for name in one.actions)
 
     def add(self, module: ModuleType, origin: str, rank: Rank) -> int:
         """Register the marked classes that a Python module or package defines; return how many there are."""
@@ -132,7 +138,8 @@ class ModuleRegistry:
     def add_on_demand(self, module: OnDemand, origin: str, rank: Rank) -> None:
         """Register a class that is imported when it is needed."""
         origin = f"{module.place.rpartition(':')[2]} of {origin}"
-        self._registered.append(Registered(module, module.actions, origin, rank))
+        selects = module.performs is not None
+        self._registered.append(Registered(module, module.actions, origin, rank, selects))
 
     def add_file(self, path: Path) -> None:
         """Register the process modules of a user's file; raises BadInput, with the line, if it cannot be used."""
@@ -161,10 +168,11 @@ class ModuleRegistry:
 
         Raises BadInput where two of one rank perform the same action class.
         """
-        ordered = sorted(self._registered, key=lambda one: -one.rank)
+        ordered = sorted(self._registered, key=lambda one: (-one.rank, not one.selects))
+        whole = [one for one in ordered if not one.selects]
         problems = []
-        for action in dict.fromkeys(name for one in ordered for name in one.actions):
-            first, *others = (one for one in ordered if action in one.actions)
+        for action in dict.fromkeys(name for one in whole for name in one.actions):
+            first, *others = (one for one in whole if action in one.actions)
             if others and others[0].rank == first.rank:
                 both = f"{first.origin} and {others[0].origin}"
                 advice = "leave one out, or let one perform a more specific class"

@@ -126,7 +126,7 @@ class World(Protocol):
         """Return what links of a hand feel on their skins, or by the currents of their motors."""
 
     def attach(self, link: str, name: str) -> None:
-        """Fix a body to a link of the robot."""
+        """Fix a body to a link of the robot, beside links that hold it already."""
 
     def release(self, name: str) -> None:
         """Let a body go; it sinks to the first surface below."""
@@ -136,6 +136,9 @@ class World(Protocol):
 
     def let_go(self, leaf: str) -> None:
         """Let a door or drawer stay where it is."""
+
+    def set_pushing(self, link: str, *, pushing: bool) -> None:
+        """Let the hand at a link push what it meets and can be moved; else that stops it, as it does at first."""
 
     def led(self) -> Mapping[str, str]:
         """Door or drawer -> link of the robot that moves it; one that the hand has slipped off is none."""

@@ -41,6 +41,9 @@ SUPPORT_DEPTH = 0.02
 PARTED = 0.003
 """A held object has parted from what it touched when it is farther from it than this [m]."""
 
+AT_IT, OPPOSITE = 0.005, -0.5
+"""Distance within which a finger is at what it holds [m], and the cosine between normals of opposite sides, at most."""
+
 FOLD = 0.05
 """Distance up to which two fingers on something soft have a fold of it between them [m]."""
 
@@ -52,7 +55,7 @@ Ignored = Collection[str | tuple[str, str]]
 
 @dataclass(slots=True)
 class Held:
-    """An object in a hand."""
+    """An object in a hand, or in several, or on one that is."""
 
     link: str
     offset: Pose
@@ -63,6 +66,22 @@ class Held:
     """Bodies that it has touched ever since it was grasped."""
     placed: int | None = None
     """The robot's ``moves`` when it was put where the link has it; None when it has to be put there anew."""
+    others: dict[str, Pose] = field(default_factory=dict)
+    """Links of further hands that hold it, with its pose in their frames."""
+    needs: int = 1
+    """The number of hands without which it does not move with the first."""
+    on: str | None = None
+    """The held object on which it stands; None if hands hold it."""
+
+    @property
+    def links(self) -> dict[str, Pose]:
+        """Links that hold it, with its pose in their frames."""
+        return {self.link: self.offset, **self.others}
+
+    @property
+    def moves(self) -> bool:
+        """Return whether it moves with the first link: enough hands hold it."""
+        return len(self.links) >= self.needs
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +132,7 @@ class Contacts:
         if query.itself:
             self._of_the_robot_itself(query, lower, upper, found)
         for name, held in self.held.items():
-            if query.others and (query.links is None or self.robot.carrier(held.link) & query.links):
+            if query.others and (query.links is None or self._carriers(held) & query.links):
                 self._of_held(name, query, found)
             if query.itself:
                 self._of_held_and_robot(name, query, lower, upper, found)
@@ -121,6 +140,10 @@ class Contacts:
             if query.others and (query.links is None or self.robot.carrier(led.link) & query.links):
                 self._of_led(leaf, led, query, lower, upper, found)
         return tuple(Contact(part, body, depth) for (part, body), depth in found.items())
+
+    def _carriers(self, held: Held) -> frozenset[int]:
+        """Return the numbers of the links with which something held moves."""
+        return frozenset().union(*map(self.robot.carrier, held.links))
 
     def _of_pair(self, part: str, body: str, query: Query, found: dict[tuple[str, str], float]) -> None:
         """Check one pair that is not allowed to touch, or only by as much as what something held stood on."""
@@ -220,7 +243,7 @@ class Contacts:
         self, name: str, query: Query, lower: Array, upper: Array, found: dict[tuple[str, str], float]
     ) -> None:
         held = self.held[name]
-        every = query.links is None or bool(self.robot.carrier(held.link) & query.links)
+        every = query.links is None or bool(self._carriers(held) & query.links)
         for mine in self.bodies.of[name]:
             overlap = np.all((lower <= self.bodies.upper[mine]) & (upper >= self.bodies.lower[mine]), axis=1)
             for number in np.nonzero(overlap)[0].tolist():
@@ -259,6 +282,12 @@ class Contacts:
             found += [(name, self._touch(number, name, reach)) for name in names]
         felt = [(name, touch) for name, touch in found if touch is not None]
         return (*(touch for _, touch in felt), *self._folds(felt))
+
+    def pinches(self, link: str, name: str) -> bool:
+        """Return whether a body is between two links of the hand at a link: both are at it, on opposite sides."""
+        felt = [self._touch(number, name, AT_IT) for number in sorted(self.robot.hand_of(link))]
+        sides = [np.array(touch.normal) for touch in felt if touch is not None]
+        return any(float(one @ other) < OPPOSITE for one, other in combinations(sides, 2))
 
     def _folds(self, felt: list[tuple[str, Touch]]) -> Iterator[Touch]:
         """Yield what two links feel that are close together on something soft: the fold that it makes between them."""

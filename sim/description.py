@@ -25,6 +25,8 @@ from planlang.geometry.urdf import Element, Joint, extents_of, numbers, read_urd
 MOST_JOINTS = 127
 """PyBullet gives the poses of this many links."""
 _KEPT = {"robot", "link", "joint", "material"}
+_PRIMITIVES = {"box", "cylinder", "sphere", "capsule", "plane"}
+"""Shapes other than meshes that PyBullet reads everywhere."""
 _SHOWN = 4
 """Names of a list that a message shows."""
 THINNEST = 0.002
@@ -90,8 +92,10 @@ def read_description(path: Path) -> Description:
     for child in list(robot):
         if child.tag not in _KEPT:
             robot.remove(child)
+    for element in robot.iter():
+        element.attrib.pop("concave", None)  # PyBullet's own: such a mesh has no points to ask for, here all are convex
     _without_empty_shapes(robot)
-    meshless = next(robot.iter("mesh"), None) is None
+    meshless = all(shape.tag in _PRIMITIVES for shape in robot.iterfind("link/*/geometry/*"))
     found = []
     if robot.find("link/collision") is None:
         found.append(_looks_touched(path, robot))
@@ -166,12 +170,12 @@ def _shapes_as(link: ElementTree.Element, kind: str, other: str) -> list[Element
 
 
 def _replace_meshes(robot: Element, checked: Callable[[Element], bool]) -> list[str]:
-    """Replace meshes by checked ones, or by shapes; returns links that have no shape for contacts any more."""
+    """Replace meshes by checked ones or by shapes, and unknown geometry; returns links without a shape for contacts."""
     bare: list[str] = []
 
     def is_absent(shape: ElementTree.Element) -> bool:
-        mesh = shape.find("geometry/mesh")
-        return isinstance(mesh, Element) and not checked(mesh)
+        solid = shape.find("geometry/*")
+        return isinstance(solid, Element) and solid.tag not in _PRIMITIVES and not checked(solid)
 
     for link in robot.findall("link"):
         collisions, visuals = ([s for s in link.findall(kind) if is_absent(s)] for kind in ("collision", "visual"))

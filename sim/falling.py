@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
 
@@ -21,6 +21,8 @@ _LEVEL = 0.01
 _STEP = 0.01
 """Step by which a body slips off an edge [m]: fine beside the things that are handled."""
 _UP = 0.021  # above the lowest point of the body: a support may be penetrated by 2 cm
+_NEAR = 0.03
+"""Height above its support up to which a body stands on it [m]: maps are not better."""
 _SKIN = 0.001
 """Depth below the top of a body at which the search for what bears it begins at the latest [m]."""
 _DEPTH = 100.0
@@ -45,11 +47,13 @@ class Falling:
                 self.bodies.poses[name], body.size, self.rays.down, cylinder=body.shape is BodyShape.CYLINDER
             )
 
-    def begin(self, name: str) -> None:
-        """Let a body go; one with nothing below it stays in the air."""
+    def begin(self, name: str, riders: Collection[str] = ()) -> None:
+        """Let a body go, with those that stand on it; one with nothing below it stays in the air."""
         rest, support = self.rest(name)
         if support is not None:
+            motion = rest @ self.bodies.poses[name].inverse()
             self.on_the_way[name] = (0.0, rest)
+            self.on_the_way |= {rider: (0.0, motion @ self.bodies.poses[rider]) for rider in riders}
 
     def stop(self, name: str) -> None:
         """Forget that a body falls: it is held, or was put somewhere."""
@@ -66,6 +70,24 @@ class Falling:
             else:
                 self.bodies.place(name, Pose((x, y, height), rest.orientation))
                 self.on_the_way[name] = (speed, rest)
+
+
+def standing_on(name: str, bodies: Bodies, falling: Falling, held: Collection[str]) -> list[str]:
+    """Return the movable bodies that stand on one, or on another one that does; what is held stands on nothing."""
+    found = [name]
+    for support in found:
+        low, high = bodies.box_of(support)
+        for other, body in bodies.bodies.items():
+            if not body.movable or other in found or other in held or other in bodies.removed:
+                continue
+            least, most = bodies.box_of(other)
+            beside = (least[:2] > high[:2]).any() or (most[:2] < low[:2]).any()
+            if beside or least[2] > high[2] + _NEAR or least[2] < low[2]:
+                continue
+            rest, on = falling.rest(other)
+            if on == support and bodies.poses[other].position[2] - rest.position[2] <= _NEAR:
+                found.append(other)
+    return found[1:]
 
 
 def upright(pose: Pose) -> Pose:

@@ -47,10 +47,14 @@ class Articulation:
     """Bodies that move with the leaf: handles, knobs, the front of a drawer."""
     handle: str | None = None
     """The body of them by which a hand moves it."""
+    first: float = 0.0
+    """Its value at the beginning."""
 
     def __post_init__(self) -> None:
         if not (self.lower <= 0.0 < self.upper and math.isfinite(self.lower + self.upper)):
             raise ValueError(f"the limits of {self.leaf} are {self.lower} and {self.upper}; 0 is closed")
+        if not self.lower <= self.first <= self.upper:
+            raise ValueError(f"{self.leaf} begins at {self.first}, beyond {self.lower} and {self.upper}")
 
     @property
     def bodies(self) -> tuple[str, ...]:
@@ -78,7 +82,7 @@ class Articulation:
 
     def is_shut(self, value: float) -> bool:
         """Return whether the leaf counts as closed."""
-        return value <= self.last_shut
+        return abs(value) <= self.last_shut
 
     def is_open(self, value: float) -> bool:
         """Return whether the leaf counts as open."""

@@ -18,7 +18,7 @@ from sim.camera import Camera, Painter, Picture, Rays, View
 from sim.changes import Changes
 from sim.contact import PARTED, Contacts, Held, Query
 from sim.engine import bullet, connect
-from sim.falling import Falling
+from sim.falling import Falling, standing_on
 from sim.leaves import Leaves, Led
 from sim.matter import ON, Matter
 from sim.people import ComfortZone, People, parts_of
@@ -104,7 +104,7 @@ class KinematicScene:
             configuration = Configuration(configuration.base, {**self._now.joints, **configuration.joints})
         self._robot.show(configuration)
         for name, held in self._held.items():
-            if held.placed != self._robot.moves:
+            if held.placed != self._robot.moves and held.moves:
                 self._bodies.place(name, self._robot.link_pose(held.link) @ held.offset)
                 held.placed = self._robot.moves
         for leaf, led in self._leaves.led.items():
@@ -150,11 +150,13 @@ class KinematicScene:
         else:
             held = self._held[name]
             held.offset, held.placed = self.robot.link_pose(held.link).inverse() @ pose, None
+            held.others = {link: self.robot.link_pose(link).inverse() @ pose for link in held.others}
 
     def remove(self, name: str) -> None:
         """Take a body out of the world until :meth:`restore`; a held one is let go first."""
         self.scene.body(name)
-        self._held.pop(name, None)
+        if name in self._held:
+            self._let_go(name)
         self._falling.stop(name)
         self._people.lose(name)
         self._bodies.remove(name)
@@ -165,25 +167,56 @@ class KinematicScene:
         self._bodies.restore(name)
 
     def attach(self, link: str, name: str) -> None:
-        """Fix a body to a link of the robot, where it is; a person who held it lets go."""
-        self.scene.body(name)
+        """Fix a body to a link of the robot, where it is, beside links that hold it; a person who held it lets go.
+
+        What takes several hands does not move before they all hold it; then what stands on it goes with it.
+        """
+        body = self.scene.body(name)
         self._here()
-        offset = self.robot.link_pose(link).inverse() @ self._bodies.poses[name]
+        pose = self._bodies.poses[name]
+        offset, hand = self.robot.link_pose(link).inverse() @ pose, self.robot.hand_of(link)
         self._falling.stop(name)
         self._people.lose(name)
-        touched = self._contacts.touching(name, PARTED)
-        self._held[name] = Held(link, offset, self.robot.hand_of(link), touched)
+        held = self._held.get(name)
+        if held is None or held.on is not None or link == held.link:
+            touched = self._contacts.touching(name, PARTED)
+            held = self._held[name] = Held(link, offset, hand, touched, needs=body.hands)
+        else:
+            held.others[link], held.hand = offset, held.hand | hand
+        if held.needs > 1 and held.moves:
+            for rider in standing_on(name, self._bodies, self._falling, self._held):
+                self._ride(rider, name)
+
+    def _ride(self, rider: str, name: str) -> None:
+        """Let a body go with a held one on which it stands."""
+        link = self._held[name].link
+        offset = self.robot.link_pose(link).inverse() @ self._bodies.poses[rider]
+        self._held[rider] = Held(link, offset, frozenset(), self._contacts.touching(rider, PARTED), on=name)
 
     def release(self, name: str) -> None:
-        """Let a body go where it is; ``KeyError`` when it is not held."""
+        """Let a body go where it is, with what stands on it; ``KeyError`` when it is not held."""
         if name not in self._held:
             raise KeyError(f"{name!r} is not held; held are {', '.join(self._held) or 'none'}")
         self._here()
+        self._let_go(name)
+
+    def _let_go(self, name: str) -> None:
         del self._held[name]
+        for rider in [one for one, held in self._held.items() if held.on == name]:
+            del self._held[rider]
 
     def attached(self) -> Mapping[str, str]:
-        """Body -> link of the robot that holds it."""
+        """Body -> link of the robot that holds it, the first of several, or what it stands on."""
         return {name: held.link for name, held in self._held.items()}
+
+    def holders(self, name: str) -> tuple[str, ...]:
+        """Return the links of the robot that hold a body; none if it is not held, or stands on what is."""
+        held = self._held.get(name)
+        return () if held is None or held.on is not None else tuple(held.links)
+
+    def riders(self, name: str) -> tuple[str, ...]:
+        """Return the bodies that go with a held one because they stand on it."""
+        return tuple(rider for rider, held in self._held.items() if held.on == name)
 
     def _create(self, body: Body) -> None:
         """Put a body into the world that was not there before."""

@@ -53,6 +53,9 @@ class Leaves:
         self._bodies = bodies
         self.movable = [body.name for body in scene.bodies if body.movable]
         """The spaces inside of leaves in which things may lie."""
+        for joint in scene.joints:
+            if joint.first:
+                self.put(joint.leaf, joint.first, self.inside(joint.leaf))
 
     def put(self, leaf: str, value: float, carried: Mapping[str, Pose]) -> None:
         """Move a leaf, with its parts and what lies inside of it, to a value of its joint."""

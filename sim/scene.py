@@ -78,7 +78,7 @@ class Body:
     """True for what may stand elsewhere than in the map: see :func:`sim.scene.perturb`."""
     color: tuple[float, float, float, float] | None = None
     cavities: tuple[Cavity, ...] = ()
-    """Rooms inside a box: compartments, the inside of a drawer."""
+    """Rooms inside a box: compartments, the inside of a drawer; of a room: openings in its walls."""
     content: tuple[Portion, ...] = ()
     """Its content, or what it consists of, at the beginning."""
     capacity: float = 0.0
@@ -99,6 +99,8 @@ class Body:
     """Its mass, with what it contains at the beginning [kg]; 0 if it is not known."""
     largest_tilt: float | None = None
     """The angle by which its z axis may lean while carried [rad]; None if it may be turned as one likes."""
+    hands: int = 1
+    """The number of hands that hold it: it slips off fewer."""
 
     def __post_init__(self) -> None:
         if self.shape not in tuple(BodyShape):
@@ -131,7 +133,7 @@ class Scene:
     start: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Base of the robot at the beginning: x, y, yaw."""
     joints: tuple[Articulation, ...] = ()
-    """The leaves that turn or slide; the poses of their bodies are those when it is closed."""
+    """The leaves that turn or slide; the poses of their bodies, and of what lies in them, are those when closed."""
     controls: tuple[Control, ...] = ()
     """Buttons and knobs of devices."""
     rules: Rules = field(default_factory=Rules)
@@ -153,6 +155,11 @@ class Scene:
         if name in self._by_name:
             return self._by_name[name]
         raise KeyError(f"no body {name!r} in the scene; there are {', '.join(body.name for body in self.bodies)}")
+
+    def first_pose(self, body: Body) -> Pose:
+        """Return the pose of a body at the beginning, when some leaves are open."""
+        joint = next((joint for joint in self.joints if joint.first and body.name in joint.bodies), None)
+        return body.pose if joint is None else joint.motion(joint.first) @ body.pose
 
     def with_poses(self, poses: Mapping[str, Pose]) -> Scene:
         """Return the same scene with some bodies elsewhere."""
@@ -338,7 +345,8 @@ def _outline(body: Body, pose: Pose) -> Array:
 
 def _surfaces(support: Body, pose: Pose, of: Pose) -> Iterator[Array]:
     """Yield outlines, within all of which a thing stays that stands on a body, or in a room inside of it."""
-    yield _outline(support, pose)
+    x, y, z = support.size
+    yield _outline(replace(support, size=(x - 2 * support.wall, y - 2 * support.wall, z)), pose)
     for cavity in support.cavities:
         centre = pose @ Pose(cavity.centre)
         if (np.abs((centre.inverse() @ of).position) < np.asarray(cavity.size) / 2).all():
@@ -346,13 +354,17 @@ def _surfaces(support: Body, pose: Pose, of: Pose) -> Iterator[Array]:
 
 
 def _support(body: Body, bodies: Sequence[Body], half: Mapping[str, float]) -> str | None:
-    """Return what a body stands on or in: the one whose top is at its bottom, or that contains its centre.
+    """Return what a body stands on or in: a dish on whose floor it is, else what its bottom is at or its centre is in.
 
     ``half`` are the half heights of bodies by name [m].
     """
     if body.shape in (BodyShape.ROOM, BodyShape.MARKER):
         return None
     bottom = body.pose.position[2] - half[body.name]
+    for other in (one for one in bodies if one.wall and one is not body):
+        floor = other.pose.position[2] - half[other.name] + other.wall
+        if abs(floor - bottom) <= _RIM and inside(_outline(other, other.pose), body.pose.position):
+            return other.name
     for other in bodies:
         if other is body or other.shape in (BodyShape.ROOM, BodyShape.MARKER, BodyShape.PERSON):
             continue

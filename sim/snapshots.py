@@ -77,17 +77,31 @@ def created_of(state: Any, all_: Bodies) -> Iterator[Body]:
 
 def held(all_: Mapping[str, Held]) -> JSON:
     """Return what is in the robot's hands, in the order of grasping."""
-    return {name: [one.link, pose_json(one.offset), sorted(one.touched)] for name, one in all_.items()}
+    return {
+        name: [
+            one.link,
+            pose_json(one.offset),
+            sorted(one.touched),
+            {link: pose_json(offset) for link, offset in one.others.items()},
+            one.on,
+        ]
+        for name, one in all_.items()
+    }
 
 
 def restore_held(all_: dict[str, Held], robot: Robot, known: Bodies, state: Mapping[str, Any]) -> None:
     """Put things into the hands that held them."""
     _known(known, state)
     all_.clear()
-    for name, (link, offset, touched) in state.items():
-        if link not in robot.links:
-            raise ValueError(f"the robot has no link {link!r}")
-        all_[name] = Held(link, pose_of(offset), robot.hand_of(link), set(touched))
+    for name, (link, offset, touched, others, on) in state.items():
+        if absent := [one for one in (link, *others) if one not in robot.links]:
+            raise ValueError(f"the robot has no link {absent[0]!r}")
+        if on is not None and on not in state:
+            raise ValueError(f"{name} stands on {on}, which is not held")
+        hands = [] if on is not None else map(robot.hand_of, (link, *others))
+        more = {str(one): pose_of(there) for one, there in others.items()}
+        needs, hand = known.bodies[name].hands if on is None else 1, frozenset[int]().union(*hands)
+        all_[name] = Held(link, pose_of(offset), hand, set(touched), others=more, needs=needs, on=on)
 
 
 def leaves(all_: Leaves) -> JSON:

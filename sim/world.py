@@ -17,6 +17,7 @@ from sim.contact import Query
 from sim.controls import Controls
 from sim.kinematic import KinematicScene
 from sim.processes import Processes
+from sim.pushing import Pushing
 from sim.robot import BASE, Robot
 from sim.scene import RobotBody, Scene
 
@@ -163,6 +164,9 @@ def _obstacle(contacts: Sequence[Contact], before: Mapping[tuple[str, str], floa
 ROBOT = "robot"
 """The name by which :func:`held_by` calls the robot."""
 
+STRAYED, TWISTED = 0.01, 0.1
+"""What several hands hold slips off when one is farther [m, rad] from where it took it than this."""
+
 _RESTS = 0.005
 """Height above its support at which a body still rests on it [m]."""
 
@@ -184,6 +188,8 @@ class PyBulletWorld(KinematicScene):
         self._controls = Controls(scene.controls, self._matter)
         hands = {} if robot is None else robot.hands
         self._hands = frozenset((*hands, *(link for fingers in hands.values() for link in fingers)))
+        if self._robot is not None:
+            self._pushing = Pushing(self._bodies, self._leaves, self._contacts, self.changes)
 
     # Time and motions
 
@@ -192,20 +198,28 @@ class PyBulletWorld(KinematicScene):
         for playback in self._motions.values():
             if playback.state().state is MotionState.MOVING:
                 free = [strand for strand in playback.strands if strand.blocked_by is None]
-                self._now = advance(playback, self._find, self._contacts.felt, self._now)
+                self._now = advance(playback, self._met, self._contacts.felt, self._now)
                 self._push(free)
         self._here()
         if self._robot is not None:
             self._contacts.part()
             self._slip(self._robot)
-        self._people.step({name: self._bodies.poses[name] for name in self._held})
+        self._people.step({name: self._bodies.poses[name] for name, held in self._held.items() if held.on is None})
         self._falling.step()
         self._controls.turned(self._leaves.values, self._leaves.joints)
         self._processes.step(1 / self.rate)
         self.steps += 1
 
+    def _met(self, configuration: Configuration, query: Query) -> tuple[Contact, ...]:
+        """Return the contacts at a configuration, once what hands push has given way."""
+        return self._pushing.contacts_after(lambda: self._find(configuration, query))
+
+    def set_pushing(self, link: str, *, pushing: bool) -> None:
+        """Let the hand at a link push what it meets and can be moved, or be stopped by that again."""
+        (self._pushing.begin if pushing else self._pushing.end)(link)
+
     def _push(self, moved: Sequence[Strand]) -> None:
-        """Let hands push what stops them."""
+        """Let hands push the buttons that stop them."""
         for strand in moved:
             if (
                 strand.blocked_by in self._bodies.poses
@@ -215,10 +229,17 @@ class PyBulletWorld(KinematicScene):
                 self._controls.pushed(strand.blocked_by, strand.touch, self._bodies.poses[strand.blocked_by])
 
     def _slip(self, robot: Robot) -> None:
-        """Let leaves stay behind from which a hand has slipped off."""
+        """Let leaves stay behind from which a hand has slipped off, and what slips out of one of its hands fall."""
         for leaf, link in self.led().items():
             if self._leaves.strayed(leaf, robot.link_pose(link)):
                 self.let_go(leaf)
+        for name in [name for name, held in self._held.items() if held.needs > 1]:
+            for link, offset in self._held[name].links.items():
+                there, here = self._bodies.poses[name], robot.link_pose(link) @ offset
+                strayed = here.distance(there) > STRAYED or here.turn(there) > TWISTED
+                if strayed or not self._contacts.pinches(link, name):
+                    self.release(name)
+                    break
 
     def start(self, group: str, trajectory: Trajectory) -> None:
         """Begin a motion. A joint obeys the newest motion: another group that moves one of these joints is halted.
@@ -249,9 +270,10 @@ class PyBulletWorld(KinematicScene):
 
     def release(self, name: str) -> None:
         """Let a body go: it sinks in free fall unless a person has taken it. ``KeyError`` when it is not held."""
+        riders = self.riders(name)
         super().release(name)
         if self._people.holder(name) is None:
-            self._falling.begin(name)
+            self._falling.begin(name, riders)
 
     def falling(self, name: str) -> bool:
         """Return whether a body is on its way down."""

@@ -100,7 +100,7 @@ class _Reader:
             else:
                 joint = self._knob(thing, body) if self.is_a(thing, KNOBS) else None
             if joint is not None:
-                joints.append(joint)
+                joints.append(joint if joint.is_knob else replace(joint, first=self._position(thing, joint)))
         moved = {name for joint in joints for name in joint.parts}  # a knob on a door goes with the door
         return list(self.bodies.values()), tuple(joint for joint in joints if joint.leaf not in moved)
 
@@ -216,6 +216,15 @@ class _Reader:
             return replace(joint, lower=low, upper=high)
         return None
 
+    def _position(self, thing: MapObject, joint: Articulation) -> float:
+        """Return how far open a file says that a leaf is, within the limits of its joint; closed if it says nothing."""
+        stated = (self._limit(iri, "jointPosition") for iri in (thing.iri, *self._hinges(thing)))
+        position = next((value for value in stated if value is not None), 0.0)
+        if joint.within(position) != position:
+            message = f"{joint.leaf} is not open to {position}: its limits are {joint.lower} and {joint.upper}"
+            self.found.append(warning("M017", message, thing.span, "closed is 0; positions are radians or metres"))
+        return joint.within(position)
+
     def _with_axis(self, leaf: _Leaf, iri: str, kind: JointKind) -> Articulation:
         """Return a joint with the axis of a file, else that of the box."""
         told = self._hinged(leaf) if kind is JointKind.HINGED else None
@@ -273,10 +282,15 @@ class _Reader:
         return None
 
     def _parts(self, thing: MapObject) -> list[MapObject]:
-        """Return the parts of a thing, and theirs, down to :data:`DEEPEST` levels."""
+        """Return the parts of a thing, and theirs, down to :data:`DEEPEST` levels; in a level in the order of names.
+
+        Of several handles one is chosen: which one does not depend on the order of a file, which syntaxes change.
+        """
         found, level = {thing.iri: thing}, [thing]
         for _ in range(DEEPEST):
-            below = (self.things[iri] for one in level for iri in one.parts if iri in self.things)
+            below = (
+                self.things[iri] for iri in sorted({iri for one in level for iri in one.parts} & self.things.keys())
+            )
             level = list({one.iri: one for one in below if one.iri not in found}.values())
             found |= {one.iri: one for one in level}
         parts = list(found.values())[1:]

@@ -259,6 +259,10 @@ class BelievedBodies:
         """Return how heavy a body is, with what it contains [kg]; 0 if that is not known."""
         return self._world.scene.body(name).mass
 
+    def hands(self, name: str) -> int:
+        """Return how many hands hold a body."""
+        return self._world.scene.body(name).hands
+
     def is_movable(self, name: str) -> bool:
         """Return whether the body may stand elsewhere than in the map."""
         return self._world.scene.body(name).movable

@@ -120,6 +120,8 @@ def _with_content(body: Body, portions: Sequence[Portion], types: tuple[str, ...
     blade = numbers.of_classes(types, "bladeLength") or 0.0
     if body.movable and (tilt := numbers.of_classes(types, "largestTilt")) is not None:
         body = replace(body, largest_tilt=math.radians(tilt))
+    if body.movable and (hands := numbers.of_classes(types, "handsNeeded")) is not None:
+        body = replace(body, hands=max(1, round(hands)))
     if body.movable:
         body = replace(body, mass=_mass(body, portions, types, numbers))
     states = [shorten(one) for one in ontology.values(body.iri, expand("stateOfObject")) if isinstance(one, str)]

@@ -31,9 +31,18 @@ class Knowledge(NamedTuple):
     """Number of moves of the base before."""
 
 
+class Hold(NamedTuple):
+    """One hand of several on a thing."""
+
+    arm: str
+    link: str
+    offset: Pose
+    """Pose of the thing in the link's frame."""
+
+
 @dataclass(frozen=True, slots=True)
 class Grip:
-    """A hand's hold on a thing."""
+    """A hold on a thing: of a hand, the first one, and of others."""
 
     arm: str
     link: str
@@ -41,3 +50,16 @@ class Grip:
     """Pose of the thing in the link's frame."""
     before: Pose
     """Pose of the thing in the map when it was grasped: what locations relative to it refer to until it is let go."""
+    others: tuple[Hold, ...] = ()
+    riders: tuple[str, ...] = ()
+    """Things that stand on it and go with it."""
+
+    @property
+    def hands(self) -> tuple[Hold, ...]:
+        """Return the holds of all hands."""
+        return (Hold(self.arm, self.link, self.offset), *self.others)
+
+    @property
+    def arms(self) -> tuple[str, ...]:
+        """Return the arms whose hands hold it."""
+        return tuple(hand.arm for hand in self.hands)

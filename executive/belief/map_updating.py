@@ -1,7 +1,8 @@
 """A map as a robot leaves it behind: what its files state, with what was seen, felt and done since, and moved joints.
 
 A pose of the map is replaced where the robot knows it otherwise; its time is that of the map's newest perception and
-the plan time since. What was never seen stays as the map has it. Doors and drawers are written closed, as maps are.
+the plan time since. What was never seen stays as the map has it. Doors, drawers and what lies in them are written where
+they are when it is closed, as maps are, with the position of the joint.
 """
 
 from __future__ import annotations
@@ -33,6 +34,8 @@ from planlang.ontology import Ontology, Term, Triple, expand
 from planlang.ontology.terms import RDF
 from sim.joints import Articulation, JointKind
 
+HAIR = 1e-6
+"""Difference of poses that is of rounding [m, rad]."""
 _JOINTS = {JointKind.HINGED: "HingedJoint", JointKind.PRISMATIC: "PrismaticJoint"}
 
 
@@ -46,7 +49,7 @@ class MapUpdate:
 
     def __call__(self, record: Mapping[str, Any]) -> None:
         """Take note of a record of the trace."""
-        if record["event"] == "belief" and record.get("value"):
+        if record["event"] == "belief" and record.get("value") is not None:
             self._opened[str(record["name"])] = None
 
     def save(self, path: Path) -> None:
@@ -91,8 +94,10 @@ def _is_known_otherwise(thing: MapObject, belief: Belief) -> bool:
         return False
     if thing.name not in belief.made and not _is_stated(thing, belief):
         return False  # it goes with what it is a part of
-    source = belief.knowledge(thing.name).source
-    return source not in (Source.MAP, Source.TOLD) or not belief.by_map_alone(thing.name)
+    if belief.knowledge(thing.name).source not in (Source.MAP, Source.TOLD):
+        return True
+    pose, mapped = belief.closed_pose(thing.name), thing.pose
+    return not belief.by_map_alone(thing.name) and (mapped is None or pose.distance(mapped) + pose.turn(mapped) > HAIR)
 
 
 def _is_stated(thing: MapObject, belief: Belief) -> bool:
@@ -102,7 +107,7 @@ def _is_stated(thing: MapObject, belief: Belief) -> bool:
 
 def _moved(thing: MapObject, belief: Belief, start: float, placed: Mapping[str, Placement]) -> dict[str, Placement]:
     """Return the placements of a thing and of the parts that move with it."""
-    pose, time = belief.pose(thing.name), start + round(belief.knowledge(thing.name).time, 3)
+    pose, time = belief.closed_pose(thing.name), start + round(belief.knowledge(thing.name).time, 3)
     before = placed.get(thing.iri)
     moved = {thing.iri: Placement(thing.iri, pose, time)}
     for part in filter(None, map(belief.map.find, thing.parts)):
@@ -133,6 +138,9 @@ def _with_joint(statements: list[Triple], leaf: str, belief: Belief) -> list[Tri
         statements = [t for t in statements if t.subject != iri or t.predicate != expand("minJointValue")]
     if not any(ontology.triples(iri, expand("direction"))):
         facts.append(("direction", f"{iri}_direction"))
+    statements = [t for t in statements if t.subject not in (iri, thing.iri) or t.predicate != expand("jointPosition")]
+    if not joint.is_shut(belief.joint(leaf)):
+        facts.append(("jointPosition", decimal(belief.joint(leaf))))
     if joint.kind is JointKind.HINGED:
         statements = [t for t in statements if t.subject != iri or t.predicate != expand("turnRadius")]
         facts.append(("turnRadius", decimal(_opening_radius(joint, belief))))

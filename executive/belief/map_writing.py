@@ -21,7 +21,7 @@ def map_text(belief: Belief) -> str:
     Doors and drawers are written closed, as maps are read.
     """
     placed = set(belief.names())
-    things = [(thing, _closed(thing.name, belief)) for thing in belief.things if thing.name in placed]
+    things = [(thing, belief.closed_pose(thing.name)) for thing in belief.things if thing.name in placed]
     things += [riding for whole in things for riding in _handles(*whole, belief) if riding[0].name not in placed]
     namespace = expand("")
     lines = [f"# A semantic map, {MARK}.", "", f"Prefix: : <{MAP}#>", f"Prefix: knowrob: <{namespace}>", ""]
@@ -31,13 +31,6 @@ def map_text(belief: Belief) -> str:
     for number, (thing, pose) in enumerate(things, 1):
         lines += ["", *_thing(thing, number, written), "", *_pose(number, pose)]
     return "\n".join(lines) + "\n"
-
-
-def _closed(name: str, belief: Belief) -> Pose:
-    """Return the believed pose of a thing; of what moves with a door, that when it is closed."""
-    joint = next((joint for joint in belief.joints.values() if name in joint.bodies), None)
-    pose = belief.pose(name)
-    return pose if joint is None else joint.motion(belief.joint(joint.leaf)).inverse() @ pose
 
 
 def _handles(whole: MapObject, pose: Pose, belief: Belief) -> Iterator[tuple[MapObject, Pose]]:

@@ -176,6 +176,11 @@ class ObjectModels:
         floor = thing.wall - height / 2 if thing.wall else height / 2
         return Found(None, np.array([0.0, 0.0, floor]), np.array([0.0, 0.0, 1.0]), FeatureKind.PLANE)
 
+    def _bottom_side(self, of: Found, thing: Thing) -> Found:
+        """Return the lower side of the box, with its normal up."""
+        top = self._upper_side(of, thing)
+        return replace(top, position=-top.position)
+
     def _flat_side(self, of: Found, thing: Thing) -> Found:
         """Return the largest side of the box that looks away from the hand, else down, with its normal outwards."""
         size = np.ones(3) if thing.size is None else np.array(thing.size)
@@ -222,6 +227,7 @@ DERIVED: dict[str, Callable[[ObjectModels, Found, Thing], Found]] = {
     "SupportingPlane": ObjectModels._supporting_plane,
     "TopSide": ObjectModels._upper_side,
     "BottomInside": ObjectModels._bottom_inside,
+    "BottomSide": ObjectModels._bottom_side,
     "FlatSide": ObjectModels._flat_side,
     "LengthOfFlatSide": ObjectModels._length,
     "WidthOfFlatSide": ObjectModels._width,

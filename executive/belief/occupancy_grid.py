@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from planlang.diagnostics import BadInput, Span, error
 from planlang.files import decode, read_file
-from planlang.geometry import Array
+from planlang.geometry import Array, Pose
 
 LARGEST_YAML, LARGEST_PICTURE = 10_000, 64_000_000
 """Bytes that are read at most."""
@@ -24,6 +24,10 @@ MOST_CELLS = 16_000_000
 """Cells of a grid: 200 m by 200 m with 5 cm."""
 RESOLUTIONS = (0.001, 10.0)
 """Least and greatest length of a cell [m]."""
+HEIGHT = 1.0
+"""Height of obstacles of which a grid tells none [m]: hands keep away from what is not known as well."""
+HEIGHTS = (0.01, 10.0)
+"""Least and greatest height that a grid may tell [m]."""
 CODE = "M024"
 
 Cells = NDArray[np.bool_]
@@ -47,18 +51,18 @@ class OccupancyGrid:
     """Length of a cell [m]."""
     origin: tuple[float, float, float]
     """Pose of the outer corner of the first cell in the map: x [m], y [m], yaw [rad]."""
+    height: float
+    """Height of what the cells have [m]: ``height`` of the YAML file, which map_server ignores, else :data:`HEIGHT`."""
+
+    @property
+    def frame(self) -> Pose:
+        """The grid's frame in the map."""
+        return Pose.planar(*self.origin)
 
     def centres(self, cells: Cells) -> Array:
-        """Return the middles (n, 2) of some cells (rows, columns) in the map [m]."""
+        """Return the middles (n, 3) of some cells (rows, columns) in the grid's frame, on the floor [m]."""
         rows, columns = np.nonzero(cells)
-        return self.in_map(np.stack([columns + 0.5, rows + 0.5], axis=-1) * self.resolution)
-
-    def in_map(self, points: Array) -> Array:
-        """Return points (n, 2) of the grid's frame in the map's [m]."""
-        x, y, yaw = self.origin
-        cosine, sine = math.cos(yaw), math.sin(yaw)
-        turn = np.array([[cosine, sine], [-sine, cosine]])  # of rows
-        return np.asarray(np.array([x, y]) + (points[:, :1] * turn[0] + points[:, 1:] * turn[1]))
+        return np.stack([columns + 0.5, rows + 0.5, 0.0 * rows], axis=-1) * self.resolution
 
 
 def read_grid(path: Path) -> OccupancyGrid:
@@ -71,10 +75,13 @@ def read_grid(path: Path) -> OccupancyGrid:
             return default
         return _number(text, key, Span(str(path), line))
 
-    resolution = number("resolution")
-    if not RESOLUTIONS[0] <= resolution <= RESOLUTIONS[1]:
-        least, most = RESOLUTIONS
-        raise _bad(f"a resolution of {resolution} m is not from {least} to {most} m", path, entries["resolution"][1])
+    def within(key: str, least: float, most: float, default: float | None = None) -> float:
+        value = number(key, default)
+        if not least <= value <= most:
+            raise _bad(f"a {key} of {value} m is not from {least} to {most} m", path, entries[key][1])
+        return value
+
+    resolution, height = within("resolution", *RESOLUTIONS), within("height", *HEIGHTS, HEIGHT)
     image, line = entries.get("image", ("", 1))
     if not image:
         raise _bad("there is no image", path, line)
@@ -92,7 +99,7 @@ def read_grid(path: Path) -> OccupancyGrid:
     if len(words) != 3:
         raise _bad(f"the origin is x, y and yaw, not {text[:80]!r}", path, line)
     x, y, yaw = (_number(word, "origin", Span(str(path), line)) for word in words)
-    return OccupancyGrid(occupied[::-1], free[::-1], resolution, (x, y, yaw))
+    return OccupancyGrid(occupied[::-1], free[::-1], resolution, (x, y, yaw), height)
 
 
 def _entries(path: Path) -> dict[str, tuple[str, int]]:

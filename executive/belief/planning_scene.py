@@ -235,11 +235,16 @@ class RobotArms:
     def held(self, arm: str) -> Held | None:
         """Return what an arm holds."""
         for name, grip in self._belief.held.items():
-            if grip.arm == arm:
-                limit = self._world.scene.body(name).largest_tilt
-                upright = limit is not None and float(grip.before.rotation[2, 2]) >= math.cos(limit)
-                return Held(name, grip.offset, self._world.size(name), limit if upright else None)
+            for hand in grip.hands:
+                if hand.arm == arm:
+                    limit = self._world.scene.body(name).largest_tilt
+                    upright = limit is not None and float(grip.before.rotation[2, 2]) >= math.cos(limit)
+                    return Held(name, hand.offset, self._world.size(name), limit if upright else None)
         return None
+
+    def together(self, arm: str) -> bool:
+        """Return whether the arm holds something with another one: neither can move without the other."""
+        return any(arm in grip.arms and grip.others for grip in self._belief.held.values())
 
     def is_held(self, body: str) -> bool:
         """Return whether one of the hands holds a body."""

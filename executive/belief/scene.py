@@ -97,9 +97,6 @@ SOFT = ("TableCovering", "Napkin", "PaperTowel")
 LIGHT_FURNITURE = ("Table-PieceOfFurniture", "Chair-PieceOfFurniture", "SideTable", "Stool")
 """Classes of furniture that people push around."""
 
-TWO_HANDED = ("Tray", "Platter")
-"""Classes of things that one hand does not hold level, whatever handles they have."""
-
 FIXED = (
     "FurniturePiece",
     "Box-Container",
@@ -147,6 +144,10 @@ def scene_of(semantic_map: SemanticMap, found: list[Diagnostic] | None = None) -
     bodies, joints = articulated(bodies, semantic_map, found)
     bodies = _opened(bodies, joints, semantic_map, found)
     bodies = with_contents(bodies, semantic_map, found)
+    if sum(body.shape is BodyShape.ROOM for body in bodies) > 1:
+        from executive.belief.doorways import with_doorways  # most maps are of one room
+
+        bodies = with_doorways(bodies, semantic_map, found)
     if semantic_map.has_files:
         from executive.belief.map_files import with_obstacles  # most maps are what they state
 
@@ -175,8 +176,8 @@ def _body(thing: MapObject, pose: Pose, semantic_map: SemanticMap) -> Body:
 
 
 def _handles(thing: MapObject, semantic_map: SemanticMap) -> Iterator[tuple[str, Handle]]:
-    """Yield the parts, by IRI, by which a hand takes a thing, however wide that is; no furniture, leaf or tray is."""
-    if not thing.parts or thing.pose is None or _is_a(thing, semantic_map, (*LIGHT_FURNITURE, *TWO_HANDED)):
+    """Yield the parts, by IRI, by which hands take a thing, however wide that is; no furniture and no leaf is."""
+    if not thing.parts or thing.pose is None or _is_a(thing, semantic_map, LIGHT_FURNITURE):
         return
     if _movable(thing, semantic_map, wide=True) and _shape(thing, semantic_map) in (BodyShape.BOX, BodyShape.CYLINDER):
         for part in filter(None, map(semantic_map.find, thing.parts)):
@@ -189,7 +190,7 @@ def _is_a(thing: MapObject, semantic_map: SemanticMap, classes: Iterable[str]) -
 
 
 def _shape(thing: MapObject, semantic_map: SemanticMap) -> BodyShape:
-    if thing.size is None:
+    if thing.size is None or _is_a(thing, semantic_map, ("Portal",)):
         return BodyShape.MARKER
     if _is_a(thing, semantic_map, ("RoomInAConstruction",)):
         return BodyShape.ROOM
@@ -298,13 +299,9 @@ def default_starts(scene: Scene, radius: float) -> Iterator[tuple[float, float, 
     x_min, y_min, x_max, y_max = scene.bounds
     centre = np.array(rooms[0].pose.position[:2] if rooms else ((x_min + x_max) / 2, (y_min + y_max) / 2))
     inner = [footprint(room.pose, room.size) for room in rooms]
-    outer = [
-        footprint(body.pose, body.size)
-        for body in scene.bodies
-        if body.shape not in (BodyShape.MARKER, BodyShape.ROOM)
-        and body.pose != STOWED
-        and corners(body.pose, body.size)[:, 2].min() < HEADROOM
-    ]
+    solid = (body for body in scene.bodies if body.shape not in (BodyShape.MARKER, BodyShape.ROOM))
+    placed = [(scene.first_pose(body), body.size) for body in solid if body.pose != STOWED]
+    outer = [footprint(pose, size) for pose, size in placed if corners(pose, size)[:, 2].min() < HEADROOM]
     found = False
     for reach, spacing in GRIDS:
         points = _grid(centre, min(reach, max(x_max - x_min, y_max - y_min)), spacing)

@@ -180,6 +180,10 @@ def pinched(touches: Iterable[Touch]) -> Array | None:
     return np.add(one.point, other.point) / 2
 
 
+def _names(touches: str | None) -> frozenset[str]:
+    return frozenset() if touches is None else frozenset({touches})
+
+
 def _closing(gripper: Gripper, fingers: Fingers) -> list[dict[str, float]]:
     """Return the joint values of fingers on their way from where they are to closed."""
     return [
@@ -418,12 +422,15 @@ class SceneCollisions:
         bodies = self._bodies_of(arm, ())
         base = self._world.link_pose(self._robot.base_link).matrix()
         middle = moved(base, bodies.centre)
-        return bodies.against(base, self._room().near(middle, bodies.reach), (self._touching(arm), touches))
+        return bodies.against(base, self._room().near(middle, bodies.reach), (self._touching(arm), _names(touches)))
 
-    def group_check(self, group: ArmGroup, arms: Sequence[ArmModel], base_link: Array) -> QuickCheck:
+    def group_check(
+        self, group: ArmGroup, arms: Sequence[ArmModel], base_link: Array, touches: frozenset[str] = frozenset()
+    ) -> QuickCheck:
         """Return a check, without PyBullet, of how arms may move together; blades may go under what is thin.
 
-        ``base_link``: the pose (4, 4) of the robot's base link in the map from which they do.
+        ``base_link``: the pose (4, 4) of the robot's base link in the map from which they do; ``touches``: the bodies
+        that their hands may touch.
         """
         world, names = self._world, tuple(arm.name for arm in arms)
         if names not in self._groups:
@@ -433,25 +440,30 @@ class SceneCollisions:
         room = self._room().near(moved(base_link, bodies.centre), bodies.reach)
         if any(world.scene.body(name).blade for name in world.attached()):
             room = room.without([body.name for body in world.scene.bodies if body.thin])
-        return bodies.against(base_link, room, (frozenset(), None))
+        return bodies.against(base_link, room, (frozenset[str]().union(*(arm.hand_links for arm in arms)), touches))
 
-    def touching(self, joints: Mapping[str, float], base: BasePose | None = None) -> list[tuple[str, str]]:
-        """Return which two bodies penetrate each other, wrongly, with some joints, and perhaps the base, elsewhere."""
+    def touching(
+        self, joints: Mapping[str, float], base: BasePose | None = None, *, ignore: Collection[tuple[str, str]] = ()
+    ) -> list[tuple[str, str]]:
+        """Return which two bodies penetrate each other, wrongly, with some joints, and perhaps the base, elsewhere.
+
+        ``ignore``: pairs of a link and a body that may touch.
+        """
         now = self._world.configuration()
         there = Configuration(base or now.base, {**now.joints, **joints})
-        return [(contact.part, contact.body) for contact in self._world.contacts(there, tuple(joints))]
+        return [(contact.part, contact.body) for contact in self._world.contacts(there, tuple(joints), ignore=ignore)]
 
     def arm_check(
         self, arm: ArmModel, touches: str | None, fingers: Fingers, near: tuple[Array, float] | None = None
     ) -> QuickCheck:
         """Return a check that rules out postures of an arm from any base, and poses of its hand."""
-        key, ignored = ("arm", arm.name, touches, fingers), (self._touching(arm), touches)
+        key, ignored = ("arm", arm.name, touches, fingers), (self._touching(arm), _names(touches))
         return self._check(key, near, lambda: self._bodies_of(arm, fingers), ignored)
 
     def stance_check(self, near: tuple[Array, float] | None = None) -> QuickCheck:
         """Return a check that rules out bases from which an arm, in its present posture, would stick into something."""
         several = [self._chains[arm.name] for arm in self._arms]
-        return self._check("stance", near, lambda: ArmShapes.still(self._world, several), (frozenset(), None))
+        return self._check("stance", near, lambda: ArmShapes.still(self._world, several), (frozenset(), frozenset()))
 
     def _check(
         self, key: object, near: tuple[Array, float] | None, bodies: Callable[[], ArmBodies], ignored: Ignored

@@ -59,6 +59,6 @@ def _counts(scene: Scene) -> dict[str, tuple[str, str, int]]:
         "devices": ("device with a switch", "devices with switches", len({one.device for one in scene.controls})),
         "persons": ("person", "persons", shapes.count(BodyShape.PERSON)),
         "rooms": ("room", "rooms", shapes.count(BodyShape.ROOM)),
-        "obstacles": ("obstacle of a grid", "obstacles of grids", mapped),
+        "obstacles": ("mapped obstacle", "mapped obstacles", mapped),
         "places": ("mere place", "mere places", shapes.count(BodyShape.MARKER)),
     }

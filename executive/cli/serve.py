@@ -33,13 +33,16 @@ def command(arguments: ServeArguments) -> Answer:
         if arguments.new_key is not None or arguments.drop_keys is not None:
             return _keys(store, arguments)
         from executive.serving.app import application
+        from executive.serving.rates import Rates
         from executive.serving.running import run
+        from executive.serving.workers import Limits, Staff
 
-        app = application(store, folders)
+        staff = Staff(folders, Limits(arguments.check_seconds))
+        app = application(store, folders, staff=staff, rates=Rates(arguments.rate))
         serving = app.state.serving
         show(serving.vocabulary.diagnostics)
         tell = silent if arguments.json else say
-        with closing(serving.mirror):
+        with closing(serving):
             address = run(
                 app, arguments.host, arguments.port, lambda url: tell(f"{arguments.store} is served at {url}")
             )

@@ -5,14 +5,17 @@ For these it is stated here what their class says: name, action classes, failure
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from executive.modules import perception, process_modules
+from executive.modules.platform import Platform
+from planlang.designators import Action, Object
 from planlang.diagnostics import Diagnostic
 from planlang.failures import (
     DesignatorFailure,
     EnvironmentManipulationFailure,
+    GripperFailure,
     LookingFailure,
     ManipulationFailure,
     NavigationFailure,
@@ -23,8 +26,21 @@ from planlang.modules import ModuleRegistry, OnDemand, Rank
 _HAND_WORK = (EnvironmentManipulationFailure, ManipulationFailure, NavigationFailure, DesignatorFailure)
 
 
-def _on_demand(place: str, name: str, *actions: str, failures: tuple[type[Exception], ...] = ()) -> OnDemand:
-    return OnDemand(f"executive.modules.{place}", name, actions, failures)
+def _on_demand(
+    place: str,
+    name: str,
+    *actions: str,
+    failures: tuple[type[Exception], ...] = (),
+    performs: Callable[[Platform, Action], bool] | None = None,
+) -> OnDemand:
+    return OnDemand(f"executive.modules.{place}", name, actions, failures, performs)
+
+
+def _takes_several_hands(platform: Platform, action: Action) -> bool:
+    """Return whether an action is about a thing that one hand does not hold."""
+    what = action.get("object_acted_on")
+    name = platform.scene.bodies.known(what) if isinstance(what, Object) else None
+    return name is not None and platform.scene.bodies.hands(name) > 1
 
 
 ON_DEMAND = (
@@ -91,7 +107,26 @@ ON_DEMAND = (
         "WipingMotion",
         failures=(ManipulationFailure, NavigationFailure, PerceptionFailure, LookingFailure, DesignatorFailure),
     ),
+    _on_demand(
+        "pushing:Pushing",
+        "pushing",
+        "PushingMotion",
+        failures=(ManipulationFailure, NavigationFailure, PerceptionFailure, LookingFailure, DesignatorFailure),
+    ),
     _on_demand("mapping:Mapping", "mapping", "UploadMapToRoboEarth"),
+    _on_demand(
+        "two_hands:TwoHands",
+        "two_hands",
+        "GraspingSomething",
+        "PickingUpAnObject",
+        "TakingSomething",
+        "CarryingWhileLocomoting",
+        "PuttingDownAnObject",
+        "LoweringAnObject",
+        "ReleasingGraspOfSomething",
+        failures=(PerceptionFailure, LookingFailure, GripperFailure, *_HAND_WORK),
+        performs=_takes_several_hands,
+    ),
 )
 
 

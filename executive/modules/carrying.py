@@ -74,17 +74,31 @@ def _free(control: Control, arm: ArmModel, held: Held, named: Array) -> Iterator
     Solutions are looked for from where the arm is, to which there is often a straight way, and from the named posture.
     """
     targets = _targets(arm, held, arm.solver.chain.fk(named)[0])
-    ways = [np.concatenate([begin[None], arm.seeds]) for begin in (control.arm_joints(arm), named)]
     found: list[tuple[Array, Array]] = []
     for first in range(0, len(targets), AT_ONCE):
         part = targets[first : first + AT_ONCE]
-        for seeds in ways:
-            rows, good = arm.solver.solve(part, np.broadcast_to(seeds, (len(part), *seeds.shape)))
-            for pose, q in zip(part[good], rows[good], strict=True):
+        for poses, rows in _ways(control, arm, named, part):
+            for pose, q in zip(poses, rows, strict=True):
                 known = any(_alike(pose, other) and np.abs(q - p).max() < OTHERWISE for other, p in found)
                 if not known and not control.scene.world.self_contacts(_configuration(control, arm, q)):
                     found.append((pose, q))
                     yield q
+
+
+def _ways(control: Control, arm: ArmModel, named: Array, targets: Array) -> Iterator[tuple[Array, Array]]:
+    """Yield which of some targets are reached, and how, begun where the arm is; then begun at the named posture."""
+    solved = np.ones(len(targets), bool)
+    for begin in (control.arm_joints(arm), named):
+        every = np.concatenate([begin[None], arm.seeds])
+        joints, good = np.zeros((len(targets), len(named))), np.zeros(len(targets), bool)
+        # the arm's own seeds led nowhere before where nothing was solved: they would again
+        for some, seeds in ((solved, every), (~solved, every[:1])):
+            rows = np.flatnonzero(some)
+            joints[rows], good[rows] = arm.solver.solve(
+                targets[rows], np.broadcast_to(seeds, (len(rows), *seeds.shape))
+            )
+        solved = good
+        yield targets[good], joints[good]
 
 
 def _targets(arm: ArmModel, held: Held, there: Array) -> Array:

@@ -23,6 +23,7 @@ from executive.modules.platform import PlatformModule
 from executive.modules.pouring import Pouring
 from executive.modules.process_modules import Navigation
 from executive.modules.stances import is_at_ease, stances
+from executive.modules.turning_over import check_flip
 from executive.motion import MotionError
 from executive.motion.constrained_ends import Ends
 from executive.motion.constrained_motion import PhaseMotion, solve_motion
@@ -79,11 +80,13 @@ class ConstrainedMotions(PlatformModule):
         motion, solved = await self._solved(grounding, asked, phase)
         self.platform.arms.choices.choose(motion.arms[0].name)
         self.platform.leaning |= self._leaning(motion, solved)
-        await self.gone(motion, solved.trajectory)
-        self._check_end(grounding, motion, solved)
-        await Pouring(self.platform).pour(action, motion, grounding.group(motion), solved.trajectory.positions)
+        async with Pouring(self.platform, phase).during(action, motion, grounding.group(motion), solved.trajectory):
+            await self.gone(motion, solved.trajectory)
+            self._check_end(grounding, motion, solved)
         self._straightened()
         phase.before = tuple(asked)
+        names, rows = grounding.world_things(asked), solved.trajectory.positions
+        await check_flip(self.platform, motion, grounding.group(motion), rows, phase, names)
         return tuple(str(one.name) for one in solved.given_up)
 
     # Where from
@@ -204,9 +207,9 @@ class ConstrainedMotions(PlatformModule):
     def _ends_of(
         self, grounding: Grounding, motion: GroundedMotion, base: BasePose, start: Array, tries: int
     ) -> Iterator[Array]:
-        problem, touching = grounding.problem(motion, base, blocked=False), self.platform.scene.collisions.touching
+        problem = grounding.problem(motion, base, blocked=False)
         for q in Ends.of(problem, start, [motion.constraints]).reached(tries):
-            if not touching(dict(zip(problem.group.names, q.tolist(), strict=True)), base):
+            if not grounding.touching(motion, q, base):
                 yield q
 
     # The motion

@@ -89,7 +89,7 @@ class Control:
 
     def watched(self, group: str) -> Sequence[str]:
         """Return the arms that must not lose what they hold while a group moves."""
-        return [grip.arm for grip in self.belief.held.values()]
+        return [arm for grip in self.belief.held.values() for arm in grip.arms]
 
     async def wait_holding(
         self, arms: Sequence[str], true: Callable[[], T], name: str, timeout: float | None = None
@@ -105,25 +105,24 @@ class Control:
     def check_hold(self, arms: Sequence[str]) -> None:
         """Raise ObjectLost if an arm does not feel what it is believed to hold: then that is believed to lie below."""
         if (arm := self._emptied(arms)) is not None:
-            self._lose(next(name for name, grip in self.belief.held.items() if grip.arm == arm))
+            self._lose(next(name for name, grip in self.belief.held.items() if arm in grip.arms), arm)
 
     def check_shift(self, touch: Touch) -> None:
         """Raise ObjectLost if a hand is pressed by what it is believed to hold: that does not move with it any more."""
-        for name, grip in self.belief.held.items():
-            gripper = self.robot.arm(grip.arm).gripper
+        for name, arm in [(name, arm) for name, grip in self.belief.held.items() for arm in grip.arms]:
+            gripper = self.robot.arm(arm).gripper
             if gripper is not None and touch.link in gripper.finger_links:
                 there = Block.of(self.scene.world.pose(name), self.scene.world.size(name))
                 if there.away(np.array(touch.point)) <= MEANT:
-                    self._lose(name)
+                    self._lose(name, arm)
 
-    def _lose(self, what: str) -> NoReturn:
-        arm = self.belief.held[what].arm
+    def _lose(self, what: str, arm: str) -> NoReturn:
         self.belief.lost(what, self.below(what))
         self.sync()
         raise ObjectLost(what=what) from GraspSlipped(arm=arm, what=what)
 
     def _emptied(self, arms: Sequence[str]) -> str | None:
-        holding = [grip.arm for grip in self.belief.held.values() if grip.arm in arms]
+        holding = [arm for grip in self.belief.held.values() for arm in grip.arms if arm in arms]
         return next((arm for arm in holding if self.between_fingers(arm) is None), None)
 
     def between_fingers(self, arm: str) -> Array | None:
@@ -343,6 +342,8 @@ class Hands:
         offset = control.world.link_pose(link).inverse() @ control.belief.pose(name)
         control.belief.grasped(name, arm.name, link, offset)
         control.sync()
+        if riders := control.scene.world.riders(name):
+            control.belief.loaded(name, riders)
 
     def let_go(self, name: str, *, to: str | None = None) -> None:
         """Let a held body go: it comes down on what is below, or a person has it."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -47,10 +48,10 @@ UP = Object("Up", "map:up")
 
 
 class Grounding:
-    """Grounds motions of one platform."""
+    """Grounds motions of one platform; hands of the arms that move may touch bodies ``touches``."""
 
-    def __init__(self, platform: Platform) -> None:
-        self._platform = platform
+    def __init__(self, platform: Platform, *touches: str) -> None:
+        self._platform, self._touches = platform, frozenset(touches)
         self._models = ObjectModels(platform.belief.map.ontology)
 
     def world_things(self, constraints: Iterable[MotionConstraint]) -> tuple[str, ...]:
@@ -157,8 +158,22 @@ class Grounding:
         """Return the arms of a motion as one space of joints."""
         return ArmGroup([arm.solver.chain for arm in motion.arms])
 
-    def problem(self, motion: GroundedMotion, base: BasePose | None = None, *, blocked: bool = True) -> MotionProblem:
-        """Return the problem of moving from where the base is, or from elsewhere; unless ``blocked`` without bodies."""
+    def touching(
+        self, motion: GroundedMotion, q: Array, base: BasePose | None = None, *, clear: bool = False
+    ) -> list[tuple[str, str]]:
+        """Return what touches wrongly with the arms of a motion at joint values (n,); ``clear`` as in `problem`."""
+        bodies = () if clear else sorted(self._touches)
+        ignore = [(link, body) for body in bodies for arm in motion.arms for link in sorted(arm.hand_links)]
+        joints = dict(zip(self.group(motion).names, q.tolist(), strict=True))
+        return self._platform.scene.collisions.touching(joints, base, ignore=ignore)
+
+    def problem(
+        self, motion: GroundedMotion, base: BasePose | None = None, *, blocked: bool = True, clear: bool = False
+    ) -> MotionProblem:
+        """Return the problem of moving from where the base is, or from elsewhere; unless ``blocked`` without bodies.
+
+        ``clear``: hands touch nothing, not even what they otherwise may.
+        """
         platform, scene = self._platform, self._platform.scene
         now = platform.base()
         link = scene.world.link_pose(platform.robot.base_link).matrix()
@@ -182,11 +197,8 @@ class Grounding:
         if not blocked:
             return MotionProblem(group, where, rates)
 
-        def touching(q: Array) -> list[tuple[str, str]]:
-            return scene.collisions.touching(dict(zip(group.names, q.tolist(), strict=True)), base)
-
-        check = scene.collisions.group_check(group, motion.arms, base_link)
-        return MotionProblem(group, where, rates, check, touching)
+        check = scene.collisions.group_check(group, motion.arms, base_link, frozenset() if clear else self._touches)
+        return MotionProblem(group, where, rates, check, partial(self.touching, motion, base=base, clear=clear))
 
     def _frame(self, name: str, base: BasePose) -> Array:
         """Return the rotation (3, 3) of a reference frame, a link; one that the robot lacks is its base."""

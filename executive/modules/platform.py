@@ -241,7 +241,8 @@ class Arms:
 
         The height of a torso that arms share does not count: what one of them holds may need another.
         """
-        arms = [arm for arm in self._control.scene.arms.all if not self._is_tucked(arm)]
+        there = self._control.scene.arms
+        arms = [arm for arm in there.all if not there.together(arm.name) and not self._is_tucked(arm)]
         postures = [(arm, self.postures(arm, CARRYING)) for arm in arms]
         return [(arm, qs[0]) for arm, qs in postures if qs]
 

@@ -180,7 +180,8 @@ class Strokes(ConstrainedMotions):
                 places = [plane.at(point, motion.constraints) for point in points]
                 kept = [one for one in places[0] if all(one in other for other in places)]
                 self.platform.sync()
-                solve = partial(solve_stroke, grounding.problem(motion), self._start(motion), places)
+                problems = grounding.problem(motion, clear=True), grounding.problem(motion)
+                solve = partial(solve_stroke, *problems, self._start(motion), places)
                 first, lap = await apart(partial(solve, kept, closed=closed))
             except (MotionError, NavigationFailure) as failure:
                 problem = problem or failure

@@ -22,12 +22,19 @@ Place = Sequence[MotionConstraint]
 
 
 def solve_stroke(
-    problem: MotionProblem, start: Array, places: Sequence[Place], kept: Collection[MotionConstraint], *, closed: bool
+    to_first: MotionProblem,
+    problem: MotionProblem,
+    start: Array,
+    places: Sequence[Place],
+    kept: Collection[MotionConstraint],
+    *,
+    closed: bool,
 ) -> tuple[Trajectory, Trajectory]:
     """Return the way from joint values (n,) to the first place, and that through all, if closed back to the first.
 
-    ``kept`` holds throughout the second. Raises :class:`ConstraintsContradict`, :class:`NoConstrainedPath`, and
-    :class:`MotionError` for features, tools or frames of which nothing is known.
+    ``kept`` holds throughout the second; ``to_first`` is the same problem, where more may not be touched. Raises
+    :class:`ConstraintsContradict`, :class:`NoConstrainedPath`, and :class:`MotionError` for features, tools or frames
+    of which nothing is known.
     """
     ends = Ends.of(problem, start, places)
     bounds = ends.functions.bounds
@@ -37,8 +44,8 @@ def solve_stroke(
         rows = np.array(list(found.values()))
         rows = np.vstack([rows, rows[:1]]) if closed else rows
         try:
-            to_first = Way(problem, ends.functions, start, rows[0], (), every, 0).timed()
-            return to_first, Way(problem, ends.functions, rows[0], rows[-1], keeping, every, 0).through(rows)
+            begun = Way(to_first, ends.functions, start, rows[0], (), every, 0).timed()
+            return begun, Way(problem, ends.functions, rows[0], rows[-1], keeping, every, 0).through(rows)
         except NoConstrainedPath as failure:
             tried.append(failure)
     raise tried[0] if tried else ConstraintsContradict(0, [bound.constraint for bound in bounds])

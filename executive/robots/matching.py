@@ -42,6 +42,8 @@ class ClosedWorld:
     def __init__(self, ontologies: Iterable[Ontology]) -> None:
         self.ontologies: Sequence[Ontology] = tuple({id(one): one for one in ontologies}.values())
         self._above: dict[str, frozenset[str]] = {}
+        self._types: dict[Term, tuple[str, ...]] = {}
+        self._defined: dict[str, tuple[Sequence[Expression], bool]] = {}
 
     def is_known(self, cls: str) -> bool:
         """Return True if any of the ontologies defines a class."""
@@ -59,7 +61,9 @@ class ClosedWorld:
         """Return the classes that an individual is stated to be of."""
         if isinstance(thing, Literal):
             return ()
-        return tuple(dict.fromkeys(cls for one in self.ontologies for cls in one.types(thing)))
+        if thing not in self._types:
+            self._types[thing] = tuple(dict.fromkeys(cls for one in self.ontologies for cls in one.types(thing)))
+        return self._types[thing]
 
     def values(self, thing: Term, prop: Expression) -> tuple[Term, ...]:
         """Return what an individual has by a property or one below it, or by the inverse of one."""
@@ -123,16 +127,22 @@ class ClosedWorld:
             return None
         if any(self.is_below(kind, cls) for kind in self.types(thing)):
             return True
-        definitions = [
-            expression_of(one, triple.object, triple.span)
-            for one in self.ontologies
-            for triple in one.triples(cls, OWL.equivalentClass)
-            if isinstance(triple.object, BNode)
-        ]
-        defined = [self.satisfies(thing, known, depth - 1) for known in definitions if known is not None]
-        if defined:
-            return _any(defined)
-        return False if self.is_known(cls) else None
+        definitions, known = self._definitions(cls)
+        if definitions:
+            return _any([self.satisfies(thing, one, depth - 1) for one in definitions])
+        return False if known else None
+
+    def _definitions(self, cls: str) -> tuple[Sequence[Expression], bool]:
+        """Return what a class is defined to be the same as, and whether any ontology knows it; each looked up once."""
+        if cls not in self._defined:
+            found = (
+                expression_of(one, triple.object, triple.span)
+                for one in self.ontologies
+                for triple in one.triples(cls, OWL.equivalentClass)
+                if isinstance(triple.object, BNode)
+            )
+            self._defined[cls] = [one for one in found if one is not None], self.is_known(cls)
+        return self._defined[cls]
 
 
 def compared(kind: str, number: int, answers: Iterable[bool | None]) -> bool | None:

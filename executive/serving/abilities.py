@@ -13,9 +13,9 @@ from executive.robots import Availability, match
 from executive.robots.matching import Matcher, Missing, Possessions, missing_in
 from executive.robots.requirements import together
 from executive.robots.robot import claims_of, parts_of, read_self_model
-from executive.serving.turns import TURNS
 from executive.serving.uploads import load_upload
 from executive.serving.vocabulary import Vocabulary
+from executive.serving.workers import Workers
 from planlang.knowledge.entries import Entry, Kind
 from planlang.knowledge.stores import Store
 from planlang.ontology import Ontology
@@ -48,42 +48,65 @@ def _missing_json(one: Missing) -> dict[str, Any]:
     }
 
 
+class _Robot:
+    """A self-model's text, compared by its digest."""
+
+    def __init__(self, text: str, vocabulary: Vocabulary | None = None) -> None:
+        self.text, self.vocabulary = text, vocabulary
+        self.digest = hashlib.sha256(text.encode(errors="surrogatepass")).digest()
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Robot) and self.digest == other.digest
+
+    def __hash__(self) -> int:
+        return hash(self.digest)
+
+
 class Abilities:
     """Judgements of entries of one store for robots; the latest are remembered. Threads may share it."""
 
-    def __init__(self, store: Store, vocabulary: Vocabulary) -> None:
+    def __init__(self, store: Store, workers: Workers) -> None:
         self._store = store
-        self._vocabulary = vocabulary
-        self._possessions = lru_cache(ROBOTS_KEPT)(self._read_possessions)
+        self._workers = workers
         self._judgement = lru_cache(JUDGEMENTS_KEPT)(self._judged)
 
     def of(self, self_model: str, entry: Entry) -> Judgement:
-        """Compare an entry with a self-model (text). Raises BadInput if that is none."""
-        robot = _Robot(self_model)
-        with TURNS:
-            return self._judgement(robot, entry.uid, entry.kind, entry.about, entry.etag)
+        """Compare an entry with a self-model (text). Raises BadInput if that is none, and Busy."""
+        return self._judgement(_Robot(self_model), entry.uid, entry.kind, entry.about, entry.etag)
 
     def check(self, self_model: str) -> None:
-        """Raise BadInput if a text is no self-model."""
-        with TURNS:
-            self._possessions(_Robot(self_model))
-
-    def _read_possessions(self, robot: _Robot) -> Possessions:
-        model = read_self_model(load_upload("robot", robot.text.encode(), self._vocabulary))
-        return Possessions(model.name, parts_of(model), claims_of(model), model)
+        """Raise BadInput if a text is no self-model, and Busy."""
+        self._workers.call(check_robot, self_model)
 
     def _judged(self, robot: _Robot, uid: str, kind: Kind, about: str, etag: str) -> Judgement:
         """Return the judgement of a revision, which its tag names."""
-        possessions = self._possessions(robot)
-        ontology = load_upload(uid.partition(".")[2], self._store.content(uid), self._vocabulary)
-        if kind is not Kind.RECIPE:
-            return _by_classes(ontology, about, possessions)
-        reading = read_recipe(Actions(ontology), about)
-        if reading.recipes is None:  # it was taken when more was known, or by another version
-            return Judgement(Availability.UNKNOWN)
-        found = match(ontology, reading.recipes, possessions, performed=_performed())
-        unknown = (Missing(one.iri or one.text, one.kind, one.state, (), one.reason) for one in found.unknown())
-        return Judgement(found.tree.state, (*found.lacking(), *unknown))
+        return self._workers.call(judged, robot.text, uid, kind, about, self._store.content(uid))
+
+
+def check_robot(self_model: str, vocabulary: Vocabulary) -> None:
+    """Raise BadInput if a text is no self-model."""
+    _possessions(_Robot(self_model, vocabulary))
+
+
+def judged(self_model: str, uid: str, kind: Kind, about: str, data: bytes, vocabulary: Vocabulary) -> Judgement:
+    """Compare a content with a self-model. Raises BadInput if one of them is none."""
+    possessions = _possessions(_Robot(self_model, vocabulary))
+    ontology = load_upload(uid.partition(".")[2], data, vocabulary)
+    if kind is not Kind.RECIPE:
+        return _by_classes(ontology, about, possessions)
+    reading = read_recipe(Actions(ontology), about)
+    if reading.recipes is None:  # it was taken when more was known, or by another version
+        return Judgement(Availability.UNKNOWN)
+    found = match(ontology, reading.recipes, possessions, performed=_performed())
+    unknown = (Missing(one.iri or one.text, one.kind, one.state, (), one.reason) for one in found.unknown())
+    return Judgement(found.tree.state, (*found.lacking(), *unknown))
+
+
+@lru_cache(ROBOTS_KEPT)
+def _possessions(robot: _Robot) -> Possessions:
+    assert robot.vocabulary is not None
+    model = read_self_model(load_upload("robot", robot.text.encode(), robot.vocabulary))
+    return Possessions(model.name, parts_of(model), claims_of(model), model)
 
 
 def _by_classes(ontology: Ontology, about: str, possessions: Possessions) -> Judgement:
@@ -100,17 +123,3 @@ def _performed() -> frozenset[str]:
     registry = bundled_registry()
     registry.resolve([])
     return registry.actions
-
-
-class _Robot:
-    """A self-model's text, compared by its digest."""
-
-    def __init__(self, text: str) -> None:
-        self.text = text
-        self.digest = hashlib.sha256(text.encode(errors="surrogatepass")).digest()
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Robot) and self.digest == other.digest
-
-    def __hash__(self) -> int:
-        return hash(self.digest)

@@ -26,11 +26,14 @@ from executive.serving.catalogue import Catalogue
 from executive.serving.mirror import Mirror
 from executive.serving.pages import add_pages
 from executive.serving.problems import RESPONSES, add_handlers
+from executive.serving.rates import Paced, Rates
 from executive.serving.serving import Served, Serving
-from executive.serving.turns import MOST_THREADS
-from executive.serving.uploads import warm_up
 from executive.serving.vocabulary import read_vocabulary
+from executive.serving.workers import Staff
 from planlang.knowledge.stores import Store
+
+MOST_THREADS = 200
+"""Requests that are worked on at a time, those among them that wait for their turn at what takes long."""
 
 health = APIRouter(prefix="/v1", tags=["health"])
 
@@ -53,13 +56,14 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     """Let requests wait in many threads, and describe anew what another version or vocabulary described."""
     to_thread.current_default_thread_limiter().total_tokens = MOST_THREADS
     ended = threading.Event()
-    catalogue: Catalogue = app.state.serving.catalogue
+    serving: Serving = app.state.serving
 
     def renew() -> None:
-        warm_up(app.state.serving.vocabulary)
-        while not ended.is_set() and catalogue.renew():
+        while not ended.is_set() and serving.catalogue.renew(serving.staff.behind):
             pass
 
+    serving.staff.start()
+    serving.mirror.start()
     worker = threading.Thread(target=renew)
     worker.start()
     yield
@@ -67,8 +71,19 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     worker.join()
 
 
-def application(store: Store, folders: Sequence[Path] = (), *, routers: Sequence[APIRouter] = ROUTERS) -> FastAPI:
-    """Return the application that serves a store. Imports of uploads are looked for in ``folders``."""
+def application(
+    store: Store,
+    folders: Sequence[Path] = (),
+    *,
+    routers: Sequence[APIRouter] = ROUTERS,
+    staff: Staff | None = None,
+    rates: Rates | None = None,
+) -> FastAPI:
+    """Return the application that serves a store. Imports of uploads are looked for in ``folders``.
+
+    ``staff``: workers that know the same folders, where several applications share them.
+    """
+    staff, rates = staff or Staff(folders), rates or Rates()
     vocabulary = read_vocabulary(folders)
     app = FastAPI(
         title="planlang knowledge base",
@@ -78,11 +93,12 @@ def application(store: Store, folders: Sequence[Path] = (), *, routers: Sequence
         responses=RESPONSES,
         lifespan=_lifespan,
     )
-    catalogue, abilities = Catalogue(store, vocabulary), Abilities(store, vocabulary)
-    app.state.serving = Serving(store, catalogue, vocabulary, abilities, Mirror(store))
+    catalogue, abilities = Catalogue(store, vocabulary), Abilities(store, staff.reading)
+    app.state.serving = Serving(store, catalogue, vocabulary, abilities, Mirror(store, staff.behind), staff, rates)
     for router in routers:
         app.include_router(router)
     add_handlers(app)
     add_pages(app)
     app.add_middleware(BoundedBodies)
+    app.add_middleware(Paced, rates=rates)
     return app

@@ -6,7 +6,8 @@ from http import HTTPStatus
 from pathlib import Path
 
 from executive.serving.problems import Problem
-from executive.serving.turns import TURNS
+from executive.serving.vocabulary import Vocabulary
+from executive.serving.workers import Workers
 from planlang.knowledge.entries import Syntax
 from planlang.ontology.convert import Target, convert_content
 
@@ -17,7 +18,7 @@ _TARGETS = {
 }
 
 
-def converted(data: bytes, uid: str, accept: str | None, syntax: Syntax) -> tuple[bytes, Syntax]:
+def converted(data: bytes, uid: str, accept: str | None, syntax: Syntax, workers: Workers) -> tuple[bytes, Syntax]:
     """Return a content in the syntax that an Accept header prefers, its own before others, and which that is.
 
     Raises Problem if none that is written is accepted.
@@ -28,10 +29,14 @@ def converted(data: bytes, uid: str, accept: str | None, syntax: Syntax) -> tupl
             if wanted in ("*/*", f"{family}/*", target.value):
                 if target is syntax:
                     return data, syntax
-                with TURNS:
-                    return convert_content(data, Path(uid), _TARGETS[target]).text.encode(), target
+                return workers.call(written, data, uid, target), target
     names = ", ".join(one.value for one in Syntax)
     raise Problem(HTTPStatus.NOT_ACCEPTABLE, f"an ontology is written as one of {names}")
+
+
+def written(data: bytes, uid: str, syntax: Syntax, _: Vocabulary) -> bytes:
+    """Return a content in another syntax. Raises BadInput."""
+    return convert_content(data, Path(uid), _TARGETS[syntax]).text.encode()
 
 
 def _accepted(accept: str | None) -> list[str]:

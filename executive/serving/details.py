@@ -8,9 +8,9 @@ from itertools import islice
 
 from executive.robots import requirements
 from executive.serving.sources import LARGEST_SHOWN
-from executive.serving.turns import TURNS
 from executive.serving.uploads import load_upload, unpacked
 from executive.serving.vocabulary import Vocabulary
+from executive.serving.workers import Workers
 from planlang.compiler import compile_ontology
 from planlang.compiler.drawing import figure, task_graph
 from planlang.designators import local_name
@@ -46,18 +46,18 @@ class Details:
     """The reason why a recipe cannot be compiled now, though it could be when it was taken."""
 
 
-def details_of(entry: Entry, data: bytes, vocabulary: Vocabulary) -> Details | None:
+def details_of(entry: Entry, data: bytes, workers: Workers) -> Details | None:
     """Return what a recipe's revision shows; None for other kinds and contents that are too large."""
     if entry.kind is not Kind.RECIPE or len(data) > LARGEST_SHOWN:
         return None
-    with TURNS:
-        try:
-            return _details(entry, data, vocabulary)
-        except BadInput as problem:
-            return Details(diagnostics=problem.diagnostics)
+    try:
+        return workers.call(read_details, entry, data)
+    except BadInput as problem:
+        return Details(diagnostics=problem.diagnostics)
 
 
-def _details(entry: Entry, data: bytes, vocabulary: Vocabulary) -> Details:
+def read_details(entry: Entry, data: bytes, vocabulary: Vocabulary) -> Details:
+    """Return what a recipe's content shows. Raises BadInput."""
     ontology = load_upload(entry.uid.partition(".")[2], data, vocabulary)
     plan = compile_ontology(ontology, task=entry.about)
     steps = sum(len(recipe.steps) for recipe in plan.recipes.recipes.values())
@@ -95,10 +95,10 @@ def known_of(stored: bytes, vocabulary: Vocabulary, asked: Callable[[str], str])
 
     ``asked`` returns how a class or a property is asked for: by its local name, or by its IRI.
     """
-    description, _ = unpacked(stored, vocabulary)
-    if description is None or not description.nodes:
+    kept, _ = unpacked(stored, vocabulary)
+    if kept is None or not kept.facts.nodes:
         return Known()
-
+    description = kept.description()
     root = description.nodes[0]
     classes = {local_name(label): asked(label) for label in _classes(root.labels)[:MOST_CLASSES]}
     expressions: dict[str, str] = {}

@@ -6,6 +6,7 @@ import hashlib
 from collections.abc import Callable
 from http import HTTPStatus
 from typing import Annotated, Any
+from urllib.parse import quote
 
 from fastapi import APIRouter, Header, Query, Request, Response
 from fastapi.responses import JSONResponse
@@ -69,11 +70,11 @@ def create(
     upload: Upload | None = None
     entry = _made_before(served, author, handed)
     if entry is None:
-        upload = read_upload(kind, name, data, about, served.vocabulary)
+        upload = served.staff.checking.call(read_upload, kind, name, data, about)
         with served.writing:
             entry = _made_before(served, author, handed) or served.store.create(upload.content, author, now(), handed)
     answer = taken(entry, upload, HTTPStatus.CREATED)
-    answer.headers["Location"] = f"/v1/{entry.kind.value}/{entry.uid}"
+    answer.headers["Location"] = f"/v1/{entry.kind.value}/{quote(entry.uid)}"
     return answer
 
 
@@ -132,7 +133,7 @@ def content(
     etag = f'"{revision or entry.revision.number}-{sha256[:16]}"'
     if _names(request.headers.get("if-none-match"), etag):
         return Response(status_code=HTTPStatus.NOT_MODIFIED, headers={"ETag": etag})
-    data, syntax = converted(data, uid, request.headers.get("accept"), entry.syntax)
+    data, syntax = converted(data, uid, request.headers.get("accept"), entry.syntax, served.staff.reading)
     digest = hashlib.sha256(data).hexdigest()
     tag = etag if syntax is entry.syntax else f"W/{etag}"
     headers = {"ETag": tag, "Repr-Digest": digest_header(digest), "Vary": "Accept", **DOWNLOADED}
@@ -162,7 +163,7 @@ def change(kind: Kind, uid: str, author: Author, served: Served, data: Body, if_
     entry = known(served, kind, uid)
     own(entry, author)
     tag = expected(if_match, entry)
-    upload = read_upload(kind, uid.partition(".")[2], data, entry.about, served.vocabulary)
+    upload = served.staff.checking.call(read_upload, kind, uid.partition(".")[2], data, entry.about)
     with served.writing:
         return taken(served.store.change(uid, upload.content, author, tag, now()), upload)
 

@@ -175,7 +175,7 @@ def _entry_page(
         revisions=served.store.revisions(entry.uid),
         size=len(data),
         lines=None if text is None else lines_of(text),
-        details=details_of(entry, data, served.vocabulary),
+        details=details_of(entry, data, served.staff.reading),
         known=known_of(served.store.description(entry.uid), served.vocabulary, served.catalogue.asked),
         is_judged=entry.kind in JUDGED,
         robot=robot,

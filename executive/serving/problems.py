@@ -12,7 +12,7 @@ from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
 
-from executive.serving.turns import Busy
+from executive.serving.workers import Busy
 from planlang.diagnostics import BadInput, Diagnostic, Span
 from planlang.knowledge.stores import Changed, EntryExists, NoSuchEntry, NotTheAuthor, Refused, Unreachable
 
@@ -122,7 +122,10 @@ def add_handlers(app: FastAPI) -> None:
     @app.exception_handler(Busy)
     @app.exception_handler(BadInput)
     def refused(_: Request, problem: Refusal) -> Response:
-        return problem_response(*refusal(problem))
+        found = problem_response(*refusal(problem))
+        if isinstance(problem, Busy):
+            found.headers["Retry-After"] = str(problem.seconds)
+        return found
 
     @app.exception_handler(RequestValidationError)
     def malformed(_: Request, problem: RequestValidationError) -> Response:

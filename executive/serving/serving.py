@@ -15,7 +15,9 @@ from executive.serving.abilities import Abilities
 from executive.serving.catalogue import Catalogue
 from executive.serving.mirror import Mirror
 from executive.serving.problems import Problem
+from executive.serving.rates import Rates
 from executive.serving.vocabulary import Vocabulary
+from executive.serving.workers import Staff
 from planlang.knowledge.stores import Store
 
 
@@ -28,7 +30,14 @@ class Serving:
     vocabulary: Vocabulary
     abilities: Abilities
     mirror: Mirror
+    staff: Staff
+    rates: Rates
     writing: threading.Lock = field(default_factory=threading.Lock)
+
+    def close(self) -> None:
+        """End the processes that belong to it."""
+        self.mirror.close()
+        self.staff.close()
 
 
 def now() -> str:
@@ -49,9 +58,11 @@ def _asker(request: Request, given: Annotated[HTTPAuthorizationCredentials | Non
         if "authorization" in request.headers:
             raise Problem(HTTPStatus.UNAUTHORIZED, "write Authorization: Bearer KEY")
         return None
-    author = _serving(request).store.author_of(given.credentials)
+    served = _serving(request)
+    author = served.store.author_of(given.credentials)
     if author is None:
         raise Problem(HTTPStatus.UNAUTHORIZED, "this key is nobody's, or was dropped")
+    served.rates.know(request.headers["authorization"], author)
     return author
 
 

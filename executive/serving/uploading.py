@@ -70,7 +70,8 @@ def upload(form: Filled, served: Served) -> Response:
             entry = served.store.entry(draft.uid)
             own(entry, author)
             draft = replace(draft, kind=entry.kind, name=draft.uid.partition(".")[2], about=entry.about)
-        checked = read_upload(draft.kind, draft.name, draft.data, draft.about or None, served.vocabulary)
+        given = (draft.kind, draft.name, draft.data, draft.about or None)
+        checked = served.staff.checking.call(read_upload, *given)
         if form.text("only") == "check":
             return _page(draft, Outcome(diagnostics=checked.diagnostics))
         kept = _kept(served, draft, checked, author)

@@ -6,6 +6,7 @@ nothing of an upload is ever written to a file or executed.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,13 +14,13 @@ from pathlib import Path
 from executive.belief.object_models import WHOLES
 from executive.belief.semantic_map import read_map
 from executive.robots.robot import read_self_model
-from executive.serving.turns import TURNS
 from executive.serving.vocabulary import Vocabulary
 from planlang.compiler import compile_ontology
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors
 from planlang.experience import episode_in
-from planlang.files import Bundled, decode
+from planlang.files import Bundled, bundled, decode
+from planlang.knowledge import facts
 from planlang.knowledge.axioms import own_axioms_of
 from planlang.knowledge.completion import TooLarge
 from planlang.knowledge.descriptions import Description, described
@@ -31,7 +32,7 @@ from planlang.ontology.terms import OWL, RDF, RDFS
 MOST_WORDS, LONGEST_WORD = 500, 200
 """Names and labels that an entry is found by, and characters of one."""
 
-LAYOUT = "1"
+LAYOUT = "2"
 """Of descriptions in a store; those of another one are made anew from the content."""
 MAPS = ("knowrob:SemanticEnvironmentMap", "srdl2-comp:EnvironmentMap")
 """Classes of maps."""
@@ -62,15 +63,10 @@ def read_upload(kind: Kind, name: str, data: bytes, about: str | None, vocabular
     Raises BadInput with everything that is wrong with it.
     """
     _check_name("upload", name, None)
-    with TURNS:
-        return _read(kind, name, data, about, vocabulary)
-
-
-def _read(kind: Kind, name: str, data: bytes, about: str | None, vocabulary: Vocabulary) -> Upload:
     ontology, syntax, file = _loaded(name, data, vocabulary)
     found = [one for one in ontology.diagnostics if _concerns(one, file)]
     subject = _checked(kind, ontology, about, found)
-    found = list(dict.fromkeys(_as_here(one) for one in found if _concerns(one, file)))
+    found = list(dict.fromkeys(as_here(one, vocabulary) for one in found if _concerns(one, file)))
     _check_name(subject, name, Span(file))
     if has_errors(found):
         raise BadInput(found)
@@ -80,11 +76,19 @@ def _read(kind: Kind, name: str, data: bytes, about: str | None, vocabulary: Voc
     return Upload(content, description, tuple(found))
 
 
-def _as_here(diagnostic: Diagnostic) -> Diagnostic:
-    """Return a diagnostic with advice for who hands in, where that for who has the files does not help."""
-    if diagnostic.code not in IMPORTS:
-        return diagnostic
-    return replace(diagnostic, help="this server knows the bundled ontologies and those of planlang serve --ontologies")
+def as_here(diagnostic: Diagnostic, vocabulary: Vocabulary) -> Diagnostic:
+    """Return a diagnostic as a stranger is told it: with advice for who hands in, and without paths of this machine."""
+
+    def named(text: str) -> str:
+        for folder in (str(path) for given in vocabulary.folders for path in (given, given.resolve())):
+            text = re.sub(rf"(?<![\w./-]){re.escape(folder)}/", "ontologies/", text)
+        return text.replace(f"{bundled('ontologies')}/", "ontologies/")
+
+    advice = diagnostic.help and named(diagnostic.help)
+    if diagnostic.code in IMPORTS:
+        advice = "this server knows the bundled ontologies and those of planlang serve --ontologies"
+    span = diagnostic.span and diagnostic.span._replace(file=named(diagnostic.span.file))
+    return replace(diagnostic, message=named(diagnostic.message), span=span, help=advice)
 
 
 def _check_name(about: str, name: str, span: Span | None) -> None:
@@ -96,17 +100,17 @@ def _check_name(about: str, name: str, span: Span | None) -> None:
 
 def packed(description: Description, vocabulary: Vocabulary) -> bytes:
     """Return a description as a store keeps it: behind the layout of descriptions and the vocabulary it was made by."""
-    return f"{_stamp(vocabulary)}\n".encode() + description.packed()
+    return f"{_stamp(vocabulary)}\n".encode() + facts.packed(description)
 
 
-def unpacked(stored: bytes, vocabulary: Vocabulary) -> tuple[Description | None, bool]:
+def unpacked(stored: bytes, vocabulary: Vocabulary) -> tuple[facts.Unpacked | None, bool]:
     """Return a kept description, None if it has another layout, and whether it has to be made anew."""
     stamp, _, data = stored.partition(b"\n")
     if stamp.partition(b" ")[0] != LAYOUT.encode():
         return None, True
     try:
-        return Description.unpacked(data), stamp.decode() != _stamp(vocabulary)
-    except (ValueError, KeyError, TypeError):
+        return facts.unpacked(data), stamp.decode() != _stamp(vocabulary)
+    except (ValueError, TypeError):
         return None, True
 
 
@@ -245,15 +249,14 @@ def _described(ontology: Ontology, subject: str, vocabulary: Vocabulary, file: s
 
 
 def warm_up(vocabulary: Vocabulary) -> None:
-    """Read what all checks need, so that the first upload need not."""
+    """Read what all checks need, so that none of them need."""
     read_upload(Kind.RECIPE, "first", Bundled.RECIPE.find("serve_a_drink").read_bytes(), None, vocabulary)
 
 
 def describe(about: str, name: str, data: bytes, vocabulary: Vocabulary) -> Description:
     """Return the description of a content that was taken before. Raises BadInput if it cannot be read any more."""
-    with TURNS:
-        ontology, _, file = _loaded(name, data, vocabulary)
-        return _described(ontology, about, vocabulary, file)
+    ontology, _, file = _loaded(name, data, vocabulary)
+    return _described(ontology, about, vocabulary, file)
 
 
 def _words(ontology: Ontology, subject: str) -> Iterator[str]:

@@ -10,11 +10,12 @@ import re
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from enum import Enum
+from functools import cache
 from types import NoneType, UnionType
 from typing import Any, get_args, get_origin, get_type_hints
 
 from planlang.diagnostics import Diagnostic, Severity, Span
-from planlang.knowledge.entries import Entry, News
+from planlang.knowledge.entries import Entry, News, is_uid
 from planlang.knowledge.stores import Changed, EntryExists, NoSuchEntry, NotTheAuthor, Refused
 
 Links = tuple[tuple[str, str], ...]
@@ -22,7 +23,6 @@ Links = tuple[tuple[str, str], ...]
 
 LONGEST_TEXT = 10_000
 """Characters of a text in an answer that are kept."""
-_UID = re.compile(r"[a-z0-9][a-z0-9_-]{0,99}\.[a-z0-9][a-z0-9_-]{0,99}")
 _FILE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
 _SHA256 = re.compile(r"[0-9a-f]{64}")
 _DIGEST = re.compile(r"(?:^|[\s,])sha-256=:([A-Za-z0-9+/=]+):")
@@ -99,7 +99,7 @@ def read_entry(data: object) -> Entry:
     entry: Entry = read_as(Entry, data)
     names = [one.name for one in entry.attachments]
     digests = [entry.revision.sha256, *(one.sha256 for one in entry.attachments)]
-    if not _UID.fullmatch(entry.uid) or not all(map(_FILE_NAME.fullmatch, names)) or len(set(names)) < len(names):
+    if not is_uid(entry.uid) or not all(map(_FILE_NAME.fullmatch, names)) or len(set(names)) < len(names):
         raise NotAsAgreed("an entry, or a file of it, has a name that names nothing")
     if not all(map(_SHA256.fullmatch, digests)):
         raise NotAsAgreed(f"{entry.uid} has a digest that is none")
@@ -132,9 +132,8 @@ def read_as(kind: Any, data: object) -> Any:
     if is_dataclass(kind):
         if not isinstance(data, dict):
             raise NotAsAgreed(f"{_shown(data)} is no {kind.__name__}")  # type: ignore[union-attr]
-        hints = get_type_hints(kind)
-        stated = [one.name for one in fields(kind) if one.name in data or one.default is MISSING]
-        return kind(**{name: read_as(hints[name], data.get(name)) for name in stated})  # type: ignore[operator]
+        stated = ((name, hint) for name, hint, is_optional in _fields(kind) if name in data or not is_optional)  # type: ignore[arg-type]
+        return kind(**{name: read_as(hint, data.get(name)) for name, hint in stated})  # type: ignore[operator]
     if get_origin(kind) is tuple:
         if not isinstance(data, list):
             raise NotAsAgreed(f"{_shown(data)} is no list")
@@ -153,6 +152,13 @@ def read_as(kind: Any, data: object) -> Any:
     return printed(data) if isinstance(data, str) else data
 
 
+@cache
+def _fields(kind: type[Any]) -> tuple[tuple[str, Any, bool], ...]:
+    """Return the fields of a dataclass: name, type, and whether there is a default."""
+    hints = get_type_hints(kind)
+    return tuple((one.name, hints[one.name], one.default is not MISSING) for one in fields(kind))
+
+
 def _shown(data: object) -> str:
     return ascii(data)[:60] if not isinstance(data, dict | list) else type(data).__name__
 
@@ -163,6 +169,8 @@ def printed(text: str, breaks: str = "") -> str:
     ``breaks``: those that are left.
     """
     short = text[:LONGEST_TEXT]
+    if short.isprintable():
+        return short
     return "".join(one if one.isprintable() or one in breaks else "\N{REPLACEMENT CHARACTER}" for one in short)
 
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import re
+import unicodedata
 from dataclasses import dataclass
 from enum import StrEnum
+from urllib.parse import unquote
 
 from planlang.designators import local_name
 
@@ -13,7 +14,8 @@ LOWEST_RATING, HIGHEST_RATING = 0, 10
 REVISIONS_KEPT = 10
 """Earlier revisions of an entry that are kept unless a store is told otherwise."""
 
-_PART = re.compile(r"[a-z0-9][a-z0-9_-]{0,99}")
+LONGEST_PART = 100
+"""Characters of each of the two parts of an identifier."""
 
 
 class Kind(StrEnum):
@@ -130,11 +132,33 @@ class News:
 def uid_of(about: str, name: str) -> str:
     """Return the identifier of an entry: the described class's local name, a point, the author's name for it.
 
-    Both in lower case without blanks, as RoboEarth's database formed them. Raises ValueError, with the reason, for
-    anything but letters a to z, digits, ``_`` and ``-``.
+    Both in lower case without blanks, as RoboEarth's database formed them. An IRI and the URI that it is written as
+    where only ASCII may stand (RFC 3987: UTF-8, percent-encoded) give the same identifier. Raises ValueError, with the
+    reason, for anything but letters, digits, ``_`` and ``-``.
     """
-    parts = ["".join(part.split()).lower() for part in (local_name(about), name)]
+    parts = ["".join(_normal(part).split()).lower() for part in (local_name(about), name)]
     for part in parts:
-        if not _PART.fullmatch(part):
-            raise ValueError(f"{part[:40]!r} is no part of an identifier: 1 to 100 of a to z, 0 to 9, _ and -")
+        if not _is_part(part):
+            raise ValueError(f"{part[:40]!r} is no part of an identifier: 1 to {LONGEST_PART} letters, digits, _ and -")
     return ".".join(parts)
+
+
+def _normal(name: str) -> str:
+    try:
+        return unicodedata.normalize("NFC", unquote(name, errors="strict"))
+    except UnicodeDecodeError:
+        return name
+
+
+def _is_part(text: str) -> bool:
+    return (
+        1 <= len(text) <= LONGEST_PART
+        and text[0].isalnum()
+        and all(one.isalnum() or one in "_-" or unicodedata.category(one) in ("Mn", "Mc") for one in text)
+    )
+
+
+def is_uid(text: str) -> bool:
+    """Return True for what can be an identifier."""
+    parts = text.split(".")
+    return len(parts) == 2 and all(map(_is_part, parts))

@@ -68,6 +68,8 @@ class _Names:
     own: Mapping[str, Iterable[str]]
 
     def of(self, name: str) -> list[str]:
+        if name == local_name(OWL.Thing):  # vocabularies may have things of their own; whoever says no more means all
+            return [OWL.Thing]
         return sorted(set(self.vocabulary.get(name) or self.own.get(name, ())))
 
     def knows(self, iri: str) -> bool:

@@ -101,12 +101,20 @@ def executive_for(construct: str) -> Executive:
     return executive
 
 
+def performs(module: ProcessModule, action: Action) -> bool:
+    """Return whether a module performs an action of its classes: all, unless it has a method of this name."""
+    said = getattr(module, "performs", None)
+    return said is None or bool(said(action))
+
+
 class WrappedModule:
     """The base of modules that add to another one: a module says of itself what that one says."""
 
     def __init__(self, module: ProcessModule) -> None:
         self._module = module
         self.name = module.name
+        if hasattr(module, "performs"):
+            self.performs = self._performs
 
     @property
     def actions(self) -> Sequence[str]:
@@ -117,6 +125,9 @@ class WrappedModule:
     def failures(self) -> Sequence[type[Exception]]:
         """Failure classes that it may raise."""
         return self._module.failures
+
+    def _performs(self, action: Action) -> bool:
+        return performs(self._module, action)
 
     def resources(self, action: Action) -> tuple[str, ...]:
         """Return what the action needs exclusively."""
@@ -135,6 +146,10 @@ class RecordedModule(WrappedModule):
         question = f"resources of {self.name} for {action}"
         needs = super().resources
         return tuple(self._recorded.answer(question, lambda: needs(action)))
+
+    def _performs(self, action: Action) -> bool:
+        question = f"{self.name} performs {action}"
+        return bool(self._recorded.answer(question, lambda: performs(self._module, action)))
 
     async def execute(self, action: Action) -> Any:
         """Perform the action, and record its result or failure."""

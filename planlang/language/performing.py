@@ -18,7 +18,7 @@ from planlang.kernel.tree import Node, name_of
 from planlang.language.branches import Branch
 from planlang.language.budgets import charge
 from planlang.language.conditions import Goal, achieving
-from planlang.language.executive import current, executive_for
+from planlang.language.executive import current, executive_for, performs
 from planlang.language.plans import Handle, Plan, Restarting, join
 from planlang.language.recovery import Recovery, recoveries_of, recovering
 from planlang.language.resources import using
@@ -102,13 +102,14 @@ def check_action(usage: Usage, action: Action, name: str | None) -> None:
 def module_for(executive: Executive, action: Action, otherwise: Branch | None = None) -> ProcessModule | None:
     """Return the module registered for the nearest ancestor of the action's class; of several the first registered.
 
-    None if ``otherwise`` is the plan of a class that is nearer.
+    One that says which actions it ``performs`` is left out for others. None if ``otherwise`` is the plan of a nearer
+    class.
     """
     own = frozenset(_recipes(otherwise))
     for level in levels_above(action.type, executive.ancestors):
         for ancestor in level:
             for module in executive.modules:
-                if ancestor in module.actions:
+                if ancestor in module.actions and performs(module, action):
                     return module
         if not own.isdisjoint(level):
             return None

@@ -138,6 +138,11 @@ class _ReplayedModule:
         self.name, self.actions, self.failures = name, actions, failures
         self._trace, self._order = trace, order
 
+    def performs(self, action: Action) -> bool:
+        """Return what was recorded, True if nobody asked."""
+        question = f"{self.name} performs {action}"
+        return bool(self._trace.answer(question, _nothing)) if self._trace.knows(question) else True
+
     def resources(self, action: Action) -> tuple[str, ...]:
         """Return what was recorded."""
         question = f"resources of {self.name} for {action}"

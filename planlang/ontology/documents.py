@@ -44,6 +44,8 @@ _MANCHESTER = re.compile(
 )
 _URDF = re.compile(r"(?:\s|<\?[^>]*\?>|<!--.*?-->|<!DOCTYPE[^>\[]*(?:\[[^\]]*\]\s*)?>)*+<robot\b", re.DOTALL)
 _GRID = re.compile(r"(?:image|resolution|origin|negate|occupied_thresh|free_thresh|mode)[ \t]*:[ \t\r\n]")
+_SENSED = (b"# Oc", b"# .P", b"VERS", b"ply\n", b"ply\r")
+"""How files of octrees and points begin."""
 _NOTHING_SAID = re.compile(r"(?:[^\S\r\n]*(?:#[^\r\n]*)?(?:\r\n?|\n))*(?:[^\S\r\n]*#[^\r\n]*\Z)?")
 _TURTLE = re.compile(
     r"""@prefix\b|@base\b|(?i:prefix|base)\s
@@ -79,6 +81,11 @@ def syntax_of(text: str, file: str) -> Syntax:
 
 def read_syntax(content: bytes, file: str, *, base: str, label: str) -> Parsed:
     """Return the triples of a file in any of the syntaxes. Raises BadInput as their readers do."""
+    if content[:4] in _SENSED:
+        from planlang.ontology.map_file import read_map_file, sensed_map
+
+        if (cls := sensed_map(content)) is not None:
+            return read_map_file(Path(file), base, cls)
     text = decode(content, file)
     match syntax_of(text, file):
         case Syntax.RDFXML:
@@ -92,9 +99,9 @@ def read_syntax(content: bytes, file: str, *, base: str, label: str) -> Parsed:
 
             return read_world(Path(file))
         case Syntax.GRID:
-            from planlang.ontology.grid_file import read_grid_file
+            from planlang.ontology.map_file import OCCUPANCY_GRID, read_map_file
 
-            return read_grid_file(Path(file), base)
+            return read_map_file(Path(file), base, OCCUPANCY_GRID)
     return read(text, file, base=base, label=label)
 
 

@@ -56,7 +56,7 @@ class _World:
         name = urdf.tree.get("name") or urdf.path.stem
         self.iri = NAMESPACE + quote(name, safe="")
         self.labels = labels_for(urdf.path, name)
-        self.elements = {link.get("name", ""): link for link in urdf.tree.iter("link") if isinstance(link, Element)}
+        self.elements = {link.get("name", ""): link for link in urdf.tree.findall("link") if isinstance(link, Element)}
         self.above = {joint.child: joint for joint in urdf.joints}
         self.triples = Triples(self.file)
         self.found: list[Diagnostic] = []

@@ -16,7 +16,8 @@ from executive.robots import bind_robot
 from executive.robots.arms import with_carrying
 from executive.runs.assembly import world_at_start
 from executive.runs.in_hands import InHand
-from executive.runs.plan_run import Outcome, RunOptions, RunResult, run_plan_file
+from executive.runs.options import Outcome, RunOptions, RunResult
+from executive.runs.plan_run import run_plan_file
 from planlang import VirtualHost, checkpoint, par, perform, run, seq
 from planlang.designators import a_device, a_location, action, an_object
 from planlang.diagnostics import BadInput

@@ -146,7 +146,8 @@ def test_a_run_that_was_pushed_is_found_by_what_was_recovered_in_it(run: Path, t
     planlang("export", run / "run.jsonl", "--to", "neem", "-o", run / "pushed")
     store = SqliteStore(tmp_path / "kb.sqlite")
     key = store.new_key("ada", "2026-01-01T00:00:00Z")
-    client = TestClient(application(store), headers={"Authorization": f"Bearer {key}"})
+    app = application(store)
+    client = TestClient(app, headers={"Authorization": f"Bearer {key}"})
     content = (run / "pushed" / "narrative.ttl").read_bytes()
     made = client.post("/v1/experiences", params={"name": "run3"}, content=content)
     assert (made.status_code, made.json()["diagnostics"]) == (201, []), made.text
@@ -161,6 +162,7 @@ def test_a_run_that_was_pushed_is_found_by_what_was_recovered_in_it(run: Path, t
     refused = client.post("/v1/experiences", params={"name": "two"}, content=other)
     assert refused.status_code == 422
     assert refused.json()["diagnostics"][0]["code"] == "K080"
+    app.state.serving.close()
     store.close()
 
 

@@ -357,6 +357,25 @@ def test_a_robot_with_its_meshes_keeps_them(tmp_path: Path) -> None:
     assert all(shape["tag"] == "mesh" for shape in shapes(description, "collision"))
 
 
+def test_a_mesh_that_its_urdf_calls_concave_has_points(tmp_path: Path) -> None:
+    (tmp_path / "hall.obj").write_text(CUBE)
+    mesh = '<link name="base" concave="yes"><collision concave="yes"><geometry><mesh filename="hall.obj"/></geometry>'
+    world = world_of(write(tmp_path, f"{mesh}</collision></link>"))
+    assert len(world.robot.points([0])[0]) >= 3
+    assert world.robot.spread(0) == pytest.approx(2**0.5, abs=0.01)
+    world.close()
+
+
+def test_geometry_of_no_urdf_is_told_and_replaced_like_an_absent_mesh(tmp_path: Path) -> None:
+    field = '<collision><geometry><cdf filename="hall.cdf"/></geometry></collision>'
+    path = write(tmp_path, f'<link name="base">{INERTIAL}{field}</link>')
+    description = read_description(path)
+    (warning,) = description.diagnostics
+    assert (warning.code, "<cdf> (no geometry of URDF)" in warning.message) == ("B013", True)
+    assert [shape["tag"] for shape in shapes(description, "collision")] == ["box"]
+    world_of(path).close()
+
+
 @given(
     extents=st.tuples(*[st.floats(0.05, 2.0)] * 3),
     angles=st.tuples(*[st.floats(-1.5, 1.5)] * 3),

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
+
+if TYPE_CHECKING:
+    from executive.serving.workers import Limits
 
 NOW = "2026-01-01T00:00:00Z"
 
@@ -16,14 +20,15 @@ NOW = "2026-01-01T00:00:00Z"
 class RunningServer:
     """A server at an address; it can be stopped and started again, as one that fails."""
 
-    def __init__(self, file: Path) -> None:
+    def __init__(self, file: Path, limits: Limits | None = None, folders: Sequence[Path] = ()) -> None:
         for package in ("fastapi", "uvicorn"):
             pytest.importorskip(package, reason="the server is in the extra serve")
         from executive.serving.app import application
+        from executive.serving.workers import Limits, Staff
         from planlang.knowledge.sqlite_store import SqliteStore
 
         self.store = SqliteStore(file)
-        self._app = application(self.store)
+        self._app = application(self.store, folders, staff=Staff((), limits or Limits()))
         self._port = 0
         self.start()
 
@@ -57,14 +62,14 @@ class RunningServer:
     def close(self) -> None:
         """Answer no more, and end what belongs to it."""
         self.stop()
-        self._app.state.serving.mirror.close()
+        self._app.state.serving.close()
         self.store.close()
 
 
 @contextmanager
-def running_server(file: Path) -> Iterator[RunningServer]:
-    """Serve the knowledge base of a file while the block runs."""
-    server = RunningServer(file)
+def running_server(file: Path, limits: Limits | None = None, folders: Sequence[Path] = ()) -> Iterator[RunningServer]:
+    """Serve the knowledge base of a file, with ontologies of folders, while the block runs."""
+    server = RunningServer(file, limits, folders)
     try:
         yield server
     finally:

@@ -102,6 +102,80 @@ def test_a_door_is_written_closed_with_the_radius_and_the_axis_by_which_it_was_o
     assert before.pose.distance(after.pose) < 1e-6
 
 
+def drawer_with_a_cup(map_of: Read, thing: Write, seen: Write) -> SemanticMap:
+    """A drawer that slides along x by 0.3 m, with a cup in it and another on the floor before it."""
+    slide = "Individual: slide1\n    Types: knowrob:PrismaticJoint\n    Facts: knowrob:maxJointValue 0.3\n"
+    return map_of(
+        thing("chest1", "Cabinet-PieceOfFurniture", (0.5, 0.6, 0.8), "properPhysicalParts drawer1"),
+        thing("drawer1", "Drawer", (0.4, 0.5, 0.2), "properPhysicalParts slide1", "properPhysicalParts handle1"),
+        thing("handle1", "Handle", (0.03, 0.1, 0.02)),
+        slide,
+        *(thing(name, "Cup", (0.08, 0.08, 0.1)) for name in ("cup1", "cup2")),
+        seen("chest1", (0, 0, 0.4)),
+        seen("drawer1", (0.04, 0, 0.5)),
+        seen("handle1", (0.26, 0, 0.5)),
+        seen("cup1", (0.1, 0.1, 0.46)),
+        seen("cup2", (1, 0, 0.05)),
+    )
+
+
+def test_a_drawer_that_was_left_open_is_open_in_the_next_run_with_what_lies_in_it(
+    left: Left, map_of: Read, thing: Write, seen: Write
+) -> None:
+    semantic_map = drawer_with_a_cup(map_of, thing, seen)
+
+    def open_and_look(belief: Belief) -> None:
+        belief.moved("drawer1", 0.25)
+        belief.see([Detection("cup1", Pose((0.3, 0.05, 0.46)), 1.0)])
+
+    updated = left(semantic_map, open_and_look, "drawer1")
+    places = {thing.name: thing.pose.position for thing in updated.objects if thing.pose}
+    assert places["drawer1"] == (0.04, 0, 0.5)
+    assert places["cup1"] == pytest.approx((0.05, 0.05, 0.46))
+    world = PlanningWorld(scene_of(updated))
+    belief = Belief(updated, world)
+    for one in (world, belief):
+        assert one.joint("drawer1") == 0.25
+        assert one.pose("drawer1").position == pytest.approx((0.29, 0, 0.5))
+        assert one.pose("handle1").position == pytest.approx((0.51, 0, 0.5))
+        assert one.pose("cup1").position == pytest.approx((0.3, 0.05, 0.46))
+        assert one.pose("cup2").position == (1, 0, 0.05)
+    belief.moved("drawer1", 0.0)
+    assert belief.pose("drawer1").position == (0.04, 0, 0.5)
+    assert belief.pose("cup1").position == pytest.approx((0.05, 0.05, 0.46))
+    again = Belief(updated, world)
+    again.restore(belief.snapshot())
+    assert (again.joint("drawer1"), again.pose("cup1")) == (0.0, belief.pose("cup1"))
+    world.close()
+    closed = left(updated, lambda belief: belief.moved("drawer1", 0.0), "drawer1")
+    assert not [triple for triple in closed.ontology.triples() if triple.predicate.endswith("jointPosition")]
+    assert places == {thing.name: pytest.approx(thing.pose.position) for thing in closed.objects if thing.pose}
+
+
+def test_what_lies_in_a_drawer_and_was_never_seen_stays_as_the_map_states_it(
+    left: Left, map_of: Read, thing: Write, seen: Write
+) -> None:
+    semantic_map = drawer_with_a_cup(map_of, thing, seen)
+    updated = left(semantic_map, lambda belief: belief.moved("drawer1", 0.25), "drawer1")
+    times = [one for one in placements(updated).values() if one.time > float("-inf")]
+    assert times == []
+
+
+def test_a_position_beyond_the_limits_is_told_and_taken_as_far_as_it_goes(
+    map_of: Read, thing: Write, seen: Write
+) -> None:
+    found: list[Diagnostic] = []
+    frames = [
+        thing("chest1", "Cabinet-PieceOfFurniture", (0.5, 0.6, 0.8), "properPhysicalParts drawer1"),
+        thing("drawer1", "Drawer", (0.4, 0.5, 0.2), "jointPosition 7.0"),
+        seen("chest1", (0, 0, 0.4)),
+        seen("drawer1", (0.04, 0, 0.5)),
+    ]
+    (joint,) = scene_of(map_of(*frames), found).joints
+    assert joint.first == joint.upper
+    assert [one.code for one in found] == ["M017"]
+
+
 def test_parts_that_follow_from_a_class_follow_from_it_again(
     left: Left, map_of: Read, thing: Write, seen: Write
 ) -> None:

@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 from typer.testing import CliRunner
 
 from executive.belief import read_map, scene_of
-from executive.belief.map_files import HEIGHT, MOST_BOXES, OBSTACLE
-from executive.belief.occupancy_grid import read_grid
+from executive.belief.map_files import OBSTACLE
+from executive.belief.occupancy_grid import HEIGHT, read_grid
+from executive.belief.occupied_space import MOST_BOXES
 from executive.cli.app import app
 from planlang.diagnostics import BadInput, Diagnostic
 from planlang.files import bundled
+from planlang.geometry.matrices import moved
 from planlang.ontology import load
 from sim import Body, Scene
 
@@ -42,12 +44,12 @@ def test_the_upper_row_of_the_picture_is_the_last_one_of_the_grid(tmp_path: Path
     grid = read_grid(written(tmp_path, np.array([[OCCUPIED, FREE], [UNKNOWN, FREE]], np.uint8), 0.5, x=-1, y=2))
     assert grid.occupied.tolist() == [[False, False], [True, False]]
     assert grid.free.tolist() == [[False, True], [False, True]]
-    assert grid.centres(grid.occupied).tolist() == [[-0.75, 2.75]]
+    assert moved(grid.frame.matrix(), grid.centres(grid.occupied)).tolist() == [[-0.75, 2.75, 0.0]]
 
 
 def test_the_origin_turns_the_grid(tmp_path: Path) -> None:
     grid = read_grid(written(tmp_path, np.array([[FREE, OCCUPIED]], np.uint8), 1.0, x=5, yaw=math.pi / 2))
-    assert np.allclose(grid.centres(grid.occupied), [[4.5, 1.5]])
+    assert np.allclose(moved(grid.frame.matrix(), grid.centres(grid.occupied)), [[4.5, 1.5, 0.0]])
 
 
 def test_plain_pictures_negated_values_and_lists_in_blocks_are_read(tmp_path: Path) -> None:
@@ -66,6 +68,7 @@ WRONG = {
     "a file above": GOOD.replace("grid.pgm", "../../../../etc/passwd"),
     "a resolution of nothing": GOOD.replace("0.05", "0"),
     "a resolution that is no number": GOOD.replace("0.05", "nan"),
+    "a height of nothing": GOOD + "height: 0\n",
     "an origin of two numbers": GOOD.replace("[0, 0, 0]", "[0, 0]"),
     "an origin far away": GOOD.replace("[0, 0, 0]", "[1e30, 0, 0]"),
     "anchors in anchors": "a: &a [x, x]\nb: &b [*a, *a]\nc: [*b, *b]\nimage: grid.pgm\n",
@@ -145,6 +148,16 @@ def test_what_no_thing_of_the_map_explains_is_an_obstacle_where_the_grid_has_it(
     assert found == []
 
 
+def test_a_grid_tells_the_height_of_its_obstacles(around: Around, tmp_path: Path) -> None:
+    picture = empty()
+    picture[40:60, 58:70] = OCCUPIED
+    around(picture)
+    path = tmp_path / "grid.yaml"
+    path.write_text(f"{path.read_text()}height: 0.3  # of the crates [m]\n")
+    (box,) = obstacles(scene_of(read_map(load(ROOM, also=[path]))))
+    assert (box.pose.position[2], box.size[2]) == (0.15, 0.3)
+
+
 def test_walls_and_things_that_the_map_knows_are_no_obstacles(around: Around) -> None:
     scene, _ = around(empty())
     bed = scene.body("bed1")
@@ -190,4 +203,4 @@ def test_a_robot_drives_around_what_only_the_grid_has(around: Around, tmp_path: 
     grid = str(tmp_path / "grid.yaml")
     result = CliRunner().invoke(app, ["run", "serve_a_drink", "--environment", "hospital_room", "--environment", grid])
     assert result.exit_code == 0, result.output
-    assert "1 obstacle of a grid" in CliRunner().invoke(app, ["check", grid]).stdout
+    assert "1 mapped obstacle" in CliRunner().invoke(app, ["check", grid]).stdout

@@ -10,6 +10,7 @@ from fastapi import FastAPI
 from fastapi.testclient import TestClient
 
 from executive.serving.app import application
+from executive.serving.workers import Staff
 from planlang.knowledge.sqlite_store import SqliteStore
 
 NOW = "2026-01-01T00:00:00Z"
@@ -22,9 +23,16 @@ def store(tmp_path: Path) -> Iterator[SqliteStore]:
     opened.close()
 
 
+@pytest.fixture(scope="session")
+def staff() -> Iterator[Staff]:
+    workers = Staff()
+    yield workers
+    workers.close()
+
+
 @pytest.fixture
-def app(store: SqliteStore) -> Iterator[FastAPI]:
-    served = application(store)
+def app(store: SqliteStore, staff: Staff) -> Iterator[FastAPI]:
+    served = application(store, staff=staff)
     yield served
     served.state.serving.mirror.close()
 

@@ -10,7 +10,9 @@ from pathlib import Path
 import pytest
 from fastapi.testclient import TestClient
 
+from executive.serving.app import application
 from planlang.files import Bundled
+from planlang.knowledge.sqlite_store import SqliteStore
 from planlang.ontology import load
 
 RECIPE = Bundled.RECIPE.find("serve_a_drink").read_bytes()
@@ -79,10 +81,41 @@ def test_what_an_author_is_advised_is_what_an_author_can_do(client: TestClient) 
     assert "hand in its self-model" in refused["help"]
 
 
-def test_a_name_of_other_letters_is_refused_with_those_that_may_be_used(client: TestClient) -> None:
-    (refused,) = client.post("/v1/recipes?name=gr\u00f6\u00dfe", content=RECIPE).json()["diagnostics"]
-    assert refused["message"] == "'gr\u00f6\u00dfe' is no part of an identifier: 1 to 100 of a to z, 0 to 9, _ and -"
+def test_a_name_of_other_signs_is_refused_with_those_that_may_be_used(client: TestClient) -> None:
+    (refused,) = client.post("/v1/recipes?name=a%2Fb", content=RECIPE).json()["diagnostics"]
+    assert refused["message"] == "'a/b' is no part of an identifier: 1 to 100 letters, digits, _ and -"
     assert refused["file"] is None
+
+
+@pytest.mark.parametrize("name", ["K\u00fchlschrank", "Ku\u0308hlschrank", "K%C3%BChlschrank"])
+def test_classes_have_names_in_any_script_however_these_are_written(client: TestClient, name: str) -> None:
+    text = f"Ontology: <urn:o> Class: <urn:o#{name}> SubClassOf: <http://knowrob.org/kb/knowrob.owl#Refrigerator>"
+    made = client.post("/v1/objects?name=\u53a8\u623f", content=text.encode())
+    assert made.status_code == HTTPStatus.CREATED, made.text
+    assert made.headers["Location"] == "/v1/objects/k%C3%BChlschrank.%E5%8E%A8%E6%88%BF"
+    entry = client.get(made.headers["Location"]).json()
+    assert (entry["uid"], entry["about"]) == ("k\u00fchlschrank.\u53a8\u623f", f"urn:o#{name}")
+    found = client.get("/v1/search", params={"expression": f"Refrigerator and <urn:o#{name}>"}).json()
+    assert [one["uid"] for one in found["entries"]] == [entry["uid"]]
+    graph = client.get("/v1/sparql", params={"query": f"ASK {{ GRAPH <urn:entry:{entry['uid']}> {{ ?a ?b ?c }} }}"})
+    assert graph.json()["boolean"] is True
+    assert client.get(f"/objects/{entry['uid']}").status_code == HTTPStatus.OK
+
+
+def test_what_is_wrong_in_the_servers_own_files_is_told_without_their_folder(
+    tmp_path: Path, store: SqliteStore
+) -> None:
+    folder = tmp_path / "private"
+    folder.mkdir()
+    (folder / "broken.omn").write_text("Ontology: <http://example.org/broken.owl>\nClas: x\n")
+    app = application(store, [folder])
+    client = TestClient(app, headers={"Authorization": f"Bearer {store.new_key('eve', '2026-01-01T00:00:00Z')}"})
+    importing = b"Ontology: <urn:o> Import: <package://ours/broken.omn>\nClass: <urn:o#Mug>"
+    importing += b" SubClassOf: <http://knowrob.org/kb/knowrob.owl#Cup>"
+    answer = client.post("/v1/objects?name=mug", content=importing)
+    app.state.serving.close()
+    assert "broken.omn" in answer.text
+    assert str(tmp_path) not in answer.text
 
 
 def test_an_identifier_is_given_once(client: TestClient, other: TestClient) -> None:

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from executive.serving.app import application
 from executive.serving.forms import read_form
 from executive.serving.problems import Problem
+from executive.serving.workers import Staff
 from planlang.files import Bundled
 from planlang.knowledge.sqlite_store import SqliteStore
 
@@ -47,8 +48,8 @@ def key(store: SqliteStore) -> str:
 
 
 @pytest.fixture
-def client(store: SqliteStore) -> TestClient:
-    return TestClient(application(store))
+def client(store: SqliteStore, staff: Staff) -> TestClient:
+    return TestClient(application(store, staff=staff))
 
 
 def upload(client: TestClient, key: str, text: str = RECIPE, **fields: str) -> str:

@@ -9,6 +9,7 @@ import pytest
 from fastapi.testclient import TestClient
 
 from executive.serving.app import application
+from executive.serving.workers import Staff
 from planlang.files import Bundled
 from planlang.knowledge.sqlite_store import SqliteStore
 
@@ -132,16 +133,20 @@ def test_changed_and_deleted_entries_are_found_no_more_as_they_were(client: Test
     assert found(client, expression="providesModelFor some Bottle") == []
 
 
-def test_what_another_server_on_the_same_store_takes_is_found(client: TestClient, store: SqliteStore) -> None:
-    second = TestClient(application(store), headers=client.headers)
+def test_what_another_server_on_the_same_store_takes_is_found(
+    client: TestClient, store: SqliteStore, staff: Staff
+) -> None:
+    second = TestClient(application(store, staff=staff), headers=client.headers)
     second.post("/v1/objects", params={"name": "second"}, content=CUP_MODEL)
     assert found(client, expression="providesModelFor some Cup") == [MODEL, "cupmodel.second"]
 
 
-def test_descriptions_of_another_layout_are_made_anew_from_the_contents(client: TestClient, store: SqliteStore) -> None:
+def test_descriptions_of_another_layout_are_made_anew_from_the_contents(
+    client: TestClient, store: SqliteStore, staff: Staff
+) -> None:
     for uid in (SERVING, MODEL):
         store.describe(uid, b"0 an older one", store.entry(uid).etag)
-    restarted = application(store)
+    restarted = application(store, staff=staff)
     with TestClient(restarted) as later:
         while restarted.state.serving.catalogue.stale:
             later.get("/v1/health")

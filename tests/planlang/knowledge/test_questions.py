@@ -31,6 +31,12 @@ def test_a_name_of_several_things_is_refused_with_their_full_names() -> None:
     assert read_question("holds some <urn:b#Mug>", NAMES).parts[1].term == "urn:b#Mug"
 
 
+def test_thing_is_what_every_class_is_below_whatever_vocabularies_call_so() -> None:
+    names = names_in(["urn:a#Thing", "urn:b#Thing"])
+    assert read_question("Thing", names).term == "http://www.w3.org/2002/07/owl#Thing"
+    assert read_question("<urn:b#Thing>", names).term == "urn:b#Thing"
+
+
 def test_an_unknown_name_is_refused_with_similar_ones_where_it_stands() -> None:
     said = refused("Refilling and\n  holds some Flsk")
     assert (said.code, said.help) == ("K002", "did you mean Flask?")

@@ -169,7 +169,7 @@ PlanFailure
     LookingFailure
       LookingGoalUnreachable
     ManipulationFailure
-      ManipulationPoseUnreachable ManipulationGoalNotReached ManipulationGoalInCollision
+      ManipulationPoseUnreachable ManipulationGoalNotReached ManipulationGoalInCollision ObjectNotTurned
       GripperFailure
         GraspMissed GraspSlipped GripperGoalNotReached
       TorsoFailure
@@ -182,7 +182,7 @@ PlanFailure
     ObjectUnreachable ObjectUnfetchable ObjectUndeliverable ObjectNowhereToBeFound EnvironmentUnreachable
   DesignatorFailure
     ObjectUnresolvable ActionUnresolvable MissingCapability LocationUnresolvable
-      BehindClosedDoor TooHeavy
+      BehindClosedDoor TooHeavy HandsLacking
   CompositeFailure Timeout BudgetExceeded BranchEvaporated PolicyViolated GoalNotAchieved TransitionMissing
 """
 

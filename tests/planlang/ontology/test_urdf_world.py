@@ -48,6 +48,13 @@ def world(folder: Path, text: str, labels: str | None = LABELS) -> tuple[Scene, 
     return scene, [*ontology.diagnostics, *semantic_map.diagnostics, *found]
 
 
+def test_links_inside_extensions_are_no_links_of_the_world(tmp_path: Path) -> None:
+    extension = '<gazebo><plugin><link name="simulated_rod"/></plugin></gazebo></robot>'
+    scene, _ = world(tmp_path, CUPBOARD.replace("</robot>", extension))
+    assert [body.name for body in scene.bodies if "rod" in body.name] == []
+    assert scene.body("cupboard_door").size[1] == 0.6
+
+
 def test_all_joints_of_the_kitchen_are_joints_of_the_map(corpus: Path) -> None:
     ontology = load(corpus / "environments" / KITCHEN)
     scene = scene_of(read_map(ontology))

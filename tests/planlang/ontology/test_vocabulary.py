@@ -202,6 +202,7 @@ def test_every_primitive_names_a_class_a_module_and_a_resource(vocabulary: Ontol
         "ITaSCMotion",
         "CirclingMotion",
         "WipingMotion",
+        "PushingMotion",
         *SOFTWARE,
     }
     for primitive in found:

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from planlang.compiler import compile_recipe
-from planlang.failures import ObjectNotFound
+from planlang.failures import ManipulationGoalNotReached, ObjectNotFound
 from planlang.files import bundled
 from planlang.testing import Script, compiled, run_plan
 
@@ -131,3 +131,10 @@ def test_each_step_that_shares_recoveries_has_all_of_their_attempts(step: str) -
     run = run_plan(compiled("stir_soup"), script=script)
     assert run.failure is None
     assert run.attempts(step) == 4
+
+
+def test_a_thing_that_does_not_arrive_where_it_is_pushed_to_is_no_success() -> None:
+    script = Script().on("PushIt", fails=ManipulationGoalNotReached)
+    run = run_plan(compiled("push_the_cup"), script=script)
+    assert run.failed_with("PushTheCup", ManipulationGoalNotReached)
+    assert run_plan(compiled("push_the_cup"), script=Script().performs("PushIt")).failure is None

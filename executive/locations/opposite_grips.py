@@ -1,0 +1,63 @@
+"""Grips of a thing that two hands take: by opposite sides of its rim, or by handles that are opposite."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from executive.belief.planning_scene import PlanningScene
+from executive.locations.demands import Reach, ReachKind
+from executive.locations.grasp_candidates import HandPoses
+from executive.locations.hand_predicates import Stage, candidates_of
+from executive.locations.hand_solutions import unblocked
+from executive.locations.rejections import Rejections
+from executive.robots.arms import ArmModel
+from planlang.geometry import Array
+
+OPPOSITE = 0.25
+"""Distance of the middle between two grips from that of the thing, in shares of their distance, at most."""
+LEAST = 0.1
+"""Distance of two grips, at least [m]: there is room for two hands."""
+SAME_PLACE = 0.01
+"""Grips of one heading nearer than this differ in their depth alone [m]."""
+MOST = 64
+"""Grips of each hand that are looked at, the most natural ones."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Grips:
+    """Grips of one hand: before the thing, at it, above it, and back, (c, 4, 4, 4) in the map."""
+
+    arm: ArmModel
+    plans: tuple[HandPoses, ...]
+    poses: Array
+    weights: Array
+
+
+def grips_of(name: str, arm: ArmModel, scene: PlanningScene, log: Rejections) -> Grips:
+    """Return the grips of a thing by one hand in which the hand is in nothing; others are counted."""
+    found: list[tuple[float, HandPoses]] = []
+    for hand in unblocked(arm, candidates_of(Reach(ReachKind.GRASP, name), arm, scene, log, Stage.ALL), scene, log):
+        table = hand.candidates
+        found += [(float(table.weights[k]), table.plan(k)) for k in range(len(table))]
+    kept: list[tuple[float, HandPoses]] = []
+    for weight, plan in sorted(found, key=lambda one: -round(one[0], 6)):
+        if len(kept) < MOST and not any(_alike(plan.poses[1], other.poses[1]) for _, other in kept):
+            kept.append((weight, plan))
+    poses = np.array([plan.poses for _, plan in kept]).reshape(-1, 4, 4, 4)
+    return Grips(arm, tuple(plan for _, plan in kept), poses, np.array([weight for weight, _ in kept]))
+
+
+def _alike(one: Array, other: Array) -> bool:
+    apart = np.linalg.norm(one[:3, 3] - other[:3, 3])
+    return bool(apart < 2 * SAME_PLACE and np.abs(one[:3, :3] - other[:3, :3]).max() < SAME_PLACE)
+
+
+def opposite(first: Grips, second: Grips, centre: Array) -> NDArray[np.bool_]:
+    """Return which grips of two hands, (c, d), are opposite of each other about the middle (3,) of a thing."""
+    one, other = first.poses[:, None, 1, :2, 3], second.poses[None, :, 1, :2, 3]
+    apart = np.linalg.norm(one - other, axis=2)
+    aside = np.linalg.norm((one + other) / 2 - centre[:2], axis=2)
+    return np.asarray((apart >= LEAST) & (aside <= OPPOSITE * apart))

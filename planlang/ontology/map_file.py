@@ -1,0 +1,35 @@
+"""Reads a file of a map that is no ontology (a grid, points, an octree) as the statement that there is such a map.
+
+What it holds is read by who uses it, beside the file.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from planlang.diagnostics import Span
+from planlang.ontology.terms import OWL, RDF, Literal, expand
+from planlang.ontology.triples import Parsed, Triples
+
+ROBOEARTH = "http://www.roboearth.org/kb/roboearth.owl#"
+OCCUPANCY_GRID, POINTS, OCTREE = (f"{ROBOEARTH}{name}" for name in ("OccupancyGridMap", "PointMap", "OctoMap"))
+_BEGINNINGS = {
+    OCTREE: re.compile(rb"# Octomap OcTree "),
+    POINTS: re.compile(rb"ply\r?\n|(?:#[^\n]{0,200}\n){0,10}(?:VERSION|FIELDS)[ \t]"),
+}
+
+
+def sensed_map(content: bytes) -> str | None:
+    """Return the class of map that a file of points, or of an octree, is by its beginning; None for other files."""
+    return next((cls for cls, beginning in _BEGINNINGS.items() if beginning.match(content)), None)
+
+
+def read_map_file(path: Path, base: str, cls: str) -> Parsed:
+    """Return the map that a file is: an individual of its class, with the link to the file."""
+    span, triples = Span(str(path)), Triples(str(path))
+    own = f"{base}#map"
+    triples.state(base, RDF.type, OWL.Ontology, span)
+    triples.state(own, RDF.type, cls, span)
+    triples.state(own, expand("linkToMapFile"), Literal(path.name), span)
+    return Parsed(triples, [])

@@ -1,0 +1,116 @@
+"""Two hands take trays, carry them level with what stands on them, and put them down; a hand that opens loses them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+
+import pytest
+
+from executive.robots import Robot, bind_robot
+from executive.robots.arms import ArmModel, arm_models, gaze_of
+from planlang import perform
+from planlang.designators import a_location, action, an_object
+from planlang.failures import HandsLacking, LocationUnresolvable, ObjectLost, TooHeavy
+from planlang.geometry import Pose
+from planlang.ontology import Ontology
+from sim import Body, PlanningWorld, Scene
+from sim.scene import Handle
+from sim.world import at_rest_on, held_by
+from tests.executive.conftest import PLACE, MakeStage, Stage, furnisher
+from tests.support.extras import skip_without_pr2
+
+TABLE = Body("table", Pose((1.3, 0.0, 0.37)), (0.6, 1.4, 0.74), type="KitchenTable")
+OTHER = Body("other", Pose((-1.5, 0.0, 0.36)), (0.8, 1.4, 0.72), type="KitchenTable")
+TRAY = Body(
+    "tray", Pose((1.2, 0.0, 0.755)), (0.32, 0.45, 0.03), type="Tray", movable=True, wall=0.006, hands=2,
+    largest_tilt=math.radians(15), mass=0.8,
+)  # fmt: skip
+CUP = Body("cup", Pose((1.2, 0.06, 0.791)), (0.07, 0.07, 0.09), "cylinder", type="Cup", movable=True, mass=0.25)
+THE_TRAY, THE_OTHER = an_object("Tray", PLACE + "tray"), an_object("KitchenTable", PLACE + "other")
+TAKE = action("PickingUpAnObject", object_acted_on=THE_TRAY)
+Limbs = tuple[tuple[ArmModel, ...], object]
+
+
+@pytest.fixture(scope="module")
+def pr2() -> Robot:
+    skip_without_pr2("pr2")
+    return bind_robot("pr2")
+
+
+@pytest.fixture(scope="module")
+def stage_of(pr2: Robot, vocabulary: Ontology) -> Iterator[MakeStage]:
+    world = PlanningWorld(Scene(()), pr2.body())
+    limbs = arm_models(pr2, world), gaze_of(pr2)
+    world.close()
+    yield from furnisher(pr2, vocabulary, limbs)
+
+
+def taken(stage: Stage) -> None:
+    async def take() -> None:
+        await perform(TAKE)
+
+    stage.run(take)
+
+
+BARS = tuple(Handle(Pose((0.0, side * 0.32, 0.02)), (0.12, 0.015, 0.015)) for side in (1, -1))
+TRAYS = {
+    "wide": replace(TRAY, size=(0.6, 0.4, 0.03)),
+    "turned": replace(TRAY, pose=Pose.planar(1.2, 0.0, 0.3, 0.755), size=(0.55, 0.55, 0.03)),
+    "with handles": replace(TRAY, size=(0.4, 0.6, 0.03), wall=0.0, handles=BARS),
+}
+
+
+@pytest.mark.parametrize("kind", TRAYS)
+def test_a_tray_is_brought_to_another_table_with_the_cup_on_it(stage_of: MakeStage, kind: str) -> None:
+    tray = TRAYS[kind]
+    cup = replace(CUP, pose=Pose((1.2, 0.06, tray.pose.position[2] + (0.036 if tray.wall else 0.0601))))
+    stage = stage_of(TABLE, OTHER, tray, cup)
+    taken(stage)
+    assert held_by(stage.truth, "tray") == "robot"
+    assert (len(stage.truth.holders("tray")), stage.truth.riders("tray")) == (2, ("cup",))
+
+    async def put() -> None:
+        await perform(action("PuttingDownAnObject", object_acted_on=THE_TRAY, to_location=a_location(on=THE_OTHER)))
+
+    stage.run(put)
+    assert (at_rest_on(stage.truth, "tray"), at_rest_on(stage.truth, "cup")) == ("other", "tray")
+    for name in ("tray", "cup"):
+        assert stage.belief.pose(name).distance(stage.truth.pose(name)) < 0.01
+
+
+def test_the_tray_falls_with_what_is_on_it_when_one_hand_opens(stage_of: MakeStage) -> None:
+    stage = stage_of(TABLE, OTHER, TRAYS["turned"], CUP)
+    taken(stage)
+    gripper = stage.platform.robot.arm("left").gripper
+    assert gripper is not None
+
+    async def drop() -> None:
+        stage.truth.set_configuration(replace(stage.truth.configuration(), joints=gripper.opened))
+        await perform(action("PuttingDownAnObject", object_acted_on=THE_TRAY, to_location=THE_OTHER))
+
+    with pytest.raises(ObjectLost):
+        stage.run(drop)
+    stage.truth.step()
+    assert held_by(stage.truth, "tray") is None
+    assert not stage.belief.held
+    assert set(stage.belief.dropped) == {"left", "right"}
+
+
+@pytest.mark.parametrize("number", [0, 1])
+def test_too_few_hands_are_refused_with_both_numbers(stage_of: MakeStage, number: int) -> None:
+    stage = stage_of(TABLE, replace(TRAY, hands=3 - number), replace(CUP, mass=4.0 * number))
+    failure, said = ((HandsLacking, "takes 3 hands, 2 are free"), (TooHeavy, "weighs 4.8 kg, the hand carries 3.6 kg"))[
+        number
+    ]
+    with pytest.raises(failure, match=said):
+        taken(stage)
+    assert stage.truth.steps < 100
+
+
+def test_what_the_arms_do_not_span_is_refused_with_reasons(stage_of: MakeStage) -> None:
+    stage = stage_of(TABLE, replace(TRAY, size=(1.5, 1.7, 0.03)))
+    with pytest.raises(LocationUnresolvable, match=r"1.5 m by 1.7 m, with two hands: \d+ candidates: ") as caught:
+        taken(stage)
+    assert sum(caught.value.counts.values()) > 0
