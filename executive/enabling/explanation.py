@@ -16,6 +16,9 @@ from planlang.knowledge.entries import Entry
 MOST_REFUSED = 20
 """Entries that were refused for one need, of which an explanation tells."""
 
+DEEPEST = 100
+"""Needs of needs of which an explanation tells."""
+
 
 @dataclass(slots=True)
 class Explanation:
@@ -24,6 +27,8 @@ class Explanation:
     enabling: Enabling
     combination: Combination
     _shown: set[Need] = field(default_factory=set)
+    _path: list[Need] = field(default_factory=list)
+    """Needs above the one that is told."""
     _alternatives: tuple[Alternative, ...] | None = None
 
     def tree(self) -> Finding:
@@ -75,16 +80,19 @@ class Explanation:
 
     def _of(self, need: Need) -> Finding:
         wanted, answer = self.enabling.wanted[need], self.combination.answers[need]
-        is_new = need not in self._shown
+        is_new = need not in self._shown and len(self._path) < DEEPEST
         self._shown.add(need)
         if answer.by is not None:
             return Finding(wanted.kind, wanted.text, wanted.iri, Availability.AVAILABLE, answer.by)
+        is_circular = need in self._path
+        self._path.append(need)
         below = tuple(self._below(need, answer)) if is_new else ()
+        self._path.pop()
         state, reason = Availability.MISSING, wanted.lacks
         if answer.offer is not None:
             state, reason = Availability.AVAILABLE, self._taken(answer.offer)
-        elif answer.considered and all(need in lacking for _, lacking in answer.considered):
-            reason = "what could be had for it needs it in turn"
+        elif is_circular:
+            reason = "it is needed for itself"
         elif any(not offer.is_own for offer, _ in answer.considered):
             reason = "what could be had for it needs what is missing"
         return Finding(wanted.kind, wanted.text, wanted.iri, state, reason, None, below)

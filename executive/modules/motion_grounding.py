@@ -48,10 +48,10 @@ UP = Object("Up", "map:up")
 
 
 class Grounding:
-    """Grounds motions of one platform; hands of the arms that move may touch the body ``touches``."""
+    """Grounds motions of one platform; hands of the arms that move may touch bodies ``touches``."""
 
-    def __init__(self, platform: Platform, touches: str | None = None) -> None:
-        self._platform, self._touches = platform, touches
+    def __init__(self, platform: Platform, *touches: str) -> None:
+        self._platform, self._touches = platform, frozenset(touches)
         self._models = ObjectModels(platform.belief.map.ontology)
 
     def world_things(self, constraints: Iterable[MotionConstraint]) -> tuple[str, ...]:
@@ -162,8 +162,8 @@ class Grounding:
         self, motion: GroundedMotion, q: Array, base: BasePose | None = None, *, clear: bool = False
     ) -> list[tuple[str, str]]:
         """Return what touches wrongly with the arms of a motion at joint values (n,); ``clear`` as in `problem`."""
-        may = () if clear or self._touches is None else {link for arm in motion.arms for link in arm.hand_links}
-        ignore = [(link, self._touches) for link in sorted(may) if self._touches is not None]
+        bodies = () if clear else sorted(self._touches)
+        ignore = [(link, body) for body in bodies for arm in motion.arms for link in sorted(arm.hand_links)]
         joints = dict(zip(self.group(motion).names, q.tolist(), strict=True))
         return self._platform.scene.collisions.touching(joints, base, ignore=ignore)
 
@@ -194,7 +194,7 @@ class Grounding:
         if base is not None:
             return MotionProblem(group, where, rates)
 
-        check = scene.collisions.group_check(group, motion.arms, None if clear else self._touches)
+        check = scene.collisions.group_check(group, motion.arms, frozenset() if clear else self._touches)
         return MotionProblem(group, where, rates, check, partial(self.touching, motion, clear=clear))
 
     def _frame(self, name: str, base: BasePose) -> Array:

@@ -147,7 +147,7 @@ class Run:
         if self._lacks(program):
             options.announce(found)
             return self._refused(program.missing)
-        robot, given = self._equipped()
+        robot, given = self._equipped(found)
         assessment = self._assessed(asked, robot)
         past, notes = (None, []) if options.resume is None else past_of(options.resume)
         held = in_hands(robot, asked.map, asked.scene)
@@ -202,8 +202,11 @@ class Run:
     def _lacks(self, assessment: Assessment) -> bool:
         return bool(assessment.missing) and not self.options.force
 
-    def _equipped(self) -> tuple[Robot, tuple[GivenPart, ...] | None]:
-        """Return the robot and the models and programs that it has beside its file's, None if nobody says which."""
+    def _equipped(self, found: list[Diagnostic]) -> tuple[Robot, tuple[GivenPart, ...] | None]:
+        """Return the robot and the models and programs that it has beside its file's, None if nobody says which.
+
+        Appends warnings about those that are left out.
+        """
         options = self.options
         assert options.robot is not None
         robot = bind_robot(options.robot, urdf=options.urdf, folders=options.ontologies)
@@ -212,7 +215,7 @@ class Run:
             return robot, None
         from executive.belief.recognition_models import read_given_parts, with_given_parts
 
-        given = read_given_parts(options.models, options.ontologies)
+        given = read_given_parts(options.models, options.ontologies, found)
         return with_given_parts(robot, given), given
 
     def _blind(self, robot: Robot, assessment: Assessment) -> list[Diagnostic]:
