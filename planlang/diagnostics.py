@@ -363,8 +363,10 @@ CODES: dict[str, str] = {
     "K039": "the name of what is pushed means nothing, or several things",
     "K040": "what a knowledge base gives has not the hash that its entry states",
     "K041": "the list of what a robot took from a knowledge base is damaged",
+    "K042": "the file of a recognition model is not with it: the model is left out",
     "K043": "a key was sent over a network without TLS",
     "K044": "an endpoint or a storage that a server stands on does not answer",
+    "K045": "a server has more entries for a need than are looked at",
     "K080": "a narrative tells of no episode, or contradicts itself",
     "K081": "a log of poses is none, or of another run than the trace",
 }

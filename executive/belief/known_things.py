@@ -13,7 +13,7 @@ from executive.belief.class_names import is_kind
 from executive.belief.contents import is_content
 from executive.belief.knowledge import Grip, Knowledge, Source
 from executive.belief.obstacles import NAMES
-from executive.belief.recognition import Recognition
+from executive.belief.recognition import VISION, Recognition
 from executive.belief.semantic_map import MapObject, SemanticMap
 from planlang.designators import Object
 from planlang.failures import AmbiguousPerception, ObjectUnresolvable
@@ -221,6 +221,8 @@ class KnownThings:
         return is_kind(self.map.ontology, one, cls)
 
     def recognises(self, name: str) -> bool:
-        """Return whether a thing would be recognised in a picture."""
-        thing = self.map.find(name) or self.made.get(name)
-        return thing is None or self.recognition.recognises(thing)
+        """Return whether a thing would be recognised in a picture; what was made here is known without a model."""
+        thing = self.map.find(name)
+        if thing is None:
+            return name not in self.made or self.recognition.runs(VISION)
+        return self.recognition.recognises(thing)

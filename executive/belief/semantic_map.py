@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
 from typing import NamedTuple
 
 import numpy as np
@@ -170,7 +171,7 @@ _MARKS = (
 def _things(ontology: Ontology) -> tuple[str, ...]:
     """Return the IRIs of the things of the map, in document order of what makes them one."""
     things: dict[str, None] = {}
-    others = {iri for name in ("UrdfLink", "UrdfJoint", "Map") for iri in ontology.individuals(expand(name))}
+    others = {iri for name in ("UrdfLink", "UrdfJoint") for iri in ontology.individuals(expand(name))}
     for event in _perceptions(ontology):
         things.update(dict.fromkeys(_individuals(ontology, event, "objectActedOn")))
     for name in _MARKS:
@@ -182,8 +183,11 @@ def _things(ontology: Ontology) -> tuple[str, ...]:
             if isinstance(triple.subject, str) and isinstance(triple.object, str):
                 things[triple.subject] = None
     order = {iri: rank for rank, iri in enumerate(_typed(ontology))}
-    there = (iri for iri in things if iri in order and iri not in others and not _is_feature(ontology, iri))
-    return tuple(sorted(there, key=order.__getitem__))
+    there = {iri for iri in things if iri in order and iri not in others and not _is_feature(ontology, iri)}
+    maps = {iri for iri in there if ontology.is_a(iri, expand("Map"))}
+    poses = PosesOfThings(ontology, []) if maps else None
+    frames = {iri for iri in maps if poses and any(ontology.values(poses.place_of(iri) or "", expand("relativeTo")))}
+    return tuple(sorted(there - frames, key=order.__getitem__))  # what a map is relative to, is where its frame is
 
 
 def _vessels(ontology: Ontology, iri: str) -> tuple[str, ...]:
@@ -333,14 +337,30 @@ class PosesOfThings:
         return triple.span if triple else self.ontology.span(place)
 
     def _time(self, event: str) -> float:
-        """Return the seconds of a perception's startTime: a number, or the number that ends a time point's name."""
+        """Return the seconds of a perception's startTime; minus infinity, with a note, if they cannot be read."""
         triple = stated(self.ontology, event, "startTime")
         if triple is None:
             return float("-inf")
         text = triple.object.value if isinstance(triple.object, Literal) else str(triple.object)
-        number = re.search(r"(\d+(\.\d+)?)$", text)
-        if number is None:
+        seconds = seconds_of(text)
+        if seconds is None:
             message = f"no time can be read from {local_name(text)!r}; this perception counts as the oldest"
             self.found.append(note("M011", message, triple.span))
             return float("-inf")
-        return float(number.group(1))
+        return seconds
+
+
+_DATE = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(?:\.\d{1,6})?(?:Z|[+-]\d\d:\d\d)?$")
+_SECONDS = re.compile(r"(?<![\d.])\d{1,15}(?:\.\d{1,15})?$")
+
+
+def seconds_of(time: str) -> float | None:
+    """Return the seconds since 1970 that end a text or a time point's name, as a number or an ISO 8601 date in UTC."""
+    if (date := _DATE.search(time)) is not None:
+        try:
+            when = datetime.fromisoformat(date[0])
+        except ValueError:
+            return None
+        return (when if when.tzinfo else when.replace(tzinfo=UTC)).timestamp()
+    number = _SECONDS.search(time)
+    return None if number is None else float(number[0])

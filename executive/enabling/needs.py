@@ -9,11 +9,13 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
 from functools import cache, partial
 from itertools import chain
 from pathlib import Path
 
-from executive.enabling.parameters import class_of, made_by, things_of
+from executive.belief.recognition_models import is_anything, needs_model
+from executive.enabling.parameters import class_of, handled_by, things_of
 from executive.enabling.search import Combination, Need, Offer, combine
 from executive.enabling.stock import MODELS, Stock, unusable
 from executive.robots.matching import Matcher, Possessions
@@ -31,6 +33,7 @@ from planlang.recipe import Actions, Thing, read_recipe
 FOR = " for "
 """Before what a need prefers, in its name: what was taken for the rest of it is considered, too."""
 MODEL_OF = expand(MODELS)
+MOST_GUESSES = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,10 +160,21 @@ class Enabling:
         def search() -> Iterator[Found]:
             recipes = {one.entry.uid: one for text in _spellings(name) for one in self._recipes(label=text)}
             named = [one for one in recipes.values() if _is_called(one, name)]
-            yield from named
-            yield from self._recipes(name) if not named else ()
+            found = named or self._recipes(name)
+            if not found and (near := self._near(name)):
+                self._want(need, replace(self.wanted[need], lacks=f"{self._none()}; did you mean {' or '.join(near)}?"))
+            yield from found
 
-        return self._want(f"recipe {name}", Wanted(FindingKind.RECIPE, name, search=search, lacks=self._none()))
+        need = f"recipe {name}"
+        return self._want(need, Wanted(FindingKind.RECIPE, name, search=search, lacks=self._none()))
+
+    def _near(self, name: str) -> list[str]:
+        """Return names like one by which the knowledge base has recipes: labels, identifiers, classes."""
+        entries = [one.entry for one in self._recipes()]
+        names = {text: None for one in entries for text in (one.label, one.uid, local_name(one.about))}
+        classes = dict.fromkeys(map(local_name, self.vocabulary.subclasses(expand("PurposefulAction"))))
+        similar = get_close_matches(local_name(name), [*names, *classes], n=MOST_GUESSES)
+        return [one for one in similar if one in names or self._recipes(one)]
 
     def given_task(self, recipe: Path, task: str | None) -> Need:
         """Return the need of a recipe that the user has. Raises BadInput for one that cannot be used."""
@@ -175,9 +189,9 @@ class Enabling:
         if reading.recipes is None or has_errors(reading.diagnostics):
             raise BadInput([one for one in reading.diagnostics if has_errors([one])])
         matched = match(ontology, reading.recipes, self.robot, performed=self.performed)
-        things, made = things_of(actions, reading.recipes), made_by(actions, reading.recipes)
-        models = (self.model(class_of(one), ontology) for one in things)
-        there = [one for one in things if one not in made]
+        classes = map(class_of, handled_by(actions, reading.recipes))
+        models = (self.model(cls, ontology) for cls in classes if needs_model(ontology, [cls]))
+        there = [one for one in things_of(actions, reading.recipes) if not is_anything(ontology, class_of(one))]
         return tuple(dict.fromkeys([*self._of_finding(matched.tree), *models, self.map(there, ontology)]))
 
     def _of_finding(self, finding: Finding) -> Iterator[Need]:

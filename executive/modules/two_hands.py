@@ -111,7 +111,8 @@ class TwoHands(HandWork):
     async def _take(self, name: str, what: Object) -> None:
         if name in self.platform.belief.held:
             return
-        pairs, problem, tried = self._pairs(name), None, list[BasePose]()
+        pairs, tried = self._pairs(name), list[BasePose]()
+        problem: ManipulationFailure | NavigationFailure | None = None
         await self.tuck(self.platform.arms.untucked())
         for number in range(PLACES + 1):
             if self._is_near(self.platform.scene.bodies.block(name).centre):
@@ -121,11 +122,18 @@ class TwoHands(HandWork):
                         return
                 except ManipulationPoseUnreachable as failure:
                     problem = problem or failure
+                except (ManipulationGoalInCollision, GraspMissed) as failure:  # it is not quite where it was seen
+                    problem = problem or failure
+                    await self.tuck(self.platform.arms.untucked())
+                    continue
             base = await self._elsewhere(pairs, name, tried) if number < PLACES else None
             if base is None:
                 break
             tried.append(base)
-            await self.drive(base)
+            try:
+                await self.drive(base)
+            except NavigationFailure as failure:
+                problem = problem or failure
         raise self._nowhere(name, pairs, "take") from problem
 
     async def _from_here(self, pairs: Sequence[PairPaths], name: str) -> bool:
@@ -174,7 +182,7 @@ class TwoHands(HandWork):
         platform, bodies = self.platform, self.platform.scene.bodies
         free, needed = self.free_hands(), bodies.hands(name)
         if len(free) < needed or needed > 2:
-            raise HandsLacking(designator=name, what=name, needed=needed, hands=len(free))
+            raise HandsLacking(designator=f"take {name}", what=name, needed=needed, hands=len(free))
         mass = bodies.mass(name) + sum(map(bodies.mass, self._load(name)))
         pairs = [pair for pair in combinations(free, 2) if mass / 2 <= min(arm.payload for arm in pair)]
         if not pairs:
@@ -276,7 +284,8 @@ class TwoHands(HandWork):
         paths, where = self._holding(name), action.get("to_location")
         if not isinstance(where, (Object, Location)):
             raise ActionUnresolvable("it needs to_location", designator=str(action))
-        location, problem, tried = resting_on(where), None, list[BasePose]()
+        location, tried = resting_on(where), list[BasePose]()
+        problem: ManipulationFailure | NavigationFailure | None = None
         for number in range(PLACES + 1):
             spots = self._spots(what, location)
             if self._is_near(np.array(spots[0].position)):
@@ -292,7 +301,10 @@ class TwoHands(HandWork):
             if place is None:
                 break
             tried.append(place.base)
-            await self.drive(place.base)
+            try:
+                await self.drive(place.base)
+            except NavigationFailure as failure:
+                problem = problem or failure
             await self._look_at_support(place.pose)
         raise self._nowhere(name, [paths], "put down") from problem
 

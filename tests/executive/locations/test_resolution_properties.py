@@ -12,8 +12,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from executive.locations import Rejections, Resolver
+from executive.locations.budgets import BUDGETS
 from executive.locations.resolver import APART, MOST, Answers
-from executive.locations.search import BUDGETS
 from planlang import at_location
 from planlang.designators import Location, a_location, a_person, an_object
 from planlang.failures import LocationUnresolvable, ManipulationPoseUnreachable, ObjectUnreachable
