@@ -26,6 +26,9 @@ FUZZ_SECONDS ?= 60
 FUZZ_SEED ?= 0
 PYTEST_ARGS ?=
 
+# Tests and measurements start hundreds of processes; each would compile all modules anew where the variable is set.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: help demo test test-long lint counts bench bench-locations coverage mutants seeds processors fuzz maps clean
 
 help:

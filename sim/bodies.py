@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -330,7 +330,7 @@ def _arrays(cavities: Sequence[Cavity]) -> Iterator[tuple[Array, Array]]:
 
 
 def _room(body: Body) -> tuple[Part, ...]:
-    """Return a slab under the interior and four walls around it."""
+    """Return a slab under the interior, and four walls around it with the openings that its cavities are."""
     x, y, z = body.size
     floor = Part(
         SolidKind.BOX, (x + 2 * WALL, y + 2 * WALL, WALL), Pose((0.0, 0.0, -z / 2 - WALL / 2)), (0.62, 0.64, 0.66, 1.0)
@@ -345,4 +345,15 @@ def _room(body: Body) -> tuple[Part, ...]:
         for axis in (0, 1)
         for sign in (-1.0, 1.0)
     ]
-    return (floor, *walls)
+    return (floor, *(part for wall in walls for part in _with_openings(wall, body.cavities)))
+
+
+def _with_openings(wall: Part, openings: Sequence[Cavity]) -> Iterator[Part]:
+    """Yield what openings leave of a wall."""
+    if not openings:
+        yield wall
+        return
+    own = (wall.offset.inverse() @ Pose(one.centre) for one in openings)
+    cuts = [Cavity(pose.position, one.size) for pose, one in zip(own, openings, strict=True)]
+    for part in _around(wall.size, cuts):
+        yield replace(part, offset=wall.offset @ part.offset, outward=wall.outward)

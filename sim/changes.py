@@ -163,13 +163,14 @@ class Changes:
         self.matter.count += 1
         return sum(portion.amount for portion in portions)
 
-    def drop(self, portions: Sequence[Portion], point: Point, source: str) -> None:
-        """Let portions fall from a point, out of a thing, on or into what is below."""
+    def drop(self, portions: Sequence[Portion], point: Point, source: str) -> str | None:
+        """Let portions fall from a point, out of a thing, on or into what is below; return that, None without."""
         start = np.array([point])
         with self.rays.without(source):
             names, heights = self.rays.down(start, start - np.array([0.0, 0.0, _DEEP]))
         if names[0] is not None:
             self.give(portions, names[0], (point[0], point[1], float(heights[0])))
+        return names[0]
 
     def give(self, portions: Sequence[Portion], target: str, point: Point) -> None:
         """Put portions into a vessel that stands, as much as it holds, or on another thing, at a point."""

@@ -82,7 +82,7 @@ class Articulation:
 
     def is_shut(self, value: float) -> bool:
         """Return whether the leaf counts as closed."""
-        return value <= self.last_shut
+        return abs(value) <= self.last_shut
 
     def is_open(self, value: float) -> bool:
         """Return whether the leaf counts as open."""

@@ -78,7 +78,7 @@ class Body:
     """True for what may stand elsewhere than in the map: see :func:`sim.scene.perturb`."""
     color: tuple[float, float, float, float] | None = None
     cavities: tuple[Cavity, ...] = ()
-    """Rooms inside a box: compartments, the inside of a drawer."""
+    """Rooms inside a box: compartments, the inside of a drawer; of a room: openings in its walls."""
     content: tuple[Portion, ...] = ()
     """Its content, or what it consists of, at the beginning."""
     capacity: float = 0.0
@@ -345,7 +345,8 @@ def _outline(body: Body, pose: Pose) -> Array:
 
 def _surfaces(support: Body, pose: Pose, of: Pose) -> Iterator[Array]:
     """Yield outlines, within all of which a thing stays that stands on a body, or in a room inside of it."""
-    yield _outline(support, pose)
+    x, y, z = support.size
+    yield _outline(replace(support, size=(x - 2 * support.wall, y - 2 * support.wall, z)), pose)
     for cavity in support.cavities:
         centre = pose @ Pose(cavity.centre)
         if (np.abs((centre.inverse() @ of).position) < np.asarray(cavity.size) / 2).all():
@@ -353,13 +354,17 @@ def _surfaces(support: Body, pose: Pose, of: Pose) -> Iterator[Array]:
 
 
 def _support(body: Body, bodies: Sequence[Body], half: Mapping[str, float]) -> str | None:
-    """Return what a body stands on or in: the one whose top is at its bottom, or that contains its centre.
+    """Return what a body stands on or in: a dish on whose floor it is, else what its bottom is at or its centre is in.
 
     ``half`` are the half heights of bodies by name [m].
     """
     if body.shape in (BodyShape.ROOM, BodyShape.MARKER):
         return None
     bottom = body.pose.position[2] - half[body.name]
+    for other in (one for one in bodies if one.wall and one is not body):
+        floor = other.pose.position[2] - half[other.name] + other.wall
+        if abs(floor - bottom) <= _RIM and inside(_outline(other, other.pose), body.pose.position):
+            return other.name
     for other in bodies:
         if other is body or other.shape in (BodyShape.ROOM, BodyShape.MARKER, BodyShape.PERSON):
             continue

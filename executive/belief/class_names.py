@@ -8,8 +8,10 @@ from __future__ import annotations
 
 from planlang.designators import local_name
 from planlang.ontology import Literal, Ontology, expand
+from planlang.ontology.terms import RDF
 
 _KEPT = "executive.belief.class_names"
+_USED = f"{_KEPT} used"
 
 
 def known(ontology: Ontology, cls: str) -> str:
@@ -18,7 +20,13 @@ def known(ontology: Ontology, cls: str) -> str:
 
 
 def is_kind(ontology: Ontology, one: str, cls: str) -> bool:
-    """Return whether a class is another, or below it, by either's name."""
+    """Return whether a class is another, or below it, by either's name; by IRI where the map says that of a thing.
+
+    Of two classes of one name in two namespaces, both unknown to the vocabulary, each means its own things.
+    """
+    iri = expand(cls)
+    if not ontology.defined(iri) and iri in _used(ontology):
+        return expand(one) == iri or ontology.is_a(one, iri)
     below = known(ontology, one)
     return any(ontology.is_a(below, meant) for meant in meanings(ontology, cls))
 
@@ -37,3 +45,10 @@ def meanings(ontology: Ontology, cls: str) -> tuple[str, ...]:
                 names.setdefault(triple.object.value.lower(), {})[triple.subject] = None
         ontology.kept[_KEPT] = names
     return tuple(ontology.kept[_KEPT].get(local_name(iri).lower(), (iri,)))
+
+
+def _used(ontology: Ontology) -> frozenset[object]:
+    """Return the classes that individuals are said to be of."""
+    if _USED not in ontology.kept:
+        ontology.kept[_USED] = frozenset(triple.object for triple in ontology.triples(p=RDF.type))
+    return frozenset(ontology.kept[_USED])

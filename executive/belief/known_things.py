@@ -13,7 +13,7 @@ from executive.belief.class_names import is_kind
 from executive.belief.contents import is_content
 from executive.belief.knowledge import Grip, Knowledge, Source
 from executive.belief.obstacles import NAMES
-from executive.belief.recognition import Recognition
+from executive.belief.recognition import VISION, Recognition
 from executive.belief.semantic_map import MapObject, SemanticMap
 from planlang.designators import Object
 from planlang.failures import AmbiguousPerception, ObjectUnresolvable
@@ -197,13 +197,15 @@ class KnownThings:
         if not holding:
             known = ", ".join(name for name in self._poses if name not in NAMES)
             missing = "is not there any more" if meant in self._gone else "is not in the map"
+            missing = "has not been found yet" if meant in self.unknown else missing
             raise ObjectUnresolvable(f"{what} ({what.type}) {missing}; there are {known}", designator=str(what))
         return min(holding, key=lambda name: math.dist(self._poses[name].position[:2], near[:2]))
 
     def _meant(self, what: Object) -> str | None:
-        """Return the individual that a designator names, if it is in something else, or not there any more."""
+        """Return the individual that a designator names, if it is in something else, not found yet, or gone."""
         named = (thing for thing in self.things if what.iri is not None and thing.iri == what.iri)
-        return next((thing.name for thing in named if is_content(thing) or thing.name in self._gone), None)
+        elsewhere = {*self._gone, *self.unknown}
+        return next((thing.name for thing in named if is_content(thing) or thing.name in elsewhere), None)
 
     def means(self, what: Object, name: str) -> bool:
         """Return whether a designator means a thing itself, not what is in it."""
@@ -219,6 +221,8 @@ class KnownThings:
         return is_kind(self.map.ontology, one, cls)
 
     def recognises(self, name: str) -> bool:
-        """Return whether a thing would be recognised in a picture."""
-        thing = self.map.find(name) or self.made.get(name)
-        return thing is None or self.recognition.recognises(thing)
+        """Return whether a thing would be recognised in a picture; what was made here is known without a model."""
+        thing = self.map.find(name)
+        if thing is None:
+            return name not in self.made or self.recognition.runs(VISION)
+        return self.recognition.recognises(thing)

@@ -13,14 +13,17 @@ from executive.belief.occupancy_grid import read_grid
 from executive.belief.occupied_space import Box, OccupiedSpace
 from executive.belief.octree import read_octree
 from executive.belief.point_cloud import read_points
-from executive.belief.semantic_map import SemanticMap
+from executive.belief.semantic_map import PosesOfThings, SemanticMap
 from planlang.designators import local_name
-from planlang.diagnostics import BadInput, Diagnostic, Severity, note, warning
+from planlang.diagnostics import BadInput, Diagnostic, Severity, Span, note, warning
+from planlang.geometry import Pose
 from planlang.ontology import Literal, Ontology, Triple, expand
 from sim import Body
 
 OBSTACLE = "mapped obstacle"
 """The name of a body that a file tells of, before its number."""
+UPRIGHT = 0.9999
+"""Least cosine of the angle between up and the z axis of a file's frame: a degree."""
 CELL = 0.05
 """Length of the cells by which points are told apart [m]."""
 
@@ -30,15 +33,17 @@ def with_obstacles(bodies: Sequence[Body], semantic_map: SemanticMap, found: lis
 
     What cannot be read or is not here is told, and left out.
     """
-    boxes = [box for path in _files(semantic_map.ontology, found) for box in _boxes(path, bodies, found)]
+    files = _files(semantic_map.ontology, found)
+    boxes = [box for path, frame in files for box in _boxes(path, frame, bodies, found)]
     return [
         *bodies,
         *(Body(f"{OBSTACLE} {number}", pose, size) for number, (pose, size) in enumerate(boxes, 1)),
     ]
 
 
-def _files(ontology: Ontology, found: list[Diagnostic]) -> Iterator[Path]:
-    """Yield the files that are there and can be read."""
+def _files(ontology: Ontology, found: list[Diagnostic]) -> Iterator[tuple[Path, Pose]]:
+    """Yield the files that are there and can be read, each with the pose of its map."""
+    poses = PosesOfThings(ontology, found)
     for iri in ontology.individuals(expand("Map")):
         for triple in ontology.said(iri, "linkToMapFile"):
             if not isinstance(triple.object, Literal):
@@ -50,7 +55,7 @@ def _files(ontology: Ontology, found: list[Diagnostic]) -> Iterator[Path]:
                 message = f"the map {local_name(iri)} is left out: {problem}: {triple.object.value[:200]}"
                 found.append(note("M025", message, triple.span))
             elif path is not None:
-                yield path
+                yield path, poses.pose(iri) or Pose((0.0, 0.0, 0.0))
 
 
 def _file(triple: Triple, link: str) -> tuple[Path | None, str]:
@@ -67,10 +72,13 @@ def _file(triple: Triple, link: str) -> tuple[Path | None, str]:
         return None, "this is no name of a file"
 
 
-def _boxes(path: Path, bodies: Sequence[Body], found: list[Diagnostic]) -> list[Box]:
-    """Return boxes that cover what a file has and no thing explains."""
+def _boxes(path: Path, frame: Pose, bodies: Sequence[Body], found: list[Diagnostic]) -> list[Box]:
+    """Return boxes that cover what a file in a frame has and no thing explains."""
+    if frame.rotation[2, 2] < UPRIGHT:
+        found.append(warning("M024", "a map of obstacles that leans is left out", Span(str(path))))
+        return []
     try:
-        return _READERS[path.suffix.lower()](path).boxes(bodies)
+        return _READERS[path.suffix.lower()](path).within(frame).boxes(bodies)
     except BadInput as bad:
         found += (warning(one.code, one.message, one.span) for one in bad.diagnostics if one.severity is Severity.ERROR)
         return []

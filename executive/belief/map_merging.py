@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from executive.belief.map_frames import MapSource, are_related, in_frame_of
 from executive.belief.map_statements import (
     Placement,
     main_statements,
@@ -18,13 +19,13 @@ from executive.belief.map_statements import (
     with_placements,
 )
 from executive.belief.measures import EXTENTS, TRIPLES
-from executive.belief.semantic_map import MapObject, SemanticMap, read_map
+from executive.belief.semantic_map import MapObject, read_map
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, note, warning
 from planlang.geometry import Array
 from planlang.knowledge.places import LEVELS, inverted
 from planlang.ontology import Literal, Ontology, Triple, expand, load
-from planlang.ontology.terms import OWL, RDFS
+from planlang.ontology.terms import RDFS
 from planlang.units import stated_number, unit_of_property
 
 SAME_PLACE = 0.01
@@ -45,59 +46,33 @@ class Merged:
     diagnostics: tuple[Diagnostic, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class _Source:
-    """A map with its file's name, its statements, and the placements that it states."""
-
-    name: str
-    map: SemanticMap
-    statements: list[Triple]
-    placed: dict[str, Placement]
-
-    @staticmethod
-    def of(path: Path, ontology: Ontology, found: list[Diagnostic]) -> _Source:
-        semantic_map = read_map(ontology)
-        filled_in = ("M005", "M006")  # that is for who uses the merged map
-        found += (*ontology.diagnostics, *(one for one in semantic_map.diagnostics if one.code not in filled_in))
-        statements = _turned(main_statements(ontology, {ontology.documents[0].path}), ontology)
-        return _Source(path.name, semantic_map, statements, placements(semantic_map))
-
-    def named(self, names: Mapping[str, str]) -> _Source:
-        """Return the source with other names (IRIs) for some things."""
-
-        statements = [
-            replace(
-                one,
-                subject=names.get(one.subject, one.subject) if isinstance(one.subject, str) else one.subject,
-                object=names.get(one.object, one.object) if isinstance(one.object, str) else one.object,
-            )
-            for one in self.statements
-        ]
-        placed = {}
-        for iri, one in self.placed.items():
-            parent = None if one.relative_to is None else names.get(one.relative_to, one.relative_to)
-            placed[names.get(iri, iri)] = replace(one, thing=names.get(iri, iri), relative_to=parent)
-        return replace(self, statements=statements, placed=placed)
+def _source(path: Path, ontology: Ontology, found: list[Diagnostic]) -> MapSource:
+    semantic_map = read_map(ontology)
+    filled_in = ("M005", "M006")  # that is for who uses the merged map
+    found += (*ontology.diagnostics, *(one for one in semantic_map.diagnostics if one.code not in filled_in))
+    statements = _turned(main_statements(ontology, {ontology.documents[0].path}), ontology)
+    return MapSource(path.name, semantic_map, statements, placements(semantic_map))
 
 
 def merge(paths: Sequence[Path], folders: Sequence[Path] = ()) -> Merged:
-    """Merge maps of one place, whose frames are the same; of facts that differ, the later named map's count.
+    """Merge maps of one place in the frame of the first; of facts that differ, the later named map's count.
 
-    Raises BadInput for a file that is no map.
+    Raises BadInput for a file that is no map, and if nothing tells how their frames lie to each other.
     """
     found: list[Diagnostic] = []
-    sources = [_Source.of(path, load(path, folders=folders), found) for path in paths]
+    sources = [_source(path, load(path, folders=folders), found) for path in paths]
     whole = load(paths[0], folders=folders, also=paths[1:])
     things = {thing.iri: thing for thing in sources[0].map.objects}
     merged = [sources[0]]
-    for source in sources[1:]:
+    for source in (in_frame_of(sources[0], one, whole, found) for one in sources[1:]):
         names = dict(_same(things, source, whole, found))
         things = {names.get(one.iri, one.iri): one for one in source.map.objects} | things
         merged.append(source.named(names))
     statements = _united(merged, found)
     placed = _newest(merged, found)
     _compare_classes(merged, whole, found)
-    text = text_of(with_placements(statements, whole, placed), sources[0].map.ontology, found)
+    frames = {iri for iri in whole.individuals(expand("SemanticEnvironmentMap")) if iri not in placed}
+    text = text_of(with_placements(statements, whole, placed, gone=frames), sources[0].map.ontology, found)
     return Merged(text, len(things), len(placed), tuple(dict.fromkeys(found)))
 
 
@@ -105,7 +80,7 @@ def merge(paths: Sequence[Path], folders: Sequence[Path] = ()) -> Merged:
 
 
 def _same(
-    things: Mapping[str, MapObject], source: _Source, ontology: Ontology, found: list[Diagnostic]
+    things: Mapping[str, MapObject], source: MapSource, ontology: Ontology, found: list[Diagnostic]
 ) -> Iterator[tuple[str, str]]:
     """Yield the names of things in a map that the earlier ones have by another name, with that name."""
     own = {thing.iri for thing in source.map.objects}
@@ -123,13 +98,13 @@ def _same(
         numbers = _numbers(thing, ontology)
         alike = [one for number in numbers for one in numbered.get(number, ())]
         alike += [one for one in _near(thing, placed, places) if not (numbers and _numbers(one, ontology))]
-        other = next((one for one in alike if one.iri in others and _are_related(thing, one, ontology)), None)
+        other = next((one for one in alike if one.iri in others and are_related(thing, one, ontology)), None)
         if other is not None:
             del others[other.iri]
             message = f"{local_name(thing.iri)} of {source.name} is {local_name(other.iri)} of the maps before it"
             found.append(note("M023", message, thing.span, "same class, and same place or number"))
             yield thing.iri, other.iri
-        elif any(_are_related(thing, one, ontology) for one in named.get(local_name(thing.iri), ())):
+        elif any(are_related(thing, one, ontology) for one in named.get(local_name(thing.iri), ())):
             message = f"{local_name(thing.iri)} of {source.name} is taken as another than that of the maps before"
             help = f"they are at different places; rename <{thing.iri}> if they are one"
             found.append(note("M023", message, thing.span, help))
@@ -151,18 +126,12 @@ def _near(thing: MapObject, placed: Sequence[MapObject], places: Array) -> Itera
             yield placed[index]
 
 
-def _are_related(a: MapObject, b: MapObject, ontology: Ontology) -> bool:
-    """Return whether a class of one thing is that of the other, or below it."""
-    kinds = [[cls for cls in thing.types if cls != OWL.NamedIndividual] for thing in (a, b)]
-    return any(ontology.is_a(x, y) or ontology.is_a(y, x) for x in kinds[0] for y in kinds[1])
-
-
 # Where they are
 
 
-def _newest(sources: Sequence[_Source], found: list[Diagnostic]) -> dict[str, Placement]:
+def _newest(sources: Sequence[MapSource], found: list[Diagnostic]) -> dict[str, Placement]:
     """Return the newest placement of each thing; of equally new ones that of the map that is named later."""
-    newest: dict[str, tuple[Placement, _Source]] = {}
+    newest: dict[str, tuple[Placement, MapSource]] = {}
     for source in sources:
         for iri, placement in source.placed.items():
             before = newest.get(iri)
@@ -180,7 +149,7 @@ def _newest(sources: Sequence[_Source], found: list[Diagnostic]) -> dict[str, Pl
     return {iri: _carried(iri, newest) for iri in newest}
 
 
-def _carried(iri: str, newest: Mapping[str, tuple[Placement, _Source]]) -> Placement:
+def _carried(iri: str, newest: Mapping[str, tuple[Placement, MapSource]]) -> Placement:
     """Return the placement of a thing; what is stated relative to another one goes with the newest pose of that."""
     placement, source = newest[iri]
     steps, parent = [iri], placement.relative_to
@@ -206,7 +175,7 @@ def _shown(placement: Placement) -> str:
 # What is said of them
 
 
-def _united(sources: Sequence[_Source], found: list[Diagnostic]) -> list[Triple]:
+def _united(sources: Sequence[MapSource], found: list[Diagnostic]) -> list[Triple]:
     """Return the statements of all maps: one header, and values of the last map that states any."""
     poses = {expand(f"m{row}{column}") for row in range(4) for column in range(4)}
     united: dict[tuple[object, str, object], Triple] = {}
@@ -266,13 +235,13 @@ def _value(triple: Triple) -> object:
         return triple.object.value.strip()
 
 
-def _compare_classes(sources: Sequence[_Source], ontology: Ontology, found: list[Diagnostic]) -> None:
+def _compare_classes(sources: Sequence[MapSource], ontology: Ontology, found: list[Diagnostic]) -> None:
     """Tell of things that are of unrelated classes in two maps; they are of both in the merged one."""
     known: dict[str, tuple[MapObject, str]] = {}
     for source in sources:
         for thing in source.map.objects:
             other, where = known.setdefault(thing.iri, (thing, source.name))
-            if not _are_related(thing, other, ontology):
+            if not are_related(thing, other, ontology):
                 classes = [local_name(one.types[0]) for one in (other, thing)]
                 message = f"{thing.name} is a {classes[0]} in {where} and a {classes[1]} in {source.name}: it is both"
                 found.append(warning("M022", message, thing.span))

@@ -101,7 +101,7 @@ def with_placements(
     """Return statements in which each placed thing has one pose, that of its placement; those ``gone`` have none."""
     things = {iri for iri in dict.fromkeys(str(t.subject) for t in statements) if iri in placed or iri in gone}
     things |= placed.keys()
-    kept = _without_poses(statements, ontology, things)
+    kept = _without_poses(statements, things)
     taken = {str(triple.subject) for triple in kept}
     base = f"{(ontology.iri or 'http://planlang.org/kb/map.owl').rstrip('#')}#"
     for placement in placed.values():
@@ -109,13 +109,12 @@ def with_placements(
     return kept
 
 
-def _without_poses(statements: Sequence[Triple], ontology: Ontology, things: set[str]) -> list[Triple]:
+def _without_poses(statements: Sequence[Triple], things: set[str]) -> list[Triple]:
     """Return the statements without the poses of things, and without the perceptions that tell nothing else."""
     acted, at = expand("objectActedOn"), expand("eventOccursAt")
     others = {t.subject for t in statements if t.predicate == acted and t.object not in things}
-    events = {
-        t.subject for t in statements if t.predicate == at and t.subject not in others and _is_of(ontology, t, things)
-    }
+    of_these = {t.subject for t in statements if t.predicate == acted and t.object in things}
+    events = {t.subject for t in statements if t.predicate == at and t.subject in of_these - others}
     kept = [t for t in statements if t.subject not in events and not (t.subject in things and t.predicate in _POSES)]
     dropped = {t.object for t in statements if t.subject in events or (t.subject in things and t.predicate in _POSES)}
     kinds = {expand("RotationMatrix3D"), expand("TimePoint")}
@@ -124,10 +123,6 @@ def _without_poses(statements: Sequence[Triple], ontology: Ontology, things: set
     used = {t.object for t in kept if t.predicate != expand("relativeTo") or t.subject not in dropped}
     unused = (dropped & there) - used - things
     return [t for t in kept if t.subject not in unused]
-
-
-def _is_of(ontology: Ontology, event: Triple, things: set[str]) -> bool:
-    return any(thing in things for thing in ontology.values(event.subject, expand("objectActedOn")))
 
 
 def _perception(placement: Placement, placed: Mapping[str, Placement], base: str, taken: set[str]) -> Iterator[Triple]:

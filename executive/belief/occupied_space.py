@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +49,10 @@ class OccupiedSpace:
     frame: Pose = _MAP
     """The frame in the map; its z axis is the map's."""
 
+    def within(self, frame: Pose) -> OccupiedSpace:
+        """Return the same with its frame in another one, which has a pose in the map."""
+        return replace(self, frame=frame @ self.frame)
+
     def boxes(self, bodies: Sequence[Body]) -> list[Box]:
         """Return boxes that cover what no body explains, inside of the rooms if there are any."""
         points, length = self._thinned()
@@ -69,7 +73,7 @@ class OccupiedSpace:
         points = self.points
         if self.height is None:
             points = points[np.isfinite(points).all(axis=1)]
-            low = points[:, 2] - self.half
+            low = points[:, 2] + self.frame.position[2] - self.half
             points = points[(low >= FLOOR - 1e-9) & (low <= HIGHEST)]
             middle = np.median(points, axis=0) if len(points) else 0.0
             points = points[(np.abs(points - middle) <= FARTHEST).all(axis=1)]
@@ -87,14 +91,21 @@ class OccupiedSpace:
         kept = np.ones(len(there), dtype=bool)
         if rooms:
             tops = [corners(room.pose, room.size)[:, 2].max() - near for room in rooms]
-            kept = np.any(
-                [_in_outline(there, room, -near) & (there[:, 2] <= top) for room, top in zip(rooms, tops, strict=True)],
-                axis=0,
-            )
+            inside = [
+                _in_outline(there, room, -near) & (there[:, 2] <= top) for room, top in zip(rooms, tops, strict=True)
+            ]
+            openings = [_in_outline(there, one, 0.0) for room in rooms for one in _openings(room)]
+            kept = np.any([*inside, *openings], axis=0)
         for thing in bodies:
             if thing.shape not in (BodyShape.ROOM, BodyShape.MARKER):
                 kept &= ~(_in_outline if self.height is not None else _in_box)(there, thing, near)
         return kept
+
+
+def _openings(room: Body) -> Iterator[Body]:
+    """Yield the openings in the walls of a room, as bodies: what a sensor has there is in the way."""
+    for one in room.cavities:
+        yield Body(room.name, room.pose @ Pose(one.centre), one.size)
 
 
 def _in_box(points: Array, body: Body, more: float) -> NDArray[np.bool_]:

@@ -144,6 +144,10 @@ def scene_of(semantic_map: SemanticMap, found: list[Diagnostic] | None = None) -
     bodies, joints = articulated(bodies, semantic_map, found)
     bodies = _opened(bodies, joints, semantic_map, found)
     bodies = with_contents(bodies, semantic_map, found)
+    if sum(body.shape is BodyShape.ROOM for body in bodies) > 1:
+        from executive.belief.doorways import with_doorways  # most maps are of one room
+
+        bodies = with_doorways(bodies, semantic_map, found)
     if semantic_map.has_files:
         from executive.belief.map_files import with_obstacles  # most maps are what they state
 
@@ -186,7 +190,7 @@ def _is_a(thing: MapObject, semantic_map: SemanticMap, classes: Iterable[str]) -
 
 
 def _shape(thing: MapObject, semantic_map: SemanticMap) -> BodyShape:
-    if thing.size is None:
+    if thing.size is None or _is_a(thing, semantic_map, ("Portal",)):
         return BodyShape.MARKER
     if _is_a(thing, semantic_map, ("RoomInAConstruction",)):
         return BodyShape.ROOM

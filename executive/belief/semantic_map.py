@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
 from typing import NamedTuple
 
 import numpy as np
@@ -90,13 +91,12 @@ def read_map(ontology: Ontology) -> SemanticMap:
     for iri in things:
         types, vessels = ontology.types(iri), _vessels(ontology, iri)
         size = read_size(ontology, iri, (*vessels, *types), found)
-        matrix = poses.of(iri)
         objects.append(
             MapObject(
                 iri,
                 _unique(local_name(iri), names),
                 (*types, *vessels),
-                None if matrix is None else Pose.from_matrix(matrix),
+                poses.pose(iri),
                 size,
                 parts=_individuals(ontology, iri, "properPhysicalParts"),
                 hinged_to=_individuals(ontology, iri, "hingedTo"),
@@ -171,7 +171,7 @@ _MARKS = (
 def _things(ontology: Ontology) -> tuple[str, ...]:
     """Return the IRIs of the things of the map, in document order of what makes them one."""
     things: dict[str, None] = {}
-    links = set(ontology.individuals(expand("UrdfLink"))) | set(ontology.individuals(expand("UrdfJoint")))
+    others = {iri for name in ("UrdfLink", "UrdfJoint") for iri in ontology.individuals(expand(name))}
     for event in _perceptions(ontology):
         things.update(dict.fromkeys(_individuals(ontology, event, "objectActedOn")))
     for name in _MARKS:
@@ -183,8 +183,11 @@ def _things(ontology: Ontology) -> tuple[str, ...]:
             if isinstance(triple.subject, str) and isinstance(triple.object, str):
                 things[triple.subject] = None
     order = {iri: rank for rank, iri in enumerate(_typed(ontology))}
-    there = (iri for iri in things if iri in order and iri not in links and not _is_feature(ontology, iri))
-    return tuple(sorted(there, key=order.__getitem__))
+    there = {iri for iri in things if iri in order and iri not in others and not _is_feature(ontology, iri)}
+    maps = {iri for iri in there if ontology.is_a(iri, expand("Map"))}
+    poses = PosesOfThings(ontology, []) if maps else None
+    frames = {iri for iri in maps if poses and any(ontology.values(poses.place_of(iri) or "", expand("relativeTo")))}
+    return tuple(sorted(there - frames, key=order.__getitem__))  # what a map is relative to, is where its frame is
 
 
 def _vessels(ontology: Ontology, iri: str) -> tuple[str, ...]:
@@ -277,6 +280,11 @@ class PosesOfThings:
         """Return where a thing is, (4, 4) in the map; None if that is nowhere stated, or cannot be read."""
         return next((matrix for matrix in map(self._resolve, self._places_of(thing)) if matrix is not None), None)
 
+    def pose(self, thing: str) -> Pose | None:
+        """Return :meth:`of` as a pose."""
+        matrix = self.of(thing)
+        return None if matrix is None else Pose.from_matrix(matrix)
+
     def place_of(self, thing: str) -> str | None:
         """Return the pose of a thing: that of its latest perception, else the one that it states itself."""
         return next(iter(self._places_of(thing)), None)
@@ -329,14 +337,30 @@ class PosesOfThings:
         return triple.span if triple else self.ontology.span(place)
 
     def _time(self, event: str) -> float:
-        """Return the seconds of a perception's startTime: a number, or the number that ends a time point's name."""
+        """Return the seconds of a perception's startTime; minus infinity, with a note, if they cannot be read."""
         triple = stated(self.ontology, event, "startTime")
         if triple is None:
             return float("-inf")
         text = triple.object.value if isinstance(triple.object, Literal) else str(triple.object)
-        number = re.search(r"(\d+(\.\d+)?)$", text)
-        if number is None:
+        seconds = seconds_of(text)
+        if seconds is None:
             message = f"no time can be read from {local_name(text)!r}; this perception counts as the oldest"
             self.found.append(note("M011", message, triple.span))
             return float("-inf")
-        return float(number.group(1))
+        return seconds
+
+
+_DATE = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(?:\.\d{1,6})?(?:Z|[+-]\d\d:\d\d)?$")
+_SECONDS = re.compile(r"(?<![\d.])\d{1,15}(?:\.\d{1,15})?$")
+
+
+def seconds_of(time: str) -> float | None:
+    """Return the seconds since 1970 that end a text or a time point's name, as a number or an ISO 8601 date in UTC."""
+    if (date := _DATE.search(time)) is not None:
+        try:
+            when = datetime.fromisoformat(date[0])
+        except ValueError:
+            return None
+        return (when if when.tzinfo else when.replace(tzinfo=UTC)).timestamp()
+    number = _SECONDS.search(time)
+    return None if number is None else float(number[0])

@@ -15,6 +15,7 @@ from executive.enabling.explanation import Explanation
 from executive.enabling.folder import Folder
 from executive.enabling.needs import Enabling
 from executive.enabling.shelf import open_shelf
+from executive.enabling.stock import Stock
 from executive.modules.bundled import performed_by
 from planlang.diagnostics import BadInput, Diagnostic, error, warning
 from planlang.files import Bundled
@@ -39,10 +40,8 @@ def command(arguments: EnableArguments) -> Answer:
     with closing(open_shelf(arguments.source, arguments.folders)) as shelf:
         enabling = Enabling(
             who,
-            shelf,
-            folder,
+            Stock(shelf, folder, arguments.folders, arguments.limit),
             performed_by(arguments.modules or (), problems),
-            arguments.folders,
             next(iter(maps), None),
             {level: text for level in LEVELS if (text := getattr(arguments, level)) is not None},
         )
@@ -55,17 +54,17 @@ def _explained(arguments: EnableArguments, enabling: Enabling) -> tuple[Explanat
     """Return why the robot can do the task, or not, and the answer after what is missing has been taken."""
     if not arguments.recipe.strip():
         raise BadInput([error("C001", "the name of the task is empty")])
-    path, robot = Path(arguments.recipe), enabling.robot.robot
+    path = Path(arguments.recipe)
     is_file = path.is_file()
     root = enabling.given_task(path, arguments.task) if is_file else enabling.task(arguments.recipe)
     explanation = Explanation(enabling, enabling.combination(root))
     lines, data = [*explanation.tree().lines()], explanation.as_json()
     if explanation.combination.unmet:
-        lines.append(f"{robot} cannot do it; neither side has {', '.join(explanation.unmet())}")
+        lines += explanation.verdict()
         return explanation, Answer(ExitCode.MISSING_CAPABILITY, (), "\n".join(lines), data)
     taken = explanation.taken() if not arguments.dry else ()
-    written = [file for found, needs in taken for file in enabling.folder.take(found, needs, enabling.shelf)]
-    warned = tuple(a_program(file, enabling.shelf.url) for file in written if file.suffix.lower() == ".py")
+    written = enabling.stock.folder.take(taken, enabling.stock.shelf)
+    warned = tuple(a_program(file, enabling.url) for file in written if file.suffix.lower() == ".py")
     lines += [f"wrote {file}" for file in written]
     return explanation, Answer(ExitCode.DONE, warned, "\n".join(lines), {**data, "written": [*map(str, written)]})
 

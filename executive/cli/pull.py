@@ -23,7 +23,7 @@ def command(arguments: PullArguments) -> Answer:
     def work(client: Client) -> Answer:
         entry = client.entry(arguments.uid, kind_of(arguments.kind))
         number = client.revision(entry, arguments.revision).number
-        files = pull(client, entry, arguments.output, revision=number, force=arguments.force)
+        files = pull(client, [(entry, arguments.output)], revision=number, force=arguments.force)
         advice = "it runs only with --trust: read it first"
         warned = [
             warning("K038", f"{path} is a program by {entry.author}", help=advice)

@@ -8,7 +8,8 @@ from typing import Any
 from executive.cli.arguments import ReplayArguments
 from executive.cli.console import Answer, ExitCode
 from executive.cli.inputs import PlanFile, RecipeFile, accepted, check_files, check_trusted, programs, read, refuse
-from executive.runs.plan_run import Run, RunOptions
+from executive.runs.options import RunOptions
+from executive.runs.plan_run import Run
 from executive.runs.traces import read_trace
 from planlang.diagnostics import Diagnostic
 from planlang.runs import Different

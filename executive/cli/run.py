@@ -28,7 +28,8 @@ from executive.cli.inputs import (
     read,
     refuse,
 )
-from executive.runs.plan_run import Outcome, RunOptions, RunResult, run_plan_file
+from executive.runs.options import Outcome, RunOptions, RunResult
+from executive.runs.plan_run import run_plan_file
 from executive.runs.traces import TraceHeader, read_trace
 from planlang.diagnostics import BadInput, Diagnostic, Span, error
 from planlang.files import Bundled, decode, read_file

@@ -6,14 +6,18 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
+from executive.enabling.alternatives import Alternative, alternatives
 from executive.enabling.needs import Enabling
 from executive.enabling.search import Answer, Combination, Need, Offer
-from executive.robots.requirements import Availability, Finding, FindingKind
+from executive.robots.requirements import NEEDED, Availability, Finding, FindingKind
 from planlang.knowledge.answers import Found
 from planlang.knowledge.entries import Entry
 
 MOST_REFUSED = 20
 """Entries that were refused for one need, of which an explanation tells."""
+
+DEEPEST = 100
+"""Needs of needs of which an explanation tells."""
 
 
 @dataclass(slots=True)
@@ -23,6 +27,9 @@ class Explanation:
     enabling: Enabling
     combination: Combination
     _shown: set[Need] = field(default_factory=set)
+    _path: list[Need] = field(default_factory=list)
+    """Needs above the one that is told."""
+    _alternatives: tuple[Alternative, ...] | None = None
 
     def tree(self) -> Finding:
         """Return the finding about the task's recipe, with all that it needs below."""
@@ -30,21 +37,42 @@ class Explanation:
         (root,) = self.combination.wanted
         return self._of(root)
 
-    def unmet(self) -> tuple[str, ...]:
-        """Return what neither the robot nor the knowledge base has and everything else waits for, each once."""
-        (root,) = self.combination.wanted
-        return tuple(dict.fromkeys(self._unmet(root, set())))
+    def alternatives(self) -> tuple[Alternative, ...]:
+        """Return the ways to do a task that cannot be done, with what each lacks, the nearest to complete first."""
+        if self._alternatives is None:
+            (root,) = self.combination.wanted
+            self._alternatives = alternatives(self.combination, root) if self.combination.unmet else ()
+        return self._alternatives
 
-    def _unmet(self, need: Need, seen: set[Need]) -> Iterator[str]:
-        answer = self.combination.answers.get(need)
-        if need in seen or answer is None or answer.is_met:
-            return
-        seen.add(need)
-        if not answer.considered:
-            yield self._named(need)
-        for _, lacking in answer.considered:
-            for below in lacking:
-                yield from self._unmet(below, seen)
+    def unmet(self) -> tuple[str, ...]:
+        """Return what the alternative that is nearest to complete lacks."""
+        return tuple(self._named(need) for one in self.alternatives()[:1] for need in one.missing)
+
+    def verdict(self) -> Iterator[str]:
+        """Yield why a task cannot be done: what neither side has, or what each alternative lacks on which side."""
+        robot, found = self.enabling.robot.robot, self.alternatives()
+        if len(found) == 1:
+            yield f"{robot} cannot do it; neither side has {', '.join(self.unmet())}"
+        elif found:
+            yield f"{robot} cannot do it; its alternatives, the nearest to complete first, and what they lack:"
+            for one in found:
+                yield f"  {', '.join(one.entries) or 'without entries'}: {'; '.join(self._lacking(one))}"
+        if found and (unread := sum(self.enabling.unread.values())):
+            yield f"{unread} entries were not looked at, as {self.enabling.stock.limit} have been read: --limit N"
+
+    def _lacking(self, alternative: Alternative) -> Iterator[str]:
+        robot, url = self.enabling.robot.robot, self.enabling.url
+        for side, verb in ((robot, "lacks"), (f"{robot} and {url}", "lack"), (url, "lacks")):
+            names = [self._named(need) for need in alternative.missing if self._side(need) == side]
+            if names:
+                yield f"{side} {verb} {', '.join(names)}"
+
+    def _side(self, need: Need) -> str:
+        """Return who would have to have something: the robot its hardware, a knowledge base recipes, models, maps."""
+        wanted, robot, url = self.enabling.wanted[need], self.enabling.robot.robot, self.enabling.url
+        if wanted.kind not in NEEDED:
+            return url
+        return robot if wanted.is_hardware else f"{robot} and {url}"
 
     def _named(self, need: Need) -> str:
         wanted = self.enabling.wanted[need]
@@ -52,14 +80,19 @@ class Explanation:
 
     def _of(self, need: Need) -> Finding:
         wanted, answer = self.enabling.wanted[need], self.combination.answers[need]
-        is_new = need not in self._shown
+        is_new = need not in self._shown and len(self._path) < DEEPEST
         self._shown.add(need)
         if answer.by is not None:
             return Finding(wanted.kind, wanted.text, wanted.iri, Availability.AVAILABLE, answer.by)
+        is_circular = need in self._path
+        self._path.append(need)
         below = tuple(self._below(need, answer)) if is_new else ()
+        self._path.pop()
         state, reason = Availability.MISSING, wanted.lacks
         if answer.offer is not None:
             state, reason = Availability.AVAILABLE, self._taken(answer.offer)
+        elif is_circular:
+            reason = "it is needed for itself"
         elif any(not offer.is_own for offer, _ in answer.considered):
             reason = "what could be had for it needs what is missing"
         return Finding(wanted.kind, wanted.text, wanted.iri, state, reason, None, below)
@@ -67,17 +100,17 @@ class Explanation:
     def _taken(self, offer: Offer) -> str:
         if offer.is_own:
             return f"{offer.about} of {self.enabling.robot.robot}, with what it needs"
-        if offer.uid in self.enabling.folder.kept:
-            return f"{offer.uid} is in {self.enabling.folder.path}"
-        return f"{offer.uid} is taken from {self.enabling.shelf.url}"
+        return self.enabling.stock.said_of(offer.uid)
 
     def _below(self, need: Need, answer: Answer) -> Iterator[Finding]:
         yield from map(self._of, answer.offer.needs if answer.offer is not None else ())
         refused = [*self._refused(answer)]
-        refused += [_entry(uid, reason) for uid, reason in self.enabling.refused.get(need, ())]
+        refused += [_entry(uid, reason) for uid, reason in self.enabling.refused.get(need, {}).items()]
         yield from refused[:MOST_REFUSED]
         if len(refused) > MOST_REFUSED:
             yield _entry(f"{len(refused) - MOST_REFUSED} more", "refused, too")
+        if unread := self.enabling.unread.get(need):
+            yield _entry(f"{unread} more", f"not looked at: {self.enabling.stock.limit} have been read (--limit)")
 
     def _refused(self, answer: Answer) -> Iterator[Finding]:
         for offer, lacking in answer.considered:
@@ -89,13 +122,13 @@ class Explanation:
 
     def entries(self) -> list[Found]:
         """Return the entries that are used, taken now or before, what others need before them."""
-        known = self.enabling.found
+        known = self.enabling.stock.found
         return [known[one.uid] for one in self.combination.offers() if one.uid in known]
 
     def taken(self) -> list[tuple[Found, list[Need]]]:
         """Return the entries that are to be taken, with the needs that each is for."""
         answers = self.combination.answers.values()
-        new = [one for one in self.entries() if one.entry.uid not in self.enabling.folder.kept]
+        new = [one for one in self.entries() if not self.enabling.stock.is_kept(one.entry.uid)]
         return [(one, [a.need for a in answers if a.offer and a.offer.uid == one.entry.uid]) for one in new]
 
     def maps(self) -> list[Entry]:
@@ -107,17 +140,29 @@ class Explanation:
 
     def as_json(self) -> dict[str, Any]:
         """Return what is taken, what is missing and the tree as JSON data."""
-        taken = [one.entry for one in self.entries()]
-        kept = self.enabling.folder.kept
+        used, stock = [one.entry.uid for one in self.entries()], self.enabling.stock
+        new = [one for one in used if not stock.is_kept(one)]
         return {
             "robot": self.enabling.robot.robot,
-            "from": self.enabling.shelf.url,
+            "from": self.enabling.url,
             "enabled": not self.combination.unmet,
-            "taken": [one.uid for one in taken if one.uid not in kept],
-            "kept": [one.uid for one in taken if one.uid in kept],
+            "taken": [one for one in new if one not in stock.renewed],
+            "renewed": [one for one in new if one in stock.renewed],
+            "kept": [one for one in used if stock.is_kept(one)],
             "missing": list(self.unmet()),
+            "alternatives": [self._as_json(one) for one in self.alternatives()],
+            "unread": sum(self.enabling.unread.values()),
             "explanation": self.tree().as_json(),
         }
+
+    def _as_json(self, alternative: Alternative) -> dict[str, Any]:
+        robot, url = self.enabling.robot.robot, self.enabling.url
+        sides = {name: (side, f"{robot} and {url}") for name, side in (("robot", robot), ("knowledge_base", url))}
+        lacking = {
+            name: [self._named(need) for need in alternative.missing if self._side(need) in meant]
+            for name, meant in sides.items()
+        }
+        return {"entries": list(alternative.entries), **lacking}
 
 
 def _entry(name: str, reason: str, below: tuple[Finding, ...] = ()) -> Finding:

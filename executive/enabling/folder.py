@@ -13,6 +13,7 @@ from planlang.diagnostics import BadInput, Span, error
 from planlang.files import read_file
 from planlang.knowledge.answers import Found, NotAsAgreed, as_json, read_as, read_found
 from planlang.knowledge.entries import Entry
+from planlang.knowledge.pulled import has_digest
 from planlang.knowledge.pulling import SUFFIXES, pull
 from planlang.outputs import replace
 
@@ -51,7 +52,15 @@ class Folder:
         except NotAsAgreed:
             message = "this is no list of what a robot took from a knowledge base"
             raise BadInput([error("K041", message, Span(str(listed)), "remove it to take everything anew")]) from None
-        return cls(path, {one.found.entry.uid: one for one in kept})
+        folder = cls(path, {one.found.entry.uid: one for one in kept})
+        folder.kept = {uid: one for uid, one in folder.kept.items() if folder._is_whole(one.found.entry)}
+        return folder
+
+    def _is_whole(self, entry: Entry) -> bool:
+        """Return whether all files of an entry are as they were taken."""
+        digests = {self.file(entry): entry.revision.sha256}
+        digests |= {self.file(entry).parent / one.name: one.sha256 for one in entry.attachments}
+        return all(has_digest(path, sha256) for path, sha256 in digests.items())
 
     def file(self, entry: Entry) -> Path:
         """Return the file of an entry's content."""
@@ -61,17 +70,22 @@ class Folder:
         """Return the content of a kept entry. Raises BadInput if it is not there, or not what was taken."""
         return verified(read_file(self.file(entry)), entry.revision.sha256, str(self.file(entry)))
 
-    def take(self, found: Found, needs: Iterable[str], shelf: Shelf) -> tuple[Path, ...]:
-        """Download an entry with its files, and list it; returns what was written. Raises BadInput."""
-        entry = found.entry
+    def take(self, taken: Iterable[tuple[Found, Iterable[str]]], shelf: Shelf) -> tuple[Path, ...]:
+        """Download entries with their files, and list them with the needs that each is for; returns what was written.
+
+        All of them, or none if one cannot be had. Raises BadInput.
+        """
+        new = [Kept(found, tuple(needs), shelf.url) for found, needs in taken]
+        entries = [(one.found.entry, self.file(one.found.entry).parent) for one in new]
         try:
-            files = pull(shelf, entry, self.file(entry).parent)
+            files = pull(shelf, entries)
         except NotAsAgreed as problem:
             raise BadInput([error("K032", f"{shelf.url}: {problem}")]) from None
-        self.kept[entry.uid] = Kept(found, tuple(needs), shelf.url)
-        records = [_record(self.kept[uid]) for uid in sorted(self.kept)]
-        text = json.dumps({"taken": records}, indent=1, ensure_ascii=False) + "\n"
-        replace(self.path / LIST, lambda unfinished: unfinished.write_text(text, encoding="utf-8"))
+        if new:
+            self.kept.update((one.found.entry.uid, one) for one in new)
+            records = [_record(self.kept[uid]) for uid in sorted(self.kept)]
+            text = json.dumps({"taken": records}, indent=1, ensure_ascii=False) + "\n"
+            replace(self.path / LIST, lambda unfinished: unfinished.write_text(text, encoding="utf-8"))
         return files
 
 

@@ -6,16 +6,18 @@ of things among its parameters, and a map that has such things. An entry needs w
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from difflib import get_close_matches
+from functools import cache, partial
+from itertools import chain
 from pathlib import Path
 
-from executive.belief.semantic_map import read_map
-from executive.enabling.folder import Folder
-from executive.enabling.parameters import class_of, made_by, things_of
+from executive.belief.recognition_models import is_anything, needs_model
+from executive.enabling.parameters import class_of, handled_by, things_of
 from executive.enabling.search import Combination, Need, Offer, combine
-from executive.enabling.shelf import Shelf
+from executive.enabling.stock import MODELS, Stock, unusable
 from executive.robots.matching import Matcher, Possessions
 from executive.robots.requirements import NEEDED, WORDS, Availability, Finding, FindingKind, Requirement
 from executive.robots.tasks import HARDWARE, UNKNOWN_STEP, match
@@ -28,12 +30,10 @@ from planlang.ontology.expressions import Expression
 from planlang.ontology.terms import OWL
 from planlang.recipe import Actions, Thing, read_recipe
 
-MOST_READ = 30
-"""Recipes, or maps, that are read to meet one need: a second each for large ones."""
 FOR = " for "
 """Before what a need prefers, in its name: what was taken for the rest of it is considered, too."""
-MODELS = "providesModelFor"
 MODEL_OF = expand(MODELS)
+MOST_GUESSES = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,12 +48,14 @@ class Wanted:
     iri: str | None = None
     has: str | None = None
     lacks: str = ""
+    is_hardware: bool = False
+    """True for what no knowledge base can have."""
     own: tuple[Offer, ...] = ()
     search: Callable[[], Iterable[Found]] = tuple
     fits: Callable[[Found], str | None] = lambda found: None
     """The reason why an entry that was found is of no use after all."""
-    rank: Callable[[Found], int] = lambda found: 0
-    """Entries with a smaller one are taken before others."""
+    rank: Callable[[Found], float] = lambda found: 0
+    """Entries with a smaller one are looked at before others."""
 
 
 @dataclass(slots=True)
@@ -61,64 +63,94 @@ class Enabling:
     """One task, one robot, one knowledge base. ``place`` has the room, floor, building, street or city of the map."""
 
     robot: Possessions
-    shelf: Shelf
-    folder: Folder
+    stock: Stock
     performed: frozenset[str] = frozenset()
-    folders: tuple[Path, ...] = ()
     own_map: Path | None = None
     """The user's map; no other one is looked for."""
     place: Mapping[str, str] = field(default_factory=dict)
     wanted: dict[Need, Wanted] = field(default_factory=dict)
-    found: dict[str, Found] = field(default_factory=dict)
-    """Entries that were offered, by identifier."""
-    refused: dict[Need, list[tuple[str, str]]] = field(default_factory=dict)
-    """Entries that are of no use for a need, with the reason."""
+    refused: dict[Need, dict[str, str]] = field(default_factory=dict)
+    """Entries (identifiers) that are of no use for a need, with the reason."""
+    unread: dict[Need, int] = field(default_factory=dict)
+    """How many entries were not looked at, as the limit was reached."""
     vocabulary: Ontology = field(init=False)
-    _maps: dict[str, tuple[frozenset[str], frozenset[str]]] = field(default_factory=dict)
+    _candidates: dict[Need, list[Found]] = field(default_factory=dict)
+    _needs: dict[str, tuple[Need, ...]] = field(default_factory=dict)
+    _damaged: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self.vocabulary = load(Path("vocabulary.omn"), folders=self.folders, content=b"Ontology: <urn:vocabulary>")
+        folders = self.stock.folders
+        self.vocabulary = load(Path("vocabulary.omn"), folders=folders, content=b"Ontology: <urn:vocabulary>")
+
+    @property
+    def url(self) -> str:
+        """The address of the knowledge base."""
+        return self.stock.shelf.url
 
     def combination(self, root: Need) -> Combination:
-        """Return how a need and all that it leads to are met."""
-        return combine([root], lambda need: self.wanted[need].has, self.offers)
+        """Return how a need and all that it leads to are met. Raises BadInput if the knowledge base does not answer."""
+        while True:
+            found = combine([root], lambda need: self.wanted[need].has, self.offers)
+            uids = [one.uid for one in found.offers() if not one.is_own]
+            damaged = {uid: reason for uid in uids if (reason := self.stock.damage(uid)) is not None}
+            if not damaged:
+                return found
+            self._damaged |= damaged
 
     # offers
 
-    def offers(self, need: Need) -> Sequence[Offer]:
-        """Return what meets a need: the robot's own, what it took before, then what the knowledge base has."""
-        wanted = self.wanted[need]
-        offers = list(wanted.own)
-        kept = [one.found for one in self.folder.kept.values() if need.partition(FOR)[0] in _general(one.needs)]
-        uids = {one.entry.uid for one in kept}
-        candidates = [*kept, *(one for one in _best_first(wanted) if one.entry.uid not in uids)]
-        most = MOST_READ if wanted.kind in (FindingKind.RECIPE, FindingKind.MAP) else len(candidates)
-        refused = [(one.entry.uid, f"only the best {MOST_READ} are read") for one in candidates[most:]]
-        for found in sorted(candidates[:most], key=wanted.rank):
-            try:
-                reason = wanted.fits(found)
-                needs = self.needs_of(found) if reason is None else ()
-            except BadInput as problem:
-                reason = f"it cannot be used: {problem.diagnostics[0].message}"
-            if reason is None:
-                self.found[found.entry.uid] = found
-                offers.append(Offer(found.entry.uid, found.entry.about, needs))
-            else:
-                refused.append((found.entry.uid, reason))
-        self.refused[need] = refused
-        return offers
+    def offers(self, need: Need) -> Iterable[Offer]:
+        """Return what meets a need: the robot's own, what it took before, then what the knowledge base has.
 
-    def content(self, found: Found) -> Ontology:
-        """Return the ontology of an entry. Raises BadInput."""
-        entry = found.entry
-        data = self.folder.content(entry) if entry.uid in self.folder.kept else self.shelf.content(entry)
-        return load(self.folder.file(entry), folders=self.folders, content=data)
+        Recipes and maps are read one by one, as they are asked for.
+        """
+        wanted = self.wanted[need]
+        self.refused[need] = {}
+        if need not in self._candidates:
+            self._candidates[need] = self._searched(need, wanted)
+        candidates = self._candidates[need]
+        if wanted.kind in (FindingKind.RECIPE, FindingKind.MAP):
+            return chain(wanted.own, self._read_offers(need, candidates))
+        return [*wanted.own, *(offer for one in candidates if (offer := self._offer(need, one)) is not None)]
+
+    def _searched(self, need: Need, wanted: Wanted) -> list[Found]:
+        """Return the entries that may meet a need, what is kept for it first."""
+        offered = {one.entry.uid: one for one in _best_first(wanted)}
+        for_it = [one for one in self.stock.folder.kept.values() if _general(need) in map(_general, one.needs)]
+        kept = [self.stock.latest(one, offered.pop(one.found.entry.uid, None)) for one in for_it]
+        return [*sorted(kept, key=wanted.rank), *offered.values()]
+
+    def _read_offers(self, need: Need, candidates: Sequence[Found]) -> Iterator[Offer]:
+        for number, found in enumerate(candidates):
+            if not self.stock.may_read(found):
+                self.unread[need] = len(candidates) - number
+                return
+            offer = self._offer(need, found)
+            if offer is not None:
+                yield offer
+
+    def _offer(self, need: Need, found: Found) -> Offer | None:
+        """Return the offer that an entry is; None if it is of no use, which is noted."""
+        uid = found.entry.uid
+        self.stock.found[uid] = found
+        try:
+            reason = self._damaged.get(uid) or self.wanted[need].fits(found)
+            if reason is None:
+                return Offer(uid, found.entry.about, self.needs_of(found))
+        except BadInput as problem:
+            reason = unusable(problem)
+        self.refused[need][uid] = reason
+        return None
 
     def needs_of(self, found: Found) -> tuple[Need, ...]:
         """Return what an entry needs: a recipe what it asks of the robot, anything else what its classes depend on."""
-        if found.entry.kind is Kind.RECIPE:
-            return self.of_recipe(self.content(found), found.entry.about)
-        return tuple(dict.fromkeys(self._dependency(prop, target) for prop, target in self._dependencies(found.links)))
+        uid = found.entry.uid
+        if uid not in self._needs and found.entry.kind is Kind.RECIPE:
+            self._needs[uid] = self.of_recipe(self.stock.content(found), found.entry.about)
+        elif uid not in self._needs:
+            needs = (self._dependency(prop, target) for prop, target in self._dependencies(found.links))
+            self._needs[uid] = tuple(dict.fromkeys(needs))
+        return self._needs[uid]
 
     # needs
 
@@ -128,14 +160,25 @@ class Enabling:
         def search() -> Iterator[Found]:
             recipes = {one.entry.uid: one for text in _spellings(name) for one in self._recipes(label=text)}
             named = [one for one in recipes.values() if _is_called(one, name)]
-            yield from named
-            yield from self._recipes(name) if not named else ()
+            found = named or self._recipes(name)
+            if not found and (near := self._near(name)):
+                self._want(need, replace(self.wanted[need], lacks=f"{self._none()}; did you mean {' or '.join(near)}?"))
+            yield from found
 
-        return self._want(f"recipe {name}", Wanted(FindingKind.RECIPE, name, search=search, lacks=self._none()))
+        need = f"recipe {name}"
+        return self._want(need, Wanted(FindingKind.RECIPE, name, search=search, lacks=self._none()))
+
+    def _near(self, name: str) -> list[str]:
+        """Return names like one by which the knowledge base has recipes: labels, identifiers, classes."""
+        entries = [one.entry for one in self._recipes()]
+        names = {text: None for one in entries for text in (one.label, one.uid, local_name(one.about))}
+        classes = dict.fromkeys(map(local_name, self.vocabulary.subclasses(expand("PurposefulAction"))))
+        similar = get_close_matches(local_name(name), [*names, *classes], n=MOST_GUESSES)
+        return [one for one in similar if one in names or self._recipes(one)]
 
     def given_task(self, recipe: Path, task: str | None) -> Need:
         """Return the need of a recipe that the user has. Raises BadInput for one that cannot be used."""
-        needs = self.of_recipe(load(recipe, folders=self.folders), task)
+        needs = self.of_recipe(load(recipe, folders=self.stock.folders), task)
         own = (Offer(str(recipe), str(recipe), needs, is_own=True),)
         return self._want(f"recipe {recipe}", Wanted(FindingKind.RECIPE, str(recipe), own=own))
 
@@ -146,9 +189,9 @@ class Enabling:
         if reading.recipes is None or has_errors(reading.diagnostics):
             raise BadInput([one for one in reading.diagnostics if has_errors([one])])
         matched = match(ontology, reading.recipes, self.robot, performed=self.performed)
-        things, made = things_of(actions, reading.recipes), made_by(actions, reading.recipes)
-        models = (self.model(class_of(one), ontology) for one in things)
-        there = [one for one in things if one not in made]
+        classes = map(class_of, handled_by(actions, reading.recipes))
+        models = (self.model(cls, ontology) for cls in classes if needs_model(ontology, [cls]))
+        there = [one for one in things_of(actions, reading.recipes) if not is_anything(ontology, class_of(one))]
         return tuple(dict.fromkeys([*self._of_finding(matched.tree), *models, self.map(there, ontology)]))
 
     def _of_finding(self, finding: Finding) -> Iterator[Need]:
@@ -181,9 +224,9 @@ class Enabling:
         asked = finding.text if iri is None else f"<{iri}>"
         if iri is not None and (is_disproved or self.vocabulary.taxonomy.is_below(iri, HARDWARE)):
             reason = f"{why}; that is hardware or depends on it, which no knowledge base has"
-            return self._want(need, Wanted(finding.kind, finding.text, iri, lacks=reason, own=own))
-        reason = why if own else f"{why}, and {self.shelf.url} has none"
-        search = partial(self.shelf.search, asked)
+            return self._want(need, Wanted(finding.kind, finding.text, iri, None, reason, True, own))
+        reason = why if own else f"{why}, and {self.url} has none"
+        search = partial(self.stock.shelf.search, asked)
         return self._want(need, Wanted(finding.kind, finding.text, iri, lacks=reason, own=own, search=search))
 
     def _own(self, finding: Finding) -> Iterator[Offer]:
@@ -204,7 +247,7 @@ class Enabling:
         def search() -> Iterator[Found]:
             yield from (one for one in self._recipes(f"<{iri}>") if one.entry.about == iri)
 
-        wanted = Wanted(FindingKind.RECIPE, local_name(iri or ""), iri, None, self._none(), (), search)
+        wanted = Wanted(FindingKind.RECIPE, local_name(iri or ""), iri, None, self._none(), search=search)
         return self._want(f"recipe {iri}", wanted)
 
     def model(self, cls: str, ontology: Ontology) -> Need:
@@ -217,13 +260,13 @@ class Enabling:
         wider = " or ".join(f"<{MODEL_OF}> value <{one}>" for one in above)
 
         def search() -> Iterator[Found]:
-            near = self.shelf.search(asked)
+            near = self.stock.shelf.search(asked)
             yield from near
-            further = self.shelf.search(f"<{expand('ObjectRecognitionModel')}> and ({wider})") if wider else ()
+            further = self.stock.shelf.search(f"<{expand('ObjectRecognitionModel')}> and ({wider})") if wider else ()
             uids = {one.entry.uid for one in near}
             yield from (one for one in further if one.entry.uid not in uids)
 
-        wanted = Wanted(FindingKind.MODEL, local_name(cls), cls, has or next(models, None), self._none(), (), search)
+        wanted = Wanted(FindingKind.MODEL, local_name(cls), cls, has or next(models, None), self._none(), search=search)
         return self._want(f"model {cls}", wanted)
 
     def robot_models(self) -> Iterator[str]:
@@ -245,31 +288,30 @@ class Enabling:
         text = ", ".join([*map(local_name, classes), *(f"{level} {name}" for level, name in self.place.items())])
 
         def fits(found: Found) -> str | None:
-            _, types = self._things_in(found)
+            _, types = self.stock.things_in(found)
             kinds = {cls for one in types for cls in (one, *ontology.ancestors(one))}
             lacking = [local_name(cls) for cls in classes if cls not in kinds]
             return f"there is no {', '.join(lacking)} in it" if lacking else None
 
         asked = f"<{expand('SemanticEnvironmentMap')}>"
-        search = partial(self.shelf.search, asked, kind=Kind.ENVIRONMENT, place=self.place)
+        search = partial(self.stock.shelf.search, asked, kind=Kind.ENVIRONMENT, place=self.place)
         need = f"map {text}{FOR}{' '.join(sorted(individuals))}"
         wanted = Wanted(FindingKind.MAP, f"with {text}" if text else "", lacks=self._none(), search=search, fits=fits)
-        return self._want(need, replace(wanted, rank=lambda found: len(individuals - self._things_in(found)[0])))
+        return self._want(need, replace(wanted, rank=self._likely(asked, classes, individuals)))
 
-    def _things_in(self, found: Found) -> tuple[frozenset[str], frozenset[str]]:
-        """Return the individuals of a map, and their classes with those above; nothing for one that cannot be read."""
-        uid = found.entry.uid
-        if uid not in self._maps:
-            try:
-                ontology = self.content(found)
-                things = read_map(ontology).objects
-            except BadInput:
-                self._maps[uid] = (frozenset(), frozenset())
-                return self._maps[uid]
-            types = {cls for thing in things for cls in thing.types}
-            above = (up for cls in types for up in ontology.ancestors(cls))
-            self._maps[uid] = (frozenset(thing.iri for thing in things), frozenset(types.union(above)))
-        return self._maps[uid]
+    def _likely(self, asked: str, classes: Sequence[str], individuals: Iterable[str]) -> Callable[[Found], float]:
+        """Return a rank of maps by what the index tells of them: how much that is wanted each one lacks."""
+
+        @cache
+        def hits() -> Counter[str]:
+            having = (f"{asked} and <{expand('mapOf')}> value <{iri}>" for iri in sorted(individuals))
+            return Counter(one.entry.uid for text in having for one in self.stock.shelf.search(text))
+
+        def rank(found: Found) -> float:
+            types = {up for _, cls in found.links for up in (cls, *self.vocabulary.ancestors(cls))}
+            return sum(cls not in types for cls in classes) - hits()[found.entry.uid]
+
+        return rank
 
     def _dependencies(self, links: Links) -> Iterator[tuple[str, str]]:
         """Yield the links that are dependencies, without classes that are above another one."""
@@ -279,35 +321,39 @@ class Enabling:
 
     def _dependency(self, prop: str, target: str) -> Need:
         kind = WORDS[local_name(prop)]
+        need = f"{kind.value} {target}"
+        if need in self.wanted:
+            return need
         matcher = Matcher(self.vocabulary, self.robot)
         if kind is FindingKind.CAPABILITY:
             return self._of_requirement(matcher.capability(target))
-        expression = Expression("name", Span(self.shelf.url), term=target)
-        return self._of_requirement(matcher.component(Requirement(kind, "some", expression, 1, Span(self.shelf.url))))
+        expression = Expression("name", Span(self.url), term=target)
+        return self._of_requirement(matcher.component(Requirement(kind, "some", expression, 1, Span(self.url))))
 
     def _want(self, need: Need, wanted: Wanted) -> Need:
         self.wanted[need] = wanted
         return need
 
     def _none(self) -> str:
-        return f"{self.robot.robot} has none, and {self.shelf.url} has none"
+        return f"{self.robot.robot} has none, and {self.url} has none"
 
     def _recipes(self, expression: str | None = None, label: str | None = None) -> Sequence[Found]:
-        return self.shelf.search(expression, label=label, kind=Kind.RECIPE)
+        return self.stock.shelf.search(expression, label=label, kind=Kind.RECIPE)
 
 
 def _best_first(wanted: Wanted) -> list[Found]:
-    """Return what is found: what is about the very class, or a model of it, first, then the best rated."""
+    """Return what is found: by its rank, then what is about the very class, or a model of it, then the best rated."""
 
-    def rank(found: Found) -> tuple[bool, float]:
+    def rank(found: Found) -> tuple[float, bool, float]:
         subjects = (found.entry.about, *(target for prop, target in found.links if local_name(prop) == MODELS))
-        return wanted.iri not in subjects, -(found.entry.rating or 0.0)
+        return wanted.rank(found), wanted.iri not in subjects, -(found.entry.rating or 0.0)
 
     return sorted(wanted.search(), key=rank)
 
 
-def _general(needs: Iterable[Need]) -> frozenset[str]:
-    return frozenset(one.partition(FOR)[0] for one in needs)
+def _general(need: Need) -> Need:
+    """Return a need without what it prefers."""
+    return need.partition(FOR)[0]
 
 
 def _plain(text: str) -> str:

@@ -62,28 +62,32 @@ class Combination:
 
     def offers(self) -> Iterator[Offer]:
         """Yield what is taken, each once, what it needs before it."""
-        yield from self._taken(self.wanted, {})
-
-    def _taken(self, needs: Iterable[Need], seen: dict[str, None]) -> Iterator[Offer]:
-        for need in needs:
-            offer = self.answers[need].offer
-            if offer is not None and offer.uid not in seen:
-                seen[offer.uid] = None
-                yield from self._taken(offer.needs, seen)
+        seen: set[str] = set()
+        path: list[tuple[Offer | None, Iterator[Need]]] = [(None, iter(self.wanted))]
+        while path:
+            offer, needs = path[-1]
+            taken = (self.answers[need].offer for need in needs)
+            below = next((one for one in taken if one is not None and one.uid not in seen), None)
+            if below is not None:
+                seen.add(below.uid)
+                path.append((below, iter(below.needs)))
+                continue
+            path.pop()
+            if offer is not None:
                 yield offer
 
 
 def combine(
-    wanted: Sequence[Need], has: Callable[[Need], str | None], offers: Callable[[Need], Sequence[Offer]]
+    wanted: Sequence[Need], has: Callable[[Need], str | None], offers: Callable[[Need], Iterable[Offer]]
 ) -> Combination:
     """Return how needs are met. ``has`` returns why the robot meets one, or None; ``offers`` what meets it, best first.
 
-    Each is asked once for each need. An earlier offer is taken before a later one, but none that would need itself, and
-    none beside another that is taken anyway.
+    Each is asked once for each need. Of a sequence all offers are looked at; of anything else, whose offers cost
+    something to have, only as many as the need takes to be met. An earlier offer is taken before a later one, but none
+    that would need itself, and none beside another that is taken anyway.
     """
     graph = _Graph(has, offers)
     graph.explore(wanted)
-    graph.propagate()
     graph.prefer(wanted)
     return Combination(tuple(dict.fromkeys(wanted)), {need: graph.answer(need) for need in graph.offers})
 
@@ -91,8 +95,8 @@ def combine(
 @dataclass(slots=True)
 class _Graph:
     has: Callable[[Need], str | None]
-    find: Callable[[Need], Sequence[Offer]]
-    offers: dict[Need, Sequence[Offer]] = field(default_factory=dict)
+    find: Callable[[Need], Iterable[Offer]]
+    offers: dict[Need, list[Offer]] = field(default_factory=dict)
     had: dict[Need, str] = field(default_factory=dict)
     met: dict[Need, int] = field(default_factory=dict)
     """Needs that are met, with the order in which that was found."""
@@ -104,42 +108,52 @@ class _Graph:
     taken: dict[Need, Offer] = field(default_factory=dict)
 
     def explore(self, wanted: Sequence[Need]) -> None:
-        """Collect all needs and offers that the wanted ones may lead to."""
-        queue = list(dict.fromkeys(wanted))
-        seen = set(queue)
-        for need in queue:
-            reason = self.has(need)
-            if reason is not None:
-                self.had[need] = reason
-                self.offers[need] = ()
-                continue
-            self.offers[need] = tuple(self.find(need))
-            for offer in self.offers[need]:
-                self.meeting.setdefault(offer.uid, []).append(need)
-                if offer.uid not in self.open:
-                    self.open[offer.uid] = dict.fromkeys(offer.needs)
-                    for below in self.open[offer.uid]:
-                        self.waiting.setdefault(below, []).append(offer)
-                    new = [below for below in dict.fromkeys(offer.needs) if below not in seen]
-                    seen.update(new)
-                    queue.extend(new)
+        """Collect the needs and offers that the wanted ones lead to, all below an offer before the next one."""
+        below = [iter(wanted)]
+        while below:
+            need = next(below[-1], None)
+            if need is None:
+                below.pop()
+            elif need not in self.offers:
+                below.append(self._looked_at(need))
 
-    def propagate(self) -> None:
-        """Find out which needs are met, from those that the robot meets and offers without needs."""
-        queue = [*self.had, *self._met_by(uid for uid, needs in self.open.items() if not needs)]
+    def _looked_at(self, need: Need) -> Iterator[Need]:
+        """Collect the offers of a need; yields what they need."""
+        self.offers[need] = []
+        reason = self.has(need)
+        if reason is not None:
+            self.had[need] = reason
+            self._meet([need])
+            return
+        found = self.find(need)
+        for offers in (found,) if isinstance(found, Sequence) else ((one,) for one in found):
+            for offer in offers:
+                self._add(need, offer)
+            yield from (below for offer in offers for below in offer.needs)
+            if need in self.met:
+                return
+
+    def _add(self, need: Need, offer: Offer) -> None:
+        self.offers[need].append(offer)
+        self.meeting.setdefault(offer.uid, []).append(need)
+        if offer.uid not in self.open:
+            self.open[offer.uid] = {below: None for below in offer.needs if below not in self.met}
+            for below in self.open[offer.uid]:
+                self.waiting.setdefault(below, []).append(offer)
+        if not self.open[offer.uid]:
+            self._meet([need])
+
+    def _meet(self, needs: Iterable[Need]) -> None:
+        """Find out which needs are met together with some."""
+        queue = list(needs)
         for need in queue:
             if need in self.met:
                 continue
             self.met[need] = len(self.met)
-            free = []
             for offer in self.waiting.get(need, ()):
                 self.open[offer.uid].pop(need, None)
                 if not self.open[offer.uid]:
-                    free.append(offer.uid)
-            queue.extend(self._met_by(free))
-
-    def _met_by(self, uids: Iterable[str]) -> list[Need]:
-        return [need for uid in uids for need in self.meeting[uid]]
+                    queue.extend(self.meeting[offer.uid])
 
     def prefer(self, wanted: Iterable[Need]) -> None:
         """Choose offers: those that were free first, then earlier ones in their place where that makes no circle."""

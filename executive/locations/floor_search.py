@@ -20,9 +20,9 @@ from executive.belief.believed_bodies import Block
 from executive.belief.planning_scene import PlanningScene, Unseen
 from executive.belief.scene_collisions import CELL
 from executive.locations.areas import FACING, HAIR, Clear, Facing
+from executive.locations.candidate_search import TRAVEL
 from executive.locations.demands import BaseDemand
 from executive.locations.rejections import NO_ROOM, NOT_VISIBLE, Rejections
-from executive.locations.search import TRAVEL
 from executive.locations.validation import MOST_CROWDED, PLACES, BaseValidator, scored, unmet
 from planlang.geometry import Array
 from planlang.protocols import Solution

@@ -38,6 +38,8 @@ LONG = 3.0
 """The length in widths of a thing that is gripped elsewhere than in the middle, too."""
 DEEPEST = 0.025
 """Depth to which fingers go beside a rim [m]."""
+ALONG_RIM = (0.0, 0.5, -0.5)
+"""Places along a straight rim, from its middle, as shares of its half length."""
 LEAST = 0.005
 """Least depth to which fingers go beside what they grip [m]."""
 
@@ -130,7 +132,12 @@ def _rim(block: Block) -> Iterator[tuple[float, float, float]]:
         local = [(radius * math.cos(turn), radius * math.sin(turn), turn) for turn in turns]
     else:
         x, y = block.half_x - block.wall / 2, block.half_y - block.wall / 2
-        local = [(x, 0.0, 0.0), (-x, 0.0, math.pi), (0.0, y, math.pi / 2), (0.0, -y, -math.pi / 2)]
+        sides = [(x, 0.0, 0.0, y), (-x, 0.0, math.pi, y), (0.0, y, math.pi / 2, x), (0.0, -y, -math.pi / 2, x)]
+        local = [
+            (a - share * along * math.sin(turn), b + share * along * math.cos(turn), turn)
+            for share in ALONG_RIM
+            for a, b, turn, along in sides
+        ]
     for x, y, turn in local:
         (place,) = block.to_map(np.array([[x, y]])).tolist()
         for along in (turn + math.pi / 2, turn - math.pi / 2):

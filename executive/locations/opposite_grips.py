@@ -16,13 +16,13 @@ from executive.locations.rejections import Rejections
 from executive.robots.arms import ArmModel
 from planlang.geometry import Array
 
-OPPOSITE = 0.2
+OPPOSITE = 0.25
 """Distance of the middle between two grips from that of the thing, in shares of their distance, at most."""
 LEAST = 0.1
 """Distance of two grips, at least [m]: there is room for two hands."""
 SAME_PLACE = 0.01
 """Grips of one heading nearer than this differ in their depth alone [m]."""
-MOST = 32
+MOST = 64
 """Grips of each hand that are looked at, the most natural ones."""
 
 

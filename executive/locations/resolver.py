@@ -17,6 +17,7 @@ from executive.belief.knowledge import Source
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
 from executive.locations.base_candidates import InverseMaps
+from executive.locations.budgets import BUDGETS
 from executive.locations.consistency import meaningless
 from executive.locations.demands import (
     BaseDemand,
@@ -31,7 +32,7 @@ from executive.locations.hand_predicates import Stage, candidates_of, hand_holds
 from executive.locations.hand_solutions import HandSolution, from_base
 from executive.locations.placement import Placement
 from executive.locations.rejections import COLLISION, NOT_VISIBLE, Rejections
-from executive.locations.search import BUDGETS, ReachSearch
+from executive.locations.search import ReachSearch
 from executive.locations.validation import BaseValidator
 from executive.robots.arms import ArmModel
 from planlang.designators import Action, Device, Location, Object, action

@@ -7,15 +7,13 @@ wanted state is left alone: a push on its button would change that.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from executive.modules.containers import WAYS, Containers, ways_tried
+from executive.modules.button_strokes import ButtonStrokes
+from executive.modules.containers import Containers, ways_tried
 from executive.modules.hand_work import HandWork
-from executive.robots.arms import ArmModel
-from planlang import checkpoint
 from planlang.designators import Action, Object
 from planlang.failures import (
     ActionUnresolvable,
@@ -33,7 +31,7 @@ from planlang.protocols import Touch
 from sim.controls import AT_BUTTON, Control
 
 if TYPE_CHECKING:
-    from executive.modules.leaf_paths import LeafPath
+    pass
 
 ABOUT = ("object_acted_on", "device_used")
 """Properties of an action with the device that it is about, the first of them that is one."""
@@ -85,55 +83,26 @@ class Devices(HandWork):
         raise ActionUnresolvable("no device is named that has a button or a knob", designator=str(action))
 
     async def _push(self, button: Control) -> None:
-        """Push a button from one place after another, until the hand has met it."""
-        await self.tuck(self.platform.arms.untucked())
+        """Push a button, with one hand after another, until one has met it."""
         problem: ManipulationFailure | NavigationFailure | None = None
+        tried = 0
         for arm in self.free_hands():
+            await self.tuck(self.platform.arms.untucked())
             await self.platform.hands.move(arm, closed=True)
-            tried = 0
-            for path in self._ways(arm, button):
-                if path is None:
-                    await checkpoint()
-                    continue
-                try:
-                    await self._along(path, button)
-                    return
-                except (ManipulationPoseUnreachable, NavigationFailure) as failure:
-                    problem = problem or failure
-                    await self.tuck(self.platform.arms.untucked())
-                if (tried := tried + 1) == WAYS:
-                    break
+            self.platform.arms.choices.choose(arm.name)
+            try:
+                motion = await ButtonStrokes(self, arm, button).pushed()
+            except (ManipulationFailure, NavigationFailure) as failure:
+                problem = problem or failure
+                continue
+            if motion.touch is not None and self._is_at(button, motion.touch):
+                return
+            tried += 1
+            await self.platform.sensing.bump(motion)
+            missed = ManipulationPoseUnreachable(arm=arm.name, what=button.body, blocked_by=motion.blocked_by)
+            problem = problem or missed
         said = f"the button of {button.device} is out of reach: {ways_tried(tried)}"
         raise HandleNotReachable(said, what=button.body) from problem
-
-    def _ways(self, arm: ArmModel, button: Control) -> Iterator[LeafPath | None]:
-        """Yield ways to push a button, None between them; the search begins again when it is seen elsewhere."""
-        from executive.modules.push_paths import PushPaths  # most runs push nothing
-
-        belief, there = self.platform.belief, None
-        while there != belief.pose(button.body):
-            there = belief.pose(button.body)
-            for path in PushPaths(self.platform, button).with_arm(arm):
-                yield path
-                if belief.pose(button.body) != there:
-                    break
-
-    async def _along(self, path: LeafPath, button: Control) -> None:
-        """Drive there, push, take the hand back; raises ManipulationPoseUnreachable if the button was not met."""
-        platform, arm = self.platform, path.arm
-        await self.drive(path.base)
-        there = platform.belief.pose(button.body)
-        await self.look(button.body)
-        if platform.belief.pose(button.body) != there:
-            raise ManipulationPoseUnreachable(f"{button.body} is not where it was believed to be", what=button.body)
-        platform.arms.choices.choose(arm.name)
-        await self.follow(arm, self.planned(arm, path.before, button.body), button.body)
-        motion = await self.straight(arm, path.poses[1], path.joints[0], button.body)
-        is_met = motion.touch is not None and self._is_at(button, motion.touch)
-        await self.back(arm, path.poses, button.body)
-        if not is_met:
-            await platform.sensing.bump(motion)
-            raise ManipulationPoseUnreachable(arm=arm.name, what=button.body, blocked_by=motion.blocked_by)
 
     def _is_at(self, button: Control, touch: Touch) -> bool:
         """Return whether what a finger felt is the button: what is behind it, or before it, feels alike."""

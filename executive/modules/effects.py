@@ -17,9 +17,10 @@ from typing import Any
 from executive.belief import MapObject
 from executive.belief.class_names import known
 from executive.modules.platform import Platform
+from executive.modules.turning_over import check_turned
 from planlang import sleep
 from planlang.designators import Action, Location, Object, local_name
-from planlang.failures import ObjectUnresolvable
+from planlang.failures import ObjectNotTurned, ObjectUnresolvable
 from planlang.geometry import Pose
 from planlang.kernel import PlanStructureError, now
 from planlang.language.executive import ProcessModule, WrappedModule
@@ -215,14 +216,31 @@ class ActionEffects:
         return sorted(found, key=lambda name: math.dist(belief.pose(name).position[:2], (x, y)))
 
     def _turn_over(self, action: Action, effects: Effects, *, physical: bool) -> None:
+        for name in self._turning(action, effects):
+            for changes in self._worlds(only_believed=physical):
+                changes.turn_over(name)
+            self._platform.belief.turned_over(name, self._platform.scene.world.pose(name))
+
+    def _turning(self, action: Action, effects: Effects) -> Iterator[str]:
+        """Yield what an action turns over; what a hand holds cannot be."""
         for what, name in self._bound(action, ACTED_ON) if effects.turned else ():
-            fits = any(
-                self._is_a(one, cls) for one in (what.type, self._believed.type_of(name)) for cls in effects.turned
-            )
+            types = (what.type, self._believed.type_of(name))
+            fits = any(self._is_a(one, cls) for one in types for cls in effects.turned)
             if fits and name not in self._platform.belief.held:
-                for changes in self._worlds(only_believed=physical):
-                    changes.turn_over(name)
-                self._platform.belief.turned_over(name, self._platform.scene.world.pose(name))
+                yield name
+
+    def lying(self, action: Action) -> dict[str, Pose] | None:
+        """Return where things lie that an action turns over; None if its class turns nothing over."""
+        effects = self.of(action)
+        if not effects.turned:
+            return None
+        self._platform.sync()
+        return {name: self._platform.belief.pose(name) for name in self._turning(action, effects)}
+
+    async def check_turned(self, lay: Mapping[str, Pose]) -> None:
+        """Raise ObjectNotTurned for what is seen to lie as it did."""
+        for name, pose in lay.items():
+            await check_turned(self._platform, name, pose)
 
     def _switch(self, action: Action, effects: Effects, *, by_hand: bool) -> None:
         named = self._bound(action, ("object_acted_on", "device_used")) if effects.states else ()
@@ -340,12 +358,20 @@ class ModuleWithEffects(WrappedModule):
         super().__init__(module)
         self._effects = effects
 
+    @property
+    def failures(self) -> Sequence[type[Exception]]:
+        """Failure classes that it may raise: that of a thing that did not turn over, too."""
+        return (*super().failures, ObjectNotTurned)
+
     async def execute(self, action: Action) -> Any:
-        """Perform the action, then apply its effects; raises PlanStructureError if the module has changed things."""
+        """Perform the action, then apply its effects; raises PlanStructureError if the module has changed things.
+
+        Raises ObjectNotTurned if the class of the action turns things over, and nothing has turned.
+        """
         self._effects.pass_time()
         if (due := self._effects.due(action)) is not None:
             await sleep(due)
-        before = self._effects.there()
+        before, lay = self._effects.there(), self._effects.lying(action) or {}
         result = await self._module.execute(action)
         self._effects.learn(before)
         self._effects.pass_time()
@@ -355,8 +381,13 @@ class ModuleWithEffects(WrappedModule):
                 "ObjectChange by the class of its actions (docs/modules.md)"
             )
         physical, by_hand = (bool(getattr(self._module, name, False)) for name in ("physical", "by_hand"))
+        there = self._effects.lying(action)
         self._effects.apply(action, physical=physical, by_hand=by_hand)
         self._effects.restored()
+        if there == {}:
+            raise ObjectNotTurned(f"nothing is there that {local_name(action.type)} could turn over")
+        if physical and there:
+            await self._effects.check_turned(there | lay)
         return result
 
 

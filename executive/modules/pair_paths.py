@@ -63,10 +63,8 @@ class PairPlace:
     """How two arms put down what they hold, from a place of the base."""
 
     base: BasePose
-    over: Array
-    """Joint values (k, n) from how it is carried to over its place."""
     lower: Array
-    """From there to its place (k, n)."""
+    """Joint values (k, n) from how it is carried to over its place, and down (k, n)."""
     pose: Pose
     """Its pose there."""
 
@@ -113,7 +111,7 @@ class PairPaths:
     # Taking
 
     def grasps(self, name: str, bases: Iterable[BasePose]) -> Iterator[PairGrasp | None]:
-        """Yield ways to take a thing from places of the base, the first places first; None after each place."""
+        """Yield ways to take a thing from places of the base, the first places first; None after each search."""
         self.control.sync()
         scene = self.control.scene
         first, second = (grips_of(name, arm, scene, self.log) for arm in self.pair.arms)
@@ -123,15 +121,12 @@ class PairPaths:
             return
         for base in islice(bases, MOST_BASES):
             for torso in self.pair.torsos(self._torso(self.now())).tolist():
-                found = self._from_base(name, base, torso, (first, second), fits)
-                if found is not None:
-                    yield found
-                    break
-            yield None
+                yield from self._from_base(name, base, torso, (first, second), fits)
+                yield None
 
     def _from_base(
         self, name: str, base: BasePose, torso: float, grips: tuple[Grips, Grips], fits: NDArray[np.bool_]
-    ) -> PairGrasp | None:
+    ) -> Iterator[PairGrasp]:
         back, solved, reached = inverse(base_matrices(np.array([base]))[0]), [], []
         for arm, one in enumerate(grips):
             seeds = self._seeds(arm, len(one.plans))
@@ -148,10 +143,9 @@ class PairPaths:
             tips = product(back, np.stack([grips[0].poses[i], grips[1].poses[k]], axis=1))
             fingers = grips[0].plans[i].fingers, grips[1].plans[k].fingers
             try:
-                return self._checked(name, base, at, tips, fingers)
+                yield self._checked(name, base, at, tips, fingers)
             except _Refused as refused:
                 self._refuse(*refused.args)
-        return None
 
     def _seeds(self, arm: int, count: int) -> Array:
         """Return joint values (count, s, n) of both arms from which inverse kinematics of one begins."""
@@ -244,36 +238,41 @@ class PairPaths:
         """Yield ways to put down what the hands hold at poses of the map, from places of the base; None in between."""
         start = self.now()
         here, tips = self.pose_of(name, start), self.held_tips(name)
-        torsos = self.pair.torsos(self._torso(start))
         for pose in poses:
-            for base in islice(bases(pose), MOST_BASES):
-                there = product(inverse(base_matrices(np.array([base]))[0]), pose.matrix())
-                turn = _yaw(product(there, inverse(here)))
-                if abs(turn) > LARGEST_TURN:
-                    self._refuse("turned too far")
-                    continue
-                yield from self._down(base, pose, (start, here, tips), there, torsos)
+            several = list(islice(bases(pose), MOST_BASES))
+            there = product(inverse(base_matrices(np.array(several).reshape(-1, 3))), pose.matrix())
+            turns = np.abs([_yaw(turn) for turn in product(there, inverse(here))])
+            self._refuse("turned too far", number=int((turns > LARGEST_TURN).sum()))
+            near = np.flatnonzero(turns <= LARGEST_TURN).tolist()
+            yield from self._down(pose, [several[k] for k in near], there[near], (start, here, tips))
             yield None
 
     def _down(
-        self, base: BasePose, pose: Pose, held: tuple[Array, Array, Array], there: Array, torsos: Array
+        self, pose: Pose, bases: Sequence[BasePose], there: Array, held: tuple[Array, Array, Array]
     ) -> Iterator[PairPlace]:
+        """Yield the ways to a pose, (m, 4, 4) in the frames of bases, that are free."""
         start, here, tips = held
+        if not bases:
+            return
         above = there.copy()
-        above[2, 3] += LIFT
-        over, lower = _steps(here, above), _steps(above, there)
-        targets = product(np.concatenate([over, lower])[:, None], tips)
-        shares = np.concatenate([np.linspace(0.0, 1.0, len(over)), np.ones(len(lower))])
+        above[:, 2, 3] += LIFT
+        count = max(_count(here, one) for one in above)
+        ways = np.stack(
+            [np.concatenate([_steps(here, up, count), _steps(up, end)]) for up, end in zip(above, there, strict=True)]
+        )
+        torsos = self.pair.torsos(self._torso(start))
+        shares = np.minimum(np.arange(1, ways.shape[1] + 1) / count, 1.0)
         heights = self._torso(start) + (torsos - self._torso(start))[:, None] * shares
-        several = np.broadcast_to(targets, (len(torsos), *targets.shape))
-        rows, reached = self.pair.along(several, np.tile(start, (len(torsos), 1)), heights)
-        self._refuse("out of reach of both hands", number=int((reached < len(targets)).sum()))
-        for way in rows[reached == len(targets)]:
-            body = next((met for row in way if (met := self._meets(base, row)) is not None), None)
+        several = np.repeat(ways[:, :, None] @ tips, len(torsos), axis=0)
+        rows, reached = self.pair.along(several, np.tile(start, (len(several), 1)), np.tile(heights, (len(bases), 1)))
+        self._refuse("out of reach of both hands", number=int((reached < ways.shape[1]).sum()))
+        for k in np.flatnonzero(reached == ways.shape[1]).tolist():
+            base = bases[k // len(torsos)]
+            body = next((met for row in rows[k] if (met := self._meets(base, row)) is not None), None)
             if body is None:
-                yield PairPlace(base, np.concatenate([start[None], way[: len(over)]]), way[len(over) - 1 :], pose)
-                return
-            self._refuse(COLLISION, body)
+                yield PairPlace(base, np.concatenate([start[None], rows[k]]), pose)
+            else:
+                self._refuse(COLLISION, body)
 
     def away(self, name: str) -> Array:
         """Return joint values (k, n) that take both hands straight back, from where they have let go."""
@@ -317,11 +316,15 @@ def _yaw(turn: Array) -> float:
     return math.atan2(turn[1, 0], turn[0, 0])
 
 
-def _steps(start: Array, end: Array) -> Array:
-    """Return poses (k, 4, 4) between two that are turned against each other about the vertical, without the first."""
-    turn = _yaw(product(end, inverse(start)))
+def _count(start: Array, end: Array) -> int:
+    """Return the number of steps between two poses (4, 4)."""
     far = float(np.linalg.norm(end[:3, 3] - start[:3, 3]))
-    count = max(1, math.ceil(far / STEP), math.ceil(abs(turn) / TURN))
+    return max(1, math.ceil(far / STEP), math.ceil(abs(_yaw(product(end, inverse(start)))) / TURN))
+
+
+def _steps(start: Array, end: Array, count: int | None = None) -> Array:
+    """Return poses (k, 4, 4) between two that are turned against each other about the vertical, without the first."""
+    turn, count = _yaw(product(end, inverse(start))), count or _count(start, end)
     shares = np.arange(1, count + 1) / count
     poses = np.repeat(start[None], count, axis=0)
     poses[:, :3, 3] += shares[:, None] * (end[:3, 3] - start[:3, 3])

@@ -28,6 +28,8 @@ class Phase:
     """Description of a tool -> the thing that it meant first: a cup that is empty still is the cup."""
     before: tuple[MotionConstraint, ...] = ()
     """The active constraints of the phase before, as the recipe states them."""
+    poured: dict[str, float] = field(default_factory=dict)
+    """Class of a motion and a vessel -> what had flowed out of it when the motion failed [ml]."""
 
 
 class Phases:
@@ -52,6 +54,7 @@ class Phases:
                 {name: dump(pose) for name, pose in one.things.items()},
                 dict(one.tools),
                 [dump(each) for each in one.before],
+                dict(one.poured),
             ]
             for path, one in self._known.items()
         }
@@ -63,6 +66,7 @@ class Phases:
                 {str(name): load(pose) for name, pose in things.items()},
                 {str(what): str(name) for what, name in tools.items()},
                 tuple(map(load, before)),
+                {str(what): float(amount) for what, amount in poured.items()},
             )
-            for path, (things, tools, before) in state.items()
+            for path, (things, tools, before, poured) in state.items()
         }

@@ -2,73 +2,112 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import AsyncIterator, Iterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
 
 import numpy as np
 
 from executive.modules.motion_grounding import GroundedMotion
+from executive.modules.phases import Phase
 from executive.modules.platform import Platform
 from executive.motion.arm_group import ArmGroup
+from executive.robots.arms import ArmModel
+from planlang import now
 from planlang.designators import Action, Object
 from planlang.geometry import Array, Pose
 from planlang.language.performing import actions_around
 from planlang.ontology import expand
+from planlang.protocols import Trajectory
 from planlang.recipe.effects import effects_of
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Flow:
+    """A vessel with something in it that a motion moves."""
+
+    name: str
+    arm: ArmModel
+    offset: Pose
+    """Its pose in the frame of the arm's tip."""
+    turned: Array
+    """At which rows of the motion its axis points down, (m,)."""
+    before: float
+    """What had flowed out of it when the motion was made before, and failed [ml]."""
+    key: str
+    """What that is remembered by."""
+
+    def seconds(self, steps: float) -> float:
+        """Return for how many steps of the world it flowed until so many had been made since the motion began."""
+        rows = len(self.turned)
+        return float(self.turned[: round(min(steps, rows))].sum()) + max(0.0, steps - rows) * bool(self.turned[-1])
+
+
 class Pouring:
-    """Pouring with the arms of one platform."""
+    """Pouring with the arms of one platform, in one recipe."""
 
-    def __init__(self, platform: Platform) -> None:
-        self._platform = platform
+    def __init__(self, platform: Platform, phase: Phase) -> None:
+        self._platform, self._phase = platform, phase
 
-    async def pour(self, action: Action, motion: GroundedMotion, group: ArmGroup, rows: Array) -> None:
-        """Hold vessels that a motion (m, n) has turned over until an amount has flowed, and believe that it has.
+    @asynccontextmanager
+    async def during(
+        self, action: Action, motion: GroundedMotion, group: ArmGroup, trajectory: Trajectory
+    ) -> AsyncIterator[None]:
+        """Hold vessels that a motion has turned over in the end until an amount has flowed; believe what has flowed.
 
         The amount is that of the action or of one around it [ml]; else all of a substance that is named ("the mix"),
-        and out of a vessel that is named what its class or what is usual says.
+        and out of a vessel that is named what its class or what is usual says. What flowed when the motion was made
+        before, and failed, counts.
         """
-        platform = self._platform
-        for name, arm, offset in self._vessels(motion):
-            turned = self._turned(motion, group, rows, arm, offset)
-            seconds = float(turned.sum()) / platform.world.rate
-            rate = platform.scene.world.changes.rules.flow_rate
-            if turned[-1] and rate > 0:
-                held = max(0.0, self._amount(action, name) / rate - seconds)
-                arms = [motion.arms[arm].name]
-                await platform.wait_holding(arms, lambda: False, f"{name} poured", timeout=held)
-                seconds += held
-            if seconds > 0:
-                self._believe(name, rate * seconds)
+        platform, flows = self._platform, list(self._flows(action, motion, group, trajectory.positions))
+        began, rate = now(), platform.world.rate
+        flow_rate = platform.scene.world.changes.rules.flow_rate
+        try:
+            yield
+            for flow in flows:
+                seconds = flow.seconds((now() - began) * rate) / rate
+                if flow.turned[-1] and flow_rate > 0:
+                    held = max(0.0, self._amount(action, flow) / flow_rate - seconds)
+                    await platform.wait_holding([flow.arm.name], lambda: False, f"{flow.name} poured", timeout=held)
+        except BaseException:  # a failure, or the end of the task: what has flowed has flowed
+            for flow in flows:
+                flowed = self._believe(flow, flow_rate * flow.seconds((now() - began) * rate) / rate)
+                self._phase.poured[flow.key] = flow.before + flowed
+            raise
+        for flow in flows:
+            self._believe(flow, flow_rate * flow.seconds((now() - began) * rate) / rate)
+            self._phase.poured.pop(flow.key, None)
 
-    def _vessels(self, motion: GroundedMotion) -> Iterator[tuple[str, int, Array]]:
-        """Yield the vessels among tools that something is in: name, number of the arm, pose (4, 4) in its tip."""
+    def _flows(self, action: Action, motion: GroundedMotion, group: ArmGroup, rows: Array) -> Iterator[Flow]:
+        """Yield the vessels among the tools of a motion (m, n) that something is in."""
         platform = self._platform
         changes, number = platform.scene.world.changes, {arm.name: k for k, arm in enumerate(motion.arms)}
         for name, grip in platform.belief.held.items():
             if grip.arm in number and changes.is_vessel(name) and changes.matter.total(name) > 0:
-                yield name, number[grip.arm], grip.offset.matrix()
+                arm, key = number[grip.arm], f"{action.type} {name}"
+                turned = self._turned(group, rows, arm, grip.offset.matrix())
+                yield Flow(name, motion.arms[arm], grip.offset, turned, self._phase.poured.get(key, 0.0), key)
 
-    def _turned(self, motion: GroundedMotion, group: ArmGroup, rows: Array, arm: int, offset: Array) -> Array:
+    def _turned(self, group: ArmGroup, rows: Array, arm: int, offset: Array) -> Array:
         """Return at which rows (m, n) the axis of a vessel points down, (m,)."""
         axes = group.fk(rows, arm)[:, 2, :3] @ offset[:3, 2]  # the base stands level
         return np.asarray(axes < 0)
 
-    def _amount(self, action: Action, vessel: str) -> float:
-        """Return how much is to flow [ml]; "pour the mix" is all of it, "pour from the bottle" some of it."""
+    def _amount(self, action: Action, flow: Flow) -> float:
+        """Return how much is to flow yet [ml]; "pour the mix" is all of it, "pour from the bottle" some of it."""
         platform = self._platform
         actions = (action, *actions_around())
         for amount in (one.get("amount") for one in actions):
             if isinstance(amount, int | float):
-                return float(amount)
-        if any(self._means_content(one.get("object_acted_on"), vessel) for one in actions):
-            return platform.scene.world.changes.matter.total(vessel)
+                return float(amount) - flow.before
+        if any(self._means_content(one.get("object_acted_on"), flow.name) for one in actions):
+            return platform.scene.world.changes.matter.total(flow.name)
         ontology = platform.belief.map.ontology
         ancestors = [expand(cls) for cls in platform.ancestors(action.type)]
         for cls, above in ((action.type, ancestors), (POURING, None)):
             amount = effects_of(ontology, expand(cls), above).amount
             if amount is not None:
-                return amount
+                return amount - flow.before
         return 0.0
 
     def _means_content(self, what: object, vessel: str) -> bool:
@@ -79,17 +118,19 @@ class Pouring:
         content = changes.matter.contents.get(vessel, {})
         return any(changes.rules.is_a(type, what.type) for type in content)
 
-    def _believe(self, name: str, amount: float) -> None:
-        """Let an amount [ml] flow in the believed world, onto or into what is below."""
+    def _believe(self, flow: Flow, amount: float) -> float:
+        """Let an amount [ml] flow in the believed world, onto or into what is below; return how much it was."""
         platform = self._platform
         platform.sync()
-        world = platform.scene.world
-        portions = world.changes.matter.take(name, amount)
-        mouth = world.pose(name) @ Pose((0.0, 0.0, world.size(name)[2] / 2))
-        world.changes.drop(portions, mouth.position, name)
-        below = world.support(name)
+        world, tip = platform.scene.world, platform.world.link_pose(platform.robot.arm(flow.arm.name).tip)
+        portions = world.changes.matter.take(flow.name, amount) if amount > 0 else []
+        if not portions:
+            return 0.0
+        mouth = tip @ flow.offset @ Pose((0.0, 0.0, world.size(flow.name)[2] / 2))
+        below = world.changes.drop(portions, mouth.position, flow.name)
         flowed = sum(one.amount for one in portions)
-        platform.belief.poured(name, below or "the floor", flowed)
+        platform.belief.poured(flow.name, below or "the floor", flowed)
+        return flowed
 
 
 POURING = "FluidFlow-Translation"

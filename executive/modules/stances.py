@@ -37,12 +37,18 @@ def _shoulder(arms: Sequence[ArmModel]) -> tuple[Array, float]:
     return middle, min(arm.reach for arm in arms)
 
 
-def stances(platform: Platform, point: Array, arms: Sequence[ArmModel]) -> Iterator[BasePose]:
-    """Yield free places before a point (2,) of the map, those at a good distance that are near first."""
+def stances(
+    platform: Platform, point: Array, arms: Sequence[ArmModel], headings: Array | None = None
+) -> Iterator[BasePose]:
+    """Yield free places before a point (2,) of the map, those at a good distance that are near first.
+
+    ``headings`` (h,) are those of the base that are tried [rad]: by default many, all around.
+    """
     platform.sync()
     scene, now = platform.scene, np.array(platform.base())
     shoulder, reach = _shoulder(arms)
-    yaws = now[2] + np.linspace(-np.pi, np.pi, HEADINGS, endpoint=False)
+    around = now[2] + np.linspace(-np.pi, np.pi, HEADINGS, endpoint=False)
+    yaws = around if headings is None else np.remainder(headings + np.pi, 2 * np.pi) - np.pi
     ahead, turned = (grid.ravel() for grid in np.meshgrid(np.array(SHARES), yaws))
     x, y = shoulder[0] + reach * ahead, np.full(len(ahead), shoulder[1])
     c, s = np.cos(turned), np.sin(turned)

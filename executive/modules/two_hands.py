@@ -7,17 +7,17 @@ with the arms as they are. Where it is put down the hands lower it together, and
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import AsyncIterator, Iterable, Iterator, Sequence
 from contextlib import suppress
 from functools import partial
-from itertools import combinations
+from itertools import chain, combinations
 from typing import TypeVar
 
 import numpy as np
 
 from executive.belief.scene_collisions import BasePose
 from executive.modules.hand_work import HandWork
-from executive.modules.pair_paths import LIFT, PairGrasp, PairPaths, PairPlace
+from executive.modules.pair_paths import LIFT, PairGrasp, PairPaths
 from executive.modules.stances import stances
 from executive.motion import MotionError
 from executive.robots.arm_pair import ArmPair
@@ -47,10 +47,17 @@ PLACES = 3
 """Places of the base from which a thing is taken, or put down, one after another: what is seen there may differ."""
 NEAR = 1.5
 """Distance of the base from a place from which on it is tried from where the base is [m]."""
-MOST_SPOTS, APART = 12, 0.15
+MOST_SPOTS, APART = 32, 0.12
 """Places for a thing that are tried, and their distances from each other [m]."""
-LOOKED_AT = 2000
+LOOKED_AT = 4000
 """Places for a thing among which these are chosen."""
+WAYS = 4
+"""Ways that are tried from one place of the base: others differ little."""
+SAME = 0.05
+"""Difference of two places of the base that are hardly another [m, rad]."""
+OUTWARDS = (0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.05, 0.0)
+"""Distances by which what is held is held out to put it down [m]."""
+HAIR = 1e-6
 CLOSE = 0.3
 """Distance of a thing from the axis of the base to which it is drawn in, if there is room [m]."""
 
@@ -104,20 +111,59 @@ class TwoHands(HandWork):
     async def _take(self, name: str, what: Object) -> None:
         if name in self.platform.belief.held:
             return
-        pairs = self._pairs(name)
+        pairs, tried = self._pairs(name), list[BasePose]()
+        problem: ManipulationFailure | NavigationFailure | None = None
         await self.tuck(self.platform.arms.untucked())
-        for _ in range(PLACES):
-            if self._is_near(np.array(self.platform.scene.bodies.block(name).centre)):
+        for number in range(PLACES + 1):
+            if self._is_near(self.platform.scene.bodies.block(name).centre):
                 await self._seen(name, what)
-                if (found := await self._way(pairs, name, [self.platform.base()])) is not None:
-                    return await self._grasp(*found, name)
-            point = self.platform.scene.bodies.block(name).centre[:2]
-            arms = [arm for paths in pairs for arm in paths.pair.arms]
-            if (found := await self._way(pairs, name, stances(self.platform, point, arms))) is None:
+                try:
+                    if await self._from_here(pairs, name):
+                        return
+                except ManipulationPoseUnreachable as failure:
+                    problem = problem or failure
+                except (ManipulationGoalInCollision, GraspMissed) as failure:  # it is not quite where it was seen
+                    problem = problem or failure
+                    await self.tuck(self.platform.arms.untucked())
+                    continue
+            base = await self._elsewhere(pairs, name, tried) if number < PLACES else None
+            if base is None:
                 break
-            await self.drive(found[1].base)
-            await self._seen(name, what)
-        raise self._nowhere(name, pairs, "take")
+            tried.append(base)
+            try:
+                await self.drive(base)
+            except NavigationFailure as failure:
+                problem = problem or failure
+        raise self._nowhere(name, pairs, "take") from problem
+
+    async def _from_here(self, pairs: Sequence[PairPaths], name: str) -> bool:
+        """Take the thing from where the base is; False if there is no way, a failure if there is and none was gone."""
+        problem, tried = None, 0
+        for paths in pairs:
+            async for grasp in _found(paths.grasps(name, [self.platform.base()])):
+                try:
+                    await self._grasp(paths, grasp, name)
+                    return True
+                except ManipulationPoseUnreachable as failure:
+                    problem = problem or failure
+                    await self.tuck(self.platform.arms.untucked())
+                if (tried := tried + 1) == WAYS:
+                    raise problem
+        if problem is not None:
+            raise problem
+        return False
+
+    async def _elsewhere(self, pairs: Sequence[PairPaths], name: str, tried: Sequence[BasePose]) -> BasePose | None:
+        """Return a place of the base from which there is a way, other than those that were tried; None without."""
+        block = self.platform.scene.bodies.block(name)
+        point, square = block.centre[:2], block.yaw + np.arange(4) * math.pi / 2
+        for paths in pairs:
+            squarely = stances(self.platform, point, paths.pair.arms, square)
+            every = chain(squarely, stances(self.platform, point, paths.pair.arms))
+            bases = (one for one in every if not _is_one_of(one, tried))
+            async for grasp in _found(paths.grasps(name, bases)):
+                return grasp.base
+        return None
 
     def _is_near(self, point: Array) -> bool:
         return math.dist(point[:2], self.platform.base()[:2]) <= NEAR
@@ -136,7 +182,7 @@ class TwoHands(HandWork):
         platform, bodies = self.platform, self.platform.scene.bodies
         free, needed = self.free_hands(), bodies.hands(name)
         if len(free) < needed or needed > 2:
-            raise HandsLacking(designator=name, what=name, needed=needed, hands=len(free))
+            raise HandsLacking(designator=f"take {name}", what=name, needed=needed, hands=len(free))
         mass = bodies.mass(name) + sum(map(bodies.mass, self._load(name)))
         pairs = [pair for pair in combinations(free, 2) if mass / 2 <= min(arm.payload for arm in pair)]
         if not pairs:
@@ -153,16 +199,6 @@ class TwoHands(HandWork):
         centres = np.array([bodies.pose(one).position for one in over]).reshape(-1, 3)
         within = (block.distance(centres[:, :2]) <= 0) & (centres[:, 2] >= block.low)
         return [over[k] for k in np.flatnonzero(within).tolist() if bodies.support(over[k]) == name]
-
-    async def _way(
-        self, pairs: Sequence[PairPaths], name: str, bases: Iterable[BasePose]
-    ) -> tuple[PairPaths, PairGrasp] | None:
-        """Return the first way to take a thing from places of the base."""
-        places = list(bases)
-        for paths in pairs:
-            if (found := await _first(paths.grasps(name, places))) is not None:
-                return paths, found
-        return None
 
     def _nowhere(self, name: str, pairs: Sequence[PairPaths], doing: str) -> LocationUnresolvable:
         counts: dict[str, int] = {}
@@ -248,22 +284,64 @@ class TwoHands(HandWork):
         paths, where = self._holding(name), action.get("to_location")
         if not isinstance(where, (Object, Location)):
             raise ActionUnresolvable("it needs to_location", designator=str(action))
-        location = resting_on(where)
-        for _ in range(PLACES):
+        location, tried = resting_on(where), list[BasePose]()
+        problem: ManipulationFailure | NavigationFailure | None = None
+        for number in range(PLACES + 1):
             spots = self._spots(what, location)
             if self._is_near(np.array(spots[0].position)):
-                here = partial(_only, self.platform.base())
-                if (place := await _first(paths.places(name, spots, here))) is not None:
-                    return await self._lower(paths, place, name) if lowers else None
+                try:
+                    if await self._lowered(paths, name, spots, lowers=lowers):
+                        return
+                except ManipulationPoseUnreachable as failure:
+                    problem = problem or failure
             await self._rise(paths, name, max(spot.position[2] for spot in spots))
-            if (place := await _first(paths.places(name, spots, self._before(paths)))) is None:
+            if number == PLACES:
                 break
-            await self.drive(place.base)
+            place = await _first(paths.places(name, spots, partial(self._before, paths, name, tried)))
+            if place is None:
+                break
+            tried.append(place.base)
+            try:
+                await self.drive(place.base)
+            except NavigationFailure as failure:
+                problem = problem or failure
             await self._look_at_support(place.pose)
-        raise self._nowhere(name, [paths], "put down")
+        raise self._nowhere(name, [paths], "put down") from problem
 
-    def _before(self, paths: PairPaths) -> Callable[[Pose], Iterator[BasePose]]:
-        return lambda pose: stances(self.platform, np.array(pose.position[:2]), paths.pair.arms)
+    async def _lowered(self, paths: PairPaths, name: str, spots: Sequence[Pose], *, lowers: bool) -> bool:
+        """Lower what is held from where the base is; False without a way, a failure if none that there is was gone."""
+        problem, tried, here = None, 0, partial(_only, self.platform.base())
+        async for place in _found(paths.places(name, spots, here)):
+            try:
+                if lowers:
+                    await self._go(paths, place.lower, name, held=True)
+                return True
+            except ManipulationPoseUnreachable as failure:
+                problem = problem or failure
+            if (tried := tried + 1) == WAYS:
+                break
+        if problem is not None:
+            raise problem
+        return False
+
+    def _before(self, paths: PairPaths, name: str, tried: Sequence[BasePose], pose: Pose) -> Iterator[BasePose]:
+        """Yield free places of the base before a place of what is held: first where it has only to be held out."""
+        bases = chain(self._held_out(paths, name, pose), stances(self.platform, _level(pose), paths.pair.arms))
+        return (one for one in bases if not _is_one_of(one, tried))
+
+    def _held_out(self, paths: PairPaths, name: str, pose: Pose) -> Iterator[BasePose]:
+        """Yield free places of the base from which what is held comes to a place when it is moved straight away."""
+        here = Pose.from_matrix(paths.pose_of(name, paths.now()))
+        x, y, _ = here.position
+        collisions, away = self.platform.scene.collisions, max(math.hypot(x, y), HAIR)
+        for far in OUTWARDS:
+            share = 1.0 + far / away
+            out = Pose.planar(x * share, y * share, here.yaw)
+            base = Pose.planar(*pose.position[:2], pose.yaw) @ out.inverse()
+            there = base.position[0], base.position[1], base.yaw
+            row = np.array([there])
+            if collisions.floor().holds(row)[0] and collisions.drivable()(row)[0] and not collisions.contacts(there):
+                yield there
 
     def _spots(self, what: Object, location: Location) -> list[Pose]:
         """Return places for a thing, the best ones of those that are apart; raises LocationUnresolvable."""
@@ -293,10 +371,6 @@ class TwoHands(HandWork):
         for one in under[:1]:
             await self.look(one)
 
-    async def _lower(self, paths: PairPaths, place: PairPlace, name: str) -> None:
-        await self._go(paths, place.over, name, held=True)
-        await self._go(paths, place.lower, name, held=True)
-
     async def _let_go(self, name: str) -> None:
         """Open both hands, draw them back, and bring the arms close to the robot."""
         platform, paths = self.platform, self._holding(name)
@@ -315,10 +389,26 @@ def _only(base: BasePose, pose: Pose) -> list[BasePose]:
     return [base]
 
 
-async def _first(ways: Iterator[T | None]) -> T | None:
-    """Return the first way of some; other tasks go on while it is looked for."""
+def _level(pose: Pose) -> Array:
+    return np.array(pose.position[:2])
+
+
+def _is_one_of(base: BasePose, tried: Iterable[BasePose]) -> bool:
+    """Return whether a place of the base is one that was tried, or hardly another."""
+    return any(math.dist(base[:2], one[:2]) < SAME and abs(base[2] - one[2]) < SAME for one in tried)
+
+
+async def _found(ways: Iterator[T | None]) -> AsyncIterator[T]:
+    """Yield ways; other tasks go on while they are looked for."""
     for way in ways:
         if way is not None:
-            return way
-        await checkpoint()
+            yield way
+        else:
+            await checkpoint()
+
+
+async def _first(ways: Iterator[T | None]) -> T | None:
+    """Return the first way of some; other tasks go on while it is looked for."""
+    async for way in _found(ways):
+        return way
     return None

@@ -32,7 +32,7 @@ GROUND_SIZE = (60.0, 60.0, 0.1)
 AT_ORIGIN = (0.0, 0.0, 0.0)
 """A base pose."""
 
-Ignored = tuple[frozenset[str], str | None]
+Ignored = tuple[frozenset[str], frozenset[str]]
 """Links, and the body that they may touch."""
 Row = tuple[str, int, Solids, float, tuple[ConvexSolid, ...]]
 """One of :class:`Bodies`: name, frame, pieces, slack and real shapes."""
@@ -119,7 +119,7 @@ class ArmBodies:
     """True if all that moves with the chain is among the movers."""
 
     def against(self, base: Array, room: Room, ignored: Ignored) -> QuickCheck:
-        """Return the check against a room, from a base pose (4, 4); hand links ``ignored`` may touch a body."""
+        """Return the check against a room, from a base pose (4, 4); hand links ``ignored`` may touch bodies."""
         bodies = room.bodies
         own = replace(self.watched, obstacles=self.watched.obstacles + len(bodies))
         watched = self._watched(room, ignored).followed_by(own)
@@ -137,9 +137,9 @@ class ArmBodies:
         for k in held:
             touched = self.held[mine[k]]
             allowed[k, [body in touched for body in room.bodies.names]] = SUPPORT_DEPTH
-        if touches is not None:
+        if touches:
             hand = np.array([name in links for name in mine], bool)
-            touched_ones = np.array([body == touches for body in room.bodies.names], bool)
+            touched_ones = np.array([body in touches for body in room.bodies.names], bool)
             watched[np.outer(hand, touched_ones)] = False
         watched[self.grounded, -1] = False
         movers, obstacles = np.nonzero(watched)

@@ -7,11 +7,8 @@ from collections.abc import Iterable, Iterator
 
 from planlang.designators import local_name
 from sim import PyBulletWorld
-from sim.joints import JointKind
+from sim.joints import Articulation, JointKind
 from sim.world import at_rest_on, held_by
-
-CLOSED = 0.03
-"""Opening of a leaf up to which it counts as closed [rad, m]: what a hand lets go of need not be shut to the last."""
 
 
 def state_lines(truth: PyBulletWorld, names: Iterable[str]) -> Iterator[str]:
@@ -26,7 +23,7 @@ def state_lines(truth: PyBulletWorld, names: Iterable[str]) -> Iterator[str]:
                 yield f"{name}: at rest on {support}" if support is not None else f"{name}: not at rest"
         for joint in scene.joints:
             if not joint.is_knob and name in (joint.leaf, joint.holder):
-                yield f"{joint.leaf}: {_opening(truth.joint(joint.leaf), joint.kind)}"
+                yield f"{joint.leaf}: {_opening(truth.joint(joint.leaf), joint)}"
         is_on = truth.changes.matter.is_on(name)
         if is_on or scene.body(name).is_on:  # that a refrigerator without a switch is not on says nothing
             yield f"{name}: {'on' if is_on else 'off'}"
@@ -35,9 +32,8 @@ def state_lines(truth: PyBulletWorld, names: Iterable[str]) -> Iterator[str]:
             yield f"{name}: holds {', '.join(f'{one.amount:.0f} ml of {local_name(one.type)}' for one in content)}"
 
 
-def _opening(value: float, kind: JointKind) -> str:
-    if abs(value) <= CLOSED:
+def _opening(value: float, joint: Articulation) -> str:
+    if joint.is_shut(value):
         return "closed"
-    return (
-        f"open by {100 * value:.0f} cm" if kind is JointKind.PRISMATIC else f"open by {math.degrees(value):.0f} degrees"
-    )
+    slides = joint.kind is JointKind.PRISMATIC
+    return f"open by {100 * value:.0f} cm" if slides else f"open by {math.degrees(value):.0f} degrees"

@@ -1,17 +1,14 @@
-"""Plans as files: importing them, finding the plan to run, binding its parameters."""
+"""Plans as files: compiling them, finding the plan to run, what it needs and requires."""
 
 from __future__ import annotations
 
 import ast
-import importlib.util
 import inspect
 import math
 import tempfile
-import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
-from importlib.machinery import SourceFileLoader
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -71,33 +68,6 @@ def compiled_plan(
     path = folder / f"{compiled.functions[-1]}.py"
     path.write_text(compiled.source, encoding="utf-8")
     return path, compiled.recipes
-
-
-def import_plan(path: Path) -> ModuleType:
-    """Return the plan's file as a module; raises BadInput, with the line, when it cannot be imported."""
-    loader = _PlanLoader(f"planlang_run_{path.stem}", str(path))
-    spec = importlib.util.spec_from_loader(loader.name, loader)
-    assert spec is not None
-    module = importlib.util.module_from_spec(spec)
-    try:
-        loader.exec_module(module)
-    except (Exception, SystemExit) as problem:
-        message = f"the plan cannot be imported: {type(problem).__name__}: {problem}"
-        raise BadInput([error("X001", message, Span(str(path), line_in(problem, path) or 1))]) from problem
-    return module
-
-
-class _PlanLoader(SourceFileLoader):
-    """Loads a plan from a file of any suffix and leaves no compiled copy beside it."""
-
-    def set_data(self, path: Any, data: Any, *, _mode: int = 0o666) -> None:
-        """Keep no compiled copy."""
-
-
-def line_in(problem: BaseException, path: Path) -> int | None:
-    """Return the line of a file that an exception passed last, or that it names itself."""
-    lines = [frame.lineno for frame in traceback.extract_tb(problem.__traceback__) if frame.filename == str(path)]
-    return lines[-1] if lines else getattr(problem, "lineno", None)
 
 
 def main_plan(module: ModuleType, task: str | None) -> Plan[Any, Any]:

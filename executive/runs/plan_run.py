@@ -4,31 +4,33 @@ from __future__ import annotations
 
 import inspect
 import traceback
-from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field, replace
-from enum import Enum
+from dataclasses import dataclass, replace
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from executive.belief import Belief, read_map, scene_of
+from executive.belief import SemanticMap, read_map, scene_of
 from executive.modules.bundled import bundled_registry
-from executive.robots import FindingKind, Missing, bind_robot, missing_capabilities, trusting_map
+from executive.modules.platform import Platform
+from executive.robots import FindingKind, Missing, Robot, bind_robot, missing_capabilities, trusting_map
 from executive.robots.arms import with_carrying
 from executive.runs.assembly import RobotExecutive, platform_of, real_scene, world_at_start
 from executive.runs.final_state import state_lines
-from executive.runs.in_hands import in_hands, take
+from executive.runs.importing import import_plan, line_in
+from executive.runs.in_hands import InHand, in_hands, take
+from executive.runs.options import Outcome, RunOptions, RunResult
 from executive.runs.parameters import Bound, bound_parameters, not_in_map, plan_parameters, things_of, unknown_things
 from executive.runs.plan_files import (
+    Assessment,
+    Needs,
     Requirements,
     assess,
     compiled_plan,
     count_of_steps,
     fixed_recipe,
-    import_plan,
-    line_in,
     located,
     main_plan,
     needs_of,
@@ -39,8 +41,8 @@ from executive.runs.plan_files import (
     stated_waiting,
     without_module,
 )
-from executive.runs.tilts import Tilts
-from executive.runs.traces import ListenedTrace, check_same_run, lines_of, past_of, recorded_parameters, sha256
+from executive.runs.traces import ListenedTrace, check_same_run, past_of, recorded_parameters, sha256
+from executive.runs.written import WatchedWorld, Written, bodies_of
 from planlang import PlanFailure, RunError, SimulationHost, budget, explain, run
 from planlang.designators import Action
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
@@ -49,10 +51,9 @@ from planlang.language.performing import module_for
 from planlang.language.plans import Plan
 from planlang.language.running import known as run_header
 from planlang.ontology import load
-from planlang.outputs import replace as write_complete
 from planlang.runs import Different, Past, RecordedRun, restore
 from planlang.runs.codec import dump
-from sim import PyBulletWorld
+from sim import PyBulletWorld, Scene
 
 if TYPE_CHECKING:
     from executive.belief.recognition_models import GivenPart
@@ -62,83 +63,15 @@ BUDGET, PER_STEP = 600.0, 60.0
 """Plan time beside waiting after which a run is given up, and more for each step that the plan states [s]."""
 
 
-class Outcome(Enum):
-    """Outcome of a run."""
-
-    DONE = "done"
-    FAILED = "failed"
-    LACKS_CAPABILITY = "lacks a capability"
-    INTERRUPTED = "interrupted"
-
-
 @dataclass(frozen=True, slots=True)
-class RunOptions:
-    """Options of a run: its inputs and the files to write."""
+class _Asked:
+    """What a plan is about: the map, its bodies, the parameters, what actions make, and the actions that it needs."""
 
-    plan: Path | None = None
-    recipe: Path | None = None
-    task: str | None = None
-    accepted: tuple[str, ...] = ()
-    """Codes of fixes that the recipe gets before it is compiled, though they may be guesses."""
-    ontologies: tuple[Path, ...] = ()
-    recipes: tuple[Path, ...] = ()
-    """Files with recipes of steps that the recipe leaves to others."""
-    modules: tuple[Path, ...] = ()
-    """The user's files of process modules."""
-    robot: Path | None = None
-    urdf: Path | None = None
-    environment: Path | None = None
-    additions: tuple[Path, ...] = ()
-    """Maps of further things in the environment."""
-    start: tuple[float, float, float] | None = None
-    models: tuple[Path, ...] | None = None
-    """Folders with the recognition models, programs and maps that the robot has; None: it recognises all classes."""
-    trust_map: bool = False
-    """The poses of the map count as seen: a robot without camera works from them."""
-    unknown: tuple[str, ...] = ()
-    """Things and classes of things of which the robot does not know where they are."""
-    bindings: Mapping[str, str] | None = None
-    seed: int = 0
-    schedule: int | None = None
-    gui: bool = False
-    trace: Path | None = None
-    picture: Path | None = None
-    record: Path | None = None
-    poses: Path | None = None
-    """The file for a log of where things and links are."""
-    upload: Path | None = None
-    """The file for maps that the plan uploads."""
-    update_map: Path | None = None
-    """The file for the map as the robot knows it at the end."""
-    force: bool = False
-    """Run although the robot lacks a capability, or the program a process module."""
-    resume: RecordedRun | None = None
-    """The trace of the run to resume."""
-    world_as_left: bool = False
-    """The user states that the world is as that trace left it; else it is restored."""
-    notes: tuple[Diagnostic, ...] = ()
-    """Diagnostics of before."""
-    progress: Callable[[str], None] = lambda line: None
-    announce: Callable[[Sequence[Diagnostic]], None] = lambda found: None
-    """Given the diagnostics once, before the plan runs."""
-    watchers: tuple[Callable[[PyBulletWorld], None], ...] = ()
-    """Called with the true world before the plan runs and after every step of the world."""
-
-
-@dataclass(frozen=True, slots=True)
-class RunResult:
-    """Result of a run. ``final_state`` has the objects of the plan as they are in the simulator's truth."""
-
-    outcome: Outcome
-    message: str
-    final_state: tuple[str, ...] = ()
-    diagnostics: tuple[Diagnostic, ...] = ()
-    seconds: float = 0.0
-    """Plan time [s]."""
-    failure: tuple[str, ...] = ()
-    """Classes of the failure that ended the plan and of its causes, the failure itself first."""
-    tilts: Tilts = field(default_factory=Tilts)
-    """The angles by which what was carried leaned from upright, in the simulator's truth."""
+    map: SemanticMap
+    scene: Scene
+    bound: Mapping[str, Bound]
+    made: frozenset[str]
+    needs: Needs
 
 
 class Run:
@@ -205,11 +138,45 @@ class Run:
         The trace is written line by line; picture and recording are written at the end, also after a failure.
         """
         options, found = self.options, self.found
+        asked = self._asked()
+        # Cheap questions first: what the program lacks is said before the robot is bound, which can take a minute.
+        program = self._assessed(asked)
+        # what steps leave open is set, and the program's process modules perform what the vocabulary has nothing for
+        settled = ("R062",) if program.missing else ("R021", "R062")
+        found[:] = [one for one in found if one.code not in settled]
+        if self._lacks(program):
+            options.announce(found)
+            return self._refused(program.missing)
+        robot, given = self._equipped(found)
+        assessment = self._assessed(asked, robot)
+        past, notes = (None, []) if options.resume is None else past_of(options.resume)
+        held = in_hands(robot, asked.map, asked.scene)
+        if not assessment.missing or options.force:
+            robot = with_carrying(robot, [(one.link, one.body, one.offset) for one in held])
+        found += (*robot.diagnostics, *assessment.notes(options.plan), *self._blind(robot, assessment), *notes)
+        options.announce(found)
+        if self._lacks(assessment):
+            return self._refused(assessment.missing)
+        platform, truth = self._assembled(asked, robot, given, held)
+        executive = RobotExecutive(platform, self._modules)
+        take(platform, truth, held)
+        platform.scene.collisions.prepare()
+        header = self._header(asked, platform, assessment, given)
+        body = self._body(asked.bound, partial(self._bind_all, asked, executive, past))
+        if past is not None:
+            known = run_header(body, SimulationHost(truth), options.seed, options.schedule)
+            notes = check_same_run(past.recorded, {**header, **known})
+            options.announce(notes)
+            found += notes
+            self._restore(executive, past)
+        return self._executed(body, asked.bound, executive, truth, header, past)
+
+    def _asked(self) -> _Asked:
+        """Return what the plan is about; raises BadInput for a map or a parameter that cannot be used."""
+        options, found = self.options, self.found
         assert options.environment is not None
-        assert options.robot is not None
         if options.plan is not None:
             self._requirements = required_of_plan(self.path, self.plan, found, folders=options.ontologies)
-        # Cheap questions first: a misspelt parameter is reported before the robot is bound, which can take a minute.
         ontology = load(options.environment, folders=options.ontologies, also=options.additions)
         semantic_map = read_map(ontology)
         found += (*ontology.diagnostics, *semantic_map.diagnostics)
@@ -220,117 +187,115 @@ class Run:
             bound = bound_parameters(self.plan, options.bindings or {}, semantic_map, found)
         made = outputs_of(self.source)
         found += not_in_map(bound, semantic_map, made)
-        needs = needs_of(self.source, self.plan)
+        return _Asked(semantic_map, scene, bound, made, needs_of(self.source, self.plan))
+
+    def _assessed(self, asked: _Asked, robot: Robot | None = None) -> Assessment:
+        """Return what the program lacks for the plan, and the robot, if one is given."""
         # a run is resumed with the modules of its trace, which are compared later
-        performed = self.registry.actions if options.resume is None else None
-        unperformed = partial(without_module, semantic_map.ontology, performed)
-        assessment = assess(needs, lambda actions: (), unperformed)
-        # what steps leave open is set, and the program's process modules perform what the vocabulary has nothing for
-        settled = ("R062",) if assessment.missing else ("R021", "R062")
-        found[:] = [one for one in found if one.code not in settled]
-        if assessment.missing and not options.force:
-            options.announce(found)
-            return self._refused(assessment.missing)
-        bare = bind_robot(options.robot, urdf=options.urdf, folders=options.ontologies)
-        bare = trusting_map(bare) if options.trust_map else bare
-        given: tuple[GivenPart, ...] | None = None
-        if options.models is not None:
-            from executive.belief.recognition_models import read_given_parts, with_given_parts
+        performed = self.registry.actions if self.options.resume is None else None
+        unperformed = partial(without_module, asked.map.ontology, performed)
+        if robot is None:
+            return assess(asked.needs, lambda actions: (), unperformed)
+        assessment = assess(asked.needs, partial(missing_capabilities, asked.map.ontology, robot=robot), unperformed)
+        return assessment if self._requirements is None else assessment.also(self._requirements(robot))
 
-            given = read_given_parts(options.models, options.ontologies)
-            bare = with_given_parts(bare, given)
-        assessment = assess(needs, partial(missing_capabilities, semantic_map.ontology, robot=bare), unperformed)
-        if self._requirements is not None:
-            assessment = assessment.also(self._requirements(bare))
-        past: Past | None = None
-        notes: list[Diagnostic] = []
-        if options.resume is not None:
-            past, notes = past_of(options.resume)
-        held = in_hands(bare, semantic_map, scene)
-        carried = [(one.link, one.body, one.offset) for one in held]
-        robot = bare if assessment.missing and not options.force else with_carrying(bare, carried)
-        if assessment.missing and robot.camera is None and not options.trust_map:
-            help = "--trust-map: things count as seen where the map has them"
-            notes.append(note("X013", f"{robot.name} has no camera to look for things", help=help))
-        found += (*robot.diagnostics, *assessment.notes(options.plan), *notes)
-        options.announce(found)
-        if assessment.missing and not options.force:
-            return self._refused(assessment.missing)
+    def _lacks(self, assessment: Assessment) -> bool:
+        return bool(assessment.missing) and not self.options.force
 
-        believed = world_at_start(scene, robot, options.start, self._stack)
-        scene = believed.scene
-        real = real_scene(scene, options.seed, believed)
-        real = replace(real, start=scene.start) if robot.base.fixed else real
+    def _equipped(self, found: list[Diagnostic]) -> tuple[Robot, tuple[GivenPart, ...] | None]:
+        """Return the robot and the models and programs that it has beside its file's, None if nobody says which.
+
+        Appends warnings about those that are left out.
+        """
+        options = self.options
+        assert options.robot is not None
+        robot = bind_robot(options.robot, urdf=options.urdf, folders=options.ontologies)
+        robot = trusting_map(robot) if options.trust_map else robot
+        if options.models is None:
+            return robot, None
+        from executive.belief.recognition_models import read_given_parts, with_given_parts
+
+        given = read_given_parts(options.models, options.ontologies, found)
+        return with_given_parts(robot, given), given
+
+    def _blind(self, robot: Robot, assessment: Assessment) -> list[Diagnostic]:
+        """Return the advice for a robot that lacks what the plan needs and has no camera."""
+        if not assessment.missing or robot.camera is not None or self.options.trust_map:
+            return []
+        advice = "--trust-map: things count as seen where the map has them"
+        return [note("X013", f"{robot.name} has no camera to look for things", help=advice)]
+
+    def _assembled(
+        self, asked: _Asked, robot: Robot, given: tuple[GivenPart, ...] | None, held: Sequence[InHand]
+    ) -> tuple[Platform, PyBulletWorld]:
+        """Return the robot among what it believes, and the world as it is, which closes with the run."""
+        options = self.options
+        believed = world_at_start(asked.scene, robot, options.start, self._stack, held)
+        real = real_scene(believed.scene, options.seed, believed)
+        real = replace(real, start=believed.scene.start) if robot.base.fixed else real
         truth = PyBulletWorld(real, robot.body(), gui=options.gui, seed=options.seed)
         self._stack.callback(truth.close)
-        trusts_map, unknown = options.trust_map, unknown_things(semantic_map, options.unknown)
         platform = platform_of(
             robot,
-            semantic_map,
+            asked.map,
             truth,
             believed,
             options.seed,
             options.progress,
-            trusts_map=trusts_map,
-            unknown=unknown,
+            trusts_map=options.trust_map,
+            unknown=unknown_things(asked.map, options.unknown),
             models=None if given is None else [cls for one in given for cls in one.recognises],
         )
         platform.upload = options.upload
-        executive = RobotExecutive(platform, self._modules)
-        take(platform, truth, held)
-        platform.scene.collisions.prepare()
-        # What a trace must have in common with another to be equal to it, beside seed and schedule.
+        return platform, truth
+
+    def _header(
+        self, asked: _Asked, platform: Platform, assessment: Assessment, given: tuple[GivenPart, ...] | None
+    ) -> dict[str, Any]:
+        """Return what a trace has in common with another that equals it, beside seed and schedule."""
+        options, robot = self.options, platform.robot
+        assert options.robot is not None
         header: dict[str, Any] = {
             "plan_sha256": sha256(self.path),
-            "parameters": {name: dump(what) for name, what in bound.items()},
-            "start": [float(number) for number in scene.start],
+            "parameters": {name: dump(what) for name, what in asked.bound.items()},
+            "start": [float(number) for number in platform.scene.world.scene.start],
             "robot": robot.name,
             "robot_sha256": sha256(options.robot),
             "urdf_sha256": sha256(robot.urdf),
-            "map": semantic_map.iri,
-            "map_sha256": [document.sha256 for document in semantic_map.ontology.documents],
+            "map": asked.map.iri,
+            "map_sha256": [document.sha256 for document in asked.map.ontology.documents],
             "versions": _versions(),
         }
-        if options.trust_map:
-            header["trusts_map"] = True
-        if given is not None:
-            header["given"] = [one.iri for one in given]
-        if options.unknown:
-            header["unknown"] = list(options.unknown)
-        if self.registry.identity:
-            header["modules"] = self.registry.identity
-        if assessment.infeasible:
-            header["infeasible"] = [alternative.name for alternative, _ in assessment.infeasible]
+        further = {
+            "trusts_map": options.trust_map,
+            "given": None if given is None else [one.iri for one in given],
+            "unknown": list(options.unknown) or None,
+            "modules": self.registry.identity or None,
+            "infeasible": [alternative.name for alternative, _ in assessment.infeasible] or None,
+        }
+        return header | {name: value for name, value in further.items() if value is not None and value is not False}
 
-        def read() -> frozenset[str]:
-            """Return the parameters that the plan reads with the modules of this run."""
-            return read_names(
-                self.source, self.plan, lambda cls, plan: module_for(executive, Action(cls), plan) is not None
-            )
+    def _bind_all(self, asked: _Asked, executive: RobotExecutive, past: Past | None) -> None:
+        """Raise ObjectUnresolvable for a parameter that means nothing here or later, before anything moves.
 
-        def bind_all() -> None:
-            """Raise ObjectUnresolvable for a parameter that means nothing here or later, before anything moves.
+        A run that is resumed may have destroyed what one means. What only recipes need that modules stand in for need
+        not be there.
+        """
+        actions = asked.needs.actions
+        for name, value in asked.bound.items():
+            for what in things_of(value):
+                try:
+                    executive.platform.scene.bodies.bind(what)
+                except ObjectUnresolvable:
+                    appears = executive.may_create(what, actions) or executive.may_find(what, actions)
+                    if past is None and name not in asked.made and not appears and name in self._read(executive):
+                        raise
 
-            A run that is resumed may have destroyed what one means. What only recipes need that modules stand in for
-            need not be there.
-            """
-            for name, value in bound.items():
-                for what in things_of(value):
-                    try:
-                        platform.scene.bodies.bind(what)
-                    except ObjectUnresolvable:
-                        appears = executive.may_create(what, needs.actions) or executive.may_find(what, needs.actions)
-                        if past is None and name not in made and not appears and name in read():
-                            raise
-
-        body = self._body(bound, bind_all)
-        if past is not None:
-            known = run_header(body, SimulationHost(truth), options.seed, options.schedule)
-            notes = check_same_run(past.recorded, {**header, **known})
-            options.announce(notes)
-            found += notes
-            self._restore(executive, past)
-        return self._executed(body, bound, executive, truth, header, past)
+    def _read(self, executive: RobotExecutive) -> frozenset[str]:
+        """Return the parameters that the plan reads with the modules of this run."""
+        return read_names(
+            self.source, self.plan, lambda cls, plan: module_for(executive, Action(cls), plan) is not None
+        )
 
     def _refused(self, missing: Sequence[Missing]) -> RunResult:
         """Return the result of a run that does not begin, for what robot or program lack."""
@@ -376,32 +341,11 @@ class Run:
         header: Mapping[str, object],
         past: Past | None,
     ) -> RunResult:
-        options, belief = self.options, executive.platform.belief
-        listeners = [lines_of(lambda step, line: options.progress(f"{step / truth.rate:7.2f} s  {line}"))]
-        tilts, written = Tilts(executive.platform.leaning), list[tuple[Path, Callable[[Path], object]]]()
-        watchers: list[Callable[[PyBulletWorld], None]] = [tilts, *options.watchers]
-        if options.picture is not None:
-            meant = partial(_bodies_of, bound, belief, truth)  # at the end
-            written.append((options.picture, lambda path: truth.save_picture(path, of=tuple(meant()))))
-        if options.record is not None:
-            from executive.pictures.recording import Recording, drawn_in
-
-            film = Recording(truth.rate, drawn_in(truth), title=self.plan.name)
-            listeners.append(lines_of(film.event))
-            watchers.append(lambda world: film.frame(world.steps))
-            written.append((options.record, film.save))
-        if options.poses is not None:
-            from executive.runs.pose_log import PoseLog
-
-            watchers.append(log := PoseLog(truth, {**header, "seed": options.seed, "schedule": options.schedule}))
-            written.append((options.poses, log.save))
-        if options.update_map is not None:
-            from executive.belief.map_updating import MapUpdate
-
-            listeners.append(update := MapUpdate(belief, {options.environment, *options.additions}, self.found))
-            written.append((options.update_map, update.save))
-        trace = ListenedTrace.to(options.trace, header, tuple(listeners), past)
-        world = _WatchedWorld(truth, watchers)
+        options = self.options
+        written = Written(options, executive.platform, truth)
+        written.ask(self.plan.name, bound, header, self.found)
+        trace = ListenedTrace.to(options.trace, header, tuple(written.listeners), past)
+        world = WatchedWorld(truth, written.watchers)
         outcome, message, failures = Outcome.DONE, "done", tuple[str, ...]()
         try:
             run(
@@ -434,10 +378,9 @@ class Run:
             failures = (type(problem).__name__,)
         finally:
             trace.close()
-            for path, save in written:
-                write_complete(path, save)
-        state = tuple(state_lines(truth, _bodies_of(bound, belief, truth)))
-        return RunResult(outcome, message, state, tuple(self.found), truth.steps / truth.rate, failures, tilts)
+            written.save()
+        state = tuple(state_lines(truth, bodies_of(bound, executive.platform.belief, truth)))
+        return RunResult(outcome, message, state, tuple(self.found), truth.steps / truth.rate, failures, written.tilts)
 
     def _users_line(self, problem: Exception) -> str | None:
         """Return the line of the plan, or of a user's process module, that raised; None if planlang did, below it."""
@@ -457,37 +400,10 @@ def run_plan_file(options: RunOptions) -> RunResult:
         return whole.execute()
 
 
-class _WatchedWorld:
-    """A world that others look at before the first step and after every one."""
-
-    def __init__(self, world: PyBulletWorld, watchers: Sequence[Callable[[PyBulletWorld], None]]) -> None:
-        self.world, self.watchers, self.rate = world, watchers, world.rate
-        self._show()
-
-    def step(self) -> None:
-        self.world.step()
-        self._show()
-
-    def _show(self) -> None:
-        for watcher in self.watchers:
-            watcher(self.world)
-
-
 def _is_own(file: Path) -> bool:
     """Return whether a file is part of the executive or the simulator."""
     own = Path(__file__).parents[1], Path(inspect.getfile(PyBulletWorld)).parent
     return any(file.is_relative_to(folder) for folder in own)
-
-
-def _bodies_of(bound: Mapping[str, Bound], belief: Belief, truth: PyBulletWorld) -> Iterator[str]:
-    """Yield the bodies that the plan's parameters mean, as far as there are any."""
-    for what in (one for value in bound.values() for one in things_of(value)):
-        try:
-            name = belief.bind(what, truth.configuration().base)
-        except PlanFailure:
-            continue
-        if name in truth.names():
-            yield name
 
 
 def _versions() -> dict[str, str]:

@@ -63,6 +63,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
             pass
 
     serving.staff.start()
+    serving.mirror.start()
     worker = threading.Thread(target=renew)
     worker.start()
     yield
@@ -93,7 +94,7 @@ def application(
         lifespan=_lifespan,
     )
     catalogue, abilities = Catalogue(store, vocabulary), Abilities(store, staff.reading)
-    app.state.serving = Serving(store, catalogue, vocabulary, abilities, Mirror(store), staff, rates)
+    app.state.serving = Serving(store, catalogue, vocabulary, abilities, Mirror(store, staff.behind), staff, rates)
     for router in routers:
         app.include_router(router)
     add_handlers(app)

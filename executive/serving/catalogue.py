@@ -7,10 +7,12 @@ from __future__ import annotations
 
 import threading
 from bisect import bisect_right, insort
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import islice
+
+import numpy as np
 
 from executive.serving.uploads import describe, packed, unpacked
 from executive.serving.vocabulary import Vocabulary
@@ -19,11 +21,12 @@ from planlang.designators import local_name
 from planlang.diagnostics import BadInput
 from planlang.knowledge.answers import Links
 from planlang.knowledge.axioms import THING
-from planlang.knowledge.descriptions import Described, Description
-from planlang.knowledge.entries import Change, Entry, Kind
+from planlang.knowledge.descriptions import Description
+from planlang.knowledge.entries import Change, Kind
+from planlang.knowledge.facts import LABEL, Facts, Unpacked
 from planlang.knowledge.index import Index
 from planlang.knowledge.questions import read_question
-from planlang.knowledge.stores import Changed, NoSuchEntry, Store
+from planlang.knowledge.stores import Changed, Described, NoSuchEntry, Store
 from planlang.ontology.expressions import Expression
 
 MOST_LINKS = 200
@@ -39,8 +42,6 @@ class Listed:
     words: str
     """One a line."""
     place: Mapping[str, tuple[str, ...]]
-    links: Links = ()
-    """Links of the subject, also by what its classes require."""
 
     def fits(self, kind: Kind | None, part: str, place: Mapping[str, str]) -> bool:
         """Return True for an entry of a kind, with a part of a label or name, of a room, floor, building, ..."""
@@ -65,10 +66,7 @@ class Catalogue:
         self._stale: dict[str, None] = {}
         self._lock = threading.RLock()
         self._seen = store.last_news()
-        kinds = {entry.uid: entry for entry in store.entries()}
-        for uid, stored in store.descriptions():
-            if uid in kinds:
-                self._add(kinds[uid], stored)
+        self._add_all(store.descriptions())
 
     def __len__(self) -> int:
         with self._lock:
@@ -141,9 +139,14 @@ class Catalogue:
         return tuple(uid for uid, one in zip(uids, listed, strict=True) if one.fits(kind, part, wanted))
 
     def links(self, uid: str) -> Links:
-        """Return the properties and classes that an entry's subject is linked to; nothing for one that is not there."""
-        listed = self._listed.get(uid)
-        return () if listed is None else listed.links
+        """Return the properties and classes that an entry's subject is linked to, also by what its classes require.
+
+        Nothing for an entry that is not there.
+        """
+        with suppress(NoSuchEntry):
+            kept, _ = unpacked(self._store.description(uid), self._vocabulary)
+            return () if kept is None else tuple(_links(kept.description()))
+        return ()
 
     def _follow(self) -> None:
         while news := self._store.news(self._seen):
@@ -152,36 +155,44 @@ class Catalogue:
                 self._remove(uid)
                 if change in _CONTENT:
                     with suppress(NoSuchEntry):  # deleted since: its news follow
-                        self._add(self._store.entry(uid), self._store.description(uid))
+                        entry = self._store.entry(uid)
+                        stored = self._store.description(uid)
+                        self._add_all([Described(uid, entry.kind, entry.about, entry.label, stored)])
             self._seen = news[-1].number
 
-    def _add(self, entry: Entry, stored: bytes) -> None:
-        description, is_stale = unpacked(stored, self._vocabulary)
-        if is_stale:
-            self._stale[entry.uid] = None
-        if description is None:
-            description = Description((Described((entry.about,)),))
-        self._list(entry, description)
+    def _add_all(self, entries: Iterable[Described]) -> None:
+        found: dict[str, Facts] = {}
+        for one in entries:
+            kept, is_stale = unpacked(one.description, self._vocabulary)
+            if is_stale:
+                self._stale[one.uid] = None
+            found[one.uid] = Facts([one.about], 1, np.array([[0, LABEL, 0]], np.int32)) if kept is None else kept.facts
+            self._list(one, kept)
+            self._add_names(found[one.uid].names)
+        self._index.add_all(found)
 
-    def _list(self, entry: Entry, description: Description) -> None:
-        words = dict.fromkeys(text.casefold() for text in (entry.label, *description.words))
-        place: dict[str, tuple[str, ...]] = {}
-        for level, text in description.place:
-            place[level] = (*place.get(level, ()), text.casefold())
-        self._index.add(entry.uid, description)
-        self._add_names(description)
-        self._listed[entry.uid] = Listed(entry.kind, "\n".join(words), place, tuple(_links(description)))
+    def _list(self, entry: Described, kept: Unpacked | None) -> None:
+        words, place = "", dict[str, tuple[str, ...]]()
+        if kept is not None:
+            words = "\n".join(kept.words).casefold()
+            for level, text in kept.place:
+                place[level] = (*place.get(level, ()), text.casefold())
+        self._listed[entry.uid] = Listed(entry.kind, f"{entry.label.casefold()}\n{words}", place)
         for kind in (None, entry.kind):
-            insort(self._uids[kind], entry.uid)
+            known = self._uids[kind]
+            if known and known[-1] > entry.uid:
+                insort(known, entry.uid)
+            else:
+                known.append(entry.uid)
 
-    def _add_names(self, description: Description) -> None:
-        stated = {name for one in description.nodes for name in (*one.labels, *(prop for prop, _ in one.links))}
-        for iri in sorted(stated - self._named):
-            self._named.add(iri)
-            iri = iri.strip("{}")
-            name = local_name(iri)
-            if name not in self._vocabulary.names:
-                self._names.setdefault(name, set()).add(iri)
+    def _add_names(self, stated: Iterable[str]) -> None:
+        for iri in stated:
+            if iri not in self._named:
+                self._named.add(iri)
+                iri = iri.strip("{}")
+                name = local_name(iri)
+                if name not in self._vocabulary.names:
+                    self._names.setdefault(name, set()).add(iri)
 
     def _remove(self, uid: str) -> None:
         listed = self._listed.pop(uid, None)
@@ -201,9 +212,10 @@ class Catalogue:
             name, data = uid.partition(".")[2], self._store.content(uid, entry.revision.number)
             made = workers.call(describe, entry.about, name, data)
             with self._lock:
-                self._store.describe(uid, packed(made, self._vocabulary), entry.etag)
+                stored = packed(made, self._vocabulary)
+                self._store.describe(uid, stored, entry.etag)
                 self._remove(uid)
-                self._list(entry, made)
+                self._add_all([Described(uid, entry.kind, entry.about, entry.label, stored)])
         with self._lock:
             self._stale.pop(uid, None)
         return True

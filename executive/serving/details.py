@@ -95,10 +95,10 @@ def known_of(stored: bytes, vocabulary: Vocabulary, asked: Callable[[str], str])
 
     ``asked`` returns how a class or a property is asked for: by its local name, or by its IRI.
     """
-    description, _ = unpacked(stored, vocabulary)
-    if description is None or not description.nodes:
+    kept, _ = unpacked(stored, vocabulary)
+    if kept is None or not kept.facts.nodes:
         return Known()
-
+    description = kept.description()
     root = description.nodes[0]
     classes = {local_name(label): asked(label) for label in _classes(root.labels)[:MOST_CLASSES]}
     expressions: dict[str, str] = {}

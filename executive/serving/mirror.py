@@ -3,75 +3,96 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-import pyoxigraph as ox
-
+from executive.serving.vocabulary import Vocabulary
+from executive.serving.workers import Failed, Workers
 from planlang.diagnostics import BadInput
-from planlang.knowledge.entries import Change, Entry, Syntax
-from planlang.knowledge.sparql import Endpoint, Limits
+from planlang.knowledge.entries import Change, Entry
+from planlang.knowledge.sparql import Endpoint, Exceeded, Limits
 from planlang.knowledge.stores import NoSuchEntry, Store
 from planlang.ontology.convert import Target, convert_content
-
-_FORMATS = {Syntax.RDFXML: ox.RdfFormat.RDF_XML, Syntax.TURTLE: ox.RdfFormat.TURTLE}
 
 
 class Mirror:
     """The entries of a store in SPARQL's engine. It follows the store's news; threads may share it."""
 
-    def __init__(self, store: Store, limits: Limits | None = None) -> None:
-        self._store = store
-        self._endpoint = Endpoint(self._contents, limits)
+    def __init__(self, store: Store, workers: Workers, limits: Limits | None = None) -> None:
+        """``workers`` read what the engine does not."""
+        self._store, self._workers, self._limits = store, workers, limits or Limits()
+        self._endpoint = Endpoint(self._limits)
         self._lock = threading.Lock()
-        self._seen = 0
+        self._reader: threading.Thread | None = None
+        self._is_read = threading.Event()
+        self._is_closed = False
+        self._seen = self._read = 0
+
+    def start(self) -> None:
+        """Begin to read all contents beside, unless that is done or under way."""
+        with self._lock:
+            is_reading = self._reader is not None and self._reader.is_alive()
+            if is_reading or self._is_closed or (self._is_read.is_set() and self._endpoint.is_running):
+                return
+            self._is_read.clear()
+            self._reader = threading.Thread(target=self._read_all, daemon=True)
+            self._reader.start()
 
     def ask(self, question: str) -> dict[str, Any]:
-        """Return the answer to a question. Raises NoAnswer and Exceeded."""
-        with self._lock:
-            self._follow()
+        """Return the answer to a question. Raises NoAnswer; Exceeded, also while contents are still read."""
+        self.start()
+        if not self._is_read.wait(self._limits.seconds):
+            raise Exceeded(f"contents are still read, {self._read:,} entries so far; ask again later")
+        try:
+            with self._lock:
+                self._follow()
+        except OSError:  # the engine has ended, and that is told by it
+            pass
         return self._endpoint.ask(question)
 
-    def close(self) -> None:
-        """End the engine."""
+    def end(self) -> None:
+        """End the engine; the next question starts it anew."""
         self._endpoint.close()
 
-    def _contents(self) -> Iterator[tuple[str, str]]:
-        for entry in self._store.entries():
-            triples = self._triples(entry)
-            if triples is not None:
-                yield entry.uid, triples
+    def close(self) -> None:
+        """End the engine for good."""
+        self._is_closed = True
+        self.end()
+        if self._reader is not None:
+            self._reader.join()
+
+    def _read_all(self) -> None:
+        self._read, self._seen = 0, self._store.last_news()
+        try:
+            self._endpoint.start()
+            for entry in self._store.entries():
+                if self._is_closed:
+                    return
+                self._put(entry)
+                self._read += 1
+        except (OSError, Failed):  # the next question begins anew
+            return
+        self._is_read.set()
 
     def _follow(self) -> None:
-        if not self._endpoint.is_running:  # it reads everything when it starts
-            self._seen = self._store.last_news()
-            return
         while news := self._store.news(self._seen):
-            for uid, change in {one.uid: one.change for one in news if one.change is not Change.RATED}.items():
-                triples = None if change is Change.DELETED else self._of(uid)
-                if triples is None:
+            for uid in dict.fromkeys(one.uid for one in news if one.change is not Change.RATED):
+                try:
+                    self._put(self._store.entry(uid))
+                except NoSuchEntry:
                     self._endpoint.drop(uid)
-                else:
-                    self._endpoint.put(uid, triples)
             self._seen = news[-1].number
 
-    def _of(self, uid: str) -> str | None:
-        try:
-            return self._triples(self._store.entry(uid))
-        except NoSuchEntry:  # deleted since
-            return None
-
-    def _triples(self, entry: Entry) -> str | None:
-        """Return the N-Triples of an entry; None if it is gone, or if no reader takes it."""
+    def _put(self, entry: Entry) -> None:
+        """Tell the engine the content of an entry, and nothing of one that no reader takes. Raises OSError."""
         try:
             data = self._store.content(entry.uid)
-            form = _FORMATS.get(entry.syntax)
-            if form is not None:
-                with suppress(SyntaxError, ValueError):  # our reader takes more than the standard
-                    parsed = ox.parse(data, form, base_iri=entry.about)
-                    return (ox.serialize(parsed, format=ox.RdfFormat.N_TRIPLES) or b"").decode()
-            return convert_content(data, Path(entry.uid), Target.NTRIPLES).text
+            if not self._endpoint.put(entry.uid, data, entry.syntax.value, entry.about):
+                self._endpoint.put(entry.uid, self._workers.call(triples_of, data, entry.uid))
         except (NoSuchEntry, BadInput):
-            return None
+            self._endpoint.drop(entry.uid)
+
+
+def triples_of(data: bytes, uid: str, _: Vocabulary) -> bytes:
+    """Return the N-Triples of a content, of which our readers take more than the standards say. Raises BadInput."""
+    return convert_content(data, Path(uid), Target.NTRIPLES).text.encode()

@@ -20,6 +20,7 @@ from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors
 from planlang.experience import episode_in
 from planlang.files import Bundled, bundled, decode
+from planlang.knowledge import facts
 from planlang.knowledge.axioms import own_axioms_of
 from planlang.knowledge.completion import TooLarge
 from planlang.knowledge.descriptions import Description, described
@@ -31,7 +32,7 @@ from planlang.ontology.terms import OWL, RDF, RDFS
 MOST_WORDS, LONGEST_WORD = 500, 200
 """Names and labels that an entry is found by, and characters of one."""
 
-LAYOUT = "1"
+LAYOUT = "2"
 """Of descriptions in a store; those of another one are made anew from the content."""
 MAPS = ("knowrob:SemanticEnvironmentMap", "srdl2-comp:EnvironmentMap")
 """Classes of maps."""
@@ -99,17 +100,17 @@ def _check_name(about: str, name: str, span: Span | None) -> None:
 
 def packed(description: Description, vocabulary: Vocabulary) -> bytes:
     """Return a description as a store keeps it: behind the layout of descriptions and the vocabulary it was made by."""
-    return f"{_stamp(vocabulary)}\n".encode() + description.packed()
+    return f"{_stamp(vocabulary)}\n".encode() + facts.packed(description)
 
 
-def unpacked(stored: bytes, vocabulary: Vocabulary) -> tuple[Description | None, bool]:
+def unpacked(stored: bytes, vocabulary: Vocabulary) -> tuple[facts.Unpacked | None, bool]:
     """Return a kept description, None if it has another layout, and whether it has to be made anew."""
     stamp, _, data = stored.partition(b"\n")
     if stamp.partition(b" ")[0] != LAYOUT.encode():
         return None, True
     try:
-        return Description.unpacked(data), stamp.decode() != _stamp(vocabulary)
-    except (ValueError, KeyError, TypeError):
+        return facts.unpacked(data), stamp.decode() != _stamp(vocabulary)
+    except (ValueError, TypeError):
         return None, True
 
 

@@ -10,6 +10,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from enum import Enum
+from functools import cache
 from types import NoneType, UnionType
 from typing import Any, get_args, get_origin, get_type_hints
 
@@ -131,9 +132,8 @@ def read_as(kind: Any, data: object) -> Any:
     if is_dataclass(kind):
         if not isinstance(data, dict):
             raise NotAsAgreed(f"{_shown(data)} is no {kind.__name__}")  # type: ignore[union-attr]
-        hints = get_type_hints(kind)
-        stated = [one.name for one in fields(kind) if one.name in data or one.default is MISSING]
-        return kind(**{name: read_as(hints[name], data.get(name)) for name in stated})  # type: ignore[operator]
+        stated = ((name, hint) for name, hint, is_optional in _fields(kind) if name in data or not is_optional)  # type: ignore[arg-type]
+        return kind(**{name: read_as(hint, data.get(name)) for name, hint in stated})  # type: ignore[operator]
     if get_origin(kind) is tuple:
         if not isinstance(data, list):
             raise NotAsAgreed(f"{_shown(data)} is no list")
@@ -152,6 +152,13 @@ def read_as(kind: Any, data: object) -> Any:
     return printed(data) if isinstance(data, str) else data
 
 
+@cache
+def _fields(kind: type[Any]) -> tuple[tuple[str, Any, bool], ...]:
+    """Return the fields of a dataclass: name, type, and whether there is a default."""
+    hints = get_type_hints(kind)
+    return tuple((one.name, hints[one.name], one.default is not MISSING) for one in fields(kind))
+
+
 def _shown(data: object) -> str:
     return ascii(data)[:60] if not isinstance(data, dict | list) else type(data).__name__
 
@@ -162,6 +169,8 @@ def printed(text: str, breaks: str = "") -> str:
     ``breaks``: those that are left.
     """
     short = text[:LONGEST_TEXT]
+    if short.isprintable():
+        return short
     return "".join(one if one.isprintable() or one in breaks else "\N{REPLACEMENT CHARACTER}" for one in short)
 
 

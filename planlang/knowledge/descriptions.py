@@ -6,9 +6,8 @@ adds to the vocabulary, and names of the vocabulary for everything else.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 from planlang.knowledge.axioms import THING, Axioms, Concept, One
 from planlang.knowledge.completion import Completion, Node
@@ -39,20 +38,6 @@ class Description:
     nodes: tuple[Described, ...]
     words: tuple[str, ...] = ()
     place: tuple[tuple[str, str], ...] = ()
-
-    def packed(self) -> bytes:
-        """Return the description as JSON."""
-        return json.dumps(asdict(self), ensure_ascii=False, separators=(",", ":")).encode()
-
-    @staticmethod
-    def unpacked(data: bytes) -> Description:
-        """Return what :meth:`packed` wrote. Raises ValueError or KeyError for anything else."""
-        stored = json.loads(data)
-        nodes = tuple(
-            Described(tuple(one["labels"]), tuple((prop, target) for prop, target in one["links"]))
-            for one in stored["nodes"]
-        )
-        return Description(nodes, tuple(stored["words"]), tuple((level, text) for level, text in stored["place"]))
 
 
 def described(

@@ -1,8 +1,8 @@
 """Answers to class expressions over the descriptions of all entries, in memory.
 
-Each description's nodes, and the vocabulary's that they are linked to, are rows. A class has the rows that belong to
-it, a property its links as two columns; an expression is answered from its parts outward, a mask over all rows at a
-time.
+Each description's nodes, and the vocabulary's that they are linked to, are rows. A label has the rows that state it,
+and a class those of all labels below it; a property has its links as two columns. An expression is answered from its
+parts outward, a mask over all rows at a time.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import threading
 from array import array
 from bisect import bisect_left
-from collections.abc import Iterable
+from collections.abc import Mapping, Sequence
 from functools import reduce
 from itertools import compress
 from operator import and_, or_
@@ -21,6 +21,8 @@ from numpy.typing import NDArray
 from planlang.knowledge.axioms import THING, Axioms, Concept, One
 from planlang.knowledge.completion import Completion
 from planlang.knowledge.descriptions import Description, Label, label_of
+from planlang.knowledge.facts import LABEL, Facts, facts_of
+from planlang.knowledge.postings import Numbers, Postings, of_array
 from planlang.ontology.expressions import Expression
 
 Mask = NDArray[np.bool_]
@@ -42,11 +44,13 @@ class Index:
         self._completion = Completion(vocabulary)
         self._lock = threading.RLock()
         self._rows = 0
-        self._of_class: dict[Label, array[int]] = {}
+        self._numbers: dict[str, int] = {}
+        self._names: list[str] = []
+        self._labels = Postings()
+        self._under: dict[Label, list[int]] = {}
         self._links: dict[str, tuple[array[int], array[int]]] = {}
         self._below: dict[str, list[str]] = {}
         self._shared: dict[int, int] = {}
-        self._labels: dict[Label, tuple[Label, ...]] = {}
         self._entries: dict[str, range] = {}
         self._uids: list[str] = []
         self._subjects = array("i")
@@ -62,20 +66,56 @@ class Index:
 
     def add(self, uid: str, description: Description) -> None:
         """Add an entry, in the place of an earlier description of it; one without nodes belongs to nothing."""
+        self.add_all({uid: facts_of(description)})
+
+    def add_all(self, entries: Mapping[str, Facts]) -> None:
+        """Add entries by the facts of their descriptions, in the place of earlier ones."""
         with self._lock:
-            self.remove(uid)
-            if not description.nodes:
-                return
-            first = self._rows
-            for one in description.nodes:
-                self._row(one.labels)
-            self._entries[uid] = range(first, self._rows)
-            for row, one in enumerate(description.nodes, first):
-                for prop, target in one.links:
-                    self._link(row, prop, self._shared_row(target) if isinstance(target, str) else first + target)
-            place = bisect_left(self._uids, uid)
+            for uid in entries:
+                self.remove(uid)
+            found = {uid: facts for uid, facts in entries.items() if facts.nodes}
+            if found:
+                self._add_facts(list(found.values()), self._add_subjects(found))
+
+    def _add_subjects(self, entries: Mapping[str, Facts]) -> Numbers:
+        """Give entries their rows; returns the first row of each."""
+        first = []
+        for uid, facts in entries.items():
+            first.append(self._rows)
+            self._rows += facts.nodes
+            self._entries[uid] = range(first[-1], self._rows)
+            place = len(self._uids) if not self._uids or uid > self._uids[-1] else bisect_left(self._uids, uid)
             self._uids.insert(place, uid)
-            self._subjects.insert(place, first)
+            self._subjects.insert(place, first[-1])
+        return np.array(first, dtype=np.int32)
+
+    def _add_facts(self, entries: Sequence[Facts], first: Numbers) -> None:
+        names = np.array([self._number(name) for facts in entries for name in facts.names], dtype=np.int32)
+        ends = np.cumsum([len(facts.names) for facts in entries], dtype=np.int32)
+        each = np.repeat(np.arange(len(entries)), [len(facts.stated) for facts in entries])
+        stated = np.concatenate([facts.stated for facts in entries])
+        rows, start = stated[:, 0] + first[each], np.concatenate(([0], ends))[each]
+        is_label = stated[:, 1] == LABEL
+        self._labels.add(names[stated[is_label, 2] + start[is_label]], rows[is_label])
+        prop, end, source = names[(stated[:, 1] + start)[~is_label]], stated[~is_label, 2], rows[~is_label]
+        is_node = end >= 0
+        target = end + first[each[~is_label]]
+        target[~is_node] = self._shared_rows(names[start[~is_label][~is_node] - 1 - end[~is_node]])
+        for number in np.unique(prop).tolist():
+            some = prop == number
+            self._link(self._names[number], source[some], target[some])
+
+    def _number(self, name: Label) -> int:
+        """Return the number of a label or property; a new one is known by those above it from then on."""
+        number = self._numbers.get(name)
+        if number is None:
+            number = self._numbers[name] = len(self._names)
+            self._names.append(name)
+            if _concept(name) in self._vocabulary.above:
+                for upper in _labels(self._completion, self._completion.number(_concept(name))):
+                    if upper != name:
+                        self._under.setdefault(upper, []).append(number)
+        return number
 
     def remove(self, uid: str) -> None:
         """Forget an entry; nothing happens if there is none of that identifier."""
@@ -96,9 +136,9 @@ class Index:
         numbers = (np.cumsum(used, dtype=np.int32) - 1).astype(np.int32)
 
         def kept(rows: array[int], by: array[int]) -> array[int]:
-            return array("i", numbers[_numbers(rows)[used[_numbers(by)]]].tobytes())
+            return array("i", numbers[of_array(rows)[used[of_array(by)]]].tobytes())
 
-        self._of_class = {label: found for label, rows in self._of_class.items() if (found := kept(rows, rows))}
+        self._labels.renumber(used, numbers)
         self._links = {prop: (kept(these, these), kept(those, these)) for prop, (these, those) in self._links.items()}
         self._shared = {node: int(numbers[row]) for node, row in self._shared.items()}
         first = {uid: int(numbers[rows.start]) for uid, rows in self._entries.items()}
@@ -106,20 +146,11 @@ class Index:
         self._subjects = array("i", (first[uid] for uid in self._uids))
         self._rows, self._removed = int(used.sum()), []
 
-    def _row(self, labels: Iterable[Label]) -> int:
-        row, self._rows = self._rows, self._rows + 1
-        for label in dict.fromkeys(upper for one in labels for upper in self._above(one)):
-            self._of_class.setdefault(label, array("i")).append(row)
-        return row
-
-    def _above(self, label: Label) -> tuple[Label, ...]:
-        """Return a label and those that the vocabulary states above it."""
-        if _concept(label) not in self._vocabulary.above:
-            return (label,)
-        found = self._labels.get(label)
-        if found is None:
-            found = self._labels[label] = _labels(self._completion, self._completion.number(_concept(label)))
-        return found
+    def _shared_rows(self, names: Numbers) -> Numbers:
+        """Return the rows of classes or individuals of the vocabulary, by the numbers of their names."""
+        wanted, each = np.unique(names, return_inverse=True)
+        rows = [self._shared_row(self._names[name]) for name in wanted.tolist()]
+        return np.array(rows, dtype=np.int32)[each]
 
     def _shared_row(self, label: Label) -> int:
         """Return the row of a class or individual of the vocabulary; makes all rows that it is linked to."""
@@ -133,20 +164,21 @@ class Index:
             new |= fresh
             queue += fresh
         for number in queue:
-            shared[number] = self._row(_labels(completion, number))
+            shared[number], self._rows = self._rows, self._rows + 1
+            labels = [self._number(label) for label in _labels(completion, number)]
+            self._labels.add(np.array(labels, dtype=np.int32), np.full(len(labels), shared[number], dtype=np.int32))
         for number in queue:
             for prop, end in completion.nodes[number].links:
-                self._link(shared[number], prop, shared[end])
+                self._link(prop, np.array([shared[number]], np.int32), np.array([shared[end]], np.int32))
         return shared[wanted]
 
-    def _link(self, source: int, prop: str, target: int) -> None:
+    def _link(self, prop: str, sources: Numbers, targets: Numbers) -> None:
         if prop not in self._links:
             self._links[prop] = (array("i"), array("i"))
             for upper in self._completion.above(prop):
                 self._below.setdefault(upper, []).append(prop)
-        sources, targets = self._links[prop]
-        sources.append(source)
-        targets.append(target)
+        for known, rows in zip(self._links[prop], (sources, targets), strict=True):
+            known.frombytes(rows.astype(np.int32, copy=False).tobytes())
 
     def answers(self, expression: Expression) -> tuple[str, ...]:
         """Return the identifiers of the entries that an expression includes, sorted. Raises CannotAnswer.
@@ -154,7 +186,7 @@ class Index:
         What contradicts itself is no answer to everything, as in logic, but to what it was stated to be.
         """
         with self._lock:
-            found = self._mask(expression)[_numbers(self._subjects)]
+            found = self._mask(expression)[of_array(self._subjects)]
             return tuple(compress(self._uids, found.tolist()))
 
     def _mask(self, expression: Expression) -> Mask:
@@ -185,9 +217,8 @@ class Index:
         if label == THING:
             return np.ones(self._rows, dtype=np.bool_)
         mask = np.zeros(self._rows, dtype=np.bool_)
-        rows = self._of_class.get(label)
-        if rows:
-            mask[_numbers(rows)] = True
+        known = self._numbers.get(label)
+        mask[self._labels.of([*self._under.get(label, ()), *([] if known is None else [known])])] = True
         return mask
 
     def _linked(self, prop: str, wanted: Mask) -> Mask:
@@ -195,12 +226,8 @@ class Index:
         mask = np.zeros(self._rows, dtype=np.bool_)
         for below in self._below.get(prop, ()):
             sources, targets = self._links[below]
-            mask[_numbers(sources)[wanted[_numbers(targets)]]] = True
+            mask[of_array(sources)[wanted[of_array(targets)]]] = True
         return mask
-
-
-def _numbers(rows: array[int]) -> NDArray[np.int32]:
-    return np.frombuffer(rows, dtype=np.int32)
 
 
 def _labels(completion: Completion, node: int) -> tuple[Label, ...]:

@@ -79,8 +79,13 @@ def record(folder: Path, names: Mapping[str, Origin], *, force: bool) -> None:
 
 def is_as_pulled(path: Path, *origins: Origin | None) -> bool:
     """Return True if a file is there and is what was pulled, of one of some origins."""
+    return has_digest(path, *(one.sha256 for one in origins if one is not None))
+
+
+def has_digest(path: Path, *digests: str) -> bool:
+    """Return True if a file is there and has one of some SHA-256."""
     try:
-        return sha256(read_file(path)).hexdigest() in [one.sha256 for one in origins if one is not None]
+        return sha256(read_file(path)).hexdigest() in digests
     except BadInput:
         return False
 

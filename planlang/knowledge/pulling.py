@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
+from shutil import copyfile
+from tempfile import TemporaryDirectory
 from typing import Protocol
 
 from planlang.diagnostics import BadInput, error, has_errors
@@ -36,37 +38,47 @@ class Source(Protocol):
 
 
 def pull(
-    client: Source, entry: Entry, folder: Path, *, revision: int | None = None, force: bool = False
+    client: Source, wanted: Iterable[tuple[Entry, Path]], *, revision: int | None = None, force: bool = False
 ) -> tuple[Path, ...]:
-    """Write an entry into a folder, which is made; returns its files, the ontology first.
+    """Write each entry into its folder, which is made; returns the files, the ontology of each first.
 
-    Files that are there already, as they are to be, are not read again. With ``force``, files of the user's own are
-    overwritten. Raises BadInput, and what the client raises.
+    All of them are read before the first is written, so that nothing is left of a server that goes away. Files that
+    are there already, as they are to be, are not read again. With ``force``, files of the user's own are overwritten.
+    Raises BadInput, and what the client raises.
     """
-    wanted = client.revision(entry, revision)
+    with TemporaryDirectory(prefix="planlang-") as staged:
+        folders = [_read(client, entry, folder, revision, Path(staged), force=force) for entry, folder in wanted]
+        for folder, names in folders:
+            _make(folder)
+            record(folder, names, force=force)
+            for name, origin in names.items():
+                if not is_as_pulled(folder / name, origin):
+                    replace(folder / name, partial(copyfile, Path(staged) / origin.sha256))
+    return tuple(folder / name for folder, names in folders for name in names)
+
+
+def _read(
+    client: Source, entry: Entry, folder: Path, revision: int | None, staged: Path, *, force: bool
+) -> tuple[Path, dict[str, Origin]]:
+    """Read the files of an entry that are not in a folder; returns that, and where each file is from by its name."""
+    now = client.revision(entry, revision)
     content = entry.uid + SUFFIXES[entry.syntax]
     _check_bounds(entry, content)
 
     def origin(sha256: str) -> Origin:
-        return Origin(client.url, entry.uid, entry.author, wanted.number, sha256)
+        return Origin(client.url, entry.uid, entry.author, now.number, sha256)
 
-    reading: dict[str, Callable[[], bytes]] = {content: partial(client.content, entry, wanted.number)}
-    names = {content: origin(wanted.sha256)}
+    reading: dict[str, Callable[[], bytes]] = {content: partial(client.content, entry, now.number)}
+    names = {content: origin(now.sha256)}
     for one in entry.attachments:
         reading[one.name], names[one.name] = partial(client.attachment, entry, one), origin(one.sha256)
-    _make(folder)
     if has_errors(problems := check_free(folder, names, force=force)):
         raise BadInput(problems)
-    record(folder, names, force=force)
     for name, read in reading.items():
-        if not is_as_pulled(folder / name, names[name]):
-            data = read()
-            replace(folder / name, partial(_write, data))
-    return tuple(folder / name for name in names)
-
-
-def _write(data: bytes, path: Path) -> None:
-    path.write_bytes(data)
+        file = staged / names[name].sha256
+        if not file.exists() and not is_as_pulled(folder / name, names[name]):
+            file.write_bytes(read())
+    return folder, names
 
 
 def _check_bounds(entry: Entry, content: str) -> None:

@@ -1,4 +1,4 @@
-"""SPARQL 1.1 questions to a mirror of all entries, in a child process that is killed when it exceeds its limits.
+"""SPARQL 1.1 questions to a mirror of all entries, in forks of a child process that end at their limits.
 
 Each entry is a graph ``urn:entry:UID``; the default graph is all of them together. The engine would follow ``SERVICE``
 to any address and knows no limit of time, so it works where it can open no connection and can be ended.
@@ -10,10 +10,11 @@ import json
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
+
+N_TRIPLES = "application/n-triples"
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,40 +37,37 @@ class NoAnswer(Exception):
 class Endpoint:
     """Answers questions, one at a time. Threads may share it."""
 
-    def __init__(self, contents: Callable[[], Iterable[tuple[str, str]]], limits: Limits | None = None) -> None:
-        """``contents`` yields the identifier and the N-Triples of every entry; asked again after a child was killed."""
-        self._contents = contents
+    def __init__(self, limits: Limits | None = None) -> None:
         self._limits = limits or Limits()
         self._lock = threading.Lock()
-        self._child: subprocess.Popen[str] | None = None
+        self._child: subprocess.Popen[bytes] | None = None
+
+    def start(self) -> None:
+        """Start the process, in the place of an earlier one: it knows nothing yet."""
+        with self._lock:
+            self._end()
+            self._child = subprocess.Popen(
+                [sys.executable, "-m", "planlang.knowledge.sparql_child"],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.DEVNULL,
+                start_new_session=True,
+            )
 
     def ask(self, question: str) -> dict[str, Any]:
         """Return the answer in SPARQL's JSON form, or ``{"triples": [line, ...]}``. Raises NoAnswer and Exceeded."""
-        if not self._lock.acquire(timeout=self._limits.seconds):
-            raise Exceeded(f"other questions took {self._limits.seconds:g} s")
+        limits = self._limits
+        if not self._lock.acquire(timeout=limits.seconds):
+            raise Exceeded(f"other questions took {limits.seconds:g} s")
         try:
-            return self._ask(question)
+            asked = {"query": question, "rows": limits.rows, "seconds": limits.seconds, "memory": limits.memory}
+            found = self._told(asked)
+        except OSError:
+            raise Exceeded("what answers questions has ended, and is started anew") from None
         finally:
             self._lock.release()
-
-    def _ask(self, question: str) -> dict[str, Any]:
-        child = self._started()
-        killer = threading.Timer(self._limits.seconds, child.kill)
-        killer.start()
-        try:
-            self._send(child, {"query": question, "rows": self._limits.rows})
-            assert child.stdout is not None
-            line = child.stdout.readline()
-        except BrokenPipeError:
-            line = ""
-        finally:
-            is_late = not killer.is_alive()
-            killer.cancel()
-        if not line.endswith("\n"):
-            self._end()
-            limit = f"{self._limits.seconds:g} s" if is_late else f"{self._limits.memory / 1e6:g} MB of memory"
-            raise Exceeded(f"the question needs more than {limit}")
-        found: dict[str, Any] = json.loads(line)
+        if "exceeded" in found:
+            raise Exceeded(f"the question needs more than {found['exceeded']}")
         if "limit" in found:
             raise Exceeded(f"the answer has {found['limit']}")
         if "error" in found:
@@ -80,44 +78,34 @@ class Endpoint:
 
     @property
     def is_running(self) -> bool:
-        """True if the child is there; one that starts reads all contents."""
+        """True if the process is there."""
         return self._child is not None and self._child.poll() is None
 
-    def put(self, uid: str, triples: str) -> None:
-        """Add the N-Triples of an entry, in the place of earlier ones."""
-        self._change({"put": uid, "triples": triples})
+    def put(self, uid: str, content: bytes, media_type: str = N_TRIPLES, base: str = "urn:entry") -> bool:
+        """Add the content of an entry, in the place of an earlier one; False for what is none. Raises OSError."""
+        with self._lock:
+            head = {"put": uid, "type": media_type, "base": base, "size": len(content)}
+            return bool(self._told(head, content)["done"])
 
     def drop(self, uid: str) -> None:
-        """Forget an entry."""
-        self._change({"drop": uid})
-
-    def _change(self, message: dict[str, str]) -> None:
+        """Forget an entry. Raises OSError."""
         with self._lock:
-            if self._child is not None:  # one that starts later reads everything
-                try:
-                    self._send(self._child, message)
-                except BrokenPipeError:
-                    self._end()
+            self._told({"drop": uid})
 
-    def _started(self) -> subprocess.Popen[str]:
-        if self._child is not None and self.is_running:
-            return self._child
-        arguments = [sys.executable, "-m", "planlang.knowledge.sparql_child"]
-        self._child = subprocess.Popen(
-            arguments, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
-        )
-        for uid, triples in self._contents():
-            self._send(self._child, {"put": uid, "triples": triples})
-        self._send(self._child, {"limit": self._limits.memory})
+    def _told(self, message: dict[str, Any], content: bytes = b"") -> dict[str, Any]:
+        """Return what is answered to a message. Raises OSError if the process is not there, or ends."""
+        if self._child is None:
+            raise BrokenPipeError("there is no process")
+        assert self._child.stdin is not None
         assert self._child.stdout is not None
-        self._child.stdout.readline()
-        return self._child
-
-    @staticmethod
-    def _send(child: subprocess.Popen[str], message: dict[str, Any]) -> None:
-        assert child.stdin is not None
-        child.stdin.write(json.dumps(message) + "\n")
-        child.stdin.flush()
+        self._child.stdin.write(json.dumps(message).encode() + b"\n" + content)
+        self._child.stdin.flush()
+        line = self._child.stdout.readline()
+        if not line.endswith(b"\n"):
+            self._end()
+            raise BrokenPipeError("the process has ended")
+        found: dict[str, Any] = json.loads(line)
+        return found
 
     def _end(self) -> None:
         if self._child is not None:
@@ -127,6 +115,6 @@ class Endpoint:
             self._child = None
 
     def close(self) -> None:
-        """End the child."""
+        """End the process."""
         with self._lock:
             self._end()

@@ -1,8 +1,9 @@
-"""The process that answers SPARQL questions: it may be killed at any time, and can open neither file nor connection.
+"""The process that answers SPARQL questions: each in a fork of it that may be killed, and can open nothing.
 
-It reads messages from its standard input and writes one answer for each question to its standard output; each is a line
-of JSON. ``{"put": uid, "triples": text}`` and ``{"drop": uid}`` change the graph of an entry, ``{"limit": bytes}``
-closes the process off (answered, too), ``{"query": text, "rows": number}`` asks.
+It reads messages from its standard input and writes one answer for each to its standard output; both are lines of JSON.
+``{"put": uid, "type": media type, "base": iri, "size": bytes}``, behind which the content follows, and
+``{"drop": uid}`` change the graph of an entry; ``{"query": text, "rows": number, "seconds": number, "memory": bytes}``
+asks.
 """
 
 from __future__ import annotations
@@ -10,12 +11,18 @@ from __future__ import annotations
 import json
 import os
 import resource
+import signal
 import sys
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import pyoxigraph as ox
 
+_FORMATS = {
+    "application/rdf+xml": ox.RdfFormat.RDF_XML,
+    "text/turtle": ox.RdfFormat.TURTLE,
+    "application/n-triples": ox.RdfFormat.N_TRIPLES,
+}
 GRAPHS = "urn:entry:"
 """The beginning of the name of an entry's graph; the identifier follows."""
 
@@ -99,21 +106,59 @@ def _json(term: object) -> dict[str, Any]:
 def main() -> None:
     """Answer until the standard input ends."""
     os.nice(10)  # whoever asks for recipes goes first
-    store = ox.Store()
-    for line in sys.stdin.buffer:
+    store, stream = ox.Store(), sys.stdin.buffer
+    for line in stream:
         message = json.loads(line)
-        if "limit" in message:
-            close_off(message["limit"])
-            sys.stdout.write("{}\n")  # ready: the time of a question does not begin before
-            sys.stdout.flush()
-        elif "query" in message:
-            sys.stdout.write(json.dumps(answer(store, message["query"], message["rows"])) + "\n")
-            sys.stdout.flush()
+        if "query" in message:
+            told = _asked(store, message)
         else:
-            graph = ox.NamedNode(GRAPHS + (message.get("put") or message["drop"]))
-            store.remove_graph(graph)
-            if "put" in message:
-                store.load(message["triples"].encode(), ox.RdfFormat.N_TRIPLES, to_graph=graph, lenient=True)
+            told = _changed(store, message, stream.read(message.get("size", 0)))
+        if told is not None:
+            _tell(told)
+
+
+def _changed(store: ox.Store, message: dict[str, Any], content: bytes) -> dict[str, Any]:
+    """Change the graph of an entry; returns ``{"done": False}`` for a content that is none of its type."""
+    graph = ox.NamedNode(GRAPHS + (message.get("put") or message["drop"]))
+    store.remove_graph(graph)
+    form = _FORMATS.get(message.get("type", ""))
+    if form is None:
+        return {"done": "drop" in message}
+    try:
+        store.load(content, form, base_iri=message["base"], to_graph=graph, lenient=form is ox.RdfFormat.N_TRIPLES)
+    except (SyntaxError, ValueError):
+        store.remove_graph(graph)
+        return {"done": False}
+    return {"done": True}
+
+
+def _asked(store: ox.Store, message: dict[str, Any]) -> dict[str, Any] | None:
+    """Let a fork answer a question; returns which limit it exceeded, None if it has answered."""
+    child = os.fork()
+    if child == 0:
+        status = 1
+        try:
+            close_off(message["memory"])
+            signal.setitimer(signal.ITIMER_REAL, message["seconds"])
+            found = answer(store, message["query"], message["rows"])
+            _tell(found, lambda: signal.setitimer(signal.ITIMER_REAL, 0))
+            status = 0
+        finally:
+            os._exit(status)
+    _, status = os.waitpid(child, 0)
+    if status == 0:
+        return None
+    is_late = os.WIFSIGNALED(status) and os.WTERMSIG(status) == signal.SIGALRM
+    limit = f"{message['seconds']:g} s" if is_late else f"{message['memory'] / 1e6:g} MB of memory"
+    return {"exceeded": limit}
+
+
+def _tell(answered: dict[str, Any], before: Callable[[], object] = bool) -> None:
+    """Write an answer; ``before`` is called when nothing but the writing is left."""
+    data = json.dumps(answered).encode() + b"\n"
+    before()
+    while data:
+        data = data[os.write(1, data) :]
 
 
 if __name__ == "__main__":

@@ -35,7 +35,16 @@ from planlang.knowledge.entries import (
     Syntax,
     uid_of,
 )
-from planlang.knowledge.stores import SCHEME, Changed, EntryExists, NoSuchEntry, NotTheAuthor, Request, Unreachable
+from planlang.knowledge.stores import (
+    SCHEME,
+    Changed,
+    Described,
+    EntryExists,
+    NoSuchEntry,
+    NotTheAuthor,
+    Request,
+    Unreachable,
+)
 
 _GRAPH = "urn:planlang:catalogue"
 _SECONDS = 30.0
@@ -167,10 +176,12 @@ class SparqlStore:
             raise NoSuchEntry(f"there is no entry {uid}")
         return tuple(Revision(int(row["number"]), row["sha256"], row["author"], row["made"]) for row in rows)
 
-    def descriptions(self) -> Iterator[tuple[str, bytes]]:
-        """Yield the identifier of every entry with the description that was handed in with its last revision."""
-        for row in self._ask("?entry p:uid ?uid; p:description ?sha256", rest="ORDER BY ?uid"):
-            yield row["uid"], self._kept_content(row["sha256"])
+    def descriptions(self) -> Iterator[Described]:
+        """Yield what every entry is found by, by identifier."""
+        stated = "?entry p:uid ?uid; p:kind ?kind; p:about ?about; p:label ?label; p:description ?sha256"
+        for row in self._ask(stated, rest="ORDER BY ?uid"):
+            kept = self._kept_content(row["sha256"])
+            yield Described(row["uid"], Kind(row["kind"]), row["about"], row["label"], kept)
 
     def description(self, uid: str) -> bytes:
         """Return the description of an entry's last revision. Raises NoSuchEntry."""

@@ -29,7 +29,7 @@ from planlang.knowledge.entries import (
     Syntax,
     uid_of,
 )
-from planlang.knowledge.stores import Changed, EntryExists, NoSuchEntry, NotTheAuthor, Request
+from planlang.knowledge.stores import Changed, Described, EntryExists, NoSuchEntry, NotTheAuthor, Request
 
 VERSION = 2
 """The layout of the tables; a file of another one is refused."""
@@ -177,9 +177,11 @@ class SqliteStore:
         stored = "SELECT number, sha256, author, made FROM revisions WHERE uid = ? ORDER BY number DESC"
         return tuple(Revision(*row) for row in self._database.execute(stored, (uid,)))
 
-    def descriptions(self) -> Iterator[tuple[str, bytes]]:
-        """Yield the identifier of every entry with the description that was handed in with its last revision."""
-        yield from self._database.execute("SELECT uid, description FROM entries ORDER BY uid").fetchall()
+    def descriptions(self) -> Iterator[Described]:
+        """Yield what every entry is found by, by identifier."""
+        stored = "SELECT uid, kind, about, label, description FROM entries ORDER BY uid"
+        for uid, kind, *others in self._database.execute(stored).fetchall():
+            yield Described(uid, Kind(kind), *others)
 
     def description(self, uid: str) -> bytes:
         """Return the description of an entry's last revision. Raises NoSuchEntry."""

@@ -48,6 +48,17 @@ class Request:
     digest: str
 
 
+@dataclass(frozen=True, slots=True)
+class Described:
+    """What an entry is found by: fields of the entry, and its description as it was given."""
+
+    uid: str
+    kind: Kind
+    about: str
+    label: str
+    description: bytes
+
+
 class Store(Protocol):
     """Entries, their contents and attachments, authors' keys, ratings, subscriptions and news.
 
@@ -66,8 +77,8 @@ class Store(Protocol):
     def revisions(self, uid: str) -> tuple[Revision, ...]:
         """Return the revisions that are kept, last first. Raises NoSuchEntry."""
 
-    def descriptions(self) -> Iterator[tuple[str, bytes]]:
-        """Yield the identifier of every entry with the description that was handed in with its last revision."""
+    def descriptions(self) -> Iterator[Described]:
+        """Yield what every entry is found by, by identifier."""
 
     def description(self, uid: str) -> bytes:
         """Return the description of an entry's last revision. Raises NoSuchEntry."""

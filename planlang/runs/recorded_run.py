@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import os
+from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -29,13 +30,35 @@ class DamagedTrace(ValueError):
         self.line = line
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Place:
+    """A node of the tree: its name and the node around it. Kept so, nodes in nodes take no more room than others."""
+
+    name: str
+    around: Place | None
+
+    @property
+    def path(self) -> str:
+        """Return the names from the root, joined by ``/``."""
+        names, place = [self.name], self.around
+        while place is not None:
+            names.append(place.name)
+            place = place.around
+        return "/".join(reversed(names))
+
+
 @dataclass(frozen=True, slots=True)
 class Line:
-    """One record: its line in the file, counted from 1, and the path of the node it is about, if it is about one."""
+    """One record: its line in the file, counted from 1, and the node it is about, if it is about one."""
 
     number: int
     record: Mapping[str, Any]
-    path: str | None
+    place: Place | None
+
+    @property
+    def path(self) -> str | None:
+        """Return the path of the node."""
+        return None if self.place is None else self.place.path
 
     @property
     def step(self) -> int:
@@ -131,8 +154,8 @@ def checked_records(records: Iterable[object]) -> Iterator[tuple[int, Mapping[st
 
 
 def _lines(records: Iterable[object]) -> list[Line]:
-    paths: dict[int, str] = {}
-    return [Line(number, record, _path(record, paths, number)) for number, record in checked_records(records)]
+    places: dict[int, Place] = {}
+    return [Line(number, record, _place(record, places, number)) for number, record in checked_records(records)]
 
 
 def _check_header(record: Mapping[str, Any]) -> None:
@@ -142,21 +165,21 @@ def _check_header(record: Mapping[str, Any]) -> None:
         raise DamagedTrace(f"schema {record.get('schema')!r}; this version reads and writes schema {SCHEMA}", 1)
 
 
-def _path(record: Mapping[str, Any], paths: dict[int, str], number: int) -> str | None:
+def _place(record: Mapping[str, Any], places: dict[int, Place], number: int) -> Place | None:
     if "node" not in record:
         return None
     node = record["node"]
     if not isinstance(node, int):
         raise DamagedTrace("a node is given by its number", number)
-    if node not in paths:
+    if node not in places:
         match record:
             case {"node": int(), "parent": None, "name": str(name)}:
-                paths[node] = name
-            case {"node": int(), "parent": int(parent), "name": str(name)} if parent in paths:
-                paths[node] = f"{paths[parent]}/{name}"
+                places[node] = Place(name, None)
+            case {"node": int(), "parent": int(parent), "name": str(name)} if parent in places:
+                places[node] = Place(name, places[parent])
             case _:
                 raise DamagedTrace("the record is about a node that has not started", number)
-    return paths[node]
+    return places[node]
 
 
 BOOKKEEPING = frozenset({"completed", "resumed", "world", "answer", "performed"})
@@ -206,17 +229,16 @@ class Past:
         """The completed step after which the plan goes on; None if that is the beginning."""
         cut = 0
         for place, line in enumerate(recorded.lines):
-            if line.event != "completed" or line.path is None:
+            if line.event != "completed" or line.place is None:
                 continue
             if "lost" in line.record:
                 self.lost = f"{line.path}: {line.record['lost']}"
                 break
-            self.last = self.done[line.path] = _done(line)
+            self.last = self.done[line.place.path] = _done(line)
             self.left = line.record.get("left", self.left)
             self.choices = line.record.get("choices")
             self.again = _paths(line)
             cut = place
-        self._called: set[Any] = set()
         before = recorded.lines[: cut + 1]
         self.kept = [line for line in before if not self._dropped(line)]
         self.nodes = max((int(line.record.get("node", 0)) for line in before), default=0)
@@ -225,6 +247,18 @@ class Past:
         """The highest number that a call in a thread has been given."""
         self.order = [done for path, done in self.done.items() if not self._inside_done(path)]
         """Steps that are taken over, in the order of their completion, without those inside of other such steps."""
+        self._values: dict[tuple[str | None, str], list[Line]] = {}
+        self._calls: dict[str | None, list[Any]] = {}
+        """Numbers of calls that were not asked for yet, by node."""
+        self._asked: dict[str, Line] = {}
+        for line in self.kept:
+            match line.event:
+                case "world":
+                    self._values.setdefault((line.path, str(line.record.get("number"))), []).append(line)
+                case "called":
+                    self._calls.setdefault(line.path, []).append(line.record.get("call"))
+                case "answer":
+                    self._asked.setdefault(str(line.record.get("asked")), line)
 
     def expected(self) -> list[Line]:
         """Return the kept records that the plan writes again on its way to where it goes on."""
@@ -245,21 +279,17 @@ class Past:
 
     def value_of(self, path: str | None, number: int, now: int) -> Line | None:
         """Return the record of a world fluent's value, by the node in which it was first read and its number."""
-        found = None
-        for line in self.kept:
-            if line.event == "world" and line.path == path and line.record.get("number") == number and line.step <= now:
-                found = line
-        return found
+        lines = self._values.get((path, str(number)), [])
+        place = bisect_right(lines, now, key=lambda line: line.step)
+        return lines[place - 1] if place else None
 
     def call(self, path: str) -> tuple[int, Line]:
         """Return number and outcome of the next call in a thread that was made in a node."""
-        for line in self.kept:
-            number = line.record.get("call")
-            if line.event == "called" and line.path == path and number not in self._called:
-                self._called.add(number)
-                for answer in self.kept:
-                    if answer.event == "answer" and answer.record.get("asked") == f"call {number}":
-                        return int(str(number)), answer
+        numbers = self._calls.get(path, [])
+        while numbers:
+            number = numbers.pop(0)
+            if f"call {number}" in self._asked:
+                return int(str(number)), self._asked[f"call {number}"]
         raise DamagedTrace("a call in a thread is not recorded", 1)
 
     def _inside_done(self, path: str) -> bool:

@@ -2,9 +2,9 @@
 
 ``search`` asks selective and broad class expressions, and pyoxigraph the same over the same content in the same run
 (median of 5, and it is not asked for properties below others). ``upload`` and ``start`` tell what a server needs for
-these. All in CPU time, medians of 20. ``load`` lets 50 clients read and write for 30 s at a real server; ``kill``, only
-if it is asked for, ends real servers 100 times while they write. ``sparql`` reads entries while an endless question is
-computed. Entries are drawn.
+these. In CPU time, uploads in real time, medians of 20. ``load`` lets 50 clients read and write for 30 s at a real
+server; ``kill``, only if it is asked for, ends real servers 100 times while they write. ``sparql`` reads entries while
+an endless question is computed. Entries are drawn.
 
     python tests/benchmarks/knowledge.py --parts search,upload,start,load,sparql,kill
 """
@@ -252,7 +252,12 @@ def measure_upload(store: SqliteStore) -> None:
             assert answer.status_code == 201, answer.text
 
         upload()
-        print(f"\nupload of serve_a_drink with its checks: {cpu(upload):.0f} ms")
+        taken = []
+        for _ in range(REPETITIONS):
+            began = time.perf_counter()  # workers compute
+            upload()
+            taken.append(1000 * (time.perf_counter() - began))
+        print(f"\nupload of serve_a_drink with its checks, real time: {median(taken):.0f} ms")
         for text in ("ServingFoodOrDrink", *BROAD[:4]):
             spent = cpu(lambda text=text: client.get("/v1/search", params={"expression": text}).raise_for_status())
             print(f"GET /v1/search?expression={text}: {spent:.1f} ms")
@@ -334,7 +339,7 @@ def measure_kill(folder: Path, kills: int) -> None:
                 client.join()
     store = SqliteStore(path)
     lost = [uid for uid, number in accepted if f"Bottle{number}\n" not in store.content(uid).decode()]
-    described_ = {uid for uid, _ in store.descriptions()}
+    described_ = {one.uid for one in store.descriptions()}
     lost += [uid for uid, _ in accepted if uid not in described_]
     print(f"\nkill -9, {kills} times: {len(accepted)} accepted uploads, {len(described_)} kept, lost: {lost}")
 

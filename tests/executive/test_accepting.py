@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from executive.runs.plan_run import Outcome, Run, RunOptions
+from executive.runs.options import Outcome, RunOptions
+from executive.runs.plan_run import Run
 from executive.runs.traces import read_trace
 from planlang.files import bundled
 from tests.support.scenarios import CORPUS

@@ -276,6 +276,19 @@ def test_a_map_in_a_folder_of_recipes_is_no_recipe_that_is_refused(tmp_path: Pat
     assert row["map"].startswith("7 things, 1 that a hand takes")
 
 
+def test_maps_are_told_alike_whether_they_or_their_folder_are_named(corpus: Path) -> None:
+    def answer(path: Path) -> dict[str, Any]:
+        found: dict[str, Any] = json.loads(CliRunner().invoke(app, ["check", str(path), "--json"]).stdout)
+        return found
+
+    rows = answer(corpus / "environments")["recipes"]
+    assert "map_hospital_room@re_stack.owl.in" in [row["file"] for row in rows]
+    for row in rows:
+        alone = answer(corpus / "environments" / row["file"])
+        assert (row["refused"], alone["kind"]) == (None, "map"), row["file"]
+        assert not {one["code"] for one in alone["diagnostics"]} & {"R001", "R058"}, row["file"]
+
+
 def test_a_folder_without_recipes_is_an_error(tmp_path: Path) -> None:
     result = CliRunner().invoke(app, ["check", str(tmp_path)])
     assert (result.exit_code, "no recipes in the folder" in result.stderr) == (2, True)

@@ -24,6 +24,7 @@ def test_contradictions_end_the_command_with_bad_input() -> None:
     assert [one["code"] for one in told["diagnostics"]] == ["O062", "O060", "O061"]
 
 
+@pytest.mark.long
 @needs_reasoner
 def test_a_recipe_without_contradictions_is_checked_as_before() -> None:
     ended = CliRunner().invoke(app, ["check", "serve_a_drink", "--reason"])

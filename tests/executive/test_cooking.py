@@ -10,6 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from executive.cli.app import app
+from tests.support.examples import some
 
 TOP = Path(__file__).parents[2]
 MODULE, POURING = (TOP / "docs" / "examples" / name for name in ("cooking.py", "pouring.py"))
@@ -41,7 +42,7 @@ def test_the_recipe_runs_although_dough_and_pancake_are_not_in_the_map(cook: tup
     assert answer("replay", trace, cook[0], "--modules", MODULE, "--modules", POURING)["equal"]
 
 
-@pytest.mark.parametrize("lines", [50, *(pytest.param(lines, marks=pytest.mark.long) for lines in (30, 62))])
+@pytest.mark.parametrize("lines", some([50, 30, 62]))
 def test_a_run_that_was_cut_goes_on_with_what_is_changed_already(
     cook: tuple[Any, ...], tmp_path: Path, lines: int
 ) -> None:

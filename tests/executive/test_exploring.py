@@ -41,6 +41,7 @@ def stage(make_stage: MakeStage) -> Stage:
     return made
 
 
+@pytest.mark.long
 def test_an_exploration_ends_and_has_seen_the_room_with_what_is_in_it(stage: Stage) -> None:
     async def plan() -> None:
         await perform(EXPLORE)

@@ -25,6 +25,10 @@ def test_containers_devices_and_vessels_are_told_of_beside_where_things_are() ->
     try:
         names = ("cup", "oven")
         assert list(state_lines(world, names)) == ["cup: at rest on oven", "door: closed"]
+        world.set_joint("door", DOOR.last_shut)
+        assert list(state_lines(world, ["oven"])) == ["door: closed"], "as for those who close it"
+        world.set_joint("door", DOOR.last_shut + 0.001)
+        assert list(state_lines(world, ["oven"])) == ["door: open by 3 degrees"]
         world.set_joint("door", 1.0)
         world.changes.matter.states["oven"] = ON
         world.changes.matter.put("cup", Portion("http://example.org/x#Milk", 50.0, ()))

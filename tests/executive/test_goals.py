@@ -32,3 +32,13 @@ def test_a_recipe_reaches_its_goal(scenario: Scenario) -> None:
 def test_the_documentation_has_the_command_of_every_scenario() -> None:
     page = PAGE.read_text(encoding="utf-8")
     assert [one.command for one in scenarios().values() if one.command not in page] == []
+
+
+@pytest.mark.long
+def test_a_pancake_that_the_spatula_did_not_take_along_is_not_flipped(
+    corpus: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    skip_without_pr2(scenarios()["flipping"].command)
+    monkeypatch.setattr("sim.processes.NEAR_BLADE", -1.0)
+    found = judged(scenarios()["flipping"])
+    assert found.result.failure[0] == "ObjectNotTurned"

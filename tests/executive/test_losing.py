@@ -10,7 +10,8 @@ from typing import Any
 
 import pytest
 
-from executive.runs.plan_run import Outcome, RunResult, run_plan_file
+from executive.runs.options import Outcome, RunResult
+from executive.runs.plan_run import run_plan_file
 from planlang import now, par, perform, sleep
 from planlang.designators import a_person, a_posture, action
 from planlang.failures import GraspSlipped, ObjectLost
@@ -44,7 +45,7 @@ longer = partial(pytest.param, marks=pytest.mark.long)
 @pytest.mark.parametrize(
     ("when", "ends_well", "within"),
     [
-        pytest.param(20.2, True, 1.0, id="over the table"),
+        longer(20.2, True, 1.0, id="over the table"),
         pytest.param(27.0, False, SOON, id="on the way"),
         longer(17.5, True, 3.0, id="as it is lifted"),  # it stands between the fingers until these have gone
         longer(23.0, False, SOON, id="as the arm is tucked"),

@@ -143,6 +143,7 @@ def test_a_finger_that_mimics_another_is_not_commanded(panda: Path) -> None:
     assert dict(gripper.opened) == {"panda_finger_joint1": 0.04}
 
 
+@pytest.mark.long
 def test_a_posture_to_drive_in_is_found_level_narrow_and_free(panda: Path) -> None:
     bare = bind_robot(panda)
     robot = with_carrying(bare)

@@ -7,9 +7,11 @@ from pathlib import Path
 import pytest
 
 from executive.belief import SemanticMap, read_map
+from executive.runs.importing import import_plan
+from executive.runs.options import Outcome, RunOptions
 from executive.runs.parameters import bound_parameters, not_in_map, plan_parameters
-from executive.runs.plan_files import import_plan, main_plan
-from executive.runs.plan_run import Outcome, Run, RunOptions, run_plan_file
+from executive.runs.plan_files import main_plan
+from executive.runs.plan_run import Run, run_plan_file
 from executive.runs.traces import read_trace
 from planlang.designators import Location, Object
 from planlang.diagnostics import BadInput, Diagnostic

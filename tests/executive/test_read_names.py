@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from executive.runs.plan_files import import_plan, main_plan, read_names
+from executive.runs.importing import import_plan
+from executive.runs.plan_files import main_plan, read_names
 
 SOURCE = """
 from functools import partial

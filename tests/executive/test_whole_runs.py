@@ -18,7 +18,8 @@ import pytest
 from typer.testing import CliRunner
 
 from executive.cli.app import app
-from executive.runs.plan_run import Outcome, RunOptions, RunResult, run_plan_file
+from executive.runs.options import Outcome, RunOptions, RunResult
+from executive.runs.plan_run import run_plan_file
 from planlang import now, perform, pursue, sleep, wait_for
 from planlang.designators import Location, a_device, a_location, a_person, a_posture, action, an_object, located
 from planlang.files import bundled

@@ -75,6 +75,7 @@ def test_a_strategy_of_a_package_is_written_into_the_plan_and_used(package: Path
     assert run.stdout.split() == ["None", "7.0", "3"], run.stderr  # three attempts of 1 s, and two waits of 2 s
 
 
+@pytest.mark.long
 def test_a_strategy_that_nobody_registers_is_an_error_that_says_so(package: Path) -> None:
     (package / "my_robot-1.0.dist-info" / "entry_points.txt").unlink()
     refused = python(package, "-m", "executive", "compile", "recipe.omn")

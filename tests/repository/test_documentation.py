@@ -16,7 +16,7 @@ import pytest
 from typer.testing import CliRunner
 
 from executive.cli.app import app
-from executive.runs.plan_run import RunOptions, RunResult
+from executive.runs.options import RunOptions, RunResult
 from planlang.diagnostics import CODES
 
 CHECKOUT = Path(__file__).resolve().parents[2]
@@ -115,13 +115,14 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """Try each command that a page shows; ``make test-long`` those of scenarios that take longer."""
+    """Try each command that README shows; ``make test-long`` scenarios that take longer and those of other pages."""
     if "command" in metafunc.fixturenames:
         from tests.support.scenarios import run_by  # as a script this file sees no other tests
 
+        here = dict(BLOCK.findall(PAGES["README.md"]))
         ran = {command: run_by(shlex.split(command)) for command in shown_outputs()}
-        long = [command for command, one in ran.items() if one is not None and not one.is_quick]
-        marked = [pytest.param(one, marks=pytest.mark.long) if one in long else one for one in ran]
+        short = [one for one, scenario in ran.items() if one in here and (scenario is None or scenario.is_quick)]
+        marked = [one if one in short else pytest.param(one, marks=pytest.mark.long) for one in ran]
         metafunc.parametrize("command", marked, ids=str)
 
 

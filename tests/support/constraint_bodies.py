@@ -57,7 +57,7 @@ def bodies_around(robot: Arms, bodies: Sequence[Body]) -> Iterator[Around]:
         tip = robot.robot.arms[0].tip
         shapes = ArmShapes(world, links_of(world), robot.group, robot.robot.base_link, tip)
         base, solids = world.link_pose(robot.robot.base_link).matrix(), Solids.of(world.solids())
-        yield Around(robot, world, shapes.now(world).against(base, Room.of(solids, "room"), (frozenset(), None)))
+        yield Around(robot, world, shapes.now(world).against(base, Room.of(solids, "room"), (frozenset(), frozenset())))
     finally:
         world.close()
 

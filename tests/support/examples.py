@@ -1,8 +1,19 @@
-"""Numbers of random examples that tests try: two fifths in the suite, all of them by ``make test-long``."""
+"""How much of what costs time the suite tries; ``make test-long`` tries all of it, ``.ci/run`` more than the suite."""
 
 import os
+from collections.abc import Iterable
+from typing import Any
+
+import pytest
 
 
 def examples(number: int) -> int:
-    """Return how many are tried where the long form tries ``number``; ten at least."""
-    return max(min(number, 10), number * int(os.environ.get("PLANLANG_EXAMPLES", "2000")) // 5000)
+    """Return how many random examples are tried where the long form tries ``number``: a fifth; ten at least."""
+    return max(min(number, 10), number * int(os.environ.get("PLANLANG_EXAMPLES", "1000")) // 5000)
+
+
+def some(cases: Iterable[Any], every: int = 3) -> list[Any]:
+    """Return cases for ``parametrize`` of which the first of ``every`` so many is in the suite, and the others long."""
+    return [
+        one if number % every == 0 else pytest.param(one, marks=pytest.mark.long) for number, one in enumerate(cases)
+    ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,7 +20,7 @@ NOW = "2026-01-01T00:00:00Z"
 class RunningServer:
     """A server at an address; it can be stopped and started again, as one that fails."""
 
-    def __init__(self, file: Path, limits: Limits | None = None) -> None:
+    def __init__(self, file: Path, limits: Limits | None = None, folders: Sequence[Path] = ()) -> None:
         for package in ("fastapi", "uvicorn"):
             pytest.importorskip(package, reason="the server is in the extra serve")
         from executive.serving.app import application
@@ -28,7 +28,7 @@ class RunningServer:
         from planlang.knowledge.sqlite_store import SqliteStore
 
         self.store = SqliteStore(file)
-        self._app = application(self.store, staff=Staff((), limits or Limits()))
+        self._app = application(self.store, folders, staff=Staff((), limits or Limits()))
         self._port = 0
         self.start()
 
@@ -67,9 +67,9 @@ class RunningServer:
 
 
 @contextmanager
-def running_server(file: Path, limits: Limits | None = None) -> Iterator[RunningServer]:
-    """Serve the knowledge base of a file while the block runs."""
-    server = RunningServer(file, limits)
+def running_server(file: Path, limits: Limits | None = None, folders: Sequence[Path] = ()) -> Iterator[RunningServer]:
+    """Serve the knowledge base of a file, with ontologies of folders, while the block runs."""
+    server = RunningServer(file, limits, folders)
     try:
         yield server
     finally:

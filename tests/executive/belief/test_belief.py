@@ -13,7 +13,7 @@ from executive.belief.knowledge import Source
 from executive.belief.map_writing import map_text
 from executive.belief.obstacles import MOST, NAMES, with_store
 from executive.robots import Robot, bind_robot
-from planlang.designators import an_object
+from planlang.designators import Object, an_object
 from planlang.failures import AmbiguousPerception, ObjectUnresolvable
 from planlang.files import bundled
 from planlang.geometry import Pose
@@ -74,6 +74,40 @@ def test_an_iri_binds_before_the_class(belief: Belief) -> None:
 def test_a_class_binds_to_the_nearest_of_its_things_subclasses_included(belief: Belief) -> None:
     assert belief.bind(an_object("DrinkingBottle"), HERE) == "bottle1"
     assert belief.bind(an_object("DrinkingVessel"), (-3.0, 0.0, 0.0)) == "cup1"
+
+
+def test_classes_and_things_of_one_name_in_two_namespaces_are_told_apart(robot: Robot, tmp_path: Path) -> None:
+    text = "Prefix: knowrob: <http://knowrob.org/kb/knowrob.owl#>\n"
+    for number, kind in enumerate("ab"):
+        text += (
+            f"Individual: <http://{kind}.org/x#thing1>\n    Types: <http://{kind}.org/x#Bottle>\n    Facts: "
+            f"knowrob:pose <http://m.org/m#pose{kind}>, knowrob:depthOfObject 0.1, knowrob:widthOfObject 0.1, "
+            f"knowrob:heightOfObject 0.2\nIndividual: <http://m.org/m#pose{kind}>\n    Types: knowrob:Pose\n    Facts: "
+            f'knowrob:translation "{number + 1} 0 0.4", knowrob:quaternion "0 0 0 1"\n'
+        )
+    (tmp_path / "m.omn").write_text(text)
+    semantic_map = read_map(load(tmp_path / "m.omn"))
+
+    def bound(kind: str, iri: str | None = None) -> str:
+        world = PlanningWorld(scene_of(semantic_map), robot.body())
+        try:
+            return Belief(semantic_map, world).bind(Object(kind, iri), HERE)
+        finally:
+            world.close()
+
+    assert [bound("http://a.org/x#Bottle"), bound("http://b.org/x#Bottle")] == ["thing1", "thing1_2"]
+    assert bound("http://a.org/x#Bottle", "http://b.org/x#thing1") == "thing1_2", "an IRI binds first"
+    assert bound("http://b.org/x#Bottle", "http://c.org/x#thing1") == "thing1_2", "a name is no IRI"
+    assert bound("http://c.org/x#Bottle") == "thing1", "what the map has nothing of is known by its name"
+
+
+def test_a_thing_that_has_not_been_found_is_not_taken_for_another_of_its_class(
+    semantic_map: SemanticMap, planning: PlanningWorld
+) -> None:
+    belief = Belief(semantic_map, planning, unknown=["bottle1"])
+    with pytest.raises(ObjectUnresolvable, match="has not been found yet"):
+        belief.bind(Object("DrinkingBottle", f"{MAP}bottle1"), HERE)
+    assert belief.bind(an_object("DrinkingBottle"), HERE) == "bottle2"
 
 
 def test_a_designator_keeps_meaning_what_it_was_bound_to(belief: Belief) -> None:

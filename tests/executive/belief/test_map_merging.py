@@ -8,6 +8,7 @@ from typer.testing import CliRunner
 
 from executive.belief import SemanticMap, read_map, scene_of
 from executive.belief.map_merging import Merged, merge
+from executive.belief.semantic_map import seconds_of
 from executive.cli.app import app
 from planlang.files import bundled
 from planlang.ontology import load
@@ -56,6 +57,39 @@ def test_the_newest_pose_of_each_thing_counts_whichever_map_has_it(merged: Merge
     assert (place(semantic_map, "one"), place(semantic_map, "two")) == ((1, 0, 0), (2, 2, 0))
     assert [d.code for d in result.diagnostics] == ["M022", "M022"]
     assert all("seen it later" in d.message for d in result.diagnostics)
+
+
+@pytest.mark.parametrize(
+    ("text", "seconds"),
+    [
+        ("http://example.org/map.owl#timepoint_1271159865.50", 1271159865.5),
+        ("2011-11-17T14:41:51", 1321540911.0),
+        ("2011-11-17T15:41:51+01:00", 1321540911.0),
+        ("timepoint_2011-11-17T14:41:51.5Z", 1321540911.5),
+        ("2011-13-17T14:41:51", None),
+        ("timepoint_1e", None),
+        ("9" * 400, None),
+        ("", None),
+    ],
+)
+def test_times_are_seconds_or_dates(text: str, seconds: float | None) -> None:
+    assert seconds_of(text) == seconds
+
+
+def test_perceptions_with_dates_and_with_seconds_are_compared_and_both_poses_are_told(
+    merged: Merge, thing: Write, seen: Write
+) -> None:
+    frames = [thing("one", "Cabinet-PieceOfFurniture", BOX)]
+    point = "Individual: timepoint_1321540910\n    Types: knowrob:TimePoint\n"
+    dated = seen("one", (2, 0, 0), time='"2011-11-17T14:41:51Z"')
+    semantic_map, result = merged(
+        [*frames, dated], [*frames, seen("one", (1, 0, 0), time="timepoint_1321540910"), point]
+    )
+    assert place(semantic_map, "one") == (2, 0, 0)
+    (conflict,) = result.diagnostics
+    assert (
+        "at (2.000, 0.000, 0.000) in 0.omn and (1.000, 0.000, 0.000) in 1.omn: that of 0.omn counts" in conflict.message
+    )
 
 
 def test_without_times_the_map_that_is_named_later_counts(merged: Merge, thing: Write, seen: Write) -> None:

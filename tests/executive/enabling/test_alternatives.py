@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
@@ -11,6 +11,7 @@ from executive.enabling.explanation import Explanation
 from executive.enabling.folder import Folder
 from executive.enabling.needs import Enabling
 from executive.enabling.shelf import LocalShelf
+from executive.enabling.stock import Stock
 from executive.modules.bundled import performed_by
 from executive.robots import bind_robot, possessions_of
 from executive.robots.matching import Possessions
@@ -68,7 +69,9 @@ def put_task(store: SqliteStore, task: str, needs: str) -> None:
 
 def explained(tmp_path: Path, who: Possessions, task: str) -> Explanation:
     shelf = LocalShelf(tmp_path / "kb.sqlite")
-    enabling = Enabling(who, shelf, Folder.read(tmp_path / "folder"), performed_by((), []), own_map=Path("any.omn"))
+    enabling = Enabling(
+        who, Stock(shelf, Folder.read(tmp_path / "folder")), performed_by((), []), own_map=Path("any.omn")
+    )
     found = Explanation(enabling, enabling.combination(enabling.task(task)))
     shelf.close()
     return found
@@ -85,7 +88,12 @@ def test_the_map_that_needs_no_laser_that_the_robot_lacks_is_chosen(tmp_path: Pa
     assert [line for line in found.tree().lines() if line.endswith(refusal)]
     assert explained(tmp_path, robot(laser="comp:Tilting2DLaserScanner"), "GoToTheLab").unmet() == ()
     nothing = explained(tmp_path, robot(), "GoToTheLab")
-    assert set(nothing.unmet()) == {"component Tilting2DLaserScanner", "component TwoDimensionalLaserScanner"}
+    flat, tilted = "component TwoDimensionalLaserScanner", "component Tilting2DLaserScanner"
+    assert nothing.as_json()["alternatives"] == [
+        {"entries": ["lab2d.ada", "gotothelab.lab"], "robot": [flat], "knowledge_base": []},
+        {"entries": ["lab3d.ada", "gotothelab.lab"], "robot": [tilted], "knowledge_base": []},
+    ]
+    assert f"  lab3d.ada, gotothelab.lab: robot lacks {tilted}" in list(nothing.verdict())
     assert "robot has none; that is hardware" in "\n".join(nothing.tree().lines())
 
 
@@ -122,7 +130,7 @@ def test_a_model_of_a_class_above_or_below_is_one_too_and_one_beside_is_not(tmp_
     shelf = LocalShelf(tmp_path / "kb.sqlite")
     for cls in ("DrinkingVessel", "Cup", "Bed-PieceOfFurniture"):
         put(store, Kind.OBJECT, "ada", recognition_model(cls))
-    enabling = Enabling(robot(), shelf, Folder.read(tmp_path / "folder"))
+    enabling = Enabling(robot(), Stock(shelf, Folder.read(tmp_path / "folder")))
     kb = "http://knowrob.org/kb/knowrob.owl#"
     needs = {
         cls: enabling.model(f"{kb}{cls}", enabling.vocabulary) for cls in ("DrinkingVessel", "DrinkingBottle", "Plate")
@@ -136,16 +144,20 @@ def test_a_model_of_a_class_above_or_below_is_one_too_and_one_beside_is_not(tmp_
     }
 
 
-def in_rooms(tmp_path: Path, store: SqliteStore, place: dict[str, str]) -> Explanation:
-    """Return how fetching from a cabinet is enabled with three maps, of which two have a cabinet and a bottle."""
+MAPS = ("hospital_room", "kitchenette", "soup_kitchen")
+"""Maps, of which the first two have a cabinet and a bottle."""
+
+
+def in_rooms(tmp_path: Path, store: SqliteStore, place: dict[str, str], maps: Sequence[str] = MAPS) -> Explanation:
+    """Return how fetching from a cabinet is enabled with some maps."""
     put(store, Kind.RECIPE, "any", Bundled.RECIPE.find("fetch_from_cabinet").read_bytes())
     for cls in ("DrinkingBottle", "Cabinet-PieceOfFurniture"):
         put(store, Kind.OBJECT, "ada", recognition_model(cls))
-    for name in ("hospital_room", "kitchenette", "soup_kitchen"):
+    for name in maps:
         put(store, Kind.ENVIRONMENT, "ada", Bundled.ENVIRONMENT.find(name).read_bytes())
     shelf = LocalShelf(tmp_path / "kb.sqlite")
     who = possessions_of(bind_robot(Bundled.ROBOT.find("amigo")))
-    enabling = Enabling(who, shelf, Folder.read(tmp_path / "folder"), performed_by((), []), place=place)
+    enabling = Enabling(who, Stock(shelf, Folder.read(tmp_path / "folder")), performed_by((), []), place=place)
     found = Explanation(enabling, enabling.combination(enabling.task("fetch_from_cabinet")))
     shelf.close()
     return found
@@ -154,8 +166,14 @@ def in_rooms(tmp_path: Path, store: SqliteStore, place: dict[str, str]) -> Expla
 def test_the_map_that_has_the_very_things_of_the_recipe_is_preferred(tmp_path: Path, store: SqliteStore) -> None:
     found = in_rooms(tmp_path, store, {})
     assert [one.uid for one in found.maps()] == ["kitchenette.ada"]
+    assert set(found.as_json()["taken"]).isdisjoint({"hospital_room.ada", "soup_kitchen.ada"})
+
+
+def test_a_map_without_the_things_of_the_recipe_is_refused(tmp_path: Path, store: SqliteStore) -> None:
+    found = in_rooms(tmp_path, store, {}, MAPS[2:])
     refused = "entry soup_kitchen.ada - missing: there is no Cabinet-PieceOfFurniture, DrinkingBottle in it"
     assert [line for line in found.tree().lines() if line.endswith(refused)]
+    assert found.unmet() == ("map with Cabinet-PieceOfFurniture, DrinkingBottle",)
 
 
 def test_a_map_is_of_the_room_that_was_asked_for(tmp_path: Path, store: SqliteStore) -> None:

@@ -101,7 +101,10 @@ def test_a_content_that_is_not_what_its_entry_states_is_refused(tmp_path: Path) 
     with sqlite3.connect(tmp_path / "kb.sqlite") as database:
         database.execute("UPDATE blobs SET data = ? WHERE sha256 = ?", (b"", wrong))
     code, found = enable(tmp_path / "kb.sqlite", tmp_path / "amigo")
-    assert (code, [one["code"] for one in found["diagnostics"]]) == (2, ["K040"])
+    assert (code, found["missing"]) == (3, ["recognition model Patient"])
+    refused = f"it cannot be used: {PIECES['recognition model Patient']} has not the content that its entry states"
+    assert refused in json.dumps(found["explanation"])
+    assert not (tmp_path / "amigo").exists()
 
 
 def test_a_task_is_found_by_its_class_its_label_and_a_class_above_it(tmp_path: Path) -> None:
@@ -111,6 +114,18 @@ def test_a_task_is_found_by_its_class_its_label_and_a_class_above_it(tmp_path: P
         assert (code, PIECES["recipe"] in found["taken"]) == (0, True), name
     code, found = enable(tmp_path / "kb.sqlite", tmp_path / "amigo", "--dry", task="Juggling")
     assert (code, found["missing"]) == (3, ["recipe Juggling"])
+
+
+@pytest.mark.parametrize(
+    ("task", "meant"),
+    [("serve_a_drnk", "serve a drink"), ("ServADrink", "ServeADrink"), ("ServingFoodOrDrnk", "ServingFoodOrDrink")],
+)
+def test_names_like_that_of_an_unknown_task_are_proposed(tmp_path: Path, task: str, meant: str) -> None:
+    hospital(tmp_path / "kb.sqlite").close()
+    code, found = enable(tmp_path / "kb.sqlite", tmp_path / "amigo", task=task)
+    assert (code, found["missing"]) == (3, [f"recipe {task}"])
+    _, _, proposed = found["explanation"]["reason"].partition("; did you mean ")
+    assert meant in proposed.removesuffix("?").split(" or ")
 
 
 def test_what_the_robot_has_no_model_of_it_does_not_recognise(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import pytest
 
-from executive.locations.search import BUDGETS
+from executive.locations.budgets import BUDGETS
 from planlang.designators import Location, a_device, a_location, a_person, a_posture, an_object
 from planlang.failures import LocationUnresolvable, ObjectUnresolvable
 from planlang.geometry import Pose

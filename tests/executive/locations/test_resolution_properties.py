@@ -12,8 +12,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from executive.locations import Rejections, Resolver
+from executive.locations.budgets import BUDGETS
 from executive.locations.resolver import APART, MOST, Answers
-from executive.locations.search import BUDGETS
 from planlang import at_location
 from planlang.designators import Location, a_location, a_person, an_object
 from planlang.failures import LocationUnresolvable, ManipulationPoseUnreachable, ObjectUnreachable
@@ -285,6 +285,7 @@ def drained(stage: Stage) -> tuple[list[tuple[float, float, float]], str]:
     return [solution.base for solution in found], str(ended.value)
 
 
+@pytest.mark.long
 def test_the_iterator_goes_on_with_greater_efforts_until_there_are_no_more(
     gangway: Stage, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -158,6 +158,7 @@ def assert_grasps(stage: Stage, robot: Robot, location: object, count: int) -> s
     return used
 
 
+@pytest.mark.long
 def test_five_joints_on_a_tricycle_grasp_from_the_side(tmp_path: Path, furnish_for: Furnish) -> None:
     robot = tricycle(tmp_path)
     stage = furnish_for(robot)(CABINET, BOTTLE)

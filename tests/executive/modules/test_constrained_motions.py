@@ -31,5 +31,6 @@ def test_a_resumed_run_knows_where_things_were_and_what_held_before() -> None:
     phase = phases.current()
     before: tuple[MotionConstraint, ...] = (ABOVE,)
     phase.things["pan1"], phase.tools["Cup None"], phase.before = Pose((1.0, 2.0, 0.5)), "cup1", before
+    phase.poured["Tilt cup1"] = 41.5
     again.restore(phases.snapshot())
     assert again.current() == phase

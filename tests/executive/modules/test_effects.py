@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 from executive.belief import Belief, read_map, scene_of
+from executive.modules.perception import Head, Perception
 from executive.modules.platform import Platform
 from executive.modules.waiting import Waiting
 from executive.robots import Robot
@@ -37,7 +38,7 @@ from planlang import (
     transformed_into,
 )
 from planlang.designators import Action
-from planlang.failures import ActionUnresolvable, GoalNotAchieved, ObjectUnresolvable
+from planlang.failures import ActionUnresolvable, GoalNotAchieved, ObjectNotTurned, ObjectUnresolvable
 from planlang.ontology import load
 from planlang.testing import compiled
 from sim import PlanningWorld, PyBulletWorld
@@ -311,3 +312,18 @@ def test_equal_runs_have_equal_traces(kitchen: Make) -> None:
     for trace in traces:
         kitchen().run(do("Mixing", object_acted_on=(MILK, FLOUR)), trace)
     assert traces[0].events == traces[1].events
+
+
+def test_what_is_turned_over_has_turned_or_the_action_fails(kitchen: Make) -> None:
+    cook = kitchen()
+    with pytest.raises(ObjectNotTurned, match="nothing is there that FlippingAnObject could turn over"):
+        cook.run(do("FlippingAnObject", object_acted_on=PANCAKE))
+    cook.run(do("FlippingAnObject", object_acted_on=EGG))
+    assert cook.truth.pose("egg1").rotation[2, 2] == pytest.approx(-1.0)
+
+
+def test_a_module_whose_motions_have_turned_nothing_over_has_failed_and_that_is_believed(kitchen: Make) -> None:
+    cook = kitchen(Physical, Head, Perception)
+    with pytest.raises(ObjectNotTurned, match="did not turn over"):
+        cook.run(do("FlippingAnObject", object_acted_on=EGG))
+    assert cook.belief.pose("egg1").rotation[2, 2] == pytest.approx(1.0)

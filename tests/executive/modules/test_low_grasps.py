@@ -20,6 +20,7 @@ from sim.bodies import plain
 from sim.scene import Handle
 from sim.world import held_by
 from tests.executive.conftest import BED, BOTTLE, CABINET, PLACE, THE_BOTTLE, MakeStage, stand
+from tests.support.examples import some
 
 TOP = 0.8
 """Height of the cabinet [m]."""
@@ -61,7 +62,7 @@ def test_what_is_too_wide_is_gripped_at_its_handle_with_the_hand_off_the_rest(ma
         assert not stage.platform.scene.collisions.contacts(base, one.arm, one.joints[1], fingers=one.plan.fingers)
 
 
-@pytest.mark.parametrize("name", ["plate", "bowl", "fork", "bottle", pytest.param("napkin", marks=pytest.mark.long)])
+@pytest.mark.parametrize("name", some(["bowl", "plate", "napkin", "fork", "bottle"]))
 def test_what_no_gripper_spans_or_what_lies_is_taken(make_stage: MakeStage, name: str) -> None:
     stage = make_stage(CABINET, THINGS[name], BED)
     what = an_object(THINGS[name].type, PLACE + name)

@@ -46,7 +46,7 @@ class Reacher:
         """The check by spheres, as things are now."""
         shapes = ArmShapes(self.world, links_of(self.world), self.chain, self.base_link, self.tip)
         base, room = self.world.link_pose(self.base_link).matrix(), Room.of(Solids.of(self.world.solids()), "room")
-        return shapes.now(self.world).against(base, room, (frozenset(), None))
+        return shapes.now(self.world).against(base, room, (frozenset(), frozenset()))
 
     def touched(self, q: Array, among: list[tuple[str, str]] | None = None) -> set[frozenset[str]]:
         """Pairs that PyBullet finds in each other."""
@@ -125,11 +125,11 @@ def test_an_arm_held_still_and_a_hand_alone_hit_what_the_whole_arm_hits(reacher:
     shapes = ArmShapes(reacher.world, links_of(reacher.world), reacher.chain, reacher.base_link, reacher.tip)
     room, bodies = Room.of(Solids.of(reacher.world.solids()), "room"), shapes.now(reacher.world)
     base = reacher.world.link_pose(reacher.base_link).matrix()
-    whole = bodies.against(base, room, (frozenset(), None))
+    whole = bodies.against(base, room, (frozenset(), frozenset()))
     seen = 0
     for q in reacher.chain.sample(np.random.default_rng(7), 40):
         joints = dict(zip(reacher.chain.names, q.tolist(), strict=True))
-        still = ArmShapes.still(reacher.world, [shapes], joints).against(base, room, (frozenset(), None))
+        still = ArmShapes.still(reacher.world, [shapes], joints).against(base, room, (frozenset(), frozenset()))
         in_room = [body if body in room.bodies.names else None for body in whole.hit(base[None], q[None])]
         assert still.hit(base[None]) == in_room
         assert not still.clear(base[None], q[None]).any(), "more is there than the arm"

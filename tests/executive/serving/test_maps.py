@@ -1,5 +1,6 @@
 """Maps of all kinds in a knowledge base: found by class and place, and what one robot learned served to the next."""
 
+from dataclasses import replace
 from http import HTTPStatus
 from pathlib import Path
 
@@ -7,12 +8,19 @@ import pytest
 from fastapi.testclient import TestClient
 
 from executive.belief import Belief, read_map, scene_of
+from executive.belief.map_files import OBSTACLE
 from executive.belief.map_updating import updated_map
+from executive.enabling.shelf import LocalShelf
+from planlang.diagnostics import BadInput
 from planlang.files import Bundled
 from planlang.geometry import Pose
+from planlang.knowledge.entries import Kind
+from planlang.knowledge.pulling import pull
+from planlang.knowledge.sqlite_store import SqliteStore
 from planlang.ontology import load
 from planlang.protocols import Detection
 from sim import PlanningWorld
+from tests.support.knowledge_bases import NOW, put
 
 FILES = {
     "semantic": "map_hospital_room@re_stack.owl.in",
@@ -66,3 +74,27 @@ def test_a_map_that_one_robot_has_improved_is_served_to_the_next(client: TestCli
     assert bottle
     assert bottle.pose
     assert bottle.pose.position == pytest.approx((-2.7, -0.5, 0.9))
+
+
+GRID = b"image: /home/somebody/ward.pgm\nresolution: 0.5\norigin: [-1, -1, 0]\n"
+PICTURE = b"P5 4 4 255\n" + bytes([254] * 5 + [0, 0] + [254] * 9)
+
+
+@pytest.mark.parametrize("link", ["ward.yaml", "http://dead.example.org/maps/ward.yaml"])
+def test_the_grid_of_a_map_is_pulled_with_it_and_is_an_obstacle_then(link: str, tmp_path: Path) -> None:
+    room = Bundled.ENVIRONMENT.find("hospital_room").read_text(encoding="utf-8")
+    grid = f'\nIndividual: grid1\n    Types: knowrob:Map\n    Facts: knowrob:linkToMapFile "{link}"\n'
+    store = SqliteStore(tmp_path / "kb.sqlite")
+    uid = put(store, Kind.ENVIRONMENT, "ward", room + grid, about="hospital_room").uid
+    store.attach(uid, "ward.yaml", "application/yaml", GRID, "ada", NOW)
+    store.attach(uid, "ward.pgm", "image/x-portable-graymap", PICTURE, "ada", NOW)
+    entry = store.entry(uid)
+    store.close()
+    shelf = LocalShelf(tmp_path / "kb.sqlite")
+    files = pull(shelf, [(entry, tmp_path / "pulled")])
+    (box,) = (body for body in scene_of(read_map(load(files[0]))).bodies if body.name.startswith(OBSTACLE))
+    assert (box.pose.position[:2], box.size[:2]) == (pytest.approx((0.0, 0.25)), pytest.approx((1.0, 0.5)))
+    changed = replace(entry.attachments[0], sha256="0" * 64)
+    with pytest.raises(BadInput, match="K040"):
+        pull(shelf, [(replace(entry, attachments=(changed,)), tmp_path / "again")])
+    shelf.close()

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import socket
+import threading
 from collections.abc import Iterator
-from contextlib import closing
+from contextlib import closing, suppress
 from pathlib import Path
 
 import pytest
 from fastapi.testclient import TestClient
 
 from executive.serving.app import application
+from executive.serving.mirror import Mirror
 from executive.serving.workers import Staff
 from planlang.files import Bundled
+from planlang.knowledge.entries import Kind
+from planlang.knowledge.sparql import Exceeded, Limits
 from planlang.knowledge.sqlite_store import SqliteStore
+from tests.support.knowledge_bases import put
 
 NOW = "2026-01-01T00:00:00Z"
 RECIPE = Bundled.RECIPE.find("serve_a_drink").read_bytes()
@@ -59,6 +64,36 @@ def test_a_form_asks_as_clients_of_the_protocol_do_by_default(client: TestClient
     for form in ({"update": "CLEAR ALL"}, {"query": [question, question]}, {}):
         refused = client.post("/v1/sparql", data=form, headers={"Content-Type": "application/x-www-form-urlencoded"})
         assert refused.status_code == 400, refused.text
+
+
+def test_who_asks_while_contents_are_still_read_is_told_so_and_nobody_else_waits(tmp_path: Path, staff: Staff) -> None:
+    go_on = threading.Event()
+
+    class SlowStore(SqliteStore):
+        def content(self, uid: str, revision: int | None = None) -> bytes:
+            go_on.wait()
+            return super().content(uid, revision)
+
+    with closing(SlowStore(tmp_path / "kb.sqlite")) as store:
+        put(store, Kind.RECIPE, "ward", RECIPE)
+        with closing(Mirror(store, staff.behind, Limits(seconds=0.2))) as mirror:
+            mirror.start()
+            with pytest.raises(Exceeded, match="contents are still read, 0 entries so far"):
+                mirror.ask(COUNT)
+            go_on.set()
+            while True:
+                with suppress(Exceeded):
+                    found = mirror.ask(COUNT)
+                    break
+    assert int(found["results"]["bindings"][0]["n"]["value"]) > 100
+
+
+def test_an_engine_that_was_ended_knows_everything_again(client: TestClient, staff: Staff, tmp_path: Path) -> None:
+    client.post("/v1/recipes", params={"name": "ward"}, content=RECIPE)
+    with closing(SqliteStore(tmp_path / "kb.sqlite")) as store, closing(Mirror(store, staff.behind)) as mirror:
+        before = mirror.ask(COUNT)
+        mirror.end()
+        assert mirror.ask(COUNT) == before
 
 
 @pytest.mark.parametrize(

@@ -202,6 +202,7 @@ def test_names_that_nothing_has_are_answered_by_nothing() -> None:
 KNOWROB = "http://knowrob.org/kb/knowrob.owl#"
 
 
+@pytest.mark.long
 def test_answers_over_knowrob_itself_are_those_of_elk(corpus: Path, tmp_path: Path) -> None:
     path = corpus / "ontologies" / "knowrob@hydro.owl"
     vocabulary = load(path, builtin=False)

@@ -10,13 +10,15 @@ import pytest
 
 from planlang.knowledge.sparql import Endpoint, Exceeded, Limits, NoAnswer
 
-RECIPES = [(f"recipe.{number}", f'<urn:r{number}> <urn:label> "r{number}" .\n') for number in range(300)]
+RECIPES = [(f"recipe.{number}", b'<urn:r%d> <urn:label> "r%d" .\n' % (number, number)) for number in range(300)]
 EVERYTHING = "SELECT * { ?a ?b ?c }"
 
 
 @pytest.fixture(scope="module")
 def endpoint() -> Iterator[Endpoint]:
-    made = Endpoint(lambda: RECIPES, Limits(seconds=1, memory=300_000_000, rows=400))
+    made = Endpoint(Limits(seconds=1, memory=300_000_000, rows=400))
+    made.start()
+    assert all(made.put(uid, triples) for uid, triples in RECIPES)
     yield made
     made.close()
 
@@ -29,7 +31,7 @@ def test_entries_are_graphs_and_together_the_default_graph(endpoint: Endpoint) -
 
 
 def test_what_is_put_and_dropped_is_answered_so(endpoint: Endpoint) -> None:
-    endpoint.put("new", "<urn:new> <urn:label> 'new'@en .\n".replace("'", '"'))
+    endpoint.put("new", b'<urn:new> <urn:label> "new"@en .\n')
     question = "SELECT ?l { <urn:new> ?p ?l }"
     expected = {"type": "literal", "value": "new", "xml:lang": "en"}
     assert endpoint.ask(question)["results"]["bindings"] == [{"l": expected}]

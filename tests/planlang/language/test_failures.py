@@ -169,7 +169,7 @@ PlanFailure
     LookingFailure
       LookingGoalUnreachable
     ManipulationFailure
-      ManipulationPoseUnreachable ManipulationGoalNotReached ManipulationGoalInCollision
+      ManipulationPoseUnreachable ManipulationGoalNotReached ManipulationGoalInCollision ObjectNotTurned
       GripperFailure
         GraspMissed GraspSlipped GripperGoalNotReached
       TorsoFailure

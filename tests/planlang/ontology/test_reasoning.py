@@ -14,6 +14,7 @@ from planlang.ontology import load
 from planlang.ontology.reasoner_input import reasoner_input
 from planlang.ontology.reasoning import Reasoner, missing, reason
 from tests.repository.test_documentation import CHECKOUT, agrees, output, shape
+from tests.support.examples import some
 
 needs_reasoner = pytest.mark.skipif(missing() is not None, reason=str(missing()))
 
@@ -41,7 +42,7 @@ def written(folder: Path, text: str) -> Path:
 
 
 @needs_reasoner
-@pytest.mark.parametrize("reasoner", Reasoner)
+@pytest.mark.parametrize("reasoner", some(Reasoner))
 def test_contradictions_are_found_where_they_are_written_and_explained(tmp_path: Path, reasoner: Reasoner) -> None:
     text = "Class: Damp\n    SubClassOf: Wet, Dry\n\nIndividual: towel\n    Types: Wet, Dry\n"
     found = reason(load(written(tmp_path, text), builtin=False), reasoner)
@@ -60,7 +61,7 @@ def test_contradictions_are_found_where_they_are_written_and_explained(tmp_path:
 
 
 @needs_reasoner
-@pytest.mark.parametrize("reasoner", Reasoner)
+@pytest.mark.parametrize("reasoner", some(Reasoner))
 def test_units_do_not_end_the_reasoner_and_what_they_say_is_not_invented(tmp_path: Path, reasoner: Reasoner) -> None:
     text = """Class: Thick
     EquivalentTo: Wet and (thickness value "2"^^unit:Centimeter)
@@ -140,6 +141,7 @@ def test_owlready_has_what_was_loaded_and_repaired(tmp_path: Path) -> None:
     assert len(rows) >= 2
 
 
+@pytest.mark.long
 @needs_reasoner
 def test_the_page_shows_what_the_reasoner_finds() -> None:
     page = (CHECKOUT / "docs" / "knowledge.md").read_text(encoding="utf-8")

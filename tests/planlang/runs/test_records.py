@@ -5,6 +5,7 @@ from __future__ import annotations
 import enum
 import json
 import math
+import tracemalloc
 from collections import Counter, OrderedDict
 from pathlib import Path
 from typing import Any
@@ -29,7 +30,7 @@ from planlang.failures import CompositeFailure, GraspMissed, LocationUnresolvabl
 from planlang.geometry import Pose
 from planlang.protocols import Configuration, Solution
 from planlang.runs import DamagedTrace, Past, RecordedRun, with_paths
-from planlang.runs.codec import Lost, dump, dump_failure, load, load_failure
+from planlang.runs.codec import SCHEMA, Lost, dump, dump_failure, load, load_failure
 
 
 class Colour(enum.Enum):
@@ -389,3 +390,22 @@ def test_a_trace_that_is_kept_in_memory_has_nothing_to_close() -> None:
     with Trace() as trace:
         run(top, host=VirtualHost(), trace=trace)
     assert trace.events
+
+
+def test_what_is_read_of_nodes_inside_of_nodes_grows_as_the_trace_does(tmp_path: Path) -> None:
+    def room(depth: int) -> int:
+        file = tmp_path / f"{depth}.jsonl"
+        lines: list[dict[str, object]] = [{"step": 0, "event": "header", "schema": SCHEMA}]
+        around = None
+        for node in range(depth):
+            lines.append({"step": 0, "event": "started", "node": node, "parent": around, "name": f"part#{node}"})
+            around = node
+        file.write_text("".join(json.dumps(line) + "\n" for line in lines))
+        tracemalloc.start()
+        recorded = RecordedRun.read(file)
+        kept = tracemalloc.get_traced_memory()[0]
+        tracemalloc.stop()
+        assert str(recorded.lines[-1].path).count("/") == depth - 1
+        return kept
+
+    assert room(4000) < 5 * room(1000)

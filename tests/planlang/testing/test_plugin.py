@@ -20,6 +20,7 @@ PLAN = """
 """
 
 
+@pytest.mark.long
 def test_installing_planlang_is_enough(pytester: pytest.Pytester) -> None:
     (found,) = [point for point in entry_points(group="pytest11") if point.name == "planlang"]
     assert found.value == "planlang.testing.plugin"

@@ -20,7 +20,8 @@ import typer
 from executive.cli.app import app
 from executive.cli.arguments import RunArguments
 from executive.cli.run import options_of
-from executive.runs.plan_run import Outcome, Run, RunOptions, RunResult
+from executive.runs.options import Outcome, RunOptions, RunResult
+from executive.runs.plan_run import Run
 from planlang.geometry import Pose
 from sim import PyBulletWorld
 

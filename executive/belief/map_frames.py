@@ -1,0 +1,237 @@
+"""How the frames of two maps of one place lie to each other: as the maps state it, or by the things that both have.
+
+A map states its frame as the pose of itself (a ``SemanticEnvironmentMap``) relative to another map, a thing or a place.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from executive.belief.map_statements import Placement, decimal, number
+from executive.belief.measures import length, read_transform, stated
+from executive.belief.semantic_map import MapObject, PosesOfThings, SemanticMap
+from planlang.designators import local_name
+from planlang.diagnostics import BadInput, Diagnostic, Span, error, note
+from planlang.geometry import Pose
+from planlang.geometry.matrices import orthonormal, product, rigid, rotated
+from planlang.ontology import Ontology, Triple, expand
+from planlang.ontology.terms import OWL
+
+NEAR, TURNED = 0.1, math.radians(10.0)
+"""Differences of poses [m, rad] up to which a thing is at one place in two maps."""
+ENOUGH = 3
+"""Things at places of their own by which frames are compared."""
+SURE = 3
+"""So many times more things must be at one place after a transformation than without it."""
+MOST_TRIED = 200
+"""Transformations that are compared."""
+Transformation = Pose
+"""The pose of one frame in another."""
+
+
+@dataclass(frozen=True, slots=True)
+class MapSource:
+    """A map with its file's name, its statements, and the placements that it states."""
+
+    name: str
+    map: SemanticMap
+    statements: list[Triple]
+    placed: dict[str, Placement]
+
+    def named(self, names: Mapping[str, str]) -> MapSource:
+        """Return the source with other names (IRIs) for some things."""
+        statements = [
+            replace(
+                one,
+                subject=names.get(one.subject, one.subject) if isinstance(one.subject, str) else one.subject,
+                object=names.get(one.object, one.object) if isinstance(one.object, str) else one.object,
+            )
+            for one in self.statements
+        ]
+        placed = {}
+        for iri, one in self.placed.items():
+            parent = None if one.relative_to is None else names.get(one.relative_to, one.relative_to)
+            placed[names.get(iri, iri)] = replace(one, thing=names.get(iri, iri), relative_to=parent)
+        return replace(self, statements=statements, placed=placed)
+
+    def moved(self, way: Transformation) -> MapSource:
+        """Return the source in another frame, in which its own has this pose: things, files, directions of joints."""
+        poses = PosesOfThings(self.map.ontology, [])
+        files = {iri: Placement(iri, poses.pose(iri) or _HERE) for iri in _maps_with_files(self.map.ontology)}
+        placed = {iri: replace(one, pose=way @ one.pose) for iri, one in {**files, **self.placed}.items()}
+        things = (replace(one, pose=way @ one.pose) if one.pose else one for one in self.map.objects)
+        turned = {
+            str(t.object) for t in self.statements if t.predicate == expand("direction") and t.subject not in placed
+        }
+        statements = [_turned(one, way, self.map.ontology) if one.subject in turned else one for one in self.statements]
+        return replace(self, map=replace(self.map, objects=tuple(things)), statements=statements, placed=placed)
+
+
+def in_frame_of(first: MapSource, source: MapSource, ontology: Ontology, found: list[Diagnostic]) -> MapSource:
+    """Return a map in the frame of the first one, with a note if it was in another; ``ontology`` has both.
+
+    Raises BadInput if the frames differ and nothing tells how they lie to each other.
+    """
+    way, why = _as_stated(first, source), "as stated"
+    if way is None:
+        common = list(_common(first, source, ontology))
+        way, count = _by_things(common)
+        why = f"by {count} things of both"
+        if way is None:
+            _check_one_frame(first, source, len(common), count)
+            return source
+    if _is_same(way, _HERE):
+        return source
+    x, y, z = (number(round(one, 3)) for one in way.position)
+    yaw = math.degrees(math.atan2(way.rotation[1, 0], way.rotation[0, 0])) + 0.0
+    message = (
+        f"{source.name} is in another frame than {first.name}, {why}: moved by ({x}, {y}, {z}) m, {yaw:.1f} degrees"
+    )
+    found.append(note("M027", message, Span(str(source.map.ontology.documents[0].path))))
+    return source.moved(way)
+
+
+_HERE = Pose((0.0, 0.0, 0.0))
+
+
+# As stated
+
+
+def _frames(ontology: Ontology) -> Iterator[tuple[str, str | None, Pose]]:
+    """Yield the maps that have a pose: map, what it is relative to, pose."""
+    poses = PosesOfThings(ontology, [])
+    for iri in ontology.individuals(expand("SemanticEnvironmentMap")):
+        place = poses.place_of(iri) if ontology.main(iri) else None
+        matrix = None if place is None else read_transform(ontology, place, [])
+        if place is not None and matrix is not None:
+            parents = (one for one in ontology.values(place, expand("relativeTo")) if isinstance(one, str))
+            yield iri, next(parents, None), Pose.from_matrix(matrix)
+
+
+def _anchors(source: MapSource) -> dict[str, Pose]:
+    """Return the poses in a map's frame of what another frame may be stated relative to."""
+    ontology = source.map.ontology
+    anchors = {iri: one.pose for iri, one in source.placed.items()}
+    anchors |= {iri: _HERE for iri in ontology.individuals(expand("SemanticEnvironmentMap")) if ontology.main(iri)}
+    for _, parent, pose in _frames(ontology):
+        if parent is not None:
+            anchors[parent] = pose.inverse()
+    return anchors
+
+
+def _as_stated(first: MapSource, source: MapSource) -> Transformation | None:
+    """Return the pose of a map's frame in the first map's by what they state; None if they do not."""
+    ours, theirs = _anchors(first), _anchors(source)
+    parents = [parent for one in (first, source) for _, parent, _ in _frames(one.map.ontology) if parent is not None]
+    return next((ours[iri] @ theirs[iri].inverse() for iri in parents if iri in ours and iri in theirs), None)
+
+
+# By what both have
+
+
+def _common(first: MapSource, source: MapSource, ontology: Ontology) -> Iterator[tuple[Pose, Pose]]:
+    """Yield the poses in both maps of the things that both have: by one IRI, or by name if both have but one of it."""
+    named = [Counter(local_name(thing.iri) for thing in one.map.objects) for one in (first, source)]
+    ours = {thing.iri: thing for thing in first.map.objects}
+    by_name = {local_name(thing.iri): thing for thing in first.map.objects}
+    for thing in source.map.objects:
+        name = local_name(thing.iri)
+        alone = by_name.get(name) if named[0][name] == named[1][name] == 1 else None
+        other = ours.get(thing.iri, alone)
+        if other and other.pose and thing.pose and are_related(other, thing, ontology):
+            yield other.pose, thing.pose
+
+
+def are_related(a: MapObject, b: MapObject, ontology: Ontology) -> bool:
+    """Return whether a class of one thing is that of the other, or below it."""
+    kinds = [[cls for cls in thing.types if cls != OWL.NamedIndividual] for thing in (a, b)]
+    return any(ontology.is_a(x, y) or ontology.is_a(y, x) for x in kinds[0] for y in kinds[1])
+
+
+def _by_things(common: Sequence[tuple[Pose, Pose]]) -> tuple[Transformation | None, int]:
+    """Return the transformation by which most things are at one place in both maps, and how many these are.
+
+    None if that is no transformation at all, or too few are: things move, and some may have moved together.
+    """
+    counts = [(len(_places(common, _HERE)), _HERE)]
+    ways = (ours @ theirs.inverse() for ours, theirs in common[:MOST_TRIED])
+    counts += [(len(_places(common, way)), way) for way in ways]
+    most, best = max(counts, key=lambda one: one[0])
+    if most < ENOUGH or most <= SURE * counts[0][0]:
+        return None, counts[0][0]
+    agreeing = [pair for pair in common if _is_near(pair[0], best @ pair[1])]
+    rotation = orthonormal(np.mean([product(ours.rotation, theirs.rotation.T) for ours, theirs in agreeing], axis=0))
+    ours, theirs = (np.mean([pair[side].position for pair in agreeing], axis=0) for side in (0, 1))
+    return Pose.from_matrix(rigid(rotation, ours - rotated(rotation, theirs))), most
+
+
+def _places(common: Sequence[tuple[Pose, Pose]], way: Transformation) -> set[tuple[int, ...]]:
+    """Return the places, in cells, of the things that are at one place in both maps after a transformation."""
+    at = (ours.position for ours, theirs in common if _is_near(ours, way @ theirs))
+    return {tuple(round(one / NEAR) for one in position) for position in at}
+
+
+def _is_near(a: Pose, b: Pose) -> bool:
+    return a.distance(b) <= NEAR and a.turn(b) <= TURNED
+
+
+def _is_same(a: Pose, b: Pose) -> bool:
+    return a.distance(b) < 1e-6 and a.turn(b) < 1e-6
+
+
+def _check_one_frame(first: MapSource, source: MapSource, common: int, alike: int) -> None:
+    """Raise BadInput if two maps are in different frames, by what they state, or as nothing is where it was."""
+    if alike >= ENOUGH:
+        return
+    lost = [parent for one in (first, source) for _, parent, _ in _frames(one.map.ontology) if parent is not None]
+    ours, theirs = _named_frames(first), _named_frames(source)
+    if lost:
+        why = f"the frame of one is stated relative to {local_name(lost[0])}, of which the other states no pose"
+    elif ours and theirs and not ours & theirs:
+        why = f"poses are relative to {local_name(min(ours))} in one and to {local_name(min(theirs))} in the other"
+    elif common >= ENOUGH and not alike:
+        why = f"none of the {common} things that both have is where it was"
+    else:
+        return
+    message = f"nothing tells how the frames of {first.name} and {source.name} lie to each other: {why}"
+    help = (
+        f"state the pose (orientation) of the map of {source.name}, relativeTo the map of {first.name} or a thing in it"
+    )
+    help += f"; or have {ENOUGH} things in both that have not moved"
+    raise BadInput([error("M028", message, Span(str(source.map.ontology.documents[0].path)), help)])
+
+
+def _named_frames(source: MapSource) -> set[str]:
+    """Return the maps that poses of a map are stated to be relative to."""
+    ontology = source.map.ontology
+    maps = set(ontology.individuals(expand("SemanticEnvironmentMap")))
+    own = {PosesOfThings(ontology, []).place_of(iri) for iri in maps}
+    relative = (t for t in source.statements if t.predicate == expand("relativeTo") and t.subject not in own)
+    return {str(t.object) for t in relative if t.object in maps}
+
+
+# In another frame
+
+
+def _maps_with_files(ontology: Ontology) -> list[str]:
+    return [iri for iri in ontology.individuals(expand("Map")) if any(ontology.said(iri, "linkToMapFile"))]
+
+
+def _turned(triple: Triple, way: Transformation, ontology: Ontology) -> Triple:
+    """Return a statement about a vector of the map in another frame."""
+    axis = _AXES.get(local_name(triple.predicate))
+    parts = [stated(ontology, str(triple.subject), name) for name in _AXES]
+    if axis is None or not all(parts):
+        return triple
+    values = [None if part is None else length(part, []) for part in parts]
+    if any(value is None for value in values):
+        return triple
+    return replace(triple, object=decimal(float(rotated(way.rotation, np.array(values, dtype=float))[axis])))
+
+
+_AXES = {"vectorX": 0, "vectorY": 1, "vectorZ": 2}

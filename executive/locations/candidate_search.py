@@ -1,0 +1,286 @@
+"""Candidates of base poses are validated block by block, those that cost least to look at first.
+
+Room for the base, a way to it, room for the arms, inverse kinematics among spheres, and lines of sight rule out most
+of them; the planning scene is asked of the rest, one by one, only as many as are asked for.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from executive.belief.scene_collisions import BasePose
+from executive.locations.base_candidates import BaseCandidates, Misses
+from executive.locations.budgets import BETWEEN, SearchBudget
+from executive.locations.demands import BaseDemand, Reach
+from executive.locations.grasp_candidates import CLASSES, Hand
+from executive.locations.hand_solutions import (
+    OFF_LATTICE,
+    ON_LATTICE,
+    HandSolution,
+    Trial,
+    arms_have_room,
+    as_keys,
+    once,
+    solve,
+)
+from executive.locations.rejections import NO_HOLD, NO_ROOM, NOT_LOOKED_AT, NOT_VISIBLE, Rejections
+from executive.locations.validation import PLACES, BaseValidator, SelfOcclusion
+from executive.motion import QuickCheck
+from planlang.geometry import Array
+from planlang.protocols import Solution
+
+ALIKE = 0.06
+"""A candidate this near to one that failed exactly, with the hand from the same side, is validated last [m]."""
+AT_ONCE = 2048
+"""Base poses of which room is looked at in one go, at most."""
+TRAVEL = 8.0
+"""Distance over which a base pose loses most of its worth [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sought:
+    """What a search for base poses has to find, within what bounds; ``log`` counts what is refused, and why."""
+
+    validator: BaseValidator
+    wanted: Sequence[Reach]
+    demand: BaseDemand
+    budget: SearchBudget
+    log: Rejections
+    is_taken: Callable[[BasePose], bool] | None = None
+    """Tells of which base poses nothing needs to be known any more."""
+
+    def have_room(self, bases: Array) -> NDArray[np.bool_]:
+        """Return at which bases (n, 3) there is room for the base, each looked at once for a location."""
+        floor = self.validator.scene.collisions.floor()
+        return np.array(once(self.log.findings.rooms, bases, lambda new: floor.holds(new).tolist()), bool)
+
+
+class CandidateSearch:
+    """A search for solutions among candidates of base poses."""
+
+    def __init__(
+        self,
+        sought: Sought,
+        found: BaseCandidates,
+        hands: Sequence[Hand],
+        middle: Array,
+        stance: QuickCheck,
+        misses: Misses | None = None,
+    ) -> None:
+        """``middle`` (3,) of what hands reach, ``stance`` a check of all arms at rest, ``misses`` what is not seen."""
+        self._sought, self._hands, self._stance, self._misses = sought, hands, stance, misses
+        budget = sought.budget
+        x, y, _ = sought.validator.scene.base()
+        order = found.order(lambda bases: np.exp(-np.hypot(bases[:, 0] - x, bases[:, 1] - y) / TRAVEL), budget.most)
+        self._found = found.chosen(order)
+        self._bases = as_told(self._found.bases)
+        self._undecided = np.ones(len(self._found), bool)
+        self._validated = 0
+        self._occlusion = SelfOcclusion(middle[:2], strict=budget.fine)
+        self._failed = _Failed()
+        self._failures: dict[tuple[int, int], tuple[HandSolution, BasePose]] = {}
+        """Where a hand was in something, for each arm and candidate: the first time."""
+        self._stopped: dict[tuple[int, int], bool] = {}
+        self._clumsy: set[tuple[float, ...]] = set()
+        """Postures in which the robot touches itself."""
+
+    def solutions(self) -> Iterator[Solution]:
+        """Yield base poses that are validated exactly, until as many failed as may."""
+        sought, around = self._sought, frozenset(self._sought.validator.scene.bodies.names())
+        for row, solution in self._open():
+            if self._validated >= sought.budget.exact:
+                sought.log.add(NOT_LOOKED_AT, int(self._undecided.sum()))
+                return
+            self._undecided[row] = False
+            answer = sought.validator.complete(
+                self._place(row),
+                float(self._found.scores[row]),
+                solution,
+                sought.wanted,
+                sought.demand,
+                self._occlusion,
+                sought.log,
+                self._hands[self._key(row)[0]].check,
+            )
+            if isinstance(answer, Solution):
+                yield answer
+            else:
+                self._note_failure(row, solution, answer, around)
+
+    def _note_failure(self, row: int, solution: HandSolution, answer: str | None, around: frozenset[str]) -> None:
+        """Remember what failed exactly, and whether it does so from other bases, too."""
+        number, candidate = self._key(row)
+        self._validated += 1
+        if isinstance(answer, str):
+            self._remember(np.array([row]))
+        self._failed.add(number, self._bases[row], self._heading(row))
+        if answer == NO_HOLD.text:  # from other bases the hand is as it is here
+            self._stopped[number, candidate] = True
+        elif answer in around:
+            self._failures.setdefault((number, candidate), (solution, self._place(row)))
+        elif isinstance(answer, str) and self._sought.budget is not BETWEEN:  # where postures are those of the maps
+            self._clumsy.add(self._posture(row))
+
+    def _open(self) -> Iterator[tuple[int, HandSolution]]:
+        """Yield candidates of which nothing is known that rules them out; those like others that failed at last."""
+        sought = self._sought
+        postponed: list[tuple[int, HandSolution]] = []
+        for row, solution, first in self._looked_at(postponed):
+            taken = sought.is_taken is not None and sought.is_taken(self._place(row))
+            if taken or self._is_hopeless(row) or not self._have_way(np.array([row]))[0]:
+                self._undecided[row] = False
+                continue
+            base = self._bases[row]
+            alike = first and self._failed.near(self._key(row)[0], base, self._heading(row))
+            if alike or (first and self._occlusion.covers(base)):
+                postponed.append((row, solution))
+                continue
+            yield row, solution
+
+    def _looked_at(self, postponed: list[tuple[int, HandSolution]]) -> Iterator[tuple[int, HandSolution, bool]]:
+        """Yield candidates that spheres and inverse kinematics leave; at last those that were postponed meanwhile."""
+        undecided = self._undecided
+        for rows in self._standing():
+            undecided[rows] = [not self._is_hopeless(row) for row in rows.tolist()]
+            rows = rows[undecided[rows]]
+            undecided[rows] = self._have_way(rows)
+            rows = rows[undecided[rows]]
+            undecided[rows], joints = self._solved(rows)
+            self._remember(rows)
+            rows = rows[undecided[rows]]
+            if self._misses is not None and len(rows):
+                undecided[rows] = ~self._misses(self._bases[rows])
+                self._sought.log.add(NOT_VISIBLE, int((~undecided[rows]).sum()))
+                rows = rows[undecided[rows]]
+            for row in rows.tolist():
+                number, candidate = self._key(row)
+                arm, candidates, _ = self._hands[number]
+                yield row, HandSolution(self._sought.wanted[0], arm, candidates.plan(candidate), joints[row]), True
+        if self._sought.budget.fine:
+            for row, solution in postponed:
+                yield row, solution, False
+
+    def _standing(self) -> Iterator[NDArray[np.intp]]:
+        """Yield candidates with room for base and arms, block by block; looked at in ever larger parts."""
+        budget, log, undecided = self._sought.budget, self._sought.log, self._undecided
+        again = bool(self._sought.demand.remembered)  # the same was looked at before with more to be seen
+        waiting, first, size = np.zeros(0, np.intp), 0, budget.block
+        while first < len(self._found):
+            rows = np.arange(first, min(first + size, len(self._found)))
+            first, size = first + size, min(2 * size, AT_ONCE)
+            roomy = self._sought.have_room(self._bases[rows])
+            log.add(NO_ROOM, int((~roomy).sum()))
+            undecided[rows] = roomy
+            rows = rows[roomy]
+            undecided[rows] = self._have_way(rows)
+            rows = rows[undecided[rows]]
+            if again:
+                undecided[rows] = [key not in log.findings.met for key in self._known(rows)]
+                rows = rows[undecided[rows]]
+            undecided[rows] = arms_have_room(self._bases[rows], self._stance, log)
+            self._remember(rows)
+            waiting = np.append(waiting, rows[undecided[rows]])
+            while len(waiting) >= budget.block or (len(waiting) and first >= len(self._found)):
+                yield waiting[: budget.block]
+                waiting = waiting[budget.block :]
+
+    def _solved(self, rows: NDArray[np.intp]) -> tuple[NDArray[np.bool_], dict[int, Array]]:
+        """Return which candidates (rows) have joint values as far as spheres tell, and these (k, d) by row."""
+        found, ok = self._found, np.zeros(len(rows), bool)
+        joints: dict[int, Array] = {}
+        for number, (arm, candidates, check) in enumerate(self._hands):
+            mine = np.flatnonzero(found.arms[rows] == number)
+            if not len(mine):
+                continue
+            chosen = rows[mine]
+            index, seeds = found.candidates[chosen], np.zeros((len(chosen), 1, len(arm.joints)))
+            grasps = candidates.grasps[index]
+            for grasp in np.unique(grasps).tolist():
+                some = chosen[grasps == grasp]
+                forward = self._sought.validator.inverse(arm, CLASSES[grasp]).forward
+                seeds[grasps == grasp, 0] = forward.seeds(found.rows[some], found.torsos[some])
+            slack = OFF_LATTICE if arm.lift is None else ON_LATTICE
+            solved = solve(candidates, index, self._bases[chosen], arm, seeds, check, slack=slack)
+            self._sought.log.count(solved.reasons)
+            ok[mine] = [reason is None for reason in solved.reasons]
+            joints |= zip(chosen.tolist(), solved.joints, strict=True)
+        return ok, joints
+
+    def _have_way(self, rows: NDArray[np.intp]) -> NDArray[np.bool_]:
+        """Return which candidates the base can drive to; asked again, as what is known of ways grows meanwhile."""
+        return self._sought.validator.has_way(self._bases[rows], self._sought.log)
+
+    def _known(self, rows: NDArray[np.intp]) -> list[bytes]:
+        """Return what candidates are known by when the same is looked at again."""
+        found = self._found
+        numbers = np.full(len(rows), float(self._sought.budget.stage)), found.arms[rows], found.candidates[rows]
+        return as_keys(np.column_stack([*numbers, found.torsos[rows], self._bases[rows]]))
+
+    def _remember(self, rows: NDArray[np.intp]) -> None:
+        """Remember those of some candidates that arms cannot do."""
+        if not self._sought.demand.remembered:
+            self._sought.log.findings.met.update(self._known(rows[~self._undecided[rows]]))
+
+    def _is_hopeless(self, row: int) -> bool:
+        """Return whether no base pose will do for a candidate, or none for a posture."""
+        return (bool(self._clumsy) and self._posture(row) in self._clumsy) or self._is_stopped(self._key(row))
+
+    def _is_stopped(self, key: tuple[int, int]) -> bool:
+        """Return whether the hand itself is in something: then no base pose of a candidate that failed will do.
+
+        To look at this takes as long as to validate many base poses: it is for when there are many.
+        """
+        late = 2 * self._validated > self._sought.budget.exact
+        if key in self._failures and key not in self._stopped and late:
+            scene, check = self._sought.validator.scene, self._hands[key[0]].check
+            self._stopped[key] = Trial(*self._failures[key], scene, check).hand_is_stopped()
+        return self._stopped.get(key, False)
+
+    def _posture(self, row: int) -> tuple[float, ...]:
+        """Return what an arm's posture depends on: with the same, a robot that touches itself does so anywhere."""
+        number, candidate = self._key(row)
+        mine = self._hands[number].candidates
+        of_hand = int(mine.grasps[candidate]), int(mine.rolls[candidate]), float(mine.points[candidate, 2])
+        return number, *of_hand, int(self._found.rows[row]), float(self._found.torsos[row])
+
+    def _key(self, row: int) -> tuple[int, int]:
+        """Return the numbers of arm and grasp candidate."""
+        return int(self._found.arms[row]), int(self._found.candidates[row])
+
+    def _place(self, row: int) -> BasePose:
+        x, y, yaw = self._bases[row].tolist()
+        return x, y, yaw
+
+    def _heading(self, row: int) -> float:
+        """Return from where the hand comes [rad]."""
+        number, candidate = self._key(row)
+        return float(self._hands[number].candidates.headings[candidate])
+
+
+def as_told(bases: Array) -> Array:
+    """Return bases (n, 3) as solutions state them."""
+    return np.column_stack([bases[:, :2], np.arctan2(np.sin(bases[:, 2]), np.cos(bases[:, 2]))]).round(PLACES)
+
+
+class _Failed:
+    """Base poses that failed exactly: those near to them, with the hand from the same side, are not validated next."""
+
+    def __init__(self) -> None:
+        self._places = np.zeros((0, 4))
+        """Number of the arm, x, y [m] and heading [rad]."""
+
+    def add(self, arm: int, base: Array, heading: float) -> None:
+        """Add one more."""
+        self._places = np.vstack([self._places, [arm, base[0], base[1], heading]])
+
+    def near(self, arm: int, base: Array, heading: float) -> bool:
+        """Return whether a base pose nearly like this one has failed."""
+        other, x, y, before = self._places.T
+        turned = np.abs(np.remainder(heading - before + math.pi, 2 * math.pi) - math.pi)
+        alike = (other == arm) & (np.abs(x - base[0]) + np.abs(y - base[1]) < ALIKE) & (turned < 0.3)
+        return bool(alike.any())

@@ -1,0 +1,67 @@
+"""Strokes of a closed hand at the buttons of devices: along the normal of a button, until a finger meets it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from executive.modules.hand_work import HandWork
+from executive.modules.motion_grounding import Grounding
+from executive.modules.phases import Phase
+from executive.modules.strokes import Plane, Strokes
+from executive.robots.arms import ArmModel
+from planlang.designators import Device
+from planlang.geometry import Pose
+from planlang.geometry.matrices import product
+from planlang.motion_constraints import MotionConstraint, a_constraint, a_feature
+from planlang.protocols import Motion, Trajectory
+from sim.controls import Control
+
+BEFORE, BEYOND = 0.1, -0.02
+"""Heights of the tip over a button where the push begins, and where it would end [m]: the button stops it."""
+STEP = 0.025
+"""Distance of places on the way [m]."""
+EXACT = 0.003
+"""Largest error of heights [m]."""
+LEANS = -0.7
+"""Cosine of the largest angle between the hand and the way to the button: 45 degrees."""
+
+
+class ButtonStrokes(Strokes):
+    """Pushes one button with one hand; the tip stays on the line through the button along its normal."""
+
+    def __init__(self, work: HandWork, arm: ArmModel, button: Control) -> None:
+        super().__init__(work.platform)
+        self._work, self._arm, self._button = work, arm, button
+
+    async def pushed(self) -> Motion:
+        """Push; return how the motion ended, with the hand back. Raises ManipulationFailure or NavigationFailure."""
+        button, asked = self._button, self._asked()
+        heights = np.linspace(BEFORE, BEYOND, 1 + math.ceil((BEFORE - BEYOND) / STEP))
+        points = np.column_stack([np.repeat(np.array([button.point]), len(heights), axis=0), heights])
+        grounding, phase = Grounding(self.platform, button.body, button.device), Phase()
+        await self._look(grounding, asked, phase)
+        plane = Plane(grounding.grounded(asked, phase).constraints[0])
+        lap = await self.stroke(grounding, phase, asked, plane, points, closed=False)
+        motion = await self.platform.follow(self._arm.name, lap)
+        await self._back(lap)
+        return motion
+
+    def _asked(self) -> tuple[MotionConstraint, ...]:
+        """Return that the tip is on the button, and how far the hand leans from its normal."""
+        x, y, z = map(float, self._arm.frame.approach)
+        hand = Device("Hand", self.platform.robot.arm(self._arm.name).iri)
+        tip = a_feature("LINE", of=hand, position=(0.0, 0.0, 0.0), direction=(x, y, z))
+        of = self.platform.scene.bodies.designator(self._button.body)
+        button = a_feature("PLANE", of=of, position=self._button.point, direction=self._button.normal)
+        return (
+            a_constraint("HEIGHT", tip, button, lower=-EXACT, upper=EXACT, name="tip at the button"),
+            a_constraint("PERPENDICULARITY", tip, button, lower=-1.2, upper=LEANS, name="hand along the normal"),
+        )
+
+    async def _back(self, lap: Trajectory) -> None:
+        """Take the hand back as it came, and the arm to the carrying posture."""
+        base = Pose.planar(*self.platform.base()).matrix()
+        poses = product(base, self._arm.solver.chain.fk(lap.positions[[0, -1]]))
+        await self._work.back(self._arm, poses, self._button.body)

@@ -1,0 +1,57 @@
+"""Whether what should have been turned over has turned: the robot looks, and compares with how the thing lay before."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from executive.modules.platform import Platform
+from planlang import perform
+from planlang.designators import action
+from planlang.failures import LookingFailure, ObjectNotTurned, PerceptionFailure
+from planlang.geometry import Array, Pose
+from sim.bodies import axes_of
+
+if TYPE_CHECKING:
+    from executive.modules.motion_grounding import GroundedMotion
+    from executive.modules.phases import Phase
+    from executive.motion.arm_group import ArmGroup
+
+TURNED = -0.5
+"""Cosine between a thing's up axis before and after up to which it has been turned over: 120 degrees."""
+
+
+async def check_turned(platform: Platform, name: str, before: Pose) -> None:
+    """Look at a thing; raise ObjectNotTurned if it is seen to lie as it did before, nothing if it is not seen."""
+    await platform.hands.settled(name)
+    what = platform.scene.bodies.designator(name)
+    with suppress(PerceptionFailure, LookingFailure):
+        await perform(action("LookingForSomething", object_acted_on=what))
+        if float(platform.belief.pose(name).rotation[:, 2] @ before.rotation[:, 2]) > TURNED:
+            raise ObjectNotTurned(what=name)
+
+
+async def check_flip(
+    platform: Platform, motion: GroundedMotion, group: ArmGroup, rows: Array, phase: Phase, names: Sequence[str]
+) -> None:
+    """Check thin things of ``names``, where they are known to have lain, after a motion (m, n) that turned a blade."""
+    thin = [name for name in names if platform.scene.world.scene.body(name).thin and name in phase.things]
+    if thin and _turns_a_blade(platform, motion, group, rows):
+        for name in thin:
+            await check_turned(platform, name, phase.things[name])
+
+
+def _turns_a_blade(platform: Platform, motion: GroundedMotion, group: ArmGroup, rows: Array) -> bool:
+    """Return whether the blade of a tool has its other side up after a motion (m, n)."""
+    number = {arm.name: k for k, arm in enumerate(motion.arms)}
+    for name, grip in platform.belief.held.items():
+        body = platform.scene.world.scene.body(name)
+        if body.blade and grip.arm in number:
+            normal = grip.offset.rotation[:, axes_of(body.size)[2]]
+            first, last = group.fk(rows[[0, -1]], number[grip.arm])[:, 2, :3] @ np.asarray(normal)
+            if first * last < 0:
+                return True
+    return False

@@ -1,0 +1,92 @@
+"""What a run writes beside its trace, and who looks on for that while it goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+
+from executive.belief import Belief
+from executive.modules.platform import Platform
+from executive.runs.options import RunOptions
+from executive.runs.parameters import Bound, things_of
+from executive.runs.tilts import Tilts
+from executive.runs.traces import Record, lines_of
+from planlang import PlanFailure
+from planlang.diagnostics import Diagnostic
+from planlang.outputs import replace as write_complete
+from sim import PyBulletWorld
+
+
+class Written:
+    """Files that the options of a run ask for; ``listeners`` hear its events, ``watchers`` see the true world."""
+
+    def __init__(self, options: RunOptions, platform: Platform, truth: PyBulletWorld) -> None:
+        """Nothing is written; the progress is told, and tilts are measured."""
+        self._options, self._belief, self._truth = options, platform.belief, truth
+        self._files: list[tuple[Path, Callable[[Path], object]]] = []
+        self.tilts = Tilts(platform.leaning)
+        self.watchers: list[Callable[[PyBulletWorld], None]] = [self.tilts, *options.watchers]
+        self.listeners: list[Callable[[Record], None]] = [
+            lines_of(lambda step, line: options.progress(f"{step / truth.rate:7.2f} s  {line}"))
+        ]
+
+    def ask(
+        self, title: str, bound: Mapping[str, Bound], header: Mapping[str, object], found: list[Diagnostic]
+    ) -> None:
+        """Ask for each file of the options; what their making finds is appended to ``found``."""
+        options, truth = self._options, self._truth
+        if options.picture is not None:
+            meant = partial(bodies_of, bound, self._belief, truth)  # at the end
+            self._files.append((options.picture, lambda path: truth.save_picture(path, of=tuple(meant()))))
+        if options.record is not None:
+            from executive.pictures.recording import Recording, drawn_in
+
+            film = Recording(truth.rate, drawn_in(truth), title=title)
+            self.listeners.append(lines_of(film.event))
+            self.watchers.append(lambda world: film.frame(world.steps))
+            self._files.append((options.record, film.save))
+        if options.poses is not None:
+            from executive.runs.pose_log import PoseLog
+
+            log = PoseLog(truth, {**header, "seed": options.seed, "schedule": options.schedule})
+            self.watchers.append(log)
+            self._files.append((options.poses, log.save))
+        if options.update_map is not None:
+            from executive.belief.map_updating import MapUpdate
+
+            update = MapUpdate(self._belief, {options.environment, *options.additions}, found)
+            self.listeners.append(update)
+            self._files.append((options.update_map, update.save))
+
+    def save(self) -> None:
+        """Write the files, each whole or not at all."""
+        for path, save in self._files:
+            write_complete(path, save)
+
+
+class WatchedWorld:
+    """A world that others look at before the first step and after every one."""
+
+    def __init__(self, world: PyBulletWorld, watchers: Sequence[Callable[[PyBulletWorld], None]]) -> None:
+        self.world, self.watchers, self.rate = world, watchers, world.rate
+        self._show()
+
+    def step(self) -> None:
+        self.world.step()
+        self._show()
+
+    def _show(self) -> None:
+        for watcher in self.watchers:
+            watcher(self.world)
+
+
+def bodies_of(bound: Mapping[str, Bound], belief: Belief, truth: PyBulletWorld) -> Iterator[str]:
+    """Yield the bodies that the plan's parameters mean, as far as there are any."""
+    for what in (one for value in bound.values() for one in things_of(value)):
+        try:
+            name = belief.bind(what, truth.configuration().base)
+        except PlanFailure:
+            continue
+        if name in truth.names():
+            yield name

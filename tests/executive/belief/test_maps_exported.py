@@ -1,0 +1,127 @@
+"""Maps written in Manchester syntax and read again are the same world: real ones, bundled ones, generated ones."""
+
+from pathlib import Path
+
+import pytest
+from hypothesis import Phase, given, settings
+from hypothesis import strategies as st
+
+from executive.belief import read_map, scene_of
+from executive.belief.measures import EXTENTS
+from planlang.diagnostics import BadInput, Severity
+from planlang.files import bundled
+from planlang.ontology import load
+from planlang.ontology.convert import Target, convert
+from sim import Body, Scene
+
+CORPUS = Path(__file__).parents[4] / "shared" / "corpus"
+REAL = tuple(
+    sorted(f"{folder}/{path.name}" for folder in ("environments", "objects") for path in CORPUS.glob(f"{folder}/*"))
+)
+CENTIMETRES = ('"35"^^unit:Centimeter', '"1.5"^^unit:Foot')
+HEADER = """
+Prefix: : <http://example.org/map.owl#>
+Prefix: knowrob: <http://knowrob.org/kb/knowrob.owl#>
+Prefix: unit: <http://qudt.org/vocab/unit#>
+Ontology: <http://example.org/map.owl>
+"""
+BUNDLED = tuple(sorted(path.name for path in (bundled("ontologies") / "environments").glob("*.omn")))
+
+
+def world(path: Path) -> Scene | list[str]:
+    """The world of a map, with imports found among the real ontologies; the codes of errors if it is none."""
+    try:
+        return scene_of(read_map(load(path, folders=[CORPUS / "ontologies"])))
+    except BadInput as problem:
+        return sorted(one.code for one in problem.diagnostics if one.severity is Severity.ERROR)
+
+
+def told(body: Body) -> tuple[object, ...]:
+    """What a map says of a body, beside its pose."""
+    return (body.name, body.size, body.shape, body.iri, body.type, body.movable, body.wall, body.soft, body.centre)
+
+
+def check_same(before: Scene, after: Scene) -> None:
+    """Bodies, joints and controls are the same, whatever the order of the file."""
+    assert sorted(map(told, before.bodies), key=str) == sorted(map(told, after.bodies), key=str)
+    again = {body.name: body for body in after.bodies}
+    for body in before.bodies:
+        assert body.pose == again[body.name].pose, body.name
+        assert body.handles == again[body.name].handles
+    assert sorted(before.joints, key=str) == sorted(after.joints, key=str)
+    assert sorted(before.controls, key=str) == sorted(after.controls, key=str)
+    assert (before.bounds, before.rules) == (after.bounds, after.rules)
+
+
+def check_export(path: Path, folder: Path, target: Target = Target.MANCHESTER) -> None:
+    """A map, exported beside what it names, is the same world."""
+    converted = convert(path, target)
+    exported = folder / "exported.omn"
+    exported.write_text(converted.text, encoding="utf-8")
+    before, after = world(path), world(exported)
+    if isinstance(before, Scene) and isinstance(after, Scene):
+        check_same(before, after)
+    else:
+        assert before == after == ["M009"]
+
+
+@pytest.mark.parametrize("name", REAL or ["none"])
+def test_a_real_map_or_model_is_the_same_world_when_exported(corpus: Path, name: str, tmp_path: Path) -> None:
+    check_export(corpus / name, tmp_path)
+
+
+@pytest.mark.parametrize("name", BUNDLED)
+def test_a_bundled_map_is_the_same_world_when_exported(name: str, tmp_path: Path) -> None:
+    check_export(bundled("ontologies") / "environments" / name, tmp_path)
+
+
+# Generated
+
+COORDINATE = st.integers(-400, 400).map(lambda number: number / 100)
+LENGTH = st.one_of(st.integers(1, 300).map(lambda number: f"{number / 100}"), st.sampled_from(CENTIMETRES))
+CLASSES = ("Cup", "Cabinet-PieceOfFurniture", "Table-PieceOfFurniture", "Door", "Drawer", "Handle", "Person", "Nothing")
+QUATERNIONS = ("0 0 0 1", "0 0 1 0", "0.5 0.5 0.5 0.5", "0 0 0.6 0.8", "1 0 0 0.1", "0 0 0 0")
+
+
+@st.composite
+def maps(draw: st.DrawFn) -> str:
+    """A map of a few things: sizes with and without units, perceptions, relative poses, parts, joints, bad numbers."""
+    names = draw(st.lists(st.sampled_from(["one", "two", "three-3", "four_4", "five.5"]), min_size=1, unique=True))
+    frames, free = [HEADER], dict.fromkeys(names)  # a thing is a part of one other at most
+    for number, name in enumerate(names):
+        facts = [f"knowrob:{extent} {draw(LENGTH)}" for extent in EXTENTS if draw(st.integers(0, 9))]
+        left = [one for one in names[number + 1 :] if one in free]
+        parts = draw(st.lists(st.sampled_from(left), unique=True)) if left else []
+        free = {one: None for one in free if one not in parts}
+        facts += [f"knowrob:properPhysicalParts :{part}" for part in parts]
+        if draw(st.integers(0, 5)) == 0:
+            facts.append(f"knowrob:jointPosition {draw(st.sampled_from(['0.1', '-3', '99']))}")
+        frames.append(individual(f":{name}", draw(st.sampled_from(CLASSES)), ["knowrob:describedInMap :map1", *facts]))
+        for count in range(draw(st.integers(0, 2))):
+            pose, (x, y, z) = f"pose_{number}_{count}", draw(st.tuples(*3 * [COORDINATE]))
+            stated = [
+                f'knowrob:translation "{x} {y} {z}"',
+                f'knowrob:quaternion "{draw(st.sampled_from(QUATERNIONS))}"',
+            ]
+            if number and draw(st.booleans()):
+                stated.append(f"knowrob:relativeTo :{draw(st.sampled_from(names[:number]))}")
+            frames.append(individual(f":{pose}", "RotationMatrix3D", stated))
+            seen = [f"knowrob:objectActedOn :{name}", f"knowrob:eventOccursAt :{pose}"]
+            if draw(st.booleans()):
+                seen.append(f"knowrob:startTime :timepoint_{draw(st.integers(0, 9))}")
+            frames.append(individual(f":seen_{number}_{count}", "SemanticMapPerception", seen))
+    return "\n".join(frames)
+
+
+def individual(name: str, cls: str, facts: list[str]) -> str:
+    return f"Individual: {name}\n    Types: knowrob:{cls}\n    Facts: {', '.join(facts)}\n"
+
+
+@settings(max_examples=60, deadline=None, phases=[Phase.explicit, Phase.reuse, Phase.generate])
+@given(text=maps(), target=st.sampled_from([*Target]))
+def test_a_generated_map_is_the_same_world_when_exported(
+    text: str, target: Target, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    folder = tmp_path_factory.mktemp("generated")
+    (folder / "map.omn").write_text(text, encoding="utf-8")
+    check_export(folder / "map.omn", folder, target)
