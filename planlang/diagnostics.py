@@ -366,6 +366,7 @@ CODES: dict[str, str] = {
     "K042": "the file of a recognition model is not with it: the model is left out",
     "K043": "a key was sent over a network without TLS",
     "K044": "an endpoint or a storage that a server stands on does not answer",
+    "K045": "a server has more entries for a need than are looked at",
     "K080": "a narrative tells of no episode, or contradicts itself",
     "K081": "a log of poses is none, or of another run than the trace",
 }
