@@ -30,8 +30,6 @@ SURE = 3
 """So many times more things must be at one place after a transformation than without it."""
 MOST_TRIED = 200
 """Transformations that are compared."""
-Transformation = Pose
-"""The pose of one frame in another."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +57,7 @@ class MapSource:
             placed[names.get(iri, iri)] = replace(one, thing=names.get(iri, iri), relative_to=parent)
         return replace(self, statements=statements, placed=placed)
 
-    def moved(self, way: Transformation) -> MapSource:
+    def moved(self, way: Pose) -> MapSource:
         """Return the source in another frame, in which its own has this pose: things, files, directions of joints."""
         poses = PosesOfThings(self.map.ontology, [])
         files = {iri: Placement(iri, poses.pose(iri) or _HERE) for iri in _maps_with_files(self.map.ontology)}
@@ -124,7 +122,7 @@ def _anchors(source: MapSource) -> dict[str, Pose]:
     return anchors
 
 
-def _as_stated(first: MapSource, source: MapSource) -> Transformation | None:
+def _as_stated(first: MapSource, source: MapSource) -> Pose | None:
     """Return the pose of a map's frame in the first map's by what they state; None if they do not."""
     ours, theirs = _anchors(first), _anchors(source)
     parents = [parent for one in (first, source) for _, parent, _ in _frames(one.map.ontology) if parent is not None]
@@ -153,7 +151,7 @@ def are_related(a: MapObject, b: MapObject, ontology: Ontology) -> bool:
     return any(ontology.is_a(x, y) or ontology.is_a(y, x) for x in kinds[0] for y in kinds[1])
 
 
-def _by_things(common: Sequence[tuple[Pose, Pose]]) -> tuple[Transformation | None, int]:
+def _by_things(common: Sequence[tuple[Pose, Pose]]) -> tuple[Pose | None, int]:
     """Return the transformation by which most things are at one place in both maps, and how many these are.
 
     None if that is no transformation at all, or too few are: things move, and some may have moved together.
@@ -170,7 +168,7 @@ def _by_things(common: Sequence[tuple[Pose, Pose]]) -> tuple[Transformation | No
     return Pose.from_matrix(rigid(rotation, ours - rotated(rotation, theirs))), most
 
 
-def _places(common: Sequence[tuple[Pose, Pose]], way: Transformation) -> set[tuple[int, ...]]:
+def _places(common: Sequence[tuple[Pose, Pose]], way: Pose) -> set[tuple[int, ...]]:
     """Return the places, in cells, of the things that are at one place in both maps after a transformation."""
     at = (ours.position for ours, theirs in common if _is_near(ours, way @ theirs))
     return {tuple(round(one / NEAR) for one in position) for position in at}
@@ -222,7 +220,7 @@ def _maps_with_files(ontology: Ontology) -> list[str]:
     return [iri for iri in ontology.individuals(expand("Map")) if any(ontology.said(iri, "linkToMapFile"))]
 
 
-def _turned(triple: Triple, way: Transformation, ontology: Ontology) -> Triple:
+def _turned(triple: Triple, way: Pose, ontology: Ontology) -> Triple:
     """Return a statement about a vector of the map in another frame."""
     axis = _AXES.get(local_name(triple.predicate))
     parts = [stated(ontology, str(triple.subject), name) for name in _AXES]
