@@ -259,7 +259,7 @@ CODES: dict[str, str] = {
     "M024": "an occupancy grid, points or an octree cannot be read; its obstacles are left out",
     "M025": "a file of a map is not here, or of a kind that is not read",
     "M026": "a thing has parts, or their poses, from the model of its class",
-    "M027": "a map that is merged is in another frame; it is moved",
+    "M027": "a map is in another frame than the first; `planlang merge` moves it",
     "M028": "nothing tells how the frames of maps that are merged lie to each other",
     "M029": "rooms are connected, and nothing says where; a doorway is assumed, or there is no way",
     "M030": "a number is in a unit of another dimension, or in an unknown one",
@@ -366,6 +366,7 @@ CODES: dict[str, str] = {
     "K042": "the file of a recognition model is not with it: the model is left out",
     "K043": "a key was sent over a network without TLS",
     "K044": "an endpoint or a storage that a server stands on does not answer",
+    "K045": "a server has more entries for a need than are looked at",
     "K080": "a narrative tells of no episode, or contradicts itself",
     "K081": "a log of poses is none, or of another run than the trace",
 }

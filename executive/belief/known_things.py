@@ -91,6 +91,10 @@ class KnownThings:
         """Return how far a door or drawer is believed to be open [rad, m]; 0 is closed."""
         return self._values[leaf]
 
+    def is_left_open(self, leaf: str) -> bool:
+        """Return whether a door or drawer is believed to be open, be it a little; knobs open nothing."""
+        return not (self.joints[leaf].is_knob or self.joints[leaf].is_shut(self._values[leaf]))
+
     def names(self) -> tuple[str, ...]:
         """Return the names of all things with a place, in the order of the map, then of obstacles that were felt."""
         return tuple(name for name in self._poses if name not in self._absent)

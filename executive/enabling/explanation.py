@@ -58,7 +58,8 @@ class Explanation:
             for one in found:
                 yield f"  {', '.join(one.entries) or 'without entries'}: {'; '.join(self._lacking(one))}"
         if found and (unread := sum(self.enabling.unread.values())):
-            yield f"{unread} entries were not looked at, as {self.enabling.stock.limit} have been read: --limit N"
+            limit = self.enabling.stock.limit
+            yield f"that is not sure: of what could be had {unread} were not looked at, as {limit} were (--limit)"
 
     def _lacking(self, alternative: Alternative) -> Iterator[str]:
         robot, url = self.enabling.robot.robot, self.enabling.url
@@ -108,9 +109,9 @@ class Explanation:
         refused += [_entry(uid, reason) for uid, reason in self.enabling.refused.get(need, {}).items()]
         yield from refused[:MOST_REFUSED]
         if len(refused) > MOST_REFUSED:
-            yield _entry(f"{len(refused) - MOST_REFUSED} more", "refused, too")
+            yield _entry(f"... and {len(refused) - MOST_REFUSED} more", "refused, too")
         if unread := self.enabling.unread.get(need):
-            yield _entry(f"{unread} more", f"not looked at: {self.enabling.stock.limit} have been read (--limit)")
+            yield _entry(f"... and {unread} more", f"not looked at, as {self.enabling.stock.limit} were (--limit)")
 
     def _refused(self, answer: Answer) -> Iterator[Finding]:
         for offer, lacking in answer.considered:

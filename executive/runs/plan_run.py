@@ -20,7 +20,7 @@ from executive.robots.arms import with_carrying
 from executive.runs.assembly import RobotExecutive, platform_of, real_scene, world_at_start
 from executive.runs.final_state import state_lines
 from executive.runs.importing import import_plan, line_in
-from executive.runs.in_hands import in_hands, take
+from executive.runs.in_hands import InHand, in_hands, take
 from executive.runs.options import Outcome, RunOptions, RunResult
 from executive.runs.parameters import Bound, bound_parameters, not_in_map, plan_parameters, things_of, unknown_things
 from executive.runs.plan_files import (
@@ -157,7 +157,7 @@ class Run:
         options.announce(found)
         if self._lacks(assessment):
             return self._refused(assessment.missing)
-        platform, truth = self._assembled(asked, robot, given)
+        platform, truth = self._assembled(asked, robot, given, held)
         executive = RobotExecutive(platform, self._modules)
         take(platform, truth, held)
         platform.scene.collisions.prepare()
@@ -226,11 +226,11 @@ class Run:
         return [note("X013", f"{robot.name} has no camera to look for things", help=advice)]
 
     def _assembled(
-        self, asked: _Asked, robot: Robot, given: tuple[GivenPart, ...] | None
+        self, asked: _Asked, robot: Robot, given: tuple[GivenPart, ...] | None, held: Sequence[InHand]
     ) -> tuple[Platform, PyBulletWorld]:
         """Return the robot among what it believes, and the world as it is, which closes with the run."""
         options = self.options
-        believed = world_at_start(asked.scene, robot, options.start, self._stack)
+        believed = world_at_start(asked.scene, robot, options.start, self._stack, held)
         real = real_scene(believed.scene, options.seed, believed)
         real = replace(real, start=believed.scene.start) if robot.base.fixed else real
         truth = PyBulletWorld(real, robot.body(), gui=options.gui, seed=options.seed)
