@@ -236,7 +236,7 @@ def _from_entries(ontology: Ontology, iri: str, found: list[Diagnostic]) -> Arra
 
 
 def _from_quaternion(ontology: Ontology, iri: str, found: list[Diagnostic]) -> Array | None:
-    values = {"quaternion": (0.0, 0.0, 0.0, 1.0)}
+    values: dict[str, tuple[float, ...]] = {"quaternion": (0.0, 0.0, 0.0, 1.0)}
     for name, count in (("translation", 3), ("quaternion", 4)):
         triple = stated(ontology, iri, name)
         if triple is None and name in values:
