@@ -383,16 +383,16 @@ class TooHeavy(LocationUnresolvable):
 
 @dataclass(eq=False, repr=False)
 class HandsLacking(LocationUnresolvable):
-    """The thing to be grasped takes more hands than are free: ``needed`` and ``hands`` are their numbers."""
+    """The thing to be grasped takes more hands than are there for it: ``needed`` and ``hands`` are their numbers."""
 
     what: str | None = field(default=None, kw_only=True)
     needed: int = field(default=2, kw_only=True)
     hands: int = field(default=0, kw_only=True)
 
     def describe(self) -> str:
-        """``no place found: tray1 takes 2 hands, 1 is free``."""
-        free = "1 is" if self.hands == 1 else f"{self.hands} are"
-        return f"{self.text}: {self.what} takes {self.needed} hands, {free} free"
+        """``no place found: DESIGNATOR: tray1 takes 2 hands, 1 is there for it``."""
+        there = "1 is" if self.hands == 1 else f"{self.hands} are"
+        return f"{self.text}: {self.designator}: {self.what} takes {self.needed} hands, {there} there for it"
 
 
 class ObjectUnresolvable(DesignatorFailure):

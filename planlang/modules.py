@@ -132,7 +132,7 @@ class ModuleRegistry:
     def add(self, module: ModuleType, origin: str, rank: Rank) -> int:
         """Register the marked classes that a Python module or package defines; return how many there are."""
         found = list(_marked(module))
-        self._registered += [Registered(cls, tuple(cls.actions), f"{cls.__name__} of {origin}", rank) for cls in found]
+        self._registered += [_registered(cls, origin, rank) for cls in found]
         return len(found)
 
     def add_on_demand(self, module: OnDemand, origin: str, rank: Rank) -> None:
@@ -158,9 +158,7 @@ class ModuleRegistry:
                 message = f"the entry point {entry.name} of {package} names no process module: {entry.value}"
                 raise BadInput([error("X011", message, help=_ADVICE)])
             for cls in classes:
-                self._registered.append(
-                    Registered(cls, tuple(cls.actions), f"{cls.__name__} of {package}", Rank.INSTALLED)
-                )
+                self._registered.append(_registered(cls, package, Rank.INSTALLED))
             self.identity[f"{GROUP}: {entry.name}"] = package
 
     def resolve(self, found: list[Diagnostic]) -> tuple[Callable[[Any], ProcessModule], ...]:
@@ -182,6 +180,10 @@ class ModuleRegistry:
         if problems:
             raise BadInput(problems)
         return tuple(one.factory for one in ordered)
+
+
+def _registered(cls: Any, origin: str, rank: Rank) -> Registered:
+    return Registered(cls, tuple(cls.actions), f"{cls.__name__} of {origin}", rank, hasattr(cls, "performs"))
 
 
 def _marked(module: ModuleType) -> Iterator[Any]:

@@ -282,10 +282,15 @@ class _Reader:
         return None
 
     def _parts(self, thing: MapObject) -> list[MapObject]:
-        """Return the parts of a thing, and theirs, down to :data:`DEEPEST` levels."""
+        """Return the parts of a thing, and theirs, down to :data:`DEEPEST` levels; in a level in the order of names.
+
+        Of several handles one is chosen: which one does not depend on the order of a file, which syntaxes change.
+        """
         found, level = {thing.iri: thing}, [thing]
         for _ in range(DEEPEST):
-            below = (self.things[iri] for one in level for iri in one.parts if iri in self.things)
+            below = (
+                self.things[iri] for iri in sorted({iri for one in level for iri in one.parts} & self.things.keys())
+            )
             level = list({one.iri: one for one in below if one.iri not in found}.values())
             found |= {one.iri: one for one in level}
         parts = list(found.values())[1:]

@@ -13,7 +13,7 @@ from executive.belief.class_names import is_kind
 from executive.belief.contents import is_content
 from executive.belief.knowledge import Grip, Knowledge, Source
 from executive.belief.obstacles import NAMES
-from executive.belief.recognition import Recognition
+from executive.belief.recognition import VISION, Recognition
 from executive.belief.semantic_map import MapObject, SemanticMap
 from planlang.designators import Object
 from planlang.failures import AmbiguousPerception, ObjectUnresolvable
@@ -90,6 +90,10 @@ class KnownThings:
     def joint(self, leaf: str) -> float:
         """Return how far a door or drawer is believed to be open [rad, m]; 0 is closed."""
         return self._values[leaf]
+
+    def is_left_open(self, leaf: str) -> bool:
+        """Return whether a door or drawer is believed to be open, be it a little; knobs open nothing."""
+        return not (self.joints[leaf].is_knob or self.joints[leaf].is_shut(self._values[leaf]))
 
     def names(self) -> tuple[str, ...]:
         """Return the names of all things with a place, in the order of the map, then of obstacles that were felt."""
@@ -221,6 +225,8 @@ class KnownThings:
         return is_kind(self.map.ontology, one, cls)
 
     def recognises(self, name: str) -> bool:
-        """Return whether a thing would be recognised in a picture."""
-        thing = self.map.find(name) or self.made.get(name)
-        return thing is None or self.recognition.recognises(thing)
+        """Return whether a thing would be recognised in a picture; what was made here is known without a model."""
+        thing = self.map.find(name)
+        if thing is None:
+            return name not in self.made or self.recognition.runs(VISION)
+        return self.recognition.recognises(thing)

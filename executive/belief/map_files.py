@@ -86,7 +86,7 @@ def _boxes(path: Path, frame: Pose, bodies: Sequence[Body], found: list[Diagnost
 
 def _of_grid(path: Path) -> OccupiedSpace:
     grid = read_grid(path)
-    return OccupiedSpace(grid.centres(grid.occupied), grid.resolution, height=grid.height, frame=grid.frame)
+    return OccupiedSpace(grid.centres(), grid.resolution, height=grid.height, frame=grid.frame)
 
 
 def _of_points(path: Path) -> OccupiedSpace:

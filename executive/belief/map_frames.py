@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from executive.belief.map_statements import Placement, decimal, number
+from executive.belief.map_statements import Placement, decimal, facts_of, number
 from executive.belief.measures import length, read_transform, stated
 from executive.belief.semantic_map import MapObject, PosesOfThings, SemanticMap
 from planlang.designators import local_name
@@ -30,8 +30,6 @@ SURE = 3
 """So many times more things must be at one place after a transformation than without it."""
 MOST_TRIED = 200
 """Transformations that are compared."""
-Transformation = Pose
-"""The pose of one frame in another."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +57,7 @@ class MapSource:
             placed[names.get(iri, iri)] = replace(one, thing=names.get(iri, iri), relative_to=parent)
         return replace(self, statements=statements, placed=placed)
 
-    def moved(self, way: Transformation) -> MapSource:
+    def moved(self, way: Pose) -> MapSource:
         """Return the source in another frame, in which its own has this pose: things, files, directions of joints."""
         poses = PosesOfThings(self.map.ontology, [])
         files = {iri: Placement(iri, poses.pose(iri) or _HERE) for iri in _maps_with_files(self.map.ontology)}
@@ -124,7 +122,7 @@ def _anchors(source: MapSource) -> dict[str, Pose]:
     return anchors
 
 
-def _as_stated(first: MapSource, source: MapSource) -> Transformation | None:
+def _as_stated(first: MapSource, source: MapSource) -> Pose | None:
     """Return the pose of a map's frame in the first map's by what they state; None if they do not."""
     ours, theirs = _anchors(first), _anchors(source)
     parents = [parent for one in (first, source) for _, parent, _ in _frames(one.map.ontology) if parent is not None]
@@ -153,7 +151,7 @@ def are_related(a: MapObject, b: MapObject, ontology: Ontology) -> bool:
     return any(ontology.is_a(x, y) or ontology.is_a(y, x) for x in kinds[0] for y in kinds[1])
 
 
-def _by_things(common: Sequence[tuple[Pose, Pose]]) -> tuple[Transformation | None, int]:
+def _by_things(common: Sequence[tuple[Pose, Pose]]) -> tuple[Pose | None, int]:
     """Return the transformation by which most things are at one place in both maps, and how many these are.
 
     None if that is no transformation at all, or too few are: things move, and some may have moved together.
@@ -170,7 +168,7 @@ def _by_things(common: Sequence[tuple[Pose, Pose]]) -> tuple[Transformation | No
     return Pose.from_matrix(rigid(rotation, ours - rotated(rotation, theirs))), most
 
 
-def _places(common: Sequence[tuple[Pose, Pose]], way: Transformation) -> set[tuple[int, ...]]:
+def _places(common: Sequence[tuple[Pose, Pose]], way: Pose) -> set[tuple[int, ...]]:
     """Return the places, in cells, of the things that are at one place in both maps after a transformation."""
     at = (ours.position for ours, theirs in common if _is_near(ours, way @ theirs))
     return {tuple(round(one / NEAR) for one in position) for position in at}
@@ -215,6 +213,26 @@ def _named_frames(source: MapSource) -> set[str]:
     return {str(t.object) for t in relative if t.object in maps}
 
 
+# Relative to what only another map places
+
+
+def completed(source: MapSource, known: Mapping[str, Placement]) -> MapSource:
+    """Return a map with the placements of things that are stated relative to what only other maps place."""
+    ontology, found = source.map.ontology, dict[str, Placement]()
+    times = {one.event: one.time for seen in PosesOfThings(ontology, []).places.values() for one in seen}
+    stated_at = [(str(t.subject), str(t.object)) for t in source.statements if t.predicate == expand("eventOccursAt")]
+    places, acted = dict(stated_at), expand("objectActedOn")
+    parents = {t.subject: str(t.object) for t in source.statements if t.predicate == expand("relativeTo")}
+    for triple in (t for t in source.statements if t.predicate == acted and t.object not in source.placed):
+        thing, event = str(triple.object), str(triple.subject)
+        parent, time = parents.get(places.get(event, ""), ""), times.get(event, -math.inf)
+        matrix = read_transform(ontology, places[event], []) if parent in known else None
+        if matrix is not None and (thing not in found or time >= found[thing].time):
+            facts = tuple(facts_of(ontology, event))
+            found[thing] = Placement(thing, known[parent].pose @ Pose.from_matrix(matrix), time, parent, facts)
+    return replace(source, placed=source.placed | found)
+
+
 # In another frame
 
 
@@ -222,7 +240,7 @@ def _maps_with_files(ontology: Ontology) -> list[str]:
     return [iri for iri in ontology.individuals(expand("Map")) if any(ontology.said(iri, "linkToMapFile"))]
 
 
-def _turned(triple: Triple, way: Transformation, ontology: Ontology) -> Triple:
+def _turned(triple: Triple, way: Pose, ontology: Ontology) -> Triple:
     """Return a statement about a vector of the map in another frame."""
     axis = _AXES.get(local_name(triple.predicate))
     parts = [stated(ontology, str(triple.subject), name) for name in _AXES]

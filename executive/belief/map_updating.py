@@ -139,7 +139,7 @@ def _with_joint(statements: list[Triple], leaf: str, belief: Belief) -> list[Tri
     if not any(ontology.triples(iri, expand("direction"))):
         facts.append(("direction", f"{iri}_direction"))
     statements = [t for t in statements if t.subject not in (iri, thing.iri) or t.predicate != expand("jointPosition")]
-    if not joint.is_shut(belief.joint(leaf)):
+    if belief.is_left_open(leaf):
         facts.append(("jointPosition", decimal(belief.joint(leaf))))
     if joint.kind is JointKind.HINGED:
         statements = [t for t in statements if t.subject != iri or t.predicate != expand("turnRadius")]

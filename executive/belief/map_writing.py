@@ -18,7 +18,7 @@ MAP = "http://planlang.org/kb/uploaded_map.owl"
 def map_text(belief: Belief) -> str:
     """Return the things that are believed to be somewhere, with classes, sizes, poses and parts, rooms included.
 
-    Doors and drawers are written closed, as maps are read.
+    Doors, drawers and what lies in them are written where they are when closed, with how far they are open.
     """
     placed = set(belief.names())
     things = [(thing, belief.closed_pose(thing.name)) for thing in belief.things if thing.name in placed]
@@ -29,7 +29,7 @@ def map_text(belief: Belief) -> str:
     lines += ["", "Individual: map", "    Types: knowrob:SemanticEnvironmentMap"]
     written = {thing.iri for thing, _ in things}
     for number, (thing, pose) in enumerate(things, 1):
-        lines += ["", *_thing(thing, number, written), "", *_pose(number, pose)]
+        lines += ["", *_thing(thing, number, written, belief), "", *_pose(number, pose)]
     return "\n".join(lines) + "\n"
 
 
@@ -40,7 +40,7 @@ def _handles(whole: MapObject, pose: Pose, belief: Belief) -> Iterator[tuple[Map
             yield part, pose @ whole.pose.inverse() @ part.pose
 
 
-def _thing(thing: MapObject, number: int, written: set[str]) -> Iterator[str]:
+def _thing(thing: MapObject, number: int, written: set[str], belief: Belief) -> Iterator[str]:
     yield f"Individual: <{thing.iri or f'{MAP}#{thing.name}'}>"
     classes = [cls for cls in thing.types if not cls.endswith("#NamedIndividual")]
     if classes:
@@ -48,6 +48,8 @@ def _thing(thing: MapObject, number: int, written: set[str]) -> Iterator[str]:
     facts = ["knowrob:describedInMap map", f"knowrob:orientation pose_{number}"]
     facts += [f"knowrob:{name} {shown(value)}" for name, value in zip(EXTENTS, thing.size or (), strict=False)]
     facts += [f"knowrob:properPhysicalParts <{part}>" for part in thing.parts if part in written]
+    if thing.name in belief.joints and belief.is_left_open(thing.name):
+        facts.append(f"knowrob:jointPosition {shown(belief.joint(thing.name))}")
     yield "    Facts:"
     yield from (f"        {fact}{',' if fact is not facts[-1] else ''}" for fact in facts)
 

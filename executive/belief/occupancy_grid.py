@@ -41,12 +41,10 @@ _HEADER = re.compile(rb"(P[25])" + 3 * (_SPACE + rb"(\d{1,6})") + rb"\s")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OccupancyGrid:
-    """The content of each cell of a grid; row 0 is that of the smallest y, in the grid's own frame."""
+    """The occupied cells of a grid; the others are free or unknown."""
 
     occupied: Cells
-    """Cells (rows, columns) that something is in."""
-    free: Cells
-    """Cells (rows, columns) that are known to be free; the others are unknown."""
+    """Mask (rows, columns) of the cells that something is in; row 0 is that of the smallest y in the grid's frame."""
     resolution: float
     """Length of a cell [m]."""
     origin: tuple[float, float, float]
@@ -59,9 +57,9 @@ class OccupancyGrid:
         """The grid's frame in the map."""
         return Pose.planar(*self.origin)
 
-    def centres(self, cells: Cells) -> Array:
-        """Return the middles (n, 3) of some cells (rows, columns) in the grid's frame, on the floor [m]."""
-        rows, columns = np.nonzero(cells)
+    def centres(self) -> Array:
+        """Return the middles (n, 3) of the occupied cells in the grid's frame, on the floor [m]."""
+        rows, columns = np.nonzero(self.occupied)
         return np.stack([columns + 0.5, rows + 0.5, 0.0 * rows], axis=-1) * self.resolution
 
 
@@ -93,13 +91,12 @@ def read_grid(path: Path) -> OccupancyGrid:
     chance = raw / 100 if mode == "raw" else shares if number("negate", 0.0) else 1.0 - shares
     most = number("occupied_thresh", 0.65)
     occupied = (chance > most) & ((raw <= 100) if mode == "raw" else True)
-    free = chance < number("free_thresh", 0.196)
     text, line = entries.get("origin", ("", 1))
     words = text.strip("[]").replace(",", " ").split()
     if len(words) != 3:
         raise _bad(f"the origin is x, y and yaw, not {text[:80]!r}", path, line)
     x, y, yaw = (_number(word, "origin", Span(str(path), line)) for word in words)
-    return OccupancyGrid(occupied[::-1], free[::-1], resolution, (x, y, yaw), height)
+    return OccupancyGrid(occupied[::-1], resolution, (x, y, yaw), height)
 
 
 def _entries(path: Path) -> dict[str, tuple[str, int]]:

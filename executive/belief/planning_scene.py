@@ -242,9 +242,10 @@ class RobotArms:
                     return Held(name, hand.offset, self._world.size(name), limit if upright else None)
         return None
 
-    def together(self, arm: str) -> bool:
-        """Return whether the arm holds something with another one: neither can move without the other."""
-        return any(arm in grip.arms and grip.others for grip in self._belief.held.values())
+    def mates(self, arm: str) -> list[ArmModel]:
+        """Return the arms that hold something together with one: none of them can move without the others."""
+        names = {name for grip in self._belief.held.values() if arm in grip.arms for name in grip.arms} - {arm}
+        return [one for one in self.all if one.name in names]
 
     def is_held(self, body: str) -> bool:
         """Return whether one of the hands holds a body."""

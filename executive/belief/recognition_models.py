@@ -14,10 +14,12 @@ from pathlib import Path
 from executive.robots import Robot
 from executive.robots.robot import Part
 from planlang.designators import local_name
-from planlang.diagnostics import BadInput, Diagnostic, Span, error
+from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
 from planlang.files import SUFFIXES
 from planlang.ontology import Literal, Ontology, expand, load
+from planlang.ontology.terms import OWL
 
+_UNRECOGNISED = tuple(map(expand, ("Place-NonAgent", "SpaceInAHOC", "HumanOccupationConstruct", "AnimalBodyPart")))
 MOST_FILES = 1000
 """Ontologies of a folder that are read."""
 _MODEL, _PROVIDES = expand("ObjectRecognitionModel"), expand("providesModelFor")
@@ -36,8 +38,13 @@ class GivenPart:
     span: Span | None
 
 
-def read_given_parts(folders: Iterable[Path], imports: Sequence[Path] = ()) -> tuple[GivenPart, ...]:
-    """Return what the ontologies of some folders, and of those in them, describe. Raises BadInput."""
+def read_given_parts(
+    folders: Iterable[Path], imports: Sequence[Path], notes: list[Diagnostic]
+) -> tuple[GivenPart, ...]:
+    """Return what the ontologies of some folders, and of those in them, describe. Raises BadInput.
+
+    Appends a warning for each recognition model that is left out, as its file is not beside its ontology.
+    """
     problems: list[Diagnostic] = []
     found: dict[str, GivenPart] = {}
     for folder in folders:
@@ -51,7 +58,7 @@ def read_given_parts(folders: Iterable[Path], imports: Sequence[Path] = ()) -> t
         files = sorted(path for path in inside if path.is_file() and path.name.endswith(SUFFIXES))
         for path in files[:MOST_FILES]:
             try:
-                found.update((one.iri, one) for one in _parts(load(path, folders=imports)))
+                found.update((one.iri, one) for one in _parts(load(path, folders=imports), path.parent, notes))
             except BadInput as problem:
                 problems += problem.diagnostics
     if problems:
@@ -59,13 +66,18 @@ def read_given_parts(folders: Iterable[Path], imports: Sequence[Path] = ()) -> t
     return tuple(found.values())
 
 
-def _parts(ontology: Ontology) -> Iterator[GivenPart]:
+def _parts(ontology: Ontology, folder: Path, notes: list[Diagnostic]) -> Iterator[GivenPart]:
     """Yield what the main document describes."""
     stated = dict.fromkeys(triple.subject for triple in ontology.alone().triples() if isinstance(triple.subject, str))
     for iri in stated:
         types = ontology.types(iri)
         classes = frozenset(above for cls in types for above in (cls, *ontology.ancestors(cls)))
         if not classes.isdisjoint(_KNOWLEDGE):
+            lacking = [name for name in model_files(ontology, iri) if not (folder / name).is_file()]
+            if lacking:
+                message = f"the recognition model {local_name(iri)} is left out: {', '.join(lacking)} is not beside it"
+                notes.append(warning("K042", message, ontology.span(iri), "planlang enable takes both"))
+                continue
             targets = ontology.values(iri, _PROVIDES, subproperties=True) if _MODEL in classes else ()
             yield GivenPart(iri, classes, tuple(one for one in targets if isinstance(one, str)), ontology.span(iri))
 
@@ -74,6 +86,19 @@ def with_given_parts(robot: Robot, given: Iterable[GivenPart]) -> Robot:
     """Return a robot that has models, programs and maps beside the parts of its self-model."""
     parts = (Part(local_name(one.iri), one.classes, None, one.span) for one in given)
     return replace(robot, parts=(*robot.parts, *parts))
+
+
+def needs_model(ontology: Ontology, types: Iterable[str]) -> bool:
+    """Return whether a thing of some classes is recognised by a model: not a place, nor a part of somebody's body.
+
+    Nor is anything, of which no class says more: whatever there is a model of will do.
+    """
+    return not any(is_anything(ontology, cls) or any(ontology.is_a(cls, one) for one in _UNRECOGNISED) for cls in types)
+
+
+def is_anything(ontology: Ontology, cls: str) -> bool:
+    """Return whether a class means no more than some thing."""
+    return cls == OWL.Thing or ontology.is_a(expand("EnduringThing-Localized"), cls)
 
 
 def model_files(ontology: Ontology, iri: str) -> tuple[str, ...]:

@@ -428,24 +428,25 @@ class SceneCollisions:
         self,
         group: ArmGroup,
         arms: Sequence[ArmModel],
+        base_link: Array,
         touches: frozenset[str] = frozenset(),
         gone: frozenset[str] = frozenset(),
     ) -> QuickCheck:
-        """Return a check, without PyBullet, of how arms may move together here; blades may go under what is thin.
+        """Return a check, without PyBullet, of how arms may move together; blades may go under what is thin.
 
-        ``touches``: the bodies that their hands may touch; ``gone``: those that are elsewhere by then.
+        ``base_link``: the pose (4, 4) of the robot's base link in the map from which they do; ``touches``: the bodies
+        that their hands may touch; ``gone``: those that are elsewhere by then.
         """
-        world, base_link = self._world, self._robot.base_link
-        names = tuple(arm.name for arm in arms)
+        world, names = self._world, tuple(arm.name for arm in arms)
         if names not in self._groups:
             tip = self._robot.arm(names[0]).tip
-            self._groups[names] = ArmShapes(world, links_of(world), group, base_link, tip)
-        bodies, base = self._groups[names].now(world), world.link_pose(base_link).matrix()
-        room = self._room().near(moved(base, bodies.centre), bodies.reach)
+            self._groups[names] = ArmShapes(world, links_of(world), group, self._robot.base_link, tip)
+        bodies = self._groups[names].now(world)
+        room = self._room().near(moved(base_link, bodies.centre), bodies.reach)
         if any(world.scene.body(name).blade for name in world.attached()):
             room = room.without([body.name for body in world.scene.bodies if body.thin])
         room = room.without(sorted(gone)) if gone else room
-        return bodies.against(base, room, (frozenset[str]().union(*(arm.hand_links for arm in arms)), touches))
+        return bodies.against(base_link, room, (frozenset[str]().union(*(arm.hand_links for arm in arms)), touches))
 
     def touching(
         self,

@@ -239,8 +239,8 @@ class MergeArguments(OntologyArguments, VerboseArguments):
 class MatchArguments(TaskArguments):
     """Check whether a robot has what a recipe requires, and say why.
 
-    The given ontologies are searched for what is missing. Exit code 0: the robot has it; 3: something is missing;
-    1: that is unknown. --task may name any action class, also one without sub-actions.
+    Exit code 0: the robot has it; 3: something is missing; 1: that is unknown. --task may name any action class, also
+    one without sub-actions. What is missing, planlang enable looks for.
     """
 
     recipe: Recipe
@@ -248,13 +248,6 @@ class MatchArguments(TaskArguments):
     urdf: Urdf = None
     modules: Modules = None
     trust: Trust = False
-    environment: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="MAP",
-            help="A semantic map, file or bundled name, that is also searched for what is missing; repeatable.",
-        ),
-    ] = None
     semantics: Annotated[Reading, typer.Option(help="How requirements are read; original: as KnowRob did.")] = (
         Reading.CLOSURE
     )

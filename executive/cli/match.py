@@ -2,26 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from executive.cli.arguments import MatchArguments
 from executive.cli.console import Answer, ExitCode
-from executive.cli.inputs import check_files, check_trusted, chosen, environments, programs, read_recipe_file, refuse
+from executive.cli.inputs import check_files, check_trusted, chosen, programs, read_recipe_file, refuse
 from executive.modules.bundled import performed_by
 from executive.robots import Semantics, bind_robot, match, possessions_of
-from executive.robots.matching import Matcher, Possessions
+from executive.robots.matching import Possessions
 from executive.robots.robot import claims_of, parts_of, read_self_model
-from executive.robots.tasks import with_remedies
 from planlang.diagnostics import BadInput, Diagnostic, Span, has_errors, note
 from planlang.files import Bundled
 from planlang.ontology import Ontology, expand, load
 from planlang.recipe import Actions, RecipeSet, read_recipe
 from planlang.recipe.reading import choose_task, named_action
-
-LARGEST_LIBRARY = 200
-"""Files of the ``--ontologies`` folders that are searched for missing things: more would take minutes."""
-
 
 EXIT_CODES = {True: ExitCode.DONE, False: ExitCode.MISSING_CAPABILITY, None: ExitCode.FAILED}
 """Exit codes by what is found: feasible, not, unknown."""
@@ -34,7 +29,6 @@ def command(arguments: MatchArguments) -> Answer:
     check_files(problems, urdf=arguments.urdf, modules=arguments.modules)
     check_trusted(problems, programs(file, arguments.modules), trust=arguments.trust)
     robot = chosen(Bundled.ROBOT, arguments.robot, "amigo" if file.is_bundled else None, problems)
-    maps = environments(arguments.environment, problems)
     refuse(problems)
     assert robot is not None
     folders, semantics = arguments.folders, Semantics(arguments.semantics.value)
@@ -44,9 +38,6 @@ def command(arguments: MatchArguments) -> Answer:
     performed = performed_by(arguments.modules or (), found)
     possessions = possessions_in(robot, arguments.urdf, folders, found)
     matched = match(ontology, task, possessions, semantics, performed)
-    if matched.feasible is not True and semantics is Semantics.CLOSURE:
-        knowledge = (ontology, *_knowledge(possessions, maps, folders))
-        matched = with_remedies(matched, Matcher(ontology, possessions), knowledge)
     code = ExitCode.BAD_INPUT if has_errors(found) else EXIT_CODES[matched.feasible]
     return Answer(code, tuple(found), "\n".join(matched.lines()), {"task": matched.tree.text, **matched.as_json()})
 
@@ -89,17 +80,3 @@ def possessions_in(robot: Path, urdf: Path | None, folders: Sequence[Path], foun
         return Possessions(model.name, parts_of(model), claims_of(model), model)
     found += bound.diagnostics
     return possessions_of(bound)
-
-
-def _knowledge(robot: Possessions, maps: Sequence[Path], folders: Sequence[Path]) -> Iterator[Ontology]:
-    """Yield the ontologies that are searched for missing things; those that cannot be read are left out."""
-    if robot.model is not None:
-        yield robot.model.ontology
-    if maps:
-        yield load(maps[0], folders=folders, also=maps[1:])
-    files = sorted(path for folder in folders for path in folder.iterdir() if path.is_file())
-    for path in files[:LARGEST_LIBRARY]:
-        try:
-            yield load(path, folders=folders)
-        except BadInput:
-            continue

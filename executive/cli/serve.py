@@ -27,31 +27,37 @@ def command(arguments: ServeArguments) -> Answer:
     if missing:
         message = f"the server needs packages that are not installed: {', '.join(missing).replace('_', '-')}"
         raise BadInput([error("K004", message, help="pip install 'planlang[serve]'")])
-    folders = arguments.folders
     store = _opened(arguments.store, arguments.contents)
     try:
         if arguments.new_key is not None or arguments.drop_keys is not None:
             return _keys(store, arguments)
-        from executive.serving.app import application
-        from executive.serving.rates import Rates
-        from executive.serving.running import run
-        from executive.serving.workers import Limits, Staff
-
-        staff = Staff(folders, Limits(arguments.check_seconds))
-        app = application(store, folders, staff=staff, rates=Rates(arguments.rate))
-        serving = app.state.serving
-        show(serving.vocabulary.diagnostics)
-        tell = silent if arguments.json else say
-        with closing(serving):
-            address = run(
-                app, arguments.host, arguments.port, lambda url: tell(f"{arguments.store} is served at {url}")
-            )
-        return Answer(text="", data={"url": address, "entries": len(serving.catalogue)})
+        return _serve(store, arguments)
     except Unreachable as problem:
         advice = "the endpoint and the storage have to answer when a server starts"
         return Answer(ExitCode.FAILED, (error("K044", str(problem), help=advice),))
     finally:
         store.close()
+
+
+def _serve(store: Store, arguments: ServeArguments) -> Answer:
+    from executive.serving.app import application
+    from executive.serving.rates import Rates
+    from executive.serving.running import run
+    from executive.serving.workers import Limits, Staff
+
+    folders = arguments.folders
+    tell = silent if arguments.json else say
+    with closing(Staff(folders, Limits(arguments.check_seconds))) as staff:
+        staff.start()  # beside the index, which is made meanwhile
+        app = application(store, folders, staff=staff, rates=Rates(arguments.rate))
+        serving = app.state.serving
+        show(serving.vocabulary.diagnostics)
+        with closing(serving):
+            staff.wait()
+            address = run(
+                app, arguments.host, arguments.port, lambda url: tell(f"{arguments.store} is served at {url}")
+            )
+    return Answer(text="", data={"url": address, "entries": len(serving.catalogue)})
 
 
 def _opened(address: str, contents: str | None) -> Store:

@@ -16,6 +16,9 @@ from planlang.knowledge.entries import Entry
 MOST_REFUSED = 20
 """Entries that were refused for one need, of which an explanation tells."""
 
+DEEPEST = 100
+"""Needs of needs of which an explanation tells."""
+
 
 @dataclass(slots=True)
 class Explanation:
@@ -24,6 +27,8 @@ class Explanation:
     enabling: Enabling
     combination: Combination
     _shown: set[Need] = field(default_factory=set)
+    _path: list[Need] = field(default_factory=list)
+    """Needs above the one that is told."""
     _alternatives: tuple[Alternative, ...] | None = None
 
     def tree(self) -> Finding:
@@ -53,7 +58,8 @@ class Explanation:
             for one in found:
                 yield f"  {', '.join(one.entries) or 'without entries'}: {'; '.join(self._lacking(one))}"
         if found and (unread := sum(self.enabling.unread.values())):
-            yield f"{unread} entries were not looked at, as {self.enabling.stock.limit} have been read: --limit N"
+            limit = self.enabling.stock.limit
+            yield f"that is not sure: of what could be had {unread} were not looked at, as {limit} were (--limit)"
 
     def _lacking(self, alternative: Alternative) -> Iterator[str]:
         robot, url = self.enabling.robot.robot, self.enabling.url
@@ -75,16 +81,19 @@ class Explanation:
 
     def _of(self, need: Need) -> Finding:
         wanted, answer = self.enabling.wanted[need], self.combination.answers[need]
-        is_new = need not in self._shown
+        is_new = need not in self._shown and len(self._path) < DEEPEST
         self._shown.add(need)
         if answer.by is not None:
             return Finding(wanted.kind, wanted.text, wanted.iri, Availability.AVAILABLE, answer.by)
+        is_circular = need in self._path
+        self._path.append(need)
         below = tuple(self._below(need, answer)) if is_new else ()
+        self._path.pop()
         state, reason = Availability.MISSING, wanted.lacks
         if answer.offer is not None:
             state, reason = Availability.AVAILABLE, self._taken(answer.offer)
-        elif answer.considered and all(need in lacking for _, lacking in answer.considered):
-            reason = "what could be had for it needs it in turn"
+        elif is_circular:
+            reason = "it is needed for itself"
         elif any(not offer.is_own for offer, _ in answer.considered):
             reason = "what could be had for it needs what is missing"
         return Finding(wanted.kind, wanted.text, wanted.iri, state, reason, None, below)
@@ -100,9 +109,9 @@ class Explanation:
         refused += [_entry(uid, reason) for uid, reason in self.enabling.refused.get(need, {}).items()]
         yield from refused[:MOST_REFUSED]
         if len(refused) > MOST_REFUSED:
-            yield _entry(f"{len(refused) - MOST_REFUSED} more", "refused, too")
+            yield _entry(f"... and {len(refused) - MOST_REFUSED} more", "refused, too")
         if unread := self.enabling.unread.get(need):
-            yield _entry(f"{unread} more", f"not looked at: {self.enabling.stock.limit} have been read (--limit)")
+            yield _entry(f"... and {unread} more", f"not looked at, as {self.enabling.stock.limit} were (--limit)")
 
     def _refused(self, answer: Answer) -> Iterator[Finding]:
         for offer, lacking in answer.considered:

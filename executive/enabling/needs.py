@@ -1,7 +1,7 @@
 """Needs of a task, and offers of a knowledge base for them: the graph that is searched.
 
-A task needs a recipe. A recipe needs what matching it with the robot finds required, recognition models of all classes
-of things among its parameters, and a map that has such things. An entry needs what its subject's class depends on.
+A task needs a recipe. A recipe needs what matching it with the robot finds required, recognition models of the things
+that its steps handle, and a map that has what it is about. An entry needs what its subject's class depends on.
 """
 
 from __future__ import annotations
@@ -9,11 +9,13 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
 from functools import cache, partial
 from itertools import chain
 from pathlib import Path
 
-from executive.enabling.parameters import class_of, made_by, things_of
+from executive.belief.recognition_models import is_anything, needs_model
+from executive.enabling.parameters import class_of, handled_by, things_of
 from executive.enabling.search import Combination, Need, Offer, combine
 from executive.enabling.stock import MODELS, Stock, unusable
 from executive.robots.matching import Matcher, Possessions
@@ -28,9 +30,10 @@ from planlang.ontology.expressions import Expression
 from planlang.ontology.terms import OWL
 from planlang.recipe import Actions, Thing, read_recipe
 
-FOR = " for "
+FOR = "\n"
 """Before what a need prefers, in its name: what was taken for the rest of it is considered, too."""
 MODEL_OF = expand(MODELS)
+MOST_GUESSES = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,9 +115,9 @@ class Enabling:
 
     def _searched(self, need: Need, wanted: Wanted) -> list[Found]:
         """Return the entries that may meet a need, what is kept for it first."""
-        offered = {one.entry.uid: one for one in _best_first(wanted)}
+        offered = {one.entry.uid: self.stock.latest(one) for one in _best_first(wanted)}
         for_it = [one for one in self.stock.folder.kept.values() if _general(need) in map(_general, one.needs)]
-        kept = [self.stock.latest(one, offered.pop(one.found.entry.uid, None)) for one in for_it]
+        kept = [offered.pop(one.found.entry.uid, one.found) for one in for_it]
         return [*sorted(kept, key=wanted.rank), *offered.values()]
 
     def _read_offers(self, need: Need, candidates: Sequence[Found]) -> Iterator[Offer]:
@@ -157,10 +160,21 @@ class Enabling:
         def search() -> Iterator[Found]:
             recipes = {one.entry.uid: one for text in _spellings(name) for one in self._recipes(label=text)}
             named = [one for one in recipes.values() if _is_called(one, name)]
-            yield from named
-            yield from self._recipes(name) if not named else ()
+            found = named or self._recipes(name)
+            if not found and (near := self._near(name)):
+                self._want(need, replace(self.wanted[need], lacks=f"{self._none()}; did you mean {' or '.join(near)}?"))
+            yield from found
 
-        return self._want(f"recipe {name}", Wanted(FindingKind.RECIPE, name, search=search, lacks=self._none()))
+        need = f"recipe {name}"
+        return self._want(need, Wanted(FindingKind.RECIPE, name, search=search, lacks=self._none()))
+
+    def _near(self, name: str) -> list[str]:
+        """Return names like one by which the knowledge base has recipes: labels, identifiers, classes."""
+        entries = [one.entry for one in self._recipes()]
+        names = {text: None for one in entries for text in (one.label, one.uid, local_name(one.about))}
+        classes = dict.fromkeys(map(local_name, self.vocabulary.subclasses(expand("PurposefulAction"))))
+        similar = get_close_matches(local_name(name), [*names, *classes], n=MOST_GUESSES)
+        return [one for one in similar if one in names or self._recipes(one)]
 
     def given_task(self, recipe: Path, task: str | None) -> Need:
         """Return the need of a recipe that the user has. Raises BadInput for one that cannot be used."""
@@ -175,9 +189,9 @@ class Enabling:
         if reading.recipes is None or has_errors(reading.diagnostics):
             raise BadInput([one for one in reading.diagnostics if has_errors([one])])
         matched = match(ontology, reading.recipes, self.robot, performed=self.performed)
-        things, made = things_of(actions, reading.recipes), made_by(actions, reading.recipes)
-        models = (self.model(class_of(one), ontology) for one in things)
-        there = [one for one in things if one not in made]
+        classes = map(class_of, handled_by(actions, reading.recipes))
+        models = (self.model(cls, ontology) for cls in classes if needs_model(ontology, [cls]))
+        there = [one for one in things_of(actions, reading.recipes) if not is_anything(ontology, class_of(one))]
         return tuple(dict.fromkeys([*self._of_finding(matched.tree), *models, self.map(there, ontology)]))
 
     def _of_finding(self, finding: Finding) -> Iterator[Need]:
@@ -274,7 +288,7 @@ class Enabling:
         text = ", ".join([*map(local_name, classes), *(f"{level} {name}" for level, name in self.place.items())])
 
         def fits(found: Found) -> str | None:
-            _, types = self.stock.things_in(found)
+            types = self.stock.classes_in(found)
             kinds = {cls for one in types for cls in (one, *ontology.ancestors(one))}
             lacking = [local_name(cls) for cls in classes if cls not in kinds]
             return f"there is no {', '.join(lacking)} in it" if lacking else None

@@ -62,14 +62,18 @@ class Combination:
 
     def offers(self) -> Iterator[Offer]:
         """Yield what is taken, each once, what it needs before it."""
-        yield from self._taken(self.wanted, {})
-
-    def _taken(self, needs: Iterable[Need], seen: dict[str, None]) -> Iterator[Offer]:
-        for need in needs:
-            offer = self.answers[need].offer
-            if offer is not None and offer.uid not in seen:
-                seen[offer.uid] = None
-                yield from self._taken(offer.needs, seen)
+        seen: set[str] = set()
+        path: list[tuple[Offer | None, Iterator[Need]]] = [(None, iter(self.wanted))]
+        while path:
+            offer, needs = path[-1]
+            taken = (self.answers[need].offer for need in needs)
+            below = next((one for one in taken if one is not None and one.uid not in seen), None)
+            if below is not None:
+                seen.add(below.uid)
+                path.append((below, iter(below.needs)))
+                continue
+            path.pop()
+            if offer is not None:
                 yield offer
 
 

@@ -10,7 +10,7 @@ from typing import Protocol
 
 from executive.serving.catalogue import Catalogue
 from executive.serving.vocabulary import read_vocabulary
-from planlang.diagnostics import BadInput, Diagnostic, Span, error
+from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
 from planlang.knowledge.answers import Found, NoAnswer, NotAsAgreed, RefusedByChecks
 from planlang.knowledge.client import Client
 from planlang.knowledge.entries import Attachment, Entry, Kind, Revision
@@ -19,7 +19,7 @@ from planlang.knowledge.refusals import client_of, diagnostics_of, kept_warning
 from planlang.knowledge.sqlite_store import SqliteStore
 from planlang.knowledge.stores import Refused
 
-MOST_FOUND = 1000
+MOST_FOUND = 10_000
 """Entries that a server is asked for by one question."""
 
 
@@ -109,6 +109,7 @@ class RemoteShelf:
     def __init__(self, client: Client) -> None:
         self.url = client.url
         self._client = client
+        self._is_cut = False
 
     def search(
         self,
@@ -121,7 +122,9 @@ class RemoteShelf:
         """Return the entries that fit, sorted by identifier; none for classes that the server does not know."""
         question = {"expression": expression, "label": label, "kind": kind and kind.value, **(place or {})}
         with suppress(RefusedByChecks), self._asked():
-            return list(self._client.search(most=MOST_FOUND, **question))
+            found = list(self._client.search(most=MOST_FOUND, **question))
+            self._is_cut = self._is_cut or len(found) == MOST_FOUND
+            return found
         return ()
 
     def revision(self, entry: Entry, number: int | None = None) -> Revision:
@@ -140,8 +143,9 @@ class RemoteShelf:
             return self._client.attachment(entry, attachment)
 
     def diagnostics(self) -> Sequence[Diagnostic]:
-        """Return a warning if the server does not answer."""
-        return kept_warning(self._client)
+        """Return a warning if the server does not answer, and one if it has more than it was asked for."""
+        cut = f"{self.url} has more than {MOST_FOUND:,} entries for a need: only these were looked at"
+        return (*kept_warning(self._client), *((warning("K045", cut),) if self._is_cut else ()))
 
     def close(self) -> None:
         """Close the connection."""

@@ -84,7 +84,7 @@ class CandidateSearch:
         self._occlusion = SelfOcclusion(middle[:2], strict=budget.fine)
         self._failed = _Failed()
         self._failures: dict[tuple[int, int], tuple[HandSolution, BasePose]] = {}
-        """Where a hand was in something, or had no hold, for each arm and candidate: the first time."""
+        """Where a hand was in something, for each arm and candidate: the first time."""
         self._stopped: dict[tuple[int, int], bool] = {}
         self._clumsy: set[tuple[float, ...]] = set()
         """Postures in which the robot touches itself."""
@@ -119,7 +119,9 @@ class CandidateSearch:
         if isinstance(answer, str):
             self._remember(np.array([row]))
         self._failed.add(number, self._bases[row], self._heading(row))
-        if answer in around or answer == NO_HOLD.text:  # from other bases the hand is as it is here
+        if answer == NO_HOLD.text:  # from other bases the hand is as it is here
+            self._stopped[number, candidate] = True
+        elif answer in around:
             self._failures.setdefault((number, candidate), (solution, self._place(row)))
         elif isinstance(answer, str) and self._sought.budget is not BETWEEN:  # where postures are those of the maps
             self._clumsy.add(self._posture(row))
@@ -269,18 +271,16 @@ class _Failed:
     """Base poses that failed exactly: those near to them, with the hand from the same side, are not validated next."""
 
     def __init__(self) -> None:
-        self._places: list[tuple[int, float, float, float]] = []
+        self._places = np.zeros((0, 4))
+        """Number of the arm, x, y [m] and heading [rad]."""
 
     def add(self, arm: int, base: Array, heading: float) -> None:
         """Add one more."""
-        self._places.append((arm, float(base[0]), float(base[1]), heading))
+        self._places = np.vstack([self._places, [arm, base[0], base[1], heading]])
 
     def near(self, arm: int, base: Array, heading: float) -> bool:
         """Return whether a base pose nearly like this one has failed."""
-        x, y = float(base[0]), float(base[1])
-        return any(
-            number == arm
-            and abs(other_x - x) + abs(other_y - y) < ALIKE
-            and abs(math.remainder(heading - before, 2 * math.pi)) < 0.3
-            for number, other_x, other_y, before in self._places
-        )
+        other, x, y, before = self._places.T
+        turned = np.abs(np.remainder(heading - before + math.pi, 2 * math.pi) - math.pi)
+        alike = (other == arm) & (np.abs(x - base[0]) + np.abs(y - base[1]) < ALIKE) & (turned < 0.3)
+        return bool(alike.any())

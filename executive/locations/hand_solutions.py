@@ -241,10 +241,12 @@ class Trial:
 
     def stopped_on_the_way(self) -> Reason | None:
         """Return why the arm cannot go from pose to pose, or the fingers cannot close on a thing; None if they can."""
+        if (slips := self._slips()) is not None:
+            return slips
         line = self._straight()
         if line is None:
             return OUT_OF_REACH
-        return _in_collision(self.touched(line) or self._stops_closing() or self._stops_opening()) or self._slips()
+        return _in_collision(self.touched(line) or self._stops_closing() or self._stops_opening())
 
     def hand_is_stopped(self) -> bool:
         """Return whether the hand itself is in something on the way, or when it closes: wherever the base stands."""

@@ -30,7 +30,7 @@ from executive.locations.rejections import (
 from executive.motion import QuickCheck
 from executive.robots.arms import ArmModel
 from planlang.designators import Location
-from planlang.failures import BehindClosedDoor, LocationUnresolvable, TooHeavy
+from planlang.failures import BehindClosedDoor, HandsLacking, LocationUnresolvable, TooHeavy
 from planlang.geometry import Array
 from planlang.protocols import Solution
 
@@ -116,6 +116,8 @@ class BaseValidator:
         if door is not None:
             leaf = self.scene.bodies.designator(door)
             raise BehindClosedDoor(designator=str(location), what=reach.body, door=leaf)
+        if reach.kind is ReachKind.GRASP and (needed := self.scene.bodies.hands(reach.body)) > 1:
+            raise HandsLacking(designator=str(location), what=reach.body, needed=needed, hands=1)
         if self.arms_for(reach, self.scene.arms.all):
             return
         arms = [arm.name for arm in self.scene.arms.all if reach.arms is None or arm.name in reach.arms]

@@ -185,6 +185,9 @@ class ConstrainedMotions(PlatformModule):
             end = next(self._ends(grounding, replace(motion, constraints=asked), base), None)
             if end is not None:
                 return end
+        narrow = Ends.of(grounding.problem(motion, base), self._start(motion), [(*motion.constraints, *upright)])
+        with suppress(MotionError):  # limits that leave little room between bodies are searched together with these
+            return next(replace(narrow, explains=False).found())[0]
         return None
 
     def _ends(self, grounding: Grounding, motion: GroundedMotion, base: BasePose) -> Iterator[Array]:
@@ -192,7 +195,7 @@ class ConstrainedMotions(PlatformModule):
 
         They are looked for arm by arm: each may have several ways to hold its tool.
         """
-        problem, every = grounding.problem(motion, base), []
+        problem, every = grounding.problem(motion, base, blocked=False), []
         for arm in range(len(motion.arms)):
             alone = motion.of_arm(arm)
             every.append(list(islice(self._ends_of(grounding, alone, base, self._start(alone), TRIES), WAYS)))
@@ -210,7 +213,7 @@ class ConstrainedMotions(PlatformModule):
     def _ends_of(
         self, grounding: Grounding, motion: GroundedMotion, base: BasePose, start: Array, tries: int
     ) -> Iterator[Array]:
-        problem = grounding.problem(motion, base)
+        problem = grounding.problem(motion, base, blocked=False)
         for q in Ends.of(problem, start, [motion.constraints]).reached(tries):
             if not grounding.touching(motion, q, base):
                 yield q
@@ -268,7 +271,7 @@ class ConstrainedMotions(PlatformModule):
         """Raise ConstraintsUnsatisfied for what does not hold where the arms are, but for what was given up."""
         given_up = {one.name for one in solved.given_up}
         asked = [one for one in motion.constraints if one.name not in given_up]
-        problem = grounding.problem(motion, self.platform.base())
+        problem = grounding.problem(motion, self.platform.base(), blocked=False)
         functions = ConstraintFunctions(problem.group, [Bound.of(one, problem.where) for one in asked])
         excess = functions.excess(functions.all_values(self._start(motion)[None])[0])
         outside = tuple(str(one.name or one) for one, beyond in zip(asked, excess, strict=True) if beyond > 1.0)

@@ -213,6 +213,10 @@ class LeafPaths:
         joints[near, 0] = q
         near = near[good & (np.abs(q - joints[near, 1]).max(axis=1) < 2 * FARTHEST)]
         reached[np.setdiff1d(np.arange(len(rows)), near)] = 0
+        joints[near, 1], good = arm.solver.solve(
+            targets[near, 1], joints[near, 0][:, None]
+        )  # as the arm will get there
+        near = near[good]
         for k in range(2, targets.shape[1]):
             if not len(near):
                 break

@@ -173,8 +173,10 @@ class Grounding:
         joints = dict(zip(self.group(motion).names, q.tolist(), strict=True))
         return self._platform.scene.collisions.touching(joints, base, ignore=ignore)
 
-    def problem(self, motion: GroundedMotion, base: BasePose | None = None, *, clear: bool = False) -> MotionProblem:
-        """Return the problem of moving from where the robot is; from another base bodies count as not there.
+    def problem(
+        self, motion: GroundedMotion, base: BasePose | None = None, *, blocked: bool = True, clear: bool = False
+    ) -> MotionProblem:
+        """Return the problem of moving from where the base is, or from elsewhere; unless ``blocked`` without bodies.
 
         ``clear``: hands touch nothing, not even what they otherwise may.
         """
@@ -185,8 +187,9 @@ class Grounding:
         place = now if base is None else base
         group = self.group(motion)
         frames = {one.frame.lstrip("/"): self._frame(one.frame, place) for one in motion.constraints if one.frame}
+        base_link = product(Pose.planar(*place).matrix(), map_to_base)
         where = Surroundings(
-            product(Pose.planar(*place).matrix(), map_to_base),
+            base_link,
             motion.tools,
             motion.things,
             frames,
@@ -197,12 +200,12 @@ class Grounding:
             np.array([getattr(one, kind) for one in limits]) for kind in ("speed", "acceleration", "jerk")
         )
         rates = JointRates(speed, acceleration, jerk, platform.world.rate)
-        if base is not None:
+        if not blocked:
             return MotionProblem(group, where, rates)
 
         allowed = (frozenset[str](), frozenset[str]()) if clear else (self._touches, self._gone)
-        check = scene.collisions.group_check(group, motion.arms, *allowed)
-        return MotionProblem(group, where, rates, check, partial(self.touching, motion, clear=clear))
+        check = scene.collisions.group_check(group, motion.arms, base_link, *allowed)
+        return MotionProblem(group, where, rates, check, partial(self.touching, motion, base=base, clear=clear))
 
     def _frame(self, name: str, base: BasePose) -> Array:
         """Return the rotation (3, 3) of a reference frame, a link; one that the robot lacks is its base."""

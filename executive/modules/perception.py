@@ -108,12 +108,15 @@ class Perception(PlatformModule):
     def _check_model(self, what: Object, name: str | None) -> None:
         """Raise RecognitionModelMissing for what would not be recognised wherever it is."""
         belief = self.platform.belief
-        thing = None if name is None else belief.map.find(name) or belief.made.get(name)
-        if belief.recognition.may_recognise([expand(what.type)]) if thing is None else belief.recognises(thing.name):
+        thing = None if name is None else belief.map.find(name)
+        known = belief.recognition.may_recognise([expand(what.type)]) if name is None else belief.recognises(name)
+        if known:
             return
-        from executive.belief.recognition_models import missing_model
+        from executive.belief.recognition_models import missing_model, needs_model
 
-        types = (what.type,) if thing is None else thing.types
+        types = (expand(what.type),) if thing is None else thing.types
+        if not needs_model(belief.map.ontology, types):
+            return
         raise RecognitionModelMissing(missing_model(name or str(what), types), what=name or str(what))
 
     async def _search(self, action: Action, what: Object) -> str:

@@ -242,7 +242,7 @@ class Arms:
         The height of a torso that arms share does not count: what one of them holds may need another.
         """
         there = self._control.scene.arms
-        arms = [arm for arm in there.all if not there.together(arm.name) and not self._is_tucked(arm)]
+        arms = [arm for arm in there.all if not there.mates(arm.name) and not self._is_tucked(arm)]
         postures = [(arm, self.postures(arm, CARRYING)) for arm in arms]
         return [(arm, qs[0]) for arm, qs in postures if qs]
 

@@ -175,6 +175,9 @@ class Reaching(PlatformModule):
         arms = self._arms(action)
         if not arms:
             raise ActionUnresolvable("the robot has no arm that this may mean", designator=str(action))
+        arms = [arm for arm in arms if not self.platform.scene.arms.mates(arm.name)]
+        if not arms:
+            raise ActionUnresolvable("the arms hold something together: neither moves alone", designator=str(action))
         if not location.relations:
             await self._to_posture(arms[0], location.name or "")
             return
@@ -411,7 +414,10 @@ class Grasping(PlatformModule):
         fingers = self.platform.arms.opening(arm)
         if held is not None:
             self.platform.check_hold([arm.name])
+            mates = self.platform.scene.arms.mates(arm.name)
             hands.let_go(held.name)
+            for mate in mates:
+                await hands.move(mate, closed=False, fingers=self.platform.arms.opening(mate))
         motion = await hands.move(arm, closed=False, fingers=fingers)
         if held is None:
             if motion.state is not MotionState.DONE:
@@ -454,8 +460,10 @@ class Handover(PlatformModule):
             raise HandoverNotTaken(what=held.name, recipient=wanted)
         if isinstance(recipient, Person) and platform.scene.bodies.bind(recipient) != person:
             raise HandoverNotTaken(f"{person} takes {held.name} instead of {wanted}", what=held.name, recipient=wanted)
+        mates = platform.scene.arms.mates(arm.name)
         platform.hands.let_go(held.name, to=person)
-        await platform.hands.move(arm, closed=False)
+        for one in (arm, *mates):
+            await platform.hands.move(one, closed=False)
         return person
 
     def _arm(self, action: Action) -> list[ArmModel]:

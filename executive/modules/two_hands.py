@@ -182,7 +182,7 @@ class TwoHands(HandWork):
         platform, bodies = self.platform, self.platform.scene.bodies
         free, needed = self.free_hands(), bodies.hands(name)
         if len(free) < needed or needed > 2:
-            raise HandsLacking(designator=name, what=name, needed=needed, hands=len(free))
+            raise HandsLacking(designator=f"take {name}", what=name, needed=needed, hands=len(free))
         mass = bodies.mass(name) + sum(map(bodies.mass, self._load(name)))
         pairs = [pair for pair in combinations(free, 2) if mass / 2 <= min(arm.payload for arm in pair)]
         if not pairs:

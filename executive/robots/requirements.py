@@ -47,7 +47,7 @@ class Finding:
     """A node of the tree of reasons.
 
     ``iri`` is None for an expression; ``span`` is where the robot claims it, ``required`` where the requirement is
-    stated; ``remedy`` says where a missing thing could be had. A node that does not count is listed for its reason
+    stated. A node that does not count is listed for its reason
     alone: a part of a combination, or a requirement that leads back to itself.
     """
 
@@ -59,7 +59,6 @@ class Finding:
     span: Span | None = None
     below: tuple[Finding, ...] = ()
     required: Span | None = None
-    remedy: str = ""
     counts: bool = True
 
     def walk(self, path: tuple[Finding, ...] = ()) -> Iterator[tuple[Finding, tuple[Finding, ...]]]:
@@ -81,8 +80,6 @@ class Finding:
         reason = f": {self.reason}" if self.reason else ""
         where = f" ({self.span})" if self.span is not None and self.kind in NEEDED else ""
         yield f"{first}{label} - {self.state.value}{reason}{where}{'; see above' if repeated else ''}"
-        if self.remedy:
-            yield f"{rest}   {self.remedy}"
         if repeated:
             return
         below = [one for one in self.below if all_of_it or one.state is not Availability.AVAILABLE]
@@ -94,9 +91,8 @@ class Finding:
     def as_json(self) -> dict[str, Any]:
         """Return the tree as JSON data."""
         data: dict[str, Any] = {"kind": self.kind.value, "name": self.text, "iri": self.iri, "state": self.state.value}
-        for key, value in (("reason", self.reason), ("remedy", self.remedy)):
-            if value:
-                data[key] = value
+        if self.reason:
+            data["reason"] = self.reason
         for key, span in (("stated_at", self.span), ("required_at", self.required)):
             if span is not None:
                 data[key] = str(span)

@@ -1,7 +1,4 @@
-"""A whole recipe compared with a robot: every step, every alternative, and where missing things could be had.
-
-A missing thing is searched with its specialisations, nearest first; the requirements of a candidate are checked in the
-same way, and the first one without unmet requirement is taken. Hardware cannot be had from a knowledge base."""
+"""A whole recipe compared with a robot: every step, every alternative."""
 
 from __future__ import annotations
 
@@ -16,7 +13,6 @@ from executive.robots.requirements import (
     Finding,
     FindingKind,
     Semantics,
-    requirements_of,
     together,
 )
 from planlang.designators import local_name
@@ -61,7 +57,7 @@ class Match:
         return missing_in([self.tree])
 
     def lines(self, *, all_of_it: bool = True) -> Iterator[str]:
-        """Yield the verdict, the tree, and where what is missing could be had."""
+        """Yield the tree and the verdict."""
         yield from self.tree.lines(all_of_it=all_of_it)
         for state, verb in ((Availability.MISSING, "lacks"), (Availability.UNKNOWN, "may lack")):
             names = [f"{one.kind.value} {one.text}" for one in self.in_state(state)]
@@ -164,68 +160,3 @@ class _Tree:
 
 
 HARDWARE = expand("srdl2-comp:HardwareComponent")
-DEEPEST = 8
-"""Requirements of requirements that are followed."""
-
-
-def with_remedies(match: Match, matcher: Matcher, knowledge: Iterable[Ontology]) -> Match:
-    """Return the match with a remedy at everything missing or unknown for which the knowledge base has one."""
-    search = _Search(matcher, tuple(knowledge))
-    return replace(match, tree=search.with_remedies(match.tree))
-
-
-class _Search:
-    def __init__(self, matcher: Matcher, knowledge: tuple[Ontology, ...]) -> None:
-        self.matcher = matcher
-        self.knowledge = knowledge
-        own = {part.iri for part in matcher.robot.parts}
-        self.own = frozenset(iri for iri in own if iri)
-
-    def with_remedies(self, finding: Finding) -> Finding:
-        below = tuple(self.with_remedies(one) for one in finding.below)
-        remedy = ""
-        if finding.iri and finding.state is not Availability.AVAILABLE and finding.kind in NEEDED:
-            ways = self.remedy(finding.kind, finding.iri, ())
-            remedy = f"could be had: {', with '.join(ways)}" if ways else ""
-        return replace(finding, below=below, remedy=remedy)
-
-    def remedy(self, kind: FindingKind, cls: str, above: tuple[str, ...]) -> tuple[str, ...]:
-        """Return what to get so that a missing class is there, with what that takes; nothing if there is no way."""
-        if cls in above or len(above) >= DEEPEST:
-            return ()
-        inside = (*above, cls)
-        for special in self._specialisations(cls):
-            if kind is FindingKind.COMPONENT and self._is_hardware(special):
-                continue
-            unmet = self._unmet(special)
-            needed = [self.remedy(one.kind, one.iri or "", inside) for one in unmet]
-            if any(not one for one in needed):
-                continue
-            met = tuple(what for one in needed for what in one)
-            if kind is FindingKind.COMPONENT:
-                source = next(self._individuals(special), None)
-                if source is not None:
-                    return (source, *met)
-            elif unmet or special != cls:
-                takes = met if unmet else (f"{local_name(special)}, all that it takes is there",)
-                return takes
-        return ()
-
-    def _specialisations(self, cls: str) -> Iterator[str]:
-        yield from dict.fromkeys(below for one in self.knowledge for below in one.subclasses(cls))
-
-    def _is_hardware(self, cls: str) -> bool:
-        return any(one.taxonomy.is_below(cls, HARDWARE) for one in self.knowledge)
-
-    def _unmet(self, cls: str) -> list[Finding]:
-        """Return what a class requires and the robot does not have."""
-        stated = [(one, needed) for one in self.knowledge for needed in requirements_of(one, cls)]
-        found = {needed.text: self.matcher.requirement(needed) for _, needed in stated}
-        return [one for one in found.values() if one.state is not Availability.AVAILABLE]
-
-    def _individuals(self, cls: str) -> Iterator[str]:
-        """Yield individuals of just this class that are no parts of the robot, with where they are."""
-        for one in self.knowledge:
-            for iri in one.individuals(cls):
-                if iri not in self.own and cls in one.types(iri) and not one.is_class(iri):
-                    yield f"{local_name(iri)} ({local_name(cls)}, {one.span(iri)})"

@@ -29,6 +29,7 @@ from executive.modules.effects import ActionEffects, ModuleWithEffects
 from executive.modules.platform import ArmChoices, Platform
 from executive.robots import CARRYING, Robot
 from executive.robots.arms import ArmModel, arm_models, gaze_of
+from executive.runs.in_hands import InHand
 from planlang.action_classes import ancestors_of
 from planlang.designators import Action, Condition, Device, FixedPose, Location, Object, a_posture, action
 from planlang.diagnostics import BadInput, Span, error
@@ -54,10 +55,13 @@ def real_scene(scene: Scene, seed: int, robot_in: PlanningWorld) -> Scene:
     return perturb(scene, seed, radius=radius, height=height)
 
 
-def world_at_start(scene: Scene, robot: Robot, start: BasePose | None, stack: ExitStack) -> PlanningWorld:
+def world_at_start(
+    scene: Scene, robot: Robot, start: BasePose | None, stack: ExitStack, held: Sequence[InHand] = ()
+) -> PlanningWorld:
     """Return a world with the robot at its start: where the user says, else at a free pose near the middle.
 
-    ``stack`` closes the world. Raises BadInput when there is no free pose, or the user's is not free.
+    There is room for what its hands will hold as well. ``stack`` closes the world.
+    Raises BadInput when there is no free pose, or the user's is not free.
     """
     places = default_starts(scene, robot.base.radius) if start is None else iter((start,))
     first = next(places, None)
@@ -68,16 +72,18 @@ def world_at_start(scene: Scene, robot: Robot, start: BasePose | None, stack: Ex
     if not world.robot.solid:
         message = "no link has a shape (<collision> or <visual>): there is nothing to find room for"
         raise BadInput([error("B015", message, Span(str(robot.urdf)))])
+    for one in held:
+        world.set_pose(one.body.name, world.link_pose(one.link) @ one.offset)
+        world.attach(one.link, one.body.name)
     if start is not None:
         _check_start(world)
-        return world
     now = world.configuration()
     for place in chain((first,), islice(places, MOST_STARTS)):
         if not world.contacts(replace(now, base=place), moving=("base",)):
             break
     else:
         raise _nowhere()
-    if place == first:
+    if place == first and not held:
         return world
     world = PlanningWorld(replace(with_store(scene), start=place), robot.body())
     stack.callback(world.close)

@@ -20,7 +20,7 @@ from executive.robots.arms import with_carrying
 from executive.runs.assembly import RobotExecutive, platform_of, real_scene, world_at_start
 from executive.runs.final_state import state_lines
 from executive.runs.importing import import_plan, line_in
-from executive.runs.in_hands import in_hands, take
+from executive.runs.in_hands import InHand, in_hands, take
 from executive.runs.options import Outcome, RunOptions, RunResult
 from executive.runs.parameters import Bound, bound_parameters, not_in_map, plan_parameters, things_of, unknown_things
 from executive.runs.plan_files import (
@@ -147,7 +147,7 @@ class Run:
         if self._lacks(program):
             options.announce(found)
             return self._refused(program.missing)
-        robot, given = self._equipped()
+        robot, given = self._equipped(found)
         assessment = self._assessed(asked, robot)
         past, notes = (None, []) if options.resume is None else past_of(options.resume)
         held = in_hands(robot, asked.map, asked.scene)
@@ -157,7 +157,7 @@ class Run:
         options.announce(found)
         if self._lacks(assessment):
             return self._refused(assessment.missing)
-        platform, truth = self._assembled(asked, robot, given)
+        platform, truth = self._assembled(asked, robot, given, held)
         executive = RobotExecutive(platform, self._modules)
         take(platform, truth, held)
         platform.scene.collisions.prepare()
@@ -202,8 +202,11 @@ class Run:
     def _lacks(self, assessment: Assessment) -> bool:
         return bool(assessment.missing) and not self.options.force
 
-    def _equipped(self) -> tuple[Robot, tuple[GivenPart, ...] | None]:
-        """Return the robot and the models and programs that it has beside its file's, None if nobody says which."""
+    def _equipped(self, found: list[Diagnostic]) -> tuple[Robot, tuple[GivenPart, ...] | None]:
+        """Return the robot and the models and programs that it has beside its file's, None if nobody says which.
+
+        Appends warnings about those that are left out.
+        """
         options = self.options
         assert options.robot is not None
         robot = bind_robot(options.robot, urdf=options.urdf, folders=options.ontologies)
@@ -212,7 +215,7 @@ class Run:
             return robot, None
         from executive.belief.recognition_models import read_given_parts, with_given_parts
 
-        given = read_given_parts(options.models, options.ontologies)
+        given = read_given_parts(options.models, options.ontologies, found)
         return with_given_parts(robot, given), given
 
     def _blind(self, robot: Robot, assessment: Assessment) -> list[Diagnostic]:
@@ -223,11 +226,11 @@ class Run:
         return [note("X013", f"{robot.name} has no camera to look for things", help=advice)]
 
     def _assembled(
-        self, asked: _Asked, robot: Robot, given: tuple[GivenPart, ...] | None
+        self, asked: _Asked, robot: Robot, given: tuple[GivenPart, ...] | None, held: Sequence[InHand]
     ) -> tuple[Platform, PyBulletWorld]:
         """Return the robot among what it believes, and the world as it is, which closes with the run."""
         options = self.options
-        believed = world_at_start(asked.scene, robot, options.start, self._stack)
+        believed = world_at_start(asked.scene, robot, options.start, self._stack, held)
         real = real_scene(believed.scene, options.seed, believed)
         real = replace(real, start=believed.scene.start) if robot.base.fixed else real
         truth = PyBulletWorld(real, robot.body(), gui=options.gui, seed=options.seed)

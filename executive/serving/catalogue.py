@@ -225,4 +225,4 @@ def _links(description: Description) -> Iterator[tuple[str, str]]:
     root, *_ = description.nodes
     found = ((prop, one if isinstance(one, str) else description.nodes[one].labels) for prop, one in root.links)
     each = ((prop, label) for prop, stated in found for label in ((stated,) if isinstance(stated, str) else stated))
-    yield from islice((one for one in each if not one[1].startswith("{")), MOST_LINKS)
+    yield from islice(dict.fromkeys(one for one in each if not one[1].startswith("{")), MOST_LINKS)

@@ -39,7 +39,9 @@ LIMITS = Limits()
 AT_A_TIME = 2
 """Checks, and likewise calls on behalf of readers, that are computed at a time."""
 LONGEST_WAIT = 2.0
-"""Seconds that a call may be expected to wait for its turn."""
+"""Seconds that a call may be expected to wait for its turn; nobody waits more than twice as long."""
+USUAL = 0.05
+"""Seconds that a call is expected to take before any has been done."""
 MOST_WAITING = 100
 """Calls that wait for their turn."""
 
@@ -114,7 +116,7 @@ class Workers:
         self._lock = threading.Lock()
         self._free: list[_Worker | None] = [None] * number  # None: one that has still to be forked
         self._waiting: deque[Future[_Worker | None]] = deque()
-        self._usual = 0.0
+        self._usual = USUAL
 
     @property
     def are_free(self) -> bool:
@@ -159,7 +161,14 @@ class Workers:
                 raise Busy(expected)
             place: Future[_Worker | None] = Future()
             self._waiting.append(place)
-        return place.result()
+        try:
+            return place.result(None if self._longest == math.inf else 2 * self._longest)
+        except TimeoutError:
+            with self._lock:
+                if place in self._waiting:
+                    self._waiting.remove(place)
+                    raise Busy(self._longest) from None
+            return place.result()
 
     def _give_back(self, worker: _Worker | None, seconds: float) -> None:
         with self._lock:
@@ -202,6 +211,10 @@ class _Worker:
         self._connection.close()
 
 
+def nothing(_: object) -> None:
+    """Do nothing: a worker that has done it is there."""
+
+
 def _beyond(limits: Limits, *, is_late: bool) -> Diagnostic:
     limit = f"{limits.seconds} s" if is_late else f"{limits.memory / 1e6:g} MB of memory"
     advice = "hand it in in smaller parts, or ask the operator for more: planlang serve --check-seconds"
@@ -221,6 +234,10 @@ class Staff:
     def start(self) -> None:
         """Let the process be started that workers are forked from."""
         self._source.start()
+
+    def wait(self) -> None:
+        """Wait until a check would begin at once."""
+        self.behind.call(nothing)
 
     def close(self) -> None:
         """End all workers."""

@@ -33,7 +33,7 @@ from planlang.failures import ObjectUndeliverable, ObjectUnreachable, PlanFailur
 from planlang.language.location import CURABLE
 from planlang.ontology import Ontology, shorten
 from planlang.ontology.terms import OWL
-from planlang.recipe.actions import Actions, RecoveryRule, recoveries_of
+from planlang.recipe.actions import Actions, RecoveryRule, gone_to, recoveries_of
 from planlang.recipe.checks import check
 from planlang.recipe.checks.orderings import ordering_to_write
 from planlang.recipe.effects import effects_of
@@ -44,9 +44,6 @@ from planlang.recoveries import Strategy, find_strategy, registered_strategies
 
 NEXT_SOLUTION = "NextSolution"
 """The next solution, which is no registered strategy: a location scope performs it."""
-
-HANDLED = ("in_center_of", "in_front_of")
-"""Relations of the hand to a thing that is about to be manipulated."""
 
 
 CURED = frozenset(failure.__name__ for failure in CURABLE)
@@ -179,14 +176,8 @@ class Recoveries:
         for filler in step.fillers("objectActedOn"):
             if isinstance(filler, Thing) and filler.kind is Kind.OBJECT:
                 return filler
-        for filler in step.fillers("toLocation"):
-            if isinstance(filler, Thing) and filler.kind is Kind.OBJECT:
-                return filler
-            if isinstance(filler, Place):
-                for relation, reference in filler.relations:
-                    if relation in HANDLED and isinstance(reference, Thing) and reference.kind is Kind.OBJECT:
-                        return reference
-        return None
+        reached = (thing for filler in step.fillers("toLocation") for thing in gone_to(filler))
+        return next((thing for thing in reached if thing.kind is Kind.OBJECT), None)
 
 
 def _recover(failure: str, rule: RecoveryRule, strategy: Strategy, about: Thing | None) -> Recover:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, error
 from planlang.ontology import Literal, Ontology, Term, expand
-from planlang.recipe.model import Place, Recipe, RecipeSet, Slot, Step, Thing
+from planlang.recipe.model import Filler, Kind, Place, Recipe, RecipeSet, Slot, Step, Thing
 from planlang.recipe.readers import statements_of
 from planlang.recipe.slots import read_slots
 from planlang.recipe.statements import Statements
@@ -25,6 +25,8 @@ class Movers:
 _ANY = "PurposefulAction"
 """The class of all actions that somebody does; it and those above it say nothing of what is done."""
 
+_HANDLED = ("in_center_of", "in_front_of")
+"""Relations of a place of the hand to the thing that it is to handle there."""
 _HAND = frozenset({"arm", "gripper"})
 _DEPENDS = expand("dependsOnCapability")
 _BASE_MOTION = expand("BaseMotionCapability")
@@ -161,6 +163,19 @@ class Actions:
         names = primitive.releases if primitive is not None and primitive.releases else ("objectActedOn",)
         things = {filler for name in names for filler in step.fillers(name) if isinstance(filler, Thing)}
         return frozenset(things) if things else frozenset({None})
+
+
+def gone_to(filler: Filler) -> Iterator[Thing]:
+    """Yield the things that are looked at before a hand goes to a location: the thing itself, or what is right there.
+
+    A person is looked at wherever near it the hand goes.
+    """
+    if isinstance(filler, Thing):
+        yield filler
+    elif isinstance(filler, Place):
+        for relation, reference in filler.relations:
+            if isinstance(reference, Thing) and (relation in _HANDLED or reference.kind is Kind.PERSON):
+                yield reference
 
 
 def _with_callers(recipes: Iterable[str], callers: Mapping[str, Sequence[str]]) -> frozenset[str]:

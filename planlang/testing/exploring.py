@@ -10,7 +10,7 @@ from collections import Counter, deque
 from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from random import Random
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from planlang.failures import PlanFailure
 from planlang.kernel.core import ChoiceSource
@@ -241,83 +241,104 @@ def explore(
     shows the shortest list of choices that does it and the two traces side by side; ``run_plan(plan, schedule=list)``
     repeats it. The plan has to make what it changes anew each time; ValueError if two equal runs differ.
     """
-
     _EXPLORE.branch("plan", plan)
 
-    def once(source: ChoiceSource | None) -> tuple[PlanRun[V], Recorder]:
+    def run(schedule: ChoiceSource) -> PlanRun[V]:
+        return attempt(plan, script=script, faults=faults, seed=seed, schedule=schedule, within=within)
+
+    explorer = _Explorer(run, check)
+    broken = explorer.broken(schedules)
+    if broken is None:
+        runs, complete = explorer.seen.total(), explorer.complete
+        return Exploration(explorer.expected, runs, len(explorer.seen), complete)
+    shrinker = Shrinker(explorer.breaks, shrinking_runs)
+    choices = shrinker.shrink(broken)
+    other, _ = explorer.run(ListedSchedule(choices))
+    made.append(other)
+    shortest = "the shortest list of choices" if shrinker.proven else "a short list of choices"
+    raise ScheduleDependence(
+        f"the outcome depends on the schedule: {explorer.wrong(other)}\n"
+        f"found in run {explorer.seen.total()} of {schedules}; {shortest} is {list(choices)}; "
+        f"repeat it with run_plan({explorer.usual.name}, schedule={list(choices)})\n"
+        f"{side_by_side(explorer.usual, other)}",
+        explorer.usual,
+        other,
+        choices,
+    )
+
+
+class _Explorer(Generic[V]):
+    """Runs of one plan under one schedule after the other, beside the usual one: first come, first served."""
+
+    def __init__(self, run: Callable[[ChoiceSource], PlanRun[V]], check: Check | None) -> None:
+        """Raises what the usual run does, and ValueError if it is another the second time."""
+        self._run, self._check = run, check
+        self.usual, self._first = self.run(None)
+        made.append(self.usual)
+        if self.usual.error is not None:
+            raise self.usual.error
+        if check is not None:
+            check(self.usual)
+        again, _ = self.run(None)
+        if again.trace.text() != self.usual.trace.text():
+            raise ValueError(
+                "two runs with the same choices differ: the plan, or what it calls, keeps something between runs or "
+                f"reads a clock or random numbers of its own\n{side_by_side(self.usual, again)}"
+            )
+        self.expected = outcome_of(self.usual)
+        self.seen = Counter({trimmed(self._first.choices): 1})
+        """How often each list of choices was made."""
+        self.complete = False
+        """True once all schedules were tried."""
+
+    def run(self, source: ChoiceSource | None) -> tuple[PlanRun[V], Recorder]:
+        """Return a run under a schedule, and the choices that it asked for."""
         recorder = Recorder(source)
-        ended = attempt(plan, script=script, faults=faults, seed=seed, schedule=recorder, within=within)
+        ended = self._run(recorder)
         ended.schedule = trimmed(recorder.choices)
         return ended, recorder
 
-    usual, first = once(None)
-    made.append(usual)
-    if usual.error is not None:
-        raise usual.error
-    if check is not None:
-        check(usual)
-    again, _ = once(None)
-    if again.trace.text() != usual.trace.text():
-        raise ValueError(
-            "two runs with the same choices differ: the plan, or what it calls, keeps something between runs or reads "
-            f"a clock or random numbers of its own\n{side_by_side(usual, again)}"
-        )
-    expected = outcome_of(usual)
-
-    def wrong(run: PlanRun[V]) -> str | None:
+    def wrong(self, run: PlanRun[V]) -> str | None:
         """Return what is wrong with a run, or None."""
-        if check is None:
+        if self._check is None:
             outcome = outcome_of(run)
-            return None if outcome == expected else f"{outcome} instead of {expected}"
+            return None if outcome == self.expected else f"{outcome} instead of {self.expected}"
         if run.error is not None:
             return f"{type(run.error).__name__}: {run.error}"
         try:
-            check(run)
+            self._check(run)
         except AssertionError as broken:
             return str(broken) or "an assertion does not hold"
         except Exception as raised:
             return f"{type(raised).__name__}: {raised}"
         return None
 
-    seen = Counter({trimmed(first.choices): 1})
-    left = deque(continued((), first.sizes) if math.prod(first.sizes) <= schedules else ())
-    complete = len(left) > 0 or not first.sizes
-    number = 0
-    while seen.total() < schedules and not (complete and not left):
-        if left:
-            source: ChoiceSource = ListedSchedule(left.popleft())
-        else:
-            source = RandomSchedule(number) if number % 2 == 0 else Priorities(number, len(first.choices))
-            number += 1
-        run, recorder = once(source)
-        choices = trimmed(recorder.choices)
-        seen[choices] += 1
-        if wrong(run) is not None:
-            break
-        if complete:
-            left.extend(continued(choices, recorder.sizes))
-    else:
-        return Exploration(expected, seen.total(), len(seen), complete and not left)
+    def breaks(self, choices: Choices) -> tuple[bool, Sequence[int]]:
+        """Return whether something is wrong after some choices, and of how many tasks each one was."""
+        run, recorder = self.run(ListedSchedule(choices))
+        return self.wrong(run) is not None, recorder.sizes
 
-    def breaks(choices: Choices) -> tuple[bool, Sequence[int]]:
-        run, recorder = once(ListedSchedule(choices))
-        return wrong(run) is not None, recorder.sizes
-
-    shrinker = Shrinker(breaks, shrinking_runs)
-    choices = shrinker.shrink(choices)
-    other, _ = once(ListedSchedule(choices))
-    made.append(other)
-    reason = wrong(other)
-    shortest = "the shortest list of choices" if shrinker.proven else "a short list of choices"
-    raise ScheduleDependence(
-        f"the outcome depends on the schedule: {reason}\n"
-        f"found in run {seen.total()} of {schedules}; {shortest} is {list(choices)}; "
-        f"repeat it with run_plan({usual.name}, schedule={list(choices)})\n"
-        f"{side_by_side(usual, other)}",
-        usual,
-        other,
-        choices,
-    )
+    def broken(self, schedules: int) -> Choices | None:
+        """Return choices after which something is wrong; None if there are none among so many schedules."""
+        sizes = self._first.sizes
+        left = deque(continued((), sizes) if math.prod(sizes) <= schedules else ())
+        every = len(left) > 0 or not sizes
+        number = 0
+        while self.seen.total() < schedules and not (every and not left):
+            if left:
+                source: ChoiceSource = ListedSchedule(left.popleft())
+            else:
+                source = RandomSchedule(number) if number % 2 == 0 else Priorities(number, len(self._first.choices))
+                number += 1
+            run, recorder = self.run(source)
+            choices = trimmed(recorder.choices)
+            self.seen[choices] += 1
+            if self.wrong(run) is not None:
+                return choices
+            if every:
+                left.extend(continued(choices, recorder.sizes))
+        self.complete = every and not left
+        return None
 
 
 def outcome_of(run: PlanRun[Any]) -> str:

@@ -66,50 +66,8 @@ def fix_recipe(
     Fixes that are not safe are made only if their code is ``accepted``. The other arguments are those of
     :func:`planlang.recipe.read_recipe`. Raises BadInput if the file cannot be read at all.
     """
-    content = read_bytes(path)
-    before = decode(content, str(path))
-    encoding = _encoding(content, before)
-
-    def read(text: str) -> _State:
-        """Return the diagnostics and fixes of a text; raises BadInput if it cannot be read."""
-        with tempfile.TemporaryDirectory(prefix="planlang-") as folder:
-            copy = Path(folder) / path.name
-            copy.write_bytes(text.encode(encoding))
-            actions = Actions(load(copy, folders=(path.parent, *folders)))
-            reading = read_recipe(actions, task)
-            if reading.actions is actions:
-                raw = read_recipes(actions, reading.recipes.task) if reading.recipes is not None else None
-                fixes = proposed(actions, reading.recipes, raw, reading.diagnostics)
-            else:  # what else there is to fix stands beside names that are not yet in the text
-                fixes = [*declarations(reading.diagnostics), *renames(actions.ontology, reading.misspelt)]
-        here = tuple(fix for fix in fixes if fix.span is not None and fix.span.file == str(copy))
-        return _State(text, str(copy), reading.diagnostics, here)
-
-    def tried(state: _State, fixes: Sequence[Fix]) -> _State:
-        """Return the state with fixes made. Raises CannotEdit if that is not possible, or does not help."""
-        text = _editable(state)
-        edits = [fix.edit(text) for fix in fixes]
-        if not all(edits):
-            raise CannotEdit("nothing in the text was found to be changed")
-        try:
-            new = read(_applied(state.text, chain.from_iterable(edits)))
-        except (BadInput, UnicodeEncodeError):
-            raise CannotEdit("the text could not be read any more") from None
-        left = {(fix.code, fix.message) for fix in new.fixes}
-        if any((fix.code, fix.message) in left for fix in fixes):
-            raise CannotEdit("the change to the text had no effect")
-        if all(fix.is_safe for fix in fixes) and new.errors() - state.errors():
-            raise CannotEdit("there would be errors that are not there now")
-        return new
-
-    def in_file(span: Span | None) -> Span | None:
-        """Return the position in the file itself instead of its temporary copy."""
-        return span if span is None or Path(span.file).name != path.name else span._replace(file=str(path))
-
-    try:
-        state = read(before)
-    except BadInput as problem:
-        raise BadInput([replace(one, span=in_file(one.span)) for one in problem.diagnostics]) from None
+    fixing = _Fixing(path, task, folders)
+    state = fixing.first()
     done: list[Fix] = []
     impossible: dict[tuple[str, str], tuple[Fix, str]] = {}
     while len(done) + len(impossible) < MOST_FIXES:
@@ -120,7 +78,7 @@ def fix_recipe(
         safe = [fix for fix in waiting if fix.is_safe]
         for some in (safe, waiting[:1]) if len(safe) > 1 else (waiting[:1],):  # all at once if that works
             try:
-                state = tried(state, some)
+                state = fixing.tried(state, some)
                 done += some
                 break
             except CannotEdit as problem:
@@ -128,13 +86,66 @@ def fix_recipe(
                     impossible[waiting[0].code, waiting[0].message] = (waiting[0], str(problem))
     unaccepted = [fix for fix in state.fixes if not fix.is_safe and fix.code not in accepted]
     return Fixed(
-        before,
+        fixing.before,
         state.text,
-        encoding,
+        fixing.encoding,
         tuple(done),
-        tuple(replace(fix, span=in_file(fix.span)) for fix in unaccepted),
-        tuple((replace(fix, span=in_file(fix.span)), why) for fix, why in impossible.values()),
+        tuple(replace(fix, span=fixing.in_file(fix.span)) for fix in unaccepted),
+        tuple((replace(fix, span=fixing.in_file(fix.span)), why) for fix, why in impossible.values()),
     )
+
+
+class _Fixing:
+    """A recipe's file, of which changed texts are read as if they were in it."""
+
+    def __init__(self, path: Path, task: str | None, folders: Sequence[Path]) -> None:
+        self._path, self._task, self._folders = path, task, folders
+        content = read_bytes(path)
+        self.before = decode(content, str(path))
+        self.encoding = _encoding(content, self.before)
+
+    def first(self) -> _State:
+        """Return the file as it is; raises BadInput if it cannot be read."""
+        try:
+            return self._read(self.before)
+        except BadInput as problem:
+            raise BadInput([replace(one, span=self.in_file(one.span)) for one in problem.diagnostics]) from None
+
+    def _read(self, text: str) -> _State:
+        """Return the diagnostics and fixes of a text; raises BadInput if it cannot be read."""
+        with tempfile.TemporaryDirectory(prefix="planlang-") as folder:
+            copy = Path(folder) / self._path.name
+            copy.write_bytes(text.encode(self.encoding))
+            actions = Actions(load(copy, folders=(self._path.parent, *self._folders)))
+            reading = read_recipe(actions, self._task)
+            if reading.actions is actions:
+                raw = read_recipes(actions, reading.recipes.task) if reading.recipes is not None else None
+                fixes = proposed(actions, reading.recipes, raw, reading.diagnostics)
+            else:  # what else there is to fix stands beside names that are not yet in the text
+                fixes = [*declarations(reading.diagnostics), *renames(actions.ontology, reading.misspelt)]
+        here = tuple(fix for fix in fixes if fix.span is not None and fix.span.file == str(copy))
+        return _State(text, str(copy), reading.diagnostics, here)
+
+    def tried(self, state: _State, fixes: Sequence[Fix]) -> _State:
+        """Return the state with fixes made. Raises CannotEdit if that is not possible, or does not help."""
+        text = _editable(state)
+        edits = [fix.edit(text) for fix in fixes]
+        if not all(edits):
+            raise CannotEdit("nothing in the text was found to be changed")
+        try:
+            new = self._read(_applied(state.text, chain.from_iterable(edits)))
+        except (BadInput, UnicodeEncodeError):
+            raise CannotEdit("the text could not be read any more") from None
+        left = {(fix.code, fix.message) for fix in new.fixes}
+        if any((fix.code, fix.message) in left for fix in fixes):
+            raise CannotEdit("the change to the text had no effect")
+        if all(fix.is_safe for fix in fixes) and new.errors() - state.errors():
+            raise CannotEdit("there would be errors that are not there now")
+        return new
+
+    def in_file(self, span: Span | None) -> Span | None:
+        """Return the position in the file itself instead of its temporary copy."""
+        return span if span is None or Path(span.file).name != self._path.name else span._replace(file=str(self._path))
 
 
 def _editable(state: _State) -> Editable:

@@ -270,3 +270,15 @@ def test_a_map_that_is_written_has_the_handles_of_what_was_moved(robot: Robot, t
     for name in ("pan1", "pot1", "kettle1"):
         found = [one.pose.position for one in after.body(name).handles]
         assert found == [pytest.approx(one.pose.position, abs=1e-6) for one in before.body(name).handles]
+
+
+def test_a_map_that_is_written_has_what_was_left_open(tmp_path: Path) -> None:
+    room = read_map(load(bundled("ontologies") / "environments" / "kitchenette.omn"))
+    world = PlanningWorld(scene_of(room))
+    belief = Belief(room, world)
+    leaf = next(name for name, joint in belief.joints.items() if not joint.is_knob)
+    belief.moved(leaf, 1.0)
+    (tmp_path / "map.omn").write_text(map_text(belief), encoding="utf-8")
+    world.close()
+    again = {joint.leaf: joint.first for joint in scene_of(read_map(load(tmp_path / "map.omn"))).joints}
+    assert {name: first for name, first in again.items() if first} == {leaf: belief.joint(leaf)}

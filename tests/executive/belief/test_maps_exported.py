@@ -87,10 +87,12 @@ QUATERNIONS = ("0 0 0 1", "0 0 1 0", "0.5 0.5 0.5 0.5", "0 0 0.6 0.8", "1 0 0 0.
 def maps(draw: st.DrawFn) -> str:
     """A map of a few things: sizes with and without units, perceptions, relative poses, parts, joints, bad numbers."""
     names = draw(st.lists(st.sampled_from(["one", "two", "three-3", "four_4", "five.5"]), min_size=1, unique=True))
-    frames = [HEADER]
+    frames, free = [HEADER], dict.fromkeys(names)  # a thing is a part of one other at most
     for number, name in enumerate(names):
         facts = [f"knowrob:{extent} {draw(LENGTH)}" for extent in EXTENTS if draw(st.integers(0, 9))]
-        parts = draw(st.lists(st.sampled_from(names[number + 1 :]), unique=True)) if names[number + 1 :] else []
+        left = [one for one in names[number + 1 :] if one in free]
+        parts = draw(st.lists(st.sampled_from(left), unique=True)) if left else []
+        free = {one: None for one in free if one not in parts}
         facts += [f"knowrob:properPhysicalParts :{part}" for part in parts]
         if draw(st.integers(0, 5)) == 0:
             facts.append(f"knowrob:jointPosition {draw(st.sampled_from(['0.1', '-3', '99']))}")

@@ -43,13 +43,12 @@ def written(
 def test_the_upper_row_of_the_picture_is_the_last_one_of_the_grid(tmp_path: Path) -> None:
     grid = read_grid(written(tmp_path, np.array([[OCCUPIED, FREE], [UNKNOWN, FREE]], np.uint8), 0.5, x=-1, y=2))
     assert grid.occupied.tolist() == [[False, False], [True, False]]
-    assert grid.free.tolist() == [[False, True], [False, True]]
-    assert moved(grid.frame.matrix(), grid.centres(grid.occupied)).tolist() == [[-0.75, 2.75, 0.0]]
+    assert moved(grid.frame.matrix(), grid.centres()).tolist() == [[-0.75, 2.75, 0.0]]
 
 
 def test_the_origin_turns_the_grid(tmp_path: Path) -> None:
     grid = read_grid(written(tmp_path, np.array([[FREE, OCCUPIED]], np.uint8), 1.0, x=5, yaw=math.pi / 2))
-    assert np.allclose(moved(grid.frame.matrix(), grid.centres(grid.occupied)), [[4.5, 1.5, 0.0]])
+    assert np.allclose(moved(grid.frame.matrix(), grid.centres()), [[4.5, 1.5, 0.0]])
 
 
 def test_plain_pictures_negated_values_and_lists_in_blocks_are_read(tmp_path: Path) -> None:

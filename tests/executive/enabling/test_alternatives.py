@@ -11,7 +11,7 @@ from executive.enabling.explanation import Explanation
 from executive.enabling.folder import Folder
 from executive.enabling.needs import Enabling
 from executive.enabling.shelf import LocalShelf
-from executive.enabling.stock import Stock
+from executive.enabling.stock import MOST_READ, Stock
 from executive.modules.bundled import performed_by
 from executive.robots import bind_robot, possessions_of
 from executive.robots.matching import Possessions
@@ -20,7 +20,7 @@ from planlang.files import Bundled
 from planlang.knowledge.entries import Content, Kind, Syntax
 from planlang.knowledge.sqlite_store import SqliteStore
 from planlang.ontology import load
-from tests.support.knowledge_bases import ontology, put, recognition_model
+from tests.support.knowledge_bases import NOW, ontology, put, recognition_model
 
 FINDING_ITSELF = """
 Class: FindingItself
@@ -67,11 +67,10 @@ def put_task(store: SqliteStore, task: str, needs: str) -> None:
     put(store, Kind.RECIPE, "lab", ontology(task, FINDING_ITSELF.format(task=task, needs=needs)), task)
 
 
-def explained(tmp_path: Path, who: Possessions, task: str) -> Explanation:
+def explained(tmp_path: Path, who: Possessions, task: str, limit: int = MOST_READ) -> Explanation:
     shelf = LocalShelf(tmp_path / "kb.sqlite")
-    enabling = Enabling(
-        who, Stock(shelf, Folder.read(tmp_path / "folder")), performed_by((), []), own_map=Path("any.omn")
-    )
+    stock = Stock(shelf, Folder.read(tmp_path / "folder"), limit=limit)
+    enabling = Enabling(who, stock, performed_by((), []), own_map=Path("any.omn"))
     found = Explanation(enabling, enabling.combination(enabling.task(task)))
     shelf.close()
     return found
@@ -97,6 +96,23 @@ def test_the_map_that_needs_no_laser_that_the_robot_lacks_is_chosen(tmp_path: Pa
     assert "robot has none; that is hardware" in "\n".join(nothing.tree().lines())
 
 
+def test_the_last_of_many_recipes_is_found_unless_a_limit_is_set_which_is_said(
+    tmp_path: Path, store: SqliteStore
+) -> None:
+    task = "Class: <http://example.org/lab.owl#Tour>\n    SubClassOf: knowrob:Action, knowrob:subAction some {step}\n"
+    tilting = (
+        "Class: Tilting\n    SubClassOf: knowrob:Action, comp:dependsOnComponent some comp:Tilting2DLaserScanner\n"
+    )
+    for number in range(5):
+        text = tilting + task.format(step="Tilting") if number < 4 else task.format(step="knowrob:OpeningAGripper")
+        put(store, Kind.RECIPE, f"number{number:02}", ontology(f"tour{number}", text), "Tour")
+    who = robot(hand="comp:ManipulationEntity")
+    assert explained(tmp_path, who, "Tour").as_json()["taken"] == ["tour.number04"]
+    found = explained(tmp_path, who, "Tour", limit=3)
+    assert (found.as_json()["unread"], found.unmet()) == (2, ("component Tilting2DLaserScanner",))
+    assert list(found.verdict())[-1].startswith("that is not sure: of what could be had 2 were not looked at")
+
+
 def test_what_is_missing_on_both_sides_is_said_of_both(tmp_path: Path, store: SqliteStore) -> None:
     """In the paper's experiment that was the map, of which the server had none either."""
     put_task(store, "GoToTheLab", "comp:EnvironmentMap")
@@ -113,6 +129,9 @@ def test_a_recognition_system_needs_a_model_and_a_camera(tmp_path: Path, store: 
     found = explained(tmp_path, robot(**system, eye="comp:Camera"), "LookAtCups")
     assert (found.unmet(), found.as_json()["taken"]) == ((), ["cupmodel.ada", "lookatcups.lab"])
     assert explained(tmp_path, robot(**system), "LookAtCups").unmet() == ("component Camera",)
+    store.delete("cupmodel.ada", "ada", store.entry("cupmodel.ada").etag, NOW)
+    both = explained(tmp_path, robot(**system), "LookAtCups")
+    assert set(both.unmet()) == {"component Camera", "component RoboEarthObjRecModel"}
     blind = explained(tmp_path, robot(eye="comp:Camera"), "LookAtCups")
     assert blind.unmet() == ("component RoboEarthObjRecSystem",)
 

@@ -116,6 +116,18 @@ def test_a_task_is_found_by_its_class_its_label_and_a_class_above_it(tmp_path: P
     assert (code, found["missing"]) == (3, ["recipe Juggling"])
 
 
+@pytest.mark.parametrize(
+    ("task", "meant"),
+    [("serve_a_drnk", "serve a drink"), ("ServADrink", "ServeADrink"), ("ServingFoodOrDrnk", "ServingFoodOrDrink")],
+)
+def test_names_like_that_of_an_unknown_task_are_proposed(tmp_path: Path, task: str, meant: str) -> None:
+    hospital(tmp_path / "kb.sqlite").close()
+    code, found = enable(tmp_path / "kb.sqlite", tmp_path / "amigo", task=task)
+    assert (code, found["missing"]) == (3, [f"recipe {task}"])
+    _, _, proposed = found["explanation"]["reason"].partition("; did you mean ")
+    assert meant in proposed.removesuffix("?").split(" or ")
+
+
 def test_what_the_robot_has_no_model_of_it_does_not_recognise(tmp_path: Path) -> None:
     """A run that is told its models ends with a failure that names the one that is missing."""
     (tmp_path / "models").mkdir()

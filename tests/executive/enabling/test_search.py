@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -61,6 +61,25 @@ def test_six_deep_among_thousands_of_alternatives_with_cycles_is_looked_at_once(
     assert [one.uid for one in combination.offers()][-1] == "0-0/last"
 
 
+def test_a_chain_of_ten_thousand_needs_is_followed_to_its_end() -> None:
+    offers = {f"{level}": [Offer(f"{level}", "", (f"{level + 1}",))] for level in range(10_000)}
+    assert found(["0"], offers).unmet == ("0",)
+    assert len(list(found(["0"], offers, has=["10000"]).offers())) == 10_000
+
+
+def test_of_what_costs_something_to_have_no_more_is_asked_than_a_need_takes_to_be_met() -> None:
+    asked: list[str] = []
+
+    def offers(need: Need) -> Iterator[Offer]:
+        for number, needs in enumerate((("Nothing",), ("B",), ())):
+            asked.append(f"{need}{number}")
+            yield Offer(f"{need}{number}", need, needs if need == "A" else ())
+
+    combination = combine(["A"], lambda _: None, lambda need: iter(()) if need == "Nothing" else offers(need))
+    assert [one.uid for one in combination.offers()] == ["B0", "A1"]
+    assert asked == ["A0", "A1", "B0"]
+
+
 def test_one_entry_that_meets_two_needs_is_taken_for_both() -> None:
     both = Offer("both", "A")
     offers = {"A": [Offer("best", "A"), both], "B": [both]}
@@ -89,6 +108,8 @@ def test_a_need_is_met_exactly_if_a_tree_without_circles_meets_it(
         met |= more
     combination = found(wanted, offers, sorted(has))
     assert set(combination.unmet) == set(wanted) - met
+    one_by_one = combine(wanted, lambda need: need if need in has else None, lambda need: iter(offers.get(need, ())))
+    assert one_by_one.unmet == combination.unmet
     done = set(has)
     for offer in combination.offers():
         assert done.issuperset(offer.needs)

@@ -5,15 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import replace
+from itertools import islice
 
 import numpy as np
 import pytest
 
-from executive.motion import MotionError
+from executive.locations.hand_solutions import base_matrices
+from executive.modules.leaf_paths import LeafPaths
+from executive.motion import MotionError, cartesian_path
 from executive.robots.arms import ArmModel
 from planlang.designators import Condition, a_location
 from planlang.failures import ActionUnresolvable, BehindClosedDoor, HandleNotReachable
 from planlang.geometry import Array, Pose
+from planlang.geometry.matrices import inverse, product
 from planlang.protocols import Trajectory
 from tests.benchmarks.doors import opened
 from tests.support.leaves import drawn, room, thing
@@ -47,6 +51,18 @@ def test_a_leaf_is_opened_and_closed_again_by_its_handle(stack: ExitStack, robot
     stage.do(CLOSE, "case")
     assert stage.truth.joint("leaf") < np.radians(3.0)
     assert stage.executive.holds(Condition("closed", (stage.designator("case"),)))
+
+
+@pytest.mark.parametrize("seed", [DOOR, DRAWER])
+def test_the_way_of_a_leaf_begins_as_the_arm_comes_straight_to_its_handle(stack: ExitStack, seed: int) -> None:
+    stage = room(stack, drawn(seed))
+    joint, arm = stage.platform.belief.joints["leaf"], stage.platform.scene.arms.all[0]
+    ways = LeafPaths(stage.platform, joint).towards(joint.upper, [arm], joint.first_open)
+    for way in islice((one for one in ways if one is not None), 10):
+        ends = product(inverse(base_matrices(np.array([way.base]))[0]), way.poses[:2])
+        line = cartesian_path(arm.solver, way.before, ends[0], ends[1], lambda q: True)
+        assert line.waypoints is not None
+        assert line.waypoints[-1] == pytest.approx(way.joints[0], abs=0.01)
 
 
 def test_the_hand_moves_a_leaf_that_is_ajar_from_where_it_is(stack: ExitStack) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterator
 from dataclasses import replace
@@ -12,10 +13,10 @@ from executive.robots import Robot, bind_robot
 from executive.robots.arms import ArmModel, arm_models, gaze_of
 from planlang import perform
 from planlang.designators import a_location, action, an_object
-from planlang.failures import HandsLacking, LocationUnresolvable, ObjectLost, TooHeavy
+from planlang.failures import ActionUnresolvable, HandsLacking, LocationUnresolvable, ObjectLost, TooHeavy
 from planlang.geometry import Pose
 from planlang.ontology import Ontology
-from sim import Body, PlanningWorld, Scene
+from sim import Body, PlanningWorld, PyBulletWorld, Scene
 from sim.scene import Handle
 from sim.world import at_rest_on, held_by
 from tests.executive.conftest import PLACE, MakeStage, Stage, furnisher
@@ -80,6 +81,45 @@ def test_a_tray_is_brought_to_another_table_with_the_cup_on_it(stage_of: MakeSta
         assert stage.belief.pose(name).distance(stage.truth.pose(name)) < 0.01
 
 
+def test_a_tray_is_carried_lowered_and_released_in_steps_and_no_arm_moves_alone_meanwhile(stage_of: MakeStage) -> None:
+    stage = stage_of(TABLE, OTHER, TRAYS["wide"], CUP)
+    taken(stage)
+    restored(stage)
+    place = {"object_acted_on": THE_TRAY, "to_location": a_location(on=THE_OTHER)}
+
+    async def carry() -> None:
+        await perform(action("CarryingWhileLocomoting", **place))
+        with pytest.raises(ActionUnresolvable, match="neither moves alone"):
+            await perform(action("Reaching", to_location=a_location(above=THE_OTHER)))
+        await perform(action("LoweringAnObject", **place))
+
+    stage.run(carry)
+    assert (stage.truth.support("tray"), held_by(stage.truth, "tray")) == ("other", "robot")
+
+    async def release() -> None:
+        await perform(action("ReleasingGraspOfSomething", object_acted_on=THE_TRAY))
+
+    stage.run(release)
+    assert (at_rest_on(stage.truth, "tray"), at_rest_on(stage.truth, "cup")) == ("other", "tray")
+
+
+def restored(stage: Stage) -> None:
+    """Write down the true world and the belief as JSON, go on from that, and compare."""
+    for part in (stage.truth, stage.belief):
+        before = json.loads(json.dumps(part.snapshot()))
+        part.restore_state(before) if isinstance(part, PyBulletWorld) else part.restore(before)
+        assert part.snapshot() == before
+    stage.platform.sync()
+    assert (stage.truth.holders("tray"), stage.planning.holders("tray")) == 2 * (stage.truth.holders("tray"),)
+    assert stage.truth.riders("tray") == stage.planning.riders("tray") == ("cup",)
+
+
+def test_one_hand_alone_is_not_sent_to_what_takes_two(stage_of: MakeStage) -> None:
+    stage = stage_of(TABLE, TRAY)
+    with pytest.raises(HandsLacking, match="tray takes 2 hands, 1 is there for it"):
+        next(stage.resolver.bases(a_location(in_reach_of=THE_TRAY)))
+
+
 def test_the_tray_falls_with_what_is_on_it_when_one_hand_opens(stage_of: MakeStage) -> None:
     stage = stage_of(TABLE, OTHER, TRAYS["turned"], CUP)
     taken(stage)
@@ -101,9 +141,10 @@ def test_the_tray_falls_with_what_is_on_it_when_one_hand_opens(stage_of: MakeSta
 @pytest.mark.parametrize("number", [0, 1])
 def test_too_few_hands_are_refused_with_both_numbers(stage_of: MakeStage, number: int) -> None:
     stage = stage_of(TABLE, replace(TRAY, hands=3 - number), replace(CUP, mass=4.0 * number))
-    failure, said = ((HandsLacking, "takes 3 hands, 2 are free"), (TooHeavy, "weighs 4.8 kg, the hand carries 3.6 kg"))[
-        number
-    ]
+    failure, said = (
+        (HandsLacking, "takes 3 hands, 2 are there for it"),
+        (TooHeavy, "weighs 4.8 kg, the hand carries 3.6 kg"),
+    )[number]
     with pytest.raises(failure, match=said):
         taken(stage)
     assert stage.truth.steps < 100

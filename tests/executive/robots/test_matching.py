@@ -1,4 +1,4 @@
-"""Recipes compared with robots: what is missing, why, and where it could be had."""
+"""Recipes compared with robots: what is missing, and why."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from typer.testing import CliRunner
 
 from executive.cli.app import app
 from executive.robots import FindingKind, Semantics
-from executive.robots.matching import ClosedWorld, Matcher, Possessions, compared
+from executive.robots.matching import ClosedWorld, Possessions, compared
 from executive.robots.robot import Part, claims_of, parts_of, read_self_model
-from executive.robots.tasks import Match, match, with_remedies
+from executive.robots.tasks import Match, match
 from planlang.diagnostics import Span
 from planlang.ontology import BNode, Ontology, load
 from planlang.ontology.expression_text import expression_of, text_of
@@ -123,9 +123,7 @@ Individual: :eye
 def tea(folder: Path, requires: str = "", claims: str = "", more: str = "") -> Match:
     text = TASK.replace("{requires}", requires) + ROBOT.replace("{claims}", claims) + more
     path = written(folder, text)
-    ontology = load(path)
-    found = matched(path, modelled(path), task="MakingTea")
-    return with_remedies(found, Matcher(ontology, modelled(path)), [ontology])
+    return matched(path, modelled(path), task="MakingTea")
 
 
 def needing(component: str) -> str:
@@ -193,21 +191,6 @@ def test_the_tree_says_which_step_needs_what_and_where_it_was_found(tmp_path: Pa
     assert "capability PouringCapability - available: cook1 claims it" in lines[2]
     assert "component Kettle - available: left" in lines[3]
     assert "kitchen.omn:" in lines[3]
-
-
-def test_what_is_missing_is_found_in_the_knowledge_base_unless_it_is_hardware(tmp_path: Path) -> None:
-    model = "Class: :TeaModel\n    SubClassOf: srdl2-comp:SoftwareComponent\n"
-    more = "Class: :FineTeaModel\n    SubClassOf: :TeaModel\nIndividual: :assam\n    Types: :FineTeaModel\n"
-    text = "\n".join(tea(tmp_path, needing("some :TeaModel"), CLAIM, model + more).lines())
-    assert "could be had: assam (FineTeaModel, " in text
-    hard = "Class: :Samovar\n    SubClassOf: srdl2-comp:HardwareComponent\nIndividual: :samovar1\n    Types: :Samovar\n"
-    assert "could be had" not in "\n".join(tea(tmp_path, needing("some :Samovar"), CLAIM, hard).lines())
-
-
-def test_what_could_be_had_is_not_taken_if_the_robot_cannot_use_it(tmp_path: Path) -> None:
-    model = "Class: :TeaModel\n    SubClassOf: srdl2-comp:SoftwareComponent"
-    needy = f"{model}{needing('some srdl2-comp:MobileBase')}\nIndividual: :assam\n    Types: :TeaModel\n"
-    assert "could be had" not in "\n".join(tea(tmp_path, needing("some :TeaModel"), CLAIM, needy).lines())
 
 
 def test_of_alternatives_one_is_enough(tmp_path: Path) -> None:

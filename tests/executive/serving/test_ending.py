@@ -51,10 +51,10 @@ def test_a_server_that_is_ended_answers_what_was_asked_and_its_successor_knows_i
         answers = []
 
         def ask() -> None:
-            under_way = threading.Timer(0.05, process.send_signal, (ending,))
-            under_way.start()
-            with httpx.Client(timeout=30) as client:
-                answers.append(client.post(f"{url}/v1/recipes?name=west", content=RECIPE, headers=key).status_code)
+            with httpx.Client(base_url=url, timeout=30) as client:
+                client.get("/v1/health")  # the connection is there before the end begins
+                threading.Timer(0.05, process.send_signal, (ending,)).start()
+                answers.append(client.post("/v1/recipes?name=west", content=RECIPE, headers=key).status_code)
 
         asking = threading.Thread(target=ask)
         asking.start()

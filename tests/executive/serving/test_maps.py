@@ -91,10 +91,10 @@ def test_the_grid_of_a_map_is_pulled_with_it_and_is_an_obstacle_then(link: str, 
     entry = store.entry(uid)
     store.close()
     shelf = LocalShelf(tmp_path / "kb.sqlite")
-    files = pull(shelf, entry, tmp_path / "pulled")
+    files = pull(shelf, [(entry, tmp_path / "pulled")])
     (box,) = (body for body in scene_of(read_map(load(files[0]))).bodies if body.name.startswith(OBSTACLE))
     assert (box.pose.position[:2], box.size[:2]) == (pytest.approx((0.0, 0.25)), pytest.approx((1.0, 0.5)))
     changed = replace(entry.attachments[0], sha256="0" * 64)
     with pytest.raises(BadInput, match="K040"):
-        pull(shelf, replace(entry, attachments=(changed,)), tmp_path / "again")
+        pull(shelf, [(replace(entry, attachments=(changed,)), tmp_path / "again")])
     shelf.close()
