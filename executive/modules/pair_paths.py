@@ -134,6 +134,9 @@ class PairPaths:
             solved.append(q)
             reached.append(good)
             self._refuse(f"out of reach of {one.arm.name}", number=int((~good).sum()))
+        for arm in (0, 1) if (fits & reached[0][:, None] & reached[1][None]).any() else ():
+            for k in np.flatnonzero(reached[arm]).tolist():
+                reached[arm][k] = self._is_free(base, torso, arm, solved[arm][k], grips[arm].plans[k].fingers)
         both = np.argwhere(fits & reached[0][:, None] & reached[1][None])
         weights = grips[0].weights[both[:, 0]] * grips[1].weights[both[:, 1]]
         for row in np.argsort(-weights.round(6), kind="stable")[:MOST_PAIRS].tolist():
@@ -147,6 +150,19 @@ class PairPaths:
             except _Refused as refused:
                 self._refuse(*refused.args)
 
+    def _is_free(self, base: BasePose, torso: float, arm: int, part: Array, fingers: Fingers) -> bool:
+        """Return whether one arm, at the joint values that are solved for, is in nothing, with open fingers."""
+        model, now = self.pair.arms[arm], self.now()
+        other = now[self.pair.solved[1 - arm]]
+        parts = (part[None], other[None]) if arm == 0 else (other[None], part[None])
+        q = self.pair.joined(parts, np.array([torso]), now)[0][self.pair.group.columns[arm]]
+        met = self.control.scene.collisions.contacts(base, model, q, fingers=fingers)
+        known = self.control.scene.world.names()  # the other arm will be elsewhere
+        body = next((contact.body for contact in met if contact.body in known), None)
+        if body is not None:
+            self._refuse(COLLISION, body)
+        return body is None
+
     def _seeds(self, arm: int, count: int) -> Array:
         """Return joint values (count, s, n) of both arms from which inverse kinematics of one begins."""
         model, now = self.pair.arms[arm], self.now()
@@ -159,14 +175,14 @@ class PairPaths:
     ) -> PairGrasp:
         """Return the way with the hands at the thing at joint values (n,); tips (4, 2, 4, 4). Raises _Refused."""
         opened = tuple(item for one in fingers for item in one)
-        if (body := self._meets(base, at, name, opened)) is not None:
+        if (body := self._meets(base, at, fingers=opened)) is not None:
             raise _Refused(COLLISION, body)
         torso = np.full(1, self._torso(at))
         rows, reached = self.pair.along(between(tips[1], tips[0])[None], at[None], np.repeat(torso, 99)[None])
         approach = np.concatenate([at[None], rows[0]])[::-1]
         if reached[0] < len(rows[0]):
             raise _Refused("no straight way to it")
-        if any((body := self._meets(base, row, name, opened)) is not None for row in approach):
+        if any((body := self._meets(base, row, fingers=opened)) is not None for row in approach):
             raise _Refused(COLLISION, body)
         closed: dict[str, float] = {}
         for arm, one in zip(self.pair.arms, fingers, strict=True):
