@@ -235,8 +235,8 @@ CODES: dict[str, str] = {
     # M: maps and worlds
     "M001": "a pose's matrix was repaired: a reflection, or not orthonormal",
     "M002": "a number is expected, and a finite one",
-    "M003": "a pose has neither a complete matrix nor translation and quaternion",
-    "M004": "a pose's rotation has no three directions; it is taken as not turned",
+    "M003": "a pose has neither a complete matrix nor a translation",
+    "M004": "a pose has no rotation, or one without three directions; it is taken as not turned",
     "M005": "a size was filled in: doors are thin, other things have the default of their class",
     "M006": "a thing has no size that is known: it is a mere place",
     "M007": "a size is negative; the thing is a mere place",
@@ -263,6 +263,7 @@ CODES: dict[str, str] = {
     "M028": "nothing tells how the frames of maps that are merged lie to each other",
     "M029": "rooms are connected, and nothing says where; a doorway is assumed, or there is no way",
     "M030": "a number is in a unit of another dimension, or in an unknown one",
+    "M031": "a thing's class is unknown; it is read as the class that is called so, if there is one",
     # B: binding robots
     "B001": "a robot file is not as it should be",
     "B002": "there is no robot in the file",

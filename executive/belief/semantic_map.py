@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from executive.belief.class_names import with_known_classes
 from executive.belief.measures import EXTENTS, TRIPLES, Size, length, read_size, read_transform, stated
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
@@ -85,6 +86,7 @@ def read_map(ontology: Ontology) -> SemanticMap:
     """
     found: list[Diagnostic] = []
     things = _things(ontology)
+    ontology = with_known_classes(ontology, things, found)
     poses = PosesOfThings(ontology, found)
     names: set[str] = set()
     objects = []

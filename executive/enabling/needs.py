@@ -88,7 +88,20 @@ class Enabling:
         return self.stock.shelf.url
 
     def combination(self, root: Need) -> Combination:
-        """Return how a need and all that it leads to are met. Raises BadInput if the knowledge base does not answer."""
+        """Return how a need and all that it leads to are met. Raises BadInput if the knowledge base does not answer.
+
+        What is kept stays as it is where newer revisions of it need what is missing.
+        """
+        found = self._combination(root)
+        if found.unmet and self.stock.renewed:
+            self.stock.pass_over()
+            for known in (self._candidates, self._needs, self._damaged, self.unread):
+                known.clear()
+            found = self._combination(root)
+        return found
+
+    def _combination(self, root: Need) -> Combination:
+        """Return the combination of entries of which none turns out to be damaged."""
         while True:
             found = combine([root], lambda need: self.wanted[need].has, self.offers)
             uids = [one.uid for one in found.offers() if not one.is_own]

@@ -36,6 +36,8 @@ class Stock:
     """Entries that are kept as the knowledge base has them now."""
     renewed: dict[str, int] = field(default_factory=dict)
     """Entries of which the knowledge base has a newer revision, with the one that is kept so far."""
+    passed_over: dict[str, int] = field(default_factory=dict)
+    """Newer revisions that are not taken, as they need what is missing."""
     _read: set[str] = field(default_factory=set)
     _failed: dict[str, BadInput] = field(default_factory=dict)
     _classes: dict[str, frozenset[str]] = field(default_factory=dict)
@@ -49,10 +51,17 @@ class Stock:
         before = kept.found.entry
         if (before.revision.sha256, before.attachments) == (offered.entry.revision.sha256, offered.entry.attachments):
             self.unchanged.add(uid)
-        elif kept.source == self.shelf.url:
+        elif kept.source == self.shelf.url and uid not in self.passed_over:
             self.renewed[uid] = before.revision.number
             return offered
         return kept.found
+
+    def pass_over(self) -> None:
+        """Leave what is kept as it is, although the knowledge base has newer revisions."""
+        self.passed_over |= {uid: self.found[uid].entry.revision.number for uid in self.renewed if uid in self.found}
+        self.renewed.clear()
+        self._failed.clear()
+        self._classes.clear()
 
     def is_kept(self, uid: str) -> bool:
         """Return whether an entry need not be taken."""
@@ -66,6 +75,8 @@ class Stock:
             return f"{uid} is renewed from {url}: revision {now} in the place of {self.renewed[uid]}"
         if not self.is_kept(uid):
             return f"{uid} is taken from {url}"
+        if uid in self.passed_over:
+            return f"{uid} is kept in {path}: revision {self.passed_over[uid]} of {url} cannot be used"
         return f"{uid} is kept in {path}, {'unchanged' if uid in self.unchanged else f'and not offered by {url}'}"
 
     def may_read(self, found: Found) -> bool:

@@ -44,6 +44,17 @@ def test_what_is_kept_is_renewed_when_the_knowledge_base_has_a_newer_revision(tm
     assert enable(tmp_path / "kb.sqlite", tmp_path / "amigo")[1]["renewed"] == []
 
 
+def test_what_is_kept_stays_where_its_newer_revision_needs_what_is_missing(tmp_path: Path) -> None:
+    store = hospital(tmp_path / "kb.sqlite")
+    enable(tmp_path / "kb.sqlite", tmp_path / "amigo")
+    change(store, BOTTLE, recognition_model("DrinkingBottle") + LINKED)
+    store.close()
+    code, found = enable(tmp_path / "kb.sqlite", tmp_path / "amigo")
+    assert (code, found["taken"], found["renewed"]) == (0, [], [])
+    told = f"{BOTTLE} is kept in {tmp_path / 'amigo'}: revision 2 of {tmp_path / 'kb.sqlite'} cannot be used"
+    assert told in json.dumps(found["explanation"])
+
+
 def test_what_is_not_complete_any_more_is_taken_again(tmp_path: Path) -> None:
     hospital(tmp_path / "kb.sqlite").close()
     enable(tmp_path / "kb.sqlite", tmp_path / "amigo")
