@@ -175,9 +175,12 @@ class Placement:
         return found
 
     def _grounds(self, body: str) -> list[tuple[Block, float]]:
-        """Return the outline and the height of what things on a body rest on: its top, and what lies flat on that."""
-        bodies = self.scene.bodies
-        covers = [one for one in bodies.covers(body) if one != self.name]
+        """Return outlines and heights of what things on a body rest on: its top, and what lies flat on that.
+
+        Beside what lies there is not on it.
+        """
+        bodies, others = self.scene.bodies, {self.name, *(area.body for area in self.demand.areas)}
+        covers = [one for one in bodies.covers(body) if one not in others]
         tops = [(bodies.block(one), bodies.rests_at(one)) for one in (body, *covers)]
         return [(block, top) for block, top in tops if top is not None]
 
