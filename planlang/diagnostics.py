@@ -235,8 +235,8 @@ CODES: dict[str, str] = {
     # M: maps and worlds
     "M001": "a pose's matrix was repaired: a reflection, or not orthonormal",
     "M002": "a number is expected, and a finite one",
-    "M003": "a pose has neither a complete matrix nor translation and quaternion",
-    "M004": "a pose's rotation has no three directions; it is taken as not turned",
+    "M003": "a pose has neither a complete matrix nor a translation",
+    "M004": "a pose has no rotation, or one without three directions; it is taken as not turned",
     "M005": "a size was filled in: doors are thin, other things have the default of their class",
     "M006": "a thing has no size that is known: it is a mere place",
     "M007": "a size is negative; the thing is a mere place",
@@ -259,10 +259,11 @@ CODES: dict[str, str] = {
     "M024": "an occupancy grid, points or an octree cannot be read; its obstacles are left out",
     "M025": "a file of a map is not here, or of a kind that is not read",
     "M026": "a thing has parts, or their poses, from the model of its class",
-    "M027": "a map that is merged is in another frame; it is moved",
+    "M027": "a map is in another frame than the first; `planlang merge` moves it",
     "M028": "nothing tells how the frames of maps that are merged lie to each other",
     "M029": "rooms are connected, and nothing says where; a doorway is assumed, or there is no way",
     "M030": "a number is in a unit of another dimension, or in an unknown one",
+    "M031": "a thing's class is unknown; it is read as the class that is called so, if there is one",
     # B: binding robots
     "B001": "a robot file is not as it should be",
     "B002": "there is no robot in the file",

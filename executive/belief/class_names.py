@@ -1,12 +1,17 @@
 """Classes by the names that other ontologies have for them: what a map's vocabulary lacks is known by its local name.
 
 A plan of a recipe in one ontology runs in a map in another. A class that the map's vocabulary does not describe means
-the one that is called so there, or of which it says so: ``Class: Egg-Chickens Annotations: alsoCalled "Egg"``.
+the one that is called so there, or of which it says so: ``Class: Egg-Chickens Annotations: alsoCalled "Egg"``; at last
+the only one that begins so: ``Bed`` is Bed-PieceOfFurniture.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from difflib import get_close_matches
+
 from planlang.designators import local_name
+from planlang.diagnostics import Diagnostic, note, warning
 from planlang.ontology import Literal, Ontology, expand
 from planlang.ontology.terms import RDF
 
@@ -43,7 +48,10 @@ def meanings(ontology: Ontology, cls: str) -> tuple[str, ...]:
         for triple in ontology.triples(p=expand("alsoCalled")):
             if isinstance(triple.object, Literal) and isinstance(triple.subject, str):
                 names.setdefault(triple.object.value.lower(), {})[triple.subject] = None
-        ontology.kept[_KEPT] = names
+        short: dict[str, dict[str, None]] = {}
+        for name in ontology.class_names():
+            short.setdefault(local_name(name).lower().partition("-")[0], {})[name] = None
+        ontology.kept[_KEPT] = {key: some for key, some in short.items() if len(some) == 1} | names
     return tuple(ontology.kept[_KEPT].get(local_name(iri).lower(), (iri,)))
 
 
@@ -52,3 +60,23 @@ def _used(ontology: Ontology) -> frozenset[object]:
     if _USED not in ontology.kept:
         ontology.kept[_USED] = frozenset(triple.object for triple in ontology.triples(p=RDF.type))
     return frozenset(ontology.kept[_USED])
+
+
+def with_known_classes(ontology: Ontology, things: Iterable[str], found: list[Diagnostic]) -> Ontology:
+    """Return the ontology with classes of things (IRIs) that nothing defines replaced by those that are called so.
+
+    Says so, and for those that nothing is called what they may mean.
+    """
+    unknown = {cls: iri for iri in things for cls in ontology.types(iri) if not ontology.defined(cls)}
+    names: dict[str, str] = {}
+    for cls, iri in unknown.items():
+        said, span = f"{local_name(cls)}, the class of {local_name(iri)}", ontology.span(iri)
+        if (meant := known(ontology, cls)) != expand(cls):
+            names[cls] = meant
+            found.append(note("M031", f"{said}, is read as {local_name(meant)}", span))
+            continue
+        every = {local_name(name) for name in ontology.class_names()}
+        close = get_close_matches(local_name(cls), sorted(every), n=1, cutoff=0.8)
+        advice = f"did you mean {close[0]}?" if close else f"say what it is: Class: {local_name(cls)} SubClassOf: ..."
+        found.append(warning("M031", f"{said}, is unknown: nothing is known of such things", span, advice))
+    return ontology.renamed(names) if names else ontology

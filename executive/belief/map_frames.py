@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from executive.belief.map_statements import Placement, decimal, number
+from executive.belief.map_statements import Placement, decimal, facts_of, number
 from executive.belief.measures import length, read_transform, stated
 from executive.belief.semantic_map import MapObject, PosesOfThings, SemanticMap
 from planlang.designators import local_name
@@ -211,6 +211,26 @@ def _named_frames(source: MapSource) -> set[str]:
     own = {PosesOfThings(ontology, []).place_of(iri) for iri in maps}
     relative = (t for t in source.statements if t.predicate == expand("relativeTo") and t.subject not in own)
     return {str(t.object) for t in relative if t.object in maps}
+
+
+# Relative to what only another map places
+
+
+def completed(source: MapSource, known: Mapping[str, Placement]) -> MapSource:
+    """Return a map with the placements of things that are stated relative to what only other maps place."""
+    ontology, found = source.map.ontology, dict[str, Placement]()
+    times = {one.event: one.time for seen in PosesOfThings(ontology, []).places.values() for one in seen}
+    stated_at = [(str(t.subject), str(t.object)) for t in source.statements if t.predicate == expand("eventOccursAt")]
+    places, acted = dict(stated_at), expand("objectActedOn")
+    parents = {t.subject: str(t.object) for t in source.statements if t.predicate == expand("relativeTo")}
+    for triple in (t for t in source.statements if t.predicate == acted and t.object not in source.placed):
+        thing, event = str(triple.object), str(triple.subject)
+        parent, time = parents.get(places.get(event, ""), ""), times.get(event, -math.inf)
+        matrix = read_transform(ontology, places[event], []) if parent in known else None
+        if matrix is not None and (thing not in found or time >= found[thing].time):
+            facts = tuple(facts_of(ontology, event))
+            found[thing] = Placement(thing, known[parent].pose @ Pose.from_matrix(matrix), time, parent, facts)
+    return replace(source, placed=source.placed | found)
 
 
 # In another frame

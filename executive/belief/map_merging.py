@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from executive.belief.map_frames import MapSource, are_related, in_frame_of
+from executive.belief.map_frames import MapSource, are_related, completed, in_frame_of
 from executive.belief.map_statements import (
     Placement,
     main_statements,
@@ -68,6 +68,8 @@ def merge(paths: Sequence[Path], folders: Sequence[Path] = ()) -> Merged:
         names = dict(_same(things, source, whole, found))
         things = {names.get(one.iri, one.iri): one for one in source.map.objects} | things
         merged.append(source.named(names))
+    known = _newest(merged, [])
+    merged = [completed(source, known) for source in merged]
     statements = _united(merged, found)
     placed = _newest(merged, found)
     _compare_classes(merged, whole, found)

@@ -54,13 +54,14 @@ def placements(semantic_map: SemanticMap) -> dict[str, Placement]:
         place = poses.place_of(thing.iri) if seen is None else seen.place
         parents = [] if place is None else ontology.values(place, expand("relativeTo"))
         parent = next((one.iri for one in map(semantic_map.find, map(str, parents)) if one and one.pose), None)
-        facts = () if event is None else tuple(_facts(ontology, event))
+        facts = () if event is None else tuple(facts_of(ontology, event))
         time = float("-inf") if seen is None else seen.time
         found[thing.iri] = Placement(thing.iri, thing.pose, time, parent, facts)
     return found
 
 
-def _facts(ontology: Ontology, event: str) -> Iterator[tuple[str, Term]]:
+def facts_of(ontology: Ontology, event: str) -> Iterator[tuple[str, Term]]:
+    """Yield what else is stated about a perception: property and value."""
     for triple in ontology.triples(event):
         if triple.predicate not in _OF_EVENTS and triple.object != OWL.NamedIndividual:
             yield triple.predicate, triple.object

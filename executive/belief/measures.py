@@ -194,6 +194,9 @@ TOLERANCE = 1e-3
 FLAT = 0.1
 """Volume of a matrix's axes, relative to a cube of their mean length, that is no basis: one axis a twentieth."""
 
+POSE = 'a pose needs m00..m22 and m03, m13, m23, or translation "x y z" and quaternion "x y z w"'
+"""What is said of one that lacks something."""
+
 _ROTATION = tuple(f"m{i}{j}" for i in range(3) for j in range(3))
 _TRANSLATION = ("m03", "m13", "m23")
 
@@ -225,7 +228,7 @@ def _from_entries(ontology: Ontology, iri: str, found: list[Diagnostic]) -> Arra
             matrix[int(name[1]), int(name[2])] = value
     if missing:
         message = f"the matrix {local_name(iri)} has no {', '.join(missing)}"
-        found.append(warning("M003", message, ontology.span(iri), "a pose needs m00..m22 and m03, m13, m23"))
+        found.append(warning("M003", message, ontology.span(iri), POSE))
     if missing or not complete:
         return None
     matrix[:3, :3] = rigid(matrix[:3, :3], local_name(iri), ontology.span(iri), found)
@@ -233,16 +236,19 @@ def _from_entries(ontology: Ontology, iri: str, found: list[Diagnostic]) -> Arra
 
 
 def _from_quaternion(ontology: Ontology, iri: str, found: list[Diagnostic]) -> Array | None:
-    values = {}
+    values: dict[str, tuple[float, ...]] = {"quaternion": (0.0, 0.0, 0.0, 1.0)}
     for name, count in (("translation", 3), ("quaternion", 4)):
         triple = stated(ontology, iri, name)
+        if triple is None and name in values:
+            found.append(note("M004", f"the pose {local_name(iri)} has no quaternion; not turned", ontology.span(iri)))
+            continue
         numbers = lengths(triple, found) if triple else None
         if triple and numbers is None:
             return None
         if triple is None or numbers is None or len(numbers) != count:
             message = f"the pose {local_name(iri)} states neither a matrix nor a {name} of {count} numbers"
             span = triple.span if triple else ontology.span(iri)
-            found.append(warning("M003", message, span, "a pose needs m00..m22 and m03, m13, m23"))
+            found.append(warning("M003", message, span, POSE))
             return None
         values[name] = numbers
     norm = float(np.linalg.norm(values["quaternion"]))

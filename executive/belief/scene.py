@@ -15,7 +15,7 @@ from executive.belief.hollow import WALL, hollowed, open_at
 from executive.belief.in_hand import STOWED, is_in_hand
 from executive.belief.object_models import Blade
 from executive.belief.semantic_map import MapObject, SemanticMap
-from planlang.diagnostics import Diagnostic, note, warning
+from planlang.diagnostics import Diagnostic, Span, note, warning
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import rotated
 from planlang.geometry.shapes import corners, footprint, inside
@@ -254,10 +254,26 @@ def _check_support(scene: Scene, semantic_map: SemanticMap, found: list[Diagnost
             continue
         held = (np.abs(rotated(turns, body.pose.position - centres)) < half).all(axis=1)
         if not held.any() and standing.support(body.name) is None:  # a box is in itself: it may be in the air
-            low = float(corners(body.pose, body.size)[:, 2].min())
-            message = f"{body.name} stands on nothing: its lowest point is {low:.3f} m over the floor"
-            help = f"objects may sink into what they stand on by at most {PENETRATION} m"
-            found.append(warning("M015", message, thing.span, help))
+            found.append(_unsupported(body, scene, thing.span))
+
+
+def _unsupported(body: Body, scene: Scene, span: Span | None) -> Diagnostic:
+    """Return the warning about a thing that stands on nothing, with the height at which it would stand."""
+    heights = corners(body.pose, body.size)[:, 2]
+    low, high, z = float(heights.min()), float(heights.max()), body.pose.position[2]
+    others = {one.name: corners(one.pose, one.size) for one in scene.bodies if one.shape is BodyShape.BOX}
+    x, y, _ = body.pose.position
+    below = {
+        name: float(box[:, 2].max())
+        for name, box in others.items()
+        if name != body.name and (box.min(axis=0)[:2] <= (x, y)).all() and (box.max(axis=0)[:2] >= (x, y)).all()
+    }
+    name = max((one for one in below if below[one] < high), key=below.__getitem__, default="the floor")
+    top = below.get(name, 0.0)
+    where = f"{low - top:.3f} m over {name}" if low >= top else f"{top - low:.3f} m inside of {name}"
+    message = f"{body.name} stands on nothing: its lowest point is {where}"
+    help = f"a pose is that of the middle: with {z + top - low:.3f} as its height {body.name} stands on {name}"
+    return warning("M015", message, span, help)
 
 
 def _bounds(bodies: Iterable[Body]) -> tuple[float, float, float, float]:

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from executive.belief.class_names import with_known_classes
 from executive.belief.measures import EXTENTS, TRIPLES, Size, length, read_size, read_transform, stated
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
@@ -85,6 +86,7 @@ def read_map(ontology: Ontology) -> SemanticMap:
     """
     found: list[Diagnostic] = []
     things = _things(ontology)
+    ontology = with_known_classes(ontology, things, found)
     poses = PosesOfThings(ontology, found)
     names: set[str] = set()
     objects = []
@@ -110,6 +112,7 @@ def read_map(ontology: Ontology) -> SemanticMap:
     objects = _with_places_turned(objects, ontology, found)
     if any(ontology.triples(None, OWL.onProperty, expand("orientation"))):
         objects = _with_parts_of_classes(objects, ontology, found)
+    found += _other_frames(ontology, poses)
     semantic_map = SemanticMap(ontology.iri, ontology, tuple(objects), tuple(found))
     if not any(thing.pose for thing in objects) and not semantic_map.has_files:
         document = ontology.documents[0] if ontology.documents else None
@@ -117,6 +120,17 @@ def read_map(ontology: Ontology) -> SemanticMap:
         help = "a map says where things are: SemanticMapPerception with objectActedOn and eventOccursAt"
         raise BadInput([*found, error("M009", "nothing in this file has a place: it is no map", span, help)])
     return semantic_map
+
+
+def _other_frames(ontology: Ontology, poses: PosesOfThings) -> Iterator[Diagnostic]:
+    """Yield a warning for each map that is relative to something of another file: here all are in one frame."""
+    for iri in ontology.individuals(expand("SemanticEnvironmentMap")):
+        own = ontology.span(iri)
+        for parent in ontology.values(poses.place_of(iri) or "", expand("relativeTo")):
+            other = ontology.span(str(parent))
+            if own is not None and other is not None and own.file != other.file:
+                message = f"the frame of {local_name(iri)} is relative to {local_name(str(parent))}: that is not heeded"
+                yield warning("M027", message, own, "make one map of both: planlang merge")
 
 
 def _with_parts_of_classes(objects: list[MapObject], ontology: Ontology, found: list[Diagnostic]) -> list[MapObject]:

@@ -1,7 +1,7 @@
 """Needs of a task, and offers of a knowledge base for them: the graph that is searched.
 
-A task needs a recipe. A recipe needs what matching it with the robot finds required, recognition models of all classes
-of things among its parameters, and a map that has such things. An entry needs what its subject's class depends on.
+A task needs a recipe. A recipe needs what matching it with the robot finds required, recognition models of the things
+that its steps handle, and a map that has what it is about. An entry needs what its subject's class depends on.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from planlang.ontology.expressions import Expression
 from planlang.ontology.terms import OWL
 from planlang.recipe import Actions, Thing, read_recipe
 
-FOR = " for "
+FOR = "\n"
 """Before what a need prefers, in its name: what was taken for the rest of it is considered, too."""
 MODEL_OF = expand(MODELS)
 MOST_GUESSES = 3
@@ -88,7 +88,20 @@ class Enabling:
         return self.stock.shelf.url
 
     def combination(self, root: Need) -> Combination:
-        """Return how a need and all that it leads to are met. Raises BadInput if the knowledge base does not answer."""
+        """Return how a need and all that it leads to are met. Raises BadInput if the knowledge base does not answer.
+
+        What is kept stays as it is where newer revisions of it need what is missing.
+        """
+        found = self._combination(root)
+        if found.unmet and self.stock.renewed:
+            self.stock.pass_over()
+            for known in (self._candidates, self._needs, self._damaged, self.unread):
+                known.clear()
+            found = self._combination(root)
+        return found
+
+    def _combination(self, root: Need) -> Combination:
+        """Return the combination of entries of which none turns out to be damaged."""
         while True:
             found = combine([root], lambda need: self.wanted[need].has, self.offers)
             uids = [one.uid for one in found.offers() if not one.is_own]
@@ -115,9 +128,9 @@ class Enabling:
 
     def _searched(self, need: Need, wanted: Wanted) -> list[Found]:
         """Return the entries that may meet a need, what is kept for it first."""
-        offered = {one.entry.uid: one for one in _best_first(wanted)}
+        offered = {one.entry.uid: self.stock.latest(one) for one in _best_first(wanted)}
         for_it = [one for one in self.stock.folder.kept.values() if _general(need) in map(_general, one.needs)]
-        kept = [self.stock.latest(one, offered.pop(one.found.entry.uid, None)) for one in for_it]
+        kept = [offered.pop(one.found.entry.uid, one.found) for one in for_it]
         return [*sorted(kept, key=wanted.rank), *offered.values()]
 
     def _read_offers(self, need: Need, candidates: Sequence[Found]) -> Iterator[Offer]:
@@ -288,7 +301,7 @@ class Enabling:
         text = ", ".join([*map(local_name, classes), *(f"{level} {name}" for level, name in self.place.items())])
 
         def fits(found: Found) -> str | None:
-            _, types = self.stock.things_in(found)
+            types = self.stock.classes_in(found)
             kinds = {cls for one in types for cls in (one, *ontology.ancestors(one))}
             lacking = [local_name(cls) for cls in classes if cls not in kinds]
             return f"there is no {', '.join(lacking)} in it" if lacking else None

@@ -7,12 +7,11 @@ from pathlib import Path
 
 from executive.belief.recognition_models import model_files
 from executive.belief.semantic_map import read_map
-from executive.enabling.folder import Folder, Kept
+from executive.enabling.folder import Folder
 from executive.enabling.shelf import Shelf
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput
 from planlang.knowledge.answers import Found
-from planlang.knowledge.entries import Entry
 from planlang.ontology import Ontology, load
 
 MODELS = "providesModelFor"
@@ -22,7 +21,7 @@ MOST_READ = 300
 
 @dataclass(slots=True)
 class Stock:
-    """The entries of a folder and of a shelf. Contents are read once, ``limit`` of them at most.
+    """The entries of a folder and of a shelf. Contents of ``limit`` of them are read at most.
 
     ``folders`` have ontologies that entries import.
     """
@@ -37,18 +36,32 @@ class Stock:
     """Entries that are kept as the knowledge base has them now."""
     renewed: dict[str, int] = field(default_factory=dict)
     """Entries of which the knowledge base has a newer revision, with the one that is kept so far."""
-    _contents: dict[str, Ontology | BadInput] = field(default_factory=dict)
-    _things: dict[str, tuple[frozenset[str], frozenset[str]]] = field(default_factory=dict)
+    passed_over: dict[str, int] = field(default_factory=dict)
+    """Newer revisions that are not taken, as they need what is missing."""
+    _read: set[str] = field(default_factory=set)
+    _failed: dict[str, BadInput] = field(default_factory=dict)
+    _classes: dict[str, frozenset[str]] = field(default_factory=dict)
 
-    def latest(self, kept: Kept, offered: Found | None) -> Found:
-        """Return a kept entry, or what the knowledge base that it was taken from offers in its place now."""
-        if offered is None or (kept.source != self.shelf.url and not _is_same(kept.found.entry, offered.entry)):
-            return kept.found
-        if _is_same(kept.found.entry, offered.entry):
-            self.unchanged.add(offered.entry.uid)
-            return kept.found
-        self.renewed[offered.entry.uid] = kept.found.entry.revision.number
-        return offered
+    def latest(self, offered: Found) -> Found:
+        """Return what is offered, or what is kept in its place: the same, or of another knowledge base."""
+        uid = offered.entry.uid
+        kept = self.folder.kept.get(uid)
+        if kept is None:
+            return offered
+        before = kept.found.entry
+        if (before.revision.sha256, before.attachments) == (offered.entry.revision.sha256, offered.entry.attachments):
+            self.unchanged.add(uid)
+        elif kept.source == self.shelf.url and uid not in self.passed_over:
+            self.renewed[uid] = before.revision.number
+            return offered
+        return kept.found
+
+    def pass_over(self) -> None:
+        """Leave what is kept as it is, although the knowledge base has newer revisions."""
+        self.passed_over |= {uid: self.found[uid].entry.revision.number for uid in self.renewed if uid in self.found}
+        self.renewed.clear()
+        self._failed.clear()
+        self._classes.clear()
 
     def is_kept(self, uid: str) -> bool:
         """Return whether an entry need not be taken."""
@@ -62,41 +75,35 @@ class Stock:
             return f"{uid} is renewed from {url}: revision {now} in the place of {self.renewed[uid]}"
         if not self.is_kept(uid):
             return f"{uid} is taken from {url}"
+        if uid in self.passed_over:
+            return f"{uid} is kept in {path}: revision {self.passed_over[uid]} of {url} cannot be used"
         return f"{uid} is kept in {path}, {'unchanged' if uid in self.unchanged else f'and not offered by {url}'}"
 
     def may_read(self, found: Found) -> bool:
         """Return whether a content has been read, or the limit lets it be."""
-        return found.entry.uid in self._contents or len(self._contents) < self.limit
+        return found.entry.uid in self._read or len(self._read) < self.limit
 
     def content(self, found: Found) -> Ontology:
         """Return the ontology of an entry. Raises BadInput."""
-        uid = found.entry.uid
-        if uid not in self._contents:
-            try:
-                self._contents[uid] = self._loaded(found.entry)
-            except BadInput as problem:
-                if any(one.code == "K031" for one in problem.diagnostics):  # the others will not be had either
-                    raise
-                self._contents[uid] = problem
-        known = self._contents[uid]
-        if isinstance(known, BadInput):
-            raise known
-        return known
+        entry = found.entry
+        self._read.add(entry.uid)
+        if entry.uid in self._failed:
+            raise self._failed[entry.uid]
+        try:
+            data = self.folder.content(entry) if self.is_kept(entry.uid) else self.shelf.content(entry)
+            return load(self.folder.file(entry), folders=self.folders, content=data)
+        except BadInput as problem:
+            self._failed[entry.uid] = problem
+            raise
 
-    def _loaded(self, entry: Entry) -> Ontology:
-        data = self.folder.content(entry) if self.is_kept(entry.uid) else self.shelf.content(entry)
-        return load(self.folder.file(entry), folders=self.folders, content=data)
-
-    def things_in(self, found: Found) -> tuple[frozenset[str], frozenset[str]]:
-        """Return the individuals of a map, and their classes with those above. Raises BadInput."""
+    def classes_in(self, found: Found) -> frozenset[str]:
+        """Return the classes of the things in a map, with those above. Raises BadInput."""
         uid = found.entry.uid
-        if uid not in self._things:
+        if uid not in self._classes:
             ontology = self.content(found)
-            things = read_map(ontology).objects
-            types = {cls for thing in things for cls in thing.types}
-            above = (up for cls in types for up in ontology.ancestors(cls))
-            self._things[uid] = (frozenset(thing.iri for thing in things), frozenset(types.union(above)))
-        return self._things[uid]
+            types = {cls for thing in read_map(ontology).objects for cls in thing.types}
+            self._classes[uid] = frozenset(types.union(up for cls in types for up in ontology.ancestors(cls)))
+        return self._classes[uid]
 
     def damage(self, uid: str) -> str | None:
         """Return why a recognition model cannot be used: its file is not with it. None for anything else."""
@@ -117,7 +124,3 @@ def unusable(problem: BadInput) -> str:
     if any(one.code == "K031" for one in problem.diagnostics):
         raise problem
     return f"it cannot be used: {problem.diagnostics[0].message}"
-
-
-def _is_same(one: Entry, other: Entry) -> bool:
-    return (one.revision.sha256, one.attachments) == (other.revision.sha256, other.attachments)

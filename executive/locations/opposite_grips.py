@@ -20,10 +20,10 @@ OPPOSITE = 0.25
 """Distance of the middle between two grips from that of the thing, in shares of their distance, at most."""
 LEAST = 0.1
 """Distance of two grips, at least [m]: there is room for two hands."""
-SAME_PLACE = 0.01
-"""Grips of one heading nearer than this differ in their depth alone [m]."""
-MOST = 64
-"""Grips of each hand that are looked at, the most natural ones."""
+SAME_PLACE = 0.02
+"""Grips of one direction nearer than this differ in their depth alone [m]."""
+AT_PLACE, MOST_AT_PLACE = 0.05, 8
+"""Grips of each hand nearer to each other than this [m], and how many of these are looked at, the most natural ones."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,15 +44,20 @@ def grips_of(name: str, arm: ArmModel, scene: PlanningScene, log: Rejections) ->
         found += [(float(table.weights[k]), table.plan(k)) for k in range(len(table))]
     kept: list[tuple[float, HandPoses]] = []
     for weight, plan in sorted(found, key=lambda one: -round(one[0], 6)):
-        if len(kept) < MOST and not any(_alike(plan.poses[1], other.poses[1]) for _, other in kept):
+        there = [other for _, other in kept if _apart(plan, other) < AT_PLACE]
+        if len(there) < MOST_AT_PLACE and not any(_alike(plan, other) for other in there):
             kept.append((weight, plan))
     poses = np.array([plan.poses for _, plan in kept]).reshape(-1, 4, 4, 4)
     return Grips(arm, tuple(plan for _, plan in kept), poses, np.array([weight for weight, _ in kept]))
 
 
-def _alike(one: Array, other: Array) -> bool:
-    apart = np.linalg.norm(one[:3, 3] - other[:3, 3])
-    return bool(apart < 2 * SAME_PLACE and np.abs(one[:3, :3] - other[:3, :3]).max() < SAME_PLACE)
+def _apart(one: HandPoses, other: HandPoses) -> float:
+    return float(np.linalg.norm(one.poses[1, :3, 3] - other.poses[1, :3, 3]))
+
+
+def _alike(one: HandPoses, other: HandPoses) -> bool:
+    turned = np.abs(one.poses[1, :3, :3] - other.poses[1, :3, :3]).max()
+    return bool(_apart(one, other) < SAME_PLACE and turned < SAME_PLACE)
 
 
 def opposite(first: Grips, second: Grips, centre: Array) -> NDArray[np.bool_]:

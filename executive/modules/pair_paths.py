@@ -134,6 +134,9 @@ class PairPaths:
             solved.append(q)
             reached.append(good)
             self._refuse(f"out of reach of {one.arm.name}", number=int((~good).sum()))
+        for arm in (0, 1) if (fits & reached[0][:, None] & reached[1][None]).any() else ():
+            for k in np.flatnonzero(reached[arm]).tolist():
+                reached[arm][k] = self._is_free(base, torso, arm, solved[arm][k], grips[arm].plans[k].fingers)
         both = np.argwhere(fits & reached[0][:, None] & reached[1][None])
         weights = grips[0].weights[both[:, 0]] * grips[1].weights[both[:, 1]]
         for row in np.argsort(-weights.round(6), kind="stable")[:MOST_PAIRS].tolist():
@@ -147,6 +150,19 @@ class PairPaths:
             except _Refused as refused:
                 self._refuse(*refused.args)
 
+    def _is_free(self, base: BasePose, torso: float, arm: int, part: Array, fingers: Fingers) -> bool:
+        """Return whether one arm, at the joint values that are solved for, is in nothing, with open fingers."""
+        model, now = self.pair.arms[arm], self.now()
+        other = now[self.pair.solved[1 - arm]]
+        parts = (part[None], other[None]) if arm == 0 else (other[None], part[None])
+        q = self.pair.joined(parts, np.array([torso]), now)[0][self.pair.group.columns[arm]]
+        met = self.control.scene.collisions.contacts(base, model, q, fingers=fingers)
+        known = self.control.scene.world.names()  # the other arm will be elsewhere
+        body = next((contact.body for contact in met if contact.body in known), None)
+        if body is not None:
+            self._refuse(COLLISION, body)
+        return body is None
+
     def _seeds(self, arm: int, count: int) -> Array:
         """Return joint values (count, s, n) of both arms from which inverse kinematics of one begins."""
         model, now = self.pair.arms[arm], self.now()
@@ -159,14 +175,14 @@ class PairPaths:
     ) -> PairGrasp:
         """Return the way with the hands at the thing at joint values (n,); tips (4, 2, 4, 4). Raises _Refused."""
         opened = tuple(item for one in fingers for item in one)
-        if (body := self._meets(base, at, name, opened)) is not None:
+        if (body := self._meets(base, at, fingers=opened)) is not None:
             raise _Refused(COLLISION, body)
         torso = np.full(1, self._torso(at))
         rows, reached = self.pair.along(between(tips[1], tips[0])[None], at[None], np.repeat(torso, 99)[None])
         approach = np.concatenate([at[None], rows[0]])[::-1]
         if reached[0] < len(rows[0]):
             raise _Refused("no straight way to it")
-        if any((body := self._meets(base, row, name, opened)) is not None for row in approach):
+        if any((body := self._meets(base, row, fingers=opened)) is not None for row in approach):
             raise _Refused(COLLISION, body)
         closed: dict[str, float] = {}
         for arm, one in zip(self.pair.arms, fingers, strict=True):
@@ -179,9 +195,10 @@ class PairPaths:
         raised = tips[1].copy()
         raised[:, 2, 3] += LIFT
         way = between(tips[1], raised)
-        rows, reached = self.pair.along(way[None], at[None], np.repeat(torso, len(way))[None])
-        lift = np.concatenate([at[None], rows[0]])
-        if reached[0] < len(way):
+        heights = np.linspace([torso[0]] * 2, [torso[0], self.pair.raised(torso[0], LIFT)], len(way) + 1)[1:].T
+        rows, reached = self.pair.along(np.stack([way, way]), np.stack([at, at]), heights)
+        lift = np.concatenate([at[None], rows[int(reached.argmax())]])
+        if reached.max() < len(way):
             raise _Refused("cannot be lifted from there")
         if (body := self._met_holding(name, base, lift, closed)) is not None:
             raise _Refused(COLLISION, body)
@@ -261,7 +278,10 @@ class PairPaths:
             [np.concatenate([_steps(here, up, count), _steps(up, end)]) for up, end in zip(above, there, strict=True)]
         )
         torsos = self.pair.torsos(self._torso(start))
-        shares = np.minimum(np.arange(1, ways.shape[1] + 1) / count, 1.0)
+        done = np.arange(1, ways.shape[1] + 1)
+        shares = np.clip([done / count, (done - count) / max(ways.shape[1] - count, 1)], 0.0, 1.0)
+        lowered = self.pair.raised(self._torso(start), -LIFT)  # at the end, with the arms as they are to it
+        torsos, shares = np.append(torsos, lowered), np.vstack([np.tile(shares[0], (len(torsos), 1)), shares[1]])
         heights = self._torso(start) + (torsos - self._torso(start))[:, None] * shares
         several = np.repeat(ways[:, :, None] @ tips, len(torsos), axis=0)
         rows, reached = self.pair.along(several, np.tile(start, (len(several), 1)), np.tile(heights, (len(bases), 1)))

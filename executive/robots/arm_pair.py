@@ -20,6 +20,10 @@ from executive.robots.arms import ArmModel
 from planlang.geometry import Array
 from planlang.geometry.matrices import inverse, product
 
+TORSOS = 5
+"""Positions of the torso that are tried beside the present one."""
+ALIKE = 0.01
+"""Positions of the torso that differ by less are one [m]."""
 FARTHEST = 0.35
 """Largest move of a joint between two postures of a way [rad, m]."""
 
@@ -53,15 +57,25 @@ class ArmPair:
         lift = self.arms[0].lift
         if self.torso is None or lift is None:
             return np.zeros(1)
-        return np.array(list(dict.fromkeys([now, lift.highest, (lift.lowest + lift.highest) / 2, lift.lowest])))
+        others = np.linspace(lift.highest, lift.lowest, TORSOS)
+        others = others[np.abs(others - now) > ALIKE]
+        return np.concatenate([[now], others[np.argsort(np.abs(others - now).round(9), kind="stable")]])
+
+    def raised(self, torso: float, by: float) -> float:
+        """Return the position of the torso that lifts both arms by so much more [m], as far as it can."""
+        lift = self.arms[0].lift
+        if self.torso is None or lift is None:
+            return torso
+        rise = np.clip(lift.rise(torso) + by, 0.0, lift.rise(lift.highest))
+        return float(lift.position(rise))
 
     @cached_property
     def _solvers(self) -> tuple[InverseKinematics, ...]:
         return tuple(InverseKinematics(arm.solver.chain.locked(self._fixed(arm))) for arm in self.arms)
 
     @cached_property
-    def _columns(self) -> tuple[NDArray[np.intp], ...]:
-        """For each arm the numbers of the joints that are solved for."""
+    def solved(self) -> tuple[NDArray[np.intp], ...]:
+        """Return for each arm the numbers of the joints that are solved for."""
         return tuple(np.array([self.names.index(name) for name in one.chain.names], np.intp) for one in self._solvers)
 
     def _fixed(self, arm: ArmModel) -> dict[str, float]:
@@ -84,14 +98,14 @@ class ArmPair:
         lowered = targets.copy()
         if self.torso is not None and lift is not None:
             lowered[:, 2, 3] -= lift.rise(torso)
-        return self._solvers[arm].solve(lowered, seeds[:, :, self._columns[arm]])
+        return self._solvers[arm].solve(lowered, seeds[:, :, self.solved[arm]])
 
     def joined(self, parts: tuple[Array, Array], torso: Array, start: Array) -> Array:
         """Return joint values (m, n) of both arms from those of each (m, d); others as at the start (n,)."""
         rows = np.tile(start, (len(torso), 1))
         if self.torso is not None:
             rows[:, self.torso] = torso
-        for columns, part in zip(self._columns, parts, strict=True):
+        for columns, part in zip(self.solved, parts, strict=True):
             rows[:, columns] = part
         return rows
 

@@ -20,6 +20,7 @@ from executive.serving.abilities import Judgement
 from executive.serving.asking import JUDGED, self_model, sent_model, stored_robots
 from executive.serving.details import details_of, known_of
 from executive.serving.entries import MOST_LISTED, known, listing
+from executive.serving.floor_plan import plan_of
 from executive.serving.forms import Filled, Form
 from executive.serving.pages import FILES, HEADERS, PageRoute, page
 from executive.serving.problems import REFUSALS, Problem, Refusal, refusal
@@ -176,6 +177,7 @@ def _entry_page(
         size=len(data),
         lines=None if text is None else lines_of(text),
         details=details_of(entry, data, served.staff.reading),
+        plan=plan_of(entry, data, served.staff.reading),
         known=known_of(served.store.description(entry.uid), served.vocabulary, served.catalogue.asked),
         is_judged=entry.kind in JUDGED,
         robot=robot,

@@ -117,6 +117,13 @@ def test_a_frame_may_be_stated_relative_to_a_thing_of_the_other_map(merged: Merg
     assert place(semantic_map, "table1") == pytest.approx(PLACES["table1"])
 
 
+def test_maps_of_two_frames_that_are_not_merged_are_told_of(merged: Merge, mapped: Mapped, tmp_path: Path) -> None:
+    merged(mapped("cabinet1"), [frame_of("map1", "one:map1", FRAME), *mapped("table1", frame=FRAME)])
+    both = read_map(load(tmp_path / "one.omn", also=[tmp_path / "two.omn"]))
+    assert [one.code for one in both.diagnostics] == ["M027"]
+    assert [one.code for one in read_map(load(tmp_path / "two.omn")).diagnostics] == []
+
+
 def test_frames_may_be_stated_relative_to_one_place(merged: Merge, mapped: Mapped) -> None:
     corner = Pose.planar(-3.0, -3.0, 0.3)
     semantic_map, _ = merged(

@@ -108,6 +108,23 @@ def test_what_is_stated_relative_to_a_thing_goes_with_its_newest_pose(merged: Me
     assert place(semantic_map, "door1") == pytest.approx((3.2, 1, 0))
 
 
+@pytest.mark.parametrize("later", [True, False])
+def test_what_is_stated_relative_to_a_place_of_the_other_map_has_its_newest_pose_there(
+    merged: Merge, thing: Write, seen: Write, later: bool
+) -> None:
+    """A map of today has only where the cup is on the table, which that of yesterday places."""
+    points = [f"Individual: timepoint_{t}\n    Types: knowrob:TimePoint\n" for t in ("5", "90")]
+    times = ("timepoint_5", "timepoint_90") if later else ("timepoint_90", "timepoint_5")
+    frames = [thing("table1", "Table-PieceOfFurniture", BOX), thing("cup1", "Cup", (0.08, 0.08, 0.1)), *points]
+    cup2 = thing("cup2", "Cup", (0.08, 0.08, 0.1)), seen("cup2", (3, 3, 0))
+    semantic_map, result = merged(
+        [*frames, seen("table1", (1, 0, 0)), seen("cup1", (1, 0.1, 0.45), time=times[0])],
+        [*frames[1:], seen("cup1", (0.2, 0, 0.45), time=times[1], relative_to="table1"), *cup2],
+    )
+    assert place(semantic_map, "cup1") == pytest.approx((1.2, 0, 0.45) if later else (1, 0.1, 0.45))
+    assert [d.code for d in result.diagnostics] == ["M010", "M022"]
+
+
 def test_things_of_both_maps_with_all_that_is_said_of_them_are_in_the_merged_one(
     merged: Merge, thing: Write, seen: Write
 ) -> None:

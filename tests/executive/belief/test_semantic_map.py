@@ -19,7 +19,7 @@ from planlang.diagnostics import BadInput, Diagnostic, Severity
 from planlang.files import bundled
 from planlang.geometry import Pose
 from planlang.geometry.shapes import footprint
-from planlang.ontology import load
+from planlang.ontology import expand, load
 from sim import Body, PlanningWorld, Scene
 from sim.people import figure_of, reach_from
 
@@ -147,6 +147,44 @@ def test_a_missing_size_is_that_of_the_nearest_class_that_has_one(map_of: Read, 
     assert size[1] > 0.5
     assert size[2] > 0.3
     assert [d.code for d in semantic_map.diagnostics] == ["M005"]
+
+
+def test_a_class_that_nothing_defines_is_the_only_one_that_is_called_so(
+    map_of: Read, thing: Write, seen: Write
+) -> None:
+    semantic_map = map_of(thing("bed1", "Bed", (None, None, None)), seen("bed1", (0, 0, 0.3)))
+    assert semantic_map.objects[0].types == (expand("Bed-PieceOfFurniture"),)
+    assert [(d.code, d.severity) for d in semantic_map.diagnostics] == [
+        ("M031", Severity.NOTE),
+        ("M005", Severity.NOTE),
+    ]
+
+
+def test_a_class_that_is_misspelt_is_told_with_the_one_that_may_be_meant(
+    map_of: Read, thing: Write, seen: Write
+) -> None:
+    (found,) = map_of(thing("cup1", "DrinkingBotle", (0.1, 0.1, 0.1)), seen("cup1", (0, 0, 0.1))).diagnostics
+    assert (found.code, found.severity, found.help) == ("M031", Severity.WARNING, "did you mean DrinkingBottle?")
+
+
+def test_a_pose_without_rotation_is_not_turned(map_of: Read, thing: Write) -> None:
+    place = 'Individual: place\n    Types: knowrob:RotationMatrix3D\n    Facts: knowrob:translation "1 2 0.3"'
+    semantic_map = map_of(thing("bed1", "Bed-PieceOfFurniture", (2, 1, 0.6), "pose place"), place)
+    assert semantic_map.objects[0].pose == Pose((1.0, 2.0, 0.3))
+    assert [d.code for d in semantic_map.diagnostics] == ["M004"]
+
+
+def test_what_is_sunk_into_a_table_is_told_the_height_at_which_it_stands(
+    map_of: Read, thing: Write, seen: Write
+) -> None:
+    found: list[Diagnostic] = []
+    table = thing("table1", "Table-PieceOfFurniture", (1, 1, 0.7)), seen("table1", (0, 0, 0.35))
+    cup = thing("cup1", "Cup", (0.1, 0.1, 0.1)), seen("cup1", (0, 0, 0.7))
+    scene_of(map_of(*table, *cup), found)
+    (told,) = found
+    assert told.code == "M015"
+    assert "0.050 m inside of table1" in told.message
+    assert "with 0.750 as its height cup1 stands on table1" in (told.help or "")
 
 
 def test_a_size_may_be_one_literal_and_a_length_may_have_a_unit(map_of: Read, thing: Write, seen: Write) -> None:

@@ -13,7 +13,7 @@ from executive.cli.app import app
 from executive.enabling.shelf import LocalShelf
 from executive.serving.uploads import read_upload
 from planlang.diagnostics import BadInput, error
-from planlang.knowledge.entries import Attachment, Entry, Kind
+from planlang.knowledge.entries import Attachment, Entry, File, Kind
 from planlang.knowledge.sqlite_store import SqliteStore
 from tests.executive.enabling.test_enable import enable, files
 from tests.support.knowledge_bases import NOW, PIECES, hospital, ontology, put, recognition_model, vocabulary
@@ -44,6 +44,17 @@ def test_what_is_kept_is_renewed_when_the_knowledge_base_has_a_newer_revision(tm
     assert enable(tmp_path / "kb.sqlite", tmp_path / "amigo")[1]["renewed"] == []
 
 
+def test_what_is_kept_stays_where_its_newer_revision_needs_what_is_missing(tmp_path: Path) -> None:
+    store = hospital(tmp_path / "kb.sqlite")
+    enable(tmp_path / "kb.sqlite", tmp_path / "amigo")
+    change(store, BOTTLE, recognition_model("DrinkingBottle") + LINKED)
+    store.close()
+    code, found = enable(tmp_path / "kb.sqlite", tmp_path / "amigo")
+    assert (code, found["taken"], found["renewed"]) == (0, [], [])
+    told = f"{BOTTLE} is kept in {tmp_path / 'amigo'}: revision 2 of {tmp_path / 'kb.sqlite'} cannot be used"
+    assert told in json.dumps(found["explanation"])
+
+
 def test_what_is_not_complete_any_more_is_taken_again(tmp_path: Path) -> None:
     hospital(tmp_path / "kb.sqlite").close()
     enable(tmp_path / "kb.sqlite", tmp_path / "amigo")
@@ -66,7 +77,7 @@ def test_a_recognition_model_without_its_file_is_refused_by_name_and_recognises_
     run = json.loads(CliRunner().invoke(app, words, catch_exceptions=False).stdout)
     assert [one["code"] for one in run["diagnostics"]] == ["K042"]
     assert "no recognition model of DrinkingBottle" in run["outcome"]
-    store.attach(BOTTLE, "bottle.model", "application/octet-stream", b"*", "ada", NOW)
+    store.attach(BOTTLE, File("bottle.model", "application/octet-stream", b"*"), "ada", NOW)
     store.close()
     assert enable(tmp_path / "kb.sqlite", tmp_path / "amigo")[0] == 0
     assert (tmp_path / "amigo" / "objects" / BOTTLE / "bottle.model").read_bytes() == b"*"

@@ -16,6 +16,7 @@ from planlang.knowledge.entries import Kind
 
 NOW = "2026-01-01T00:00:00Z"
 RECIPE = Bundled.RECIPE.find("serve_a_drink")
+MAP = "/environments/hospital_room.ward"
 BROKEN = RECIPE.read_text().replace("toLocation value graspingPlace", "toLocation valu graspingPlace", 1)
 SCRIPT = "<script>document.title = 'run'</script><img src=x onerror=\"document.title = 'run'\">"
 
@@ -107,11 +108,16 @@ def test_every_page_is_accessible(browser: Any, server: RunningServer, scheme: s
     fill(server)
     viewport = {"width": width, "height": 800}
     watched = Watched(browser, server.url, color_scheme=scheme, viewport=viewport)
-    paths = ("/", "/recipes", "/recipes/serveadrink.ward", "/robots/amigo1.tue", "/search?expression=Nonsense")
-    for path in (*paths, "/search?kind=recipes&robot=amigo1.tue", "/upload"):
+    paths = ("/", "/recipes", "/recipes/serveadrink.ward", "/robots/amigo1.tue", MAP, "/search?expression=Nonsense")
+    for path in (*paths, "/search?kind=recipes&robot=amigo1.tue", "/upload", "/news"):
         watched.page.goto(path)
         assert watched.findings() == [], path
         assert watched.page.evaluate("document.documentElement.scrollWidth") == width, path
+    watched.page.goto("/recipes/serveadrink.ward")
+    watched.page.locator("#watch-key").fill(server.key("eve"))
+    watched.page.get_by_role("button", name="Watch", exact=True).click()
+    watched.page.get_by_role("heading", name="What eve watches").wait_for()
+    assert watched.findings() == []
     watched.page.goto("/search")
     watched.page.get_by_label("Class expression").press_sequentially("bott")
     watched.page.get_by_role("option").first.wait_for()
@@ -135,6 +141,20 @@ def test_everything_is_read_and_rated_without_scripts(browser: Any, server: Runn
     page.get_by_text("1 rating").wait_for()
 
 
+def test_a_map_is_shown_from_above_and_its_things_tell_what_they_are(browser: Any, server: RunningServer) -> None:
+    fill(server)
+    watched = Watched(browser, server.url)
+    watched.page.goto(MAP)
+    watched.page.get_by_role("img", name="Map from above: 9 things").wait_for()
+    bed, patient = (
+        watched.page.locator(f".plan .thing:has-text('{name}1:')").bounding_box() for name in ("bed", "patient")
+    )
+    assert bed["width"] == pytest.approx(bed["height"] * 2.0 / 0.92, rel=0.02)
+    assert bed["x"] < patient["x"]
+    assert patient["x"] + patient["width"] <= bed["x"] + bed["width"]
+    assert watched.said == []
+
+
 def test_scripts_in_labels_and_steps_do_nothing(browser: Any, server: RunningServer) -> None:
     hostile = RECIPE.read_text()
     for label in ("serve a drink", "drive to where the bottle is in reach"):
@@ -152,11 +172,13 @@ def test_scripts_in_labels_and_steps_do_nothing(browser: Any, server: RunningSer
 
 
 def fill(server: RunningServer, recipe: bytes = RECIPE.read_bytes()) -> None:
-    """Put a recipe and a robot into the store of a server."""
+    """Put a recipe, a robot and a map into the store of a server."""
     from executive.serving.uploads import read_upload
     from executive.serving.vocabulary import read_vocabulary
 
     vocabulary = read_vocabulary()
     robot = Bundled.ROBOT.find("amigo").with_suffix(".omn").read_bytes()
-    for kind, name, data in ((Kind.RECIPE, "ward", recipe), (Kind.ROBOT, "tue", robot)):
+    room = Bundled.ENVIRONMENT.find("hospital_room").read_bytes()
+    given = ((Kind.RECIPE, "ward", recipe), (Kind.ROBOT, "tue", robot), (Kind.ENVIRONMENT, "ward", room))
+    for kind, name, data in given:
         server.store.create(read_upload(kind, name, data, None, vocabulary).content, "ada", NOW)

@@ -52,5 +52,12 @@ SCENARIOS = [
         served("tray1", "tea_table1", "cup1", "cup2"),
         (hands_on("tray1"),),
         seconds=8.0,
-    )
+    ),
+    Scenario(
+        "carry_the_tray with amigo",
+        ("carry_the_tray", "--robot", "amigo", "--environment", "tea_room", "--set", "tray=tray2"),
+        served("tray2", "tea_table1", "cup3"),
+        (hands_on("tray2"),),
+        seconds=6.0,
+    ),
 ]

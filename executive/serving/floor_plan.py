@@ -1,0 +1,151 @@
+"""A map from above, as an SVG element: the outlines of its boxes, with names where there is room for them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from html import escape
+from itertools import product
+
+import numpy as np
+
+from executive.belief.semantic_map import MapObject, SemanticMap, read_map
+from executive.serving.sources import LARGEST_SHOWN
+from executive.serving.uploads import load_upload
+from executive.serving.vocabulary import Vocabulary
+from executive.serving.workers import Workers
+from planlang.designators import local_name
+from planlang.diagnostics import BadInput
+from planlang.geometry import Array
+from planlang.knowledge.entries import Entry, Kind
+
+MOST_THINGS = 2_000
+"""Things of a map that are drawn."""
+WIDTH, HEIGHT, MARGIN = 720, 560, 24
+"""Pixels that a drawing fills at most, and around it."""
+LINE, LETTER = 12, 6
+"""Pixels of a label's height, and of a letter's width."""
+ROOM = 0.3
+"""Part of the whole from which on a thing is a place that holds others, drawn as an outline below them."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Drawn:
+    thing: MapObject
+    corners: Array
+    """Corners of the outline from above, counterclockwise, shape (n, 2) [m]."""
+    top: float
+    area: float
+
+
+def plan_of(entry: Entry, data: bytes, workers: Workers) -> str:
+    """Return the drawing of a map's content; empty for other kinds and for what cannot be drawn. Raises Busy."""
+    if entry.kind is not Kind.ENVIRONMENT or len(data) > LARGEST_SHOWN:
+        return ""
+    try:
+        return workers.call(read_plan, entry.uid, data)
+    except BadInput:
+        return ""
+
+
+def read_plan(uid: str, data: bytes, vocabulary: Vocabulary) -> str:
+    """Return the drawing of a content. Raises BadInput."""
+    return floor_plan(read_map(load_upload(uid.partition(".")[2], data, vocabulary)))
+
+
+def floor_plan(environment: SemanticMap) -> str:
+    """Return an SVG element with the things of a map that have a place and a size, x to the right, y upward."""
+    drawn = [found for thing in environment.objects[:MOST_THINGS] if (found := _outline(thing)) is not None]
+    if not drawn:
+        return ""
+    corners = np.concatenate([one.corners for one in drawn])
+    low, extent = corners.min(axis=0), np.maximum(np.ptp(corners, axis=0), 1e-3)
+    scale = min(WIDTH / extent[0], HEIGHT / extent[1])
+    width, height = extent * scale + 2 * MARGIN
+
+    def on_page(points: Array) -> Array:
+        x, y = ((points - low) * scale + MARGIN).T
+        return np.stack([x, height - y], axis=-1)
+
+    is_room = {one.thing.iri: one.area >= ROOM * extent[0] * extent[1] for one in drawn}
+    drawn.sort(key=lambda one: (not is_room[one.thing.iri], one.top))
+    shapes = [_shape(one, on_page(one.corners), environment, is_room=is_room[one.thing.iri]) for one in drawn]
+    parts = {part for one in drawn if not is_room[one.thing.iri] for part in one.thing.parts}
+    named = [one for one in reversed(drawn) if one.thing.iri not in parts and not is_room[one.thing.iri]]
+    places = ((_name(one.thing, environment), on_page(one.corners)) for one in named)
+    head = (
+        f'<svg xmlns="http://www.w3.org/2000/svg" role="img" aria-label="Map from above: {len(drawn)} things" '
+        f'viewBox="0 0 {width:.0f} {height + 2 * LINE:.0f}" width="{width:.0f}" height="{height + 2 * LINE:.0f}">'
+    )
+    return "".join((head, *shapes, *_labels(places), _ruler(scale, height), "</svg>"))
+
+
+def _outline(thing: MapObject) -> _Drawn | None:
+    """Return what is seen of a thing's box from above; None for what has no box."""
+    if thing.pose is None or thing.size is None:
+        return None
+    corners = np.array(list(product((-0.5, 0.5), repeat=3))) * np.array(thing.size)
+    matrix = thing.pose.matrix()
+    placed = corners @ matrix[:3, :3].T + matrix[:3, 3]
+    hull = _hull(placed[:, :2])
+    x, y = hull.T
+    area = 0.5 * abs(float(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1))))
+    return _Drawn(thing, hull, float(placed[:, 2].max()), area)
+
+
+def _hull(points: Array) -> Array:
+    """Return the corners of the convex hull of points (n, 2), counterclockwise (Andrew's monotone chain)."""
+
+    def chain(ordered: Iterable[tuple[float, ...]]) -> list[tuple[float, ...]]:
+        found: list[tuple[float, ...]] = []
+        for one in ordered:
+            while len(found) > 1 and _turn(found[-2], found[-1], one) <= 1e-12:
+                found.pop()
+            found.append(one)
+        return found[:-1]
+
+    ordered = sorted({(round(x, 9), round(y, 9)) for x, y in points.tolist()})
+    return np.array([*chain(ordered), *chain(reversed(ordered))] or ordered)
+
+
+def _turn(a: Sequence[float], b: Sequence[float], c: Sequence[float]) -> float:
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+
+def _shape(one: _Drawn, corners: Array, environment: SemanticMap, *, is_room: bool) -> str:
+    thing = one.thing
+    assert thing.size is not None
+    size = " x ".join(f"{extent:.2f}" for extent in thing.size)
+    classes = ", ".join(map(local_name, thing.types))
+    title = escape(f"{_name(thing, environment)}: {classes}, {size} m, top at {one.top:.2f} m")
+    points = " ".join(f"{x:.1f},{y:.1f}" for x, y in corners)
+    return f'<polygon class="{"room" if is_room else "thing"}" points="{points}"><title>{title}</title></polygon>'
+
+
+def _name(thing: MapObject, environment: SemanticMap) -> str:
+    return (environment.ontology.label(thing.iri) or thing.name)[:40]
+
+
+def _labels(places: Iterable[tuple[str, Array]]) -> Iterable[str]:
+    """Yield labels on outlines, or a line or two beside; those without room are left out."""
+    taken: list[tuple[float, float, float]] = []
+    for name, corners in places:
+        half, (x, y) = LETTER * len(name) / 2, (corners.min(axis=0) + corners.max(axis=0)) / 2
+        is_small = max(np.ptp(corners, axis=0)) < 2 * LINE  # a label would hide it
+        for line in (1, -1, 2, -2) if is_small else (0, 1, -1, 2, -2):
+            at = y + line * LINE
+            if all(abs(at - other) >= LINE or abs(x - there) >= half + wide for there, other, wide in taken):
+                taken.append((x, at, half))
+                place = f'x="{x:.1f}" y="{at + LINE / 3:.1f}"'
+                yield f'<text class="name" text-anchor="middle" {place}>{escape(name)}</text>'
+                break
+
+
+def _ruler(scale: float, height: float) -> str:
+    """Return a line of a length that is easily read: 1, 2 or 5 times a power of ten [m]."""
+    most = 120 / scale
+    decade = 10.0 ** np.floor(np.log10(most))
+    length = max(step * decade for step in (1, 2, 5) if step * decade <= most)
+    y, end = height, MARGIN + length * scale
+    path = f"M{MARGIN},{y - 4:.1f}v8M{MARGIN},{y:.1f}H{end:.1f}m0,-4v8"
+    return f'<path class="order" d="{path}"/><text class="small" x="{end + 6:.1f}" y="{y + 4:.1f}">{length:g} m</text>'
