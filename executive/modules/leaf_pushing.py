@@ -45,23 +45,27 @@ class LeafStrokes(Strokes):
 
     async def shut(self) -> None:
         """Push until the leaf is shut; raises ContainerStuck, or HandleNotReachable where no hand gets there."""
-        joint, belief, problem = self._joint, self.platform.belief, None
-        for arm in self._work.free_hands() * STROKES:
+        joint, belief = self._joint, self.platform.belief
+        for _ in range(STROKES):
             if joint.is_shut(belief.joint(joint.leaf)):
                 return
+            await self._once()
+        if not joint.is_shut(belief.joint(joint.leaf)):
+            raise ContainerStuck(f"{joint.leaf} is at {belief.joint(joint.leaf):.2f}", what=joint.leaf)
+
+    async def _once(self) -> None:
+        """Push with the first hand that can; raises HandleNotReachable if none can."""
+        problem: ManipulationFailure | NavigationFailure | None = None
+        for arm in self._work.free_hands():
             await self._work.tuck(self.platform.arms.untucked())
             await self.platform.hands.move(arm, closed=True)
             self.platform.arms.choices.choose(arm.name)
             try:
-                await self._pushed(arm, belief.joint(joint.leaf))
+                return await self._pushed(arm, self.platform.belief.joint(self._joint.leaf))
             except (ManipulationFailure, NavigationFailure) as failure:
                 problem = problem or failure
-        if joint.is_shut(belief.joint(joint.leaf)):
-            return
-        if problem is not None:
-            said = f"{joint.leaf} is out of reach of a hand that pushes"
-            raise HandleNotReachable(said, what=joint.leaf) from problem
-        raise ContainerStuck(f"{joint.leaf} is at {belief.joint(joint.leaf):.2f}", what=joint.leaf)
+        said = f"{self._joint.leaf} is out of reach of a hand that pushes"
+        raise HandleNotReachable(said, what=self._joint.leaf) from problem
 
     async def _pushed(self, arm: ArmModel, value: float) -> None:
         """Push once with a hand, as far as it goes from one place of the base; look how far that was."""
