@@ -331,6 +331,8 @@ class PyBulletWorld(KinematicScene):
             self._controls.restored(self._leaves.values, self._leaves.joints)
         except (KeyError, TypeError, AttributeError) as problem:
             raise ValueError(f"the state of the world is damaged: {problem!r}") from None
+        for link in list(self._pushing.hands) if self._robot is not None else ():
+            self.set_pushing(link, pushing=False)
         # motions that are over: groups keep their order, in which motions are played
         over = Trajectory((), np.zeros((1, 0)))
         self._motions = {group: Playback(over, []) for group in groups}

@@ -425,12 +425,17 @@ class SceneCollisions:
         return bodies.against(base, self._room().near(middle, bodies.reach), (self._touching(arm), _names(touches)))
 
     def group_check(
-        self, group: ArmGroup, arms: Sequence[ArmModel], base_link: Array, touches: frozenset[str] = frozenset()
+        self,
+        group: ArmGroup,
+        arms: Sequence[ArmModel],
+        base_link: Array,
+        touches: frozenset[str] = frozenset(),
+        gone: frozenset[str] = frozenset(),
     ) -> QuickCheck:
         """Return a check, without PyBullet, of how arms may move together; blades may go under what is thin.
 
         ``base_link``: the pose (4, 4) of the robot's base link in the map from which they do; ``touches``: the bodies
-        that their hands may touch.
+        that their hands may touch; ``gone``: those that are elsewhere by then.
         """
         world, names = self._world, tuple(arm.name for arm in arms)
         if names not in self._groups:
@@ -440,14 +445,19 @@ class SceneCollisions:
         room = self._room().near(moved(base_link, bodies.centre), bodies.reach)
         if any(world.scene.body(name).blade for name in world.attached()):
             room = room.without([body.name for body in world.scene.bodies if body.thin])
+        room = room.without(sorted(gone)) if gone else room
         return bodies.against(base_link, room, (frozenset[str]().union(*(arm.hand_links for arm in arms)), touches))
 
     def touching(
-        self, joints: Mapping[str, float], base: BasePose | None = None, *, ignore: Collection[tuple[str, str]] = ()
+        self,
+        joints: Mapping[str, float],
+        base: BasePose | None = None,
+        *,
+        ignore: Collection[str | tuple[str, str]] = (),
     ) -> list[tuple[str, str]]:
         """Return which two bodies penetrate each other, wrongly, with some joints, and perhaps the base, elsewhere.
 
-        ``ignore``: pairs of a link and a body that may touch.
+        ``ignore``: bodies, or pairs of a link and a body, that may touch.
         """
         now = self._world.configuration()
         there = Configuration(base or now.base, {**now.joints, **joints})

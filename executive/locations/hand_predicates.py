@@ -261,7 +261,13 @@ def _grasps(
     if not any(map(len, tables)) and reach.grasp is not None and all(map(is_flat, (block, *handles))):
         rejections.add("too low for a grasp but from above")
     elif not any(map(len, tables)) and not rejections.counts["under something else"]:
-        rejections.add("no gripper" if arm.max_opening <= 0 else "too wide for the gripper")
+        reason = "no gripper" if arm.max_opening <= 0 else "too wide for the gripper"
+        rejections.add(reason)
+        if arm.max_opening > 0:
+            wide = min(scene.bodies.size(reach.body)[:2])
+            rejections.figures[reason] = (
+                f"{reach.body} is {wide:.3f} m wide, {arm.name} opens to {arm.max_opening:.3f} m"
+            )
     return tables
 
 

@@ -89,6 +89,8 @@ class Rejections:
     refused: list[tuple[str, Array]] = field(default_factory=list)
     """Candidates (m, 2 or more) that were refused before they were looked at, with the reason."""
     findings: Findings = field(default_factory=Findings)
+    figures: dict[str, str] = field(default_factory=dict)
+    """Reason -> what was measured, and what would do."""
 
     def refuse(self, reason: str, candidates: Array) -> None:
         """Count candidates (m, 2 or more) rejected for a reason, and remember where they are."""
@@ -117,6 +119,7 @@ class Rejections:
         """Add what another counted and remembered."""
         self.counts.update(other.counts)
         self.blocking.update(other.blocking)
+        self.figures.update(other.figures)
         self.places.extend(other.places[: max(0, MOST_PLACES - len(self.places))])
         self.scored.extend(other.scored)
         self.refused.extend(other.refused)
@@ -146,8 +149,13 @@ class Rejections:
         failure = LocationUnresolvable(
             designator=str(designator), counts=_ordered(self.counts), blocking=_ordered(self.blocking)
         )
+        said = failure.describe()
+        for reason, figure in self.figures.items():
+            said = said.replace(f" {reason}", f" {reason} ({figure})", 1)
         if after:
-            failure.message = failure.describe().replace(failure.text, f"no more places than {after}", 1)
+            said = said.replace(failure.text, f"no more places than {after}", 1)
+        if after or self.figures:
+            failure.message = said
         return failure
 
 

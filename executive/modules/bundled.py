@@ -111,7 +111,14 @@ ON_DEMAND = (
         "pushing:Pushing",
         "pushing",
         "PushingMotion",
-        failures=(ManipulationFailure, NavigationFailure, PerceptionFailure, LookingFailure, DesignatorFailure),
+        failures=(
+            EnvironmentManipulationFailure,
+            ManipulationFailure,
+            NavigationFailure,
+            PerceptionFailure,
+            LookingFailure,
+            DesignatorFailure,
+        ),
     ),
     _on_demand("mapping:Mapping", "mapping", "UploadMapToRoboEarth"),
     _on_demand(

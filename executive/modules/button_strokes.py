@@ -40,7 +40,7 @@ class ButtonStrokes(Strokes):
         button, asked = self._button, self._asked()
         heights = np.linspace(BEFORE, BEYOND, 1 + math.ceil((BEFORE - BEYOND) / STEP))
         points = np.column_stack([np.repeat(np.array([button.point]), len(heights), axis=0), heights])
-        grounding, phase = Grounding(self.platform, button.body, button.device), Phase()
+        grounding, phase = Grounding(self.platform, {button.body, button.device}), Phase()
         await self._look(grounding, asked, phase)
         plane = Plane(grounding.grounded(asked, phase).constraints[0])
         lap = await self.stroke(grounding, phase, asked, plane, points, closed=False)

@@ -58,7 +58,13 @@ class ConstrainedMotions(PlatformModule):
 
     name = "constrained_motion"
     actions = ("ITaSCMotion",)
-    failures = (ManipulationFailure, NavigationFailure, PerceptionFailure, LookingFailure, DesignatorFailure)
+    failures: Sequence[type[Exception]] = (
+        ManipulationFailure,
+        NavigationFailure,
+        PerceptionFailure,
+        LookingFailure,
+        DesignatorFailure,
+    )
 
     def resources(self, action: Action) -> tuple[str, ...]:
         """Return the base, the torso and the arms of tools; the head is asked for by looking."""

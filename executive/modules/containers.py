@@ -102,7 +102,8 @@ class Containers(HandWork):
 
         arms = self.free_hands()
         if joint.handle is None or not arms:
-            lacks = "no hand is free" if joint.handle else f"{joint.leaf} has no handle"
+            missing = f"{joint.leaf} has no handle, which is a part of it (properPhysicalParts) of the class Handle"
+            lacks = "no hand is free" if joint.handle else missing
             raise HandleNotReachable(f"{HandleNotReachable.text}: {lacks}", what=joint.leaf)
         await self.tuck(self.platform.arms.untucked())
         problem: ManipulationFailure | NavigationFailure | None = None

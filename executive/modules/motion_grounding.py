@@ -48,10 +48,15 @@ UP = Object("Up", "map:up")
 
 
 class Grounding:
-    """Grounds motions of one platform; hands of the arms that move may touch bodies ``touches``."""
+    """Grounds motions of one platform.
 
-    def __init__(self, platform: Platform, *touches: str) -> None:
-        self._platform, self._touches = platform, frozenset(touches)
+    Hands of the arms that move may touch bodies ``touches``; bodies ``gone`` are pushed ahead, so that arms come to
+    where these are now.
+    """
+
+    def __init__(self, platform: Platform, touches: Iterable[str] = (), gone: Iterable[str] = ()) -> None:
+        self._platform = platform
+        self._touches, self._gone = frozenset(touches), frozenset(gone)
         self._models = ObjectModels(platform.belief.map.ontology)
 
     def world_things(self, constraints: Iterable[MotionConstraint]) -> tuple[str, ...]:
@@ -163,7 +168,8 @@ class Grounding:
     ) -> list[tuple[str, str]]:
         """Return what touches wrongly with the arms of a motion at joint values (n,); ``clear`` as in `problem`."""
         bodies = () if clear else sorted(self._touches)
-        ignore = [(link, body) for body in bodies for arm in motion.arms for link in sorted(arm.hand_links)]
+        pairs = [(link, body) for body in bodies for arm in motion.arms for link in sorted(arm.hand_links)]
+        ignore = [*pairs, *(() if clear else sorted(self._gone))]
         joints = dict(zip(self.group(motion).names, q.tolist(), strict=True))
         return self._platform.scene.collisions.touching(joints, base, ignore=ignore)
 
@@ -197,7 +203,8 @@ class Grounding:
         if not blocked:
             return MotionProblem(group, where, rates)
 
-        check = scene.collisions.group_check(group, motion.arms, base_link, frozenset() if clear else self._touches)
+        allowed = (frozenset[str](), frozenset[str]()) if clear else (self._touches, self._gone)
+        check = scene.collisions.group_check(group, motion.arms, base_link, *allowed)
         return MotionProblem(group, where, rates, check, partial(self.touching, motion, base=base, clear=clear))
 
     def _frame(self, name: str, base: BasePose) -> Array:

@@ -195,9 +195,10 @@ class PairPaths:
         raised = tips[1].copy()
         raised[:, 2, 3] += LIFT
         way = between(tips[1], raised)
-        rows, reached = self.pair.along(way[None], at[None], np.repeat(torso, len(way))[None])
-        lift = np.concatenate([at[None], rows[0]])
-        if reached[0] < len(way):
+        heights = np.linspace([torso[0]] * 2, [torso[0], self.pair.raised(torso[0], LIFT)], len(way) + 1)[1:].T
+        rows, reached = self.pair.along(np.stack([way, way]), np.stack([at, at]), heights)
+        lift = np.concatenate([at[None], rows[int(reached.argmax())]])
+        if reached.max() < len(way):
             raise _Refused("cannot be lifted from there")
         if (body := self._met_holding(name, base, lift, closed)) is not None:
             raise _Refused(COLLISION, body)
@@ -277,7 +278,10 @@ class PairPaths:
             [np.concatenate([_steps(here, up, count), _steps(up, end)]) for up, end in zip(above, there, strict=True)]
         )
         torsos = self.pair.torsos(self._torso(start))
-        shares = np.minimum(np.arange(1, ways.shape[1] + 1) / count, 1.0)
+        done = np.arange(1, ways.shape[1] + 1)
+        shares = np.clip([done / count, (done - count) / max(ways.shape[1] - count, 1)], 0.0, 1.0)
+        lowered = self.pair.raised(self._torso(start), -LIFT)  # at the end, with the arms as they are to it
+        torsos, shares = np.append(torsos, lowered), np.vstack([np.tile(shares[0], (len(torsos), 1)), shares[1]])
         heights = self._torso(start) + (torsos - self._torso(start))[:, None] * shares
         several = np.repeat(ways[:, :, None] @ tips, len(torsos), axis=0)
         rows, reached = self.pair.along(several, np.tile(start, (len(several), 1)), np.tile(heights, (len(bases), 1)))

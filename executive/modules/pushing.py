@@ -17,6 +17,7 @@ import numpy as np
 
 from executive.modules.constrained_motions import constraints_of
 from executive.modules.hand_work import HandWork
+from executive.modules.leaf_pushing import LeafStrokes
 from executive.modules.motion_grounding import Grounding
 from executive.modules.phases import Phase
 from executive.modules.platform import Platform
@@ -27,7 +28,7 @@ from planlang.designators import Action, Device, Location, Object, a_location, r
 from planlang.designators import action as look_for
 from planlang.failures import (
     ActionUnresolvable,
-    DesignatorFailure,
+    EnvironmentManipulationFailure,
     LookingFailure,
     ManipulationFailure,
     ManipulationGoalNotReached,
@@ -141,7 +142,7 @@ class Pushing(Strokes):
 
     name = "pushing"
     actions = ("PushingMotion",)
-    failures = (ManipulationFailure, NavigationFailure, PerceptionFailure, LookingFailure, DesignatorFailure)
+    failures = (EnvironmentManipulationFailure, *Strokes.failures)
 
     def resources(self, action: Action) -> tuple[str, ...]:
         """Return the whole robot."""
@@ -155,6 +156,10 @@ class Pushing(Strokes):
         with suppress(PerceptionFailure, LookingFailure):
             await perform(look_for("LookingForSomething", object_acted_on=what))
         name = platform.scene.bodies.bind(what)
+        leaf = next((one for one in platform.belief.joints.values() if name in one.bodies and not one.is_knob), None)
+        if leaf is not None:
+            await LeafStrokes(HandWork(platform), leaf).shut()
+            return ()
         if not platform.scene.bodies.is_movable(name) or name in platform.belief.held:
             raise ActionUnresolvable(f"{name} cannot be pushed along anything", designator=str(action))
         wish, lead = self._wish(action, name), LEAD
@@ -249,7 +254,7 @@ class Pushing(Strokes):
         platform, device = self.platform, Device("Hand", self.platform.robot.arm(arm.name).iri)
         stated = replace(action, properties=tuple(sorted({**dict(action.properties), "device_used": device}.items())))
         asked = tuple(one for one in constraints_of(stated) if one.is_active)
-        grounding, phase, before = Grounding(platform, name), Phase(), platform.belief.pose(name)
+        grounding, phase, before = Grounding(platform, gone={name}), Phase(), platform.belief.pose(name)
         way = goal - np.array(before.position[:2])
         heading = math.atan2(way[1], way[0])
         asked = (*asked, *self._hand(asked, device, arm, before, heading))

@@ -24,11 +24,7 @@ from executive.motion.strokes import Place, solve_stroke
 from planlang.designators import Action, Object
 from planlang.failures import (
     ActionUnresolvable,
-    DesignatorFailure,
-    LookingFailure,
-    ManipulationFailure,
     NavigationFailure,
-    PerceptionFailure,
 )
 from planlang.geometry import Array
 from planlang.geometry.matrices import moved
@@ -100,7 +96,7 @@ class Strokes(ConstrainedMotions):
 
     name = "stroke"
     actions = ("CirclingMotion",)
-    failures = (ManipulationFailure, NavigationFailure, PerceptionFailure, LookingFailure, DesignatorFailure)
+    failures: Sequence[type[Exception]] = ConstrainedMotions.failures
 
     async def execute(self, action: Action) -> tuple[str, ...]:
         """Go round, as often and as long as the step says; return (): no constraint is given up."""

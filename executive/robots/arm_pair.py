@@ -22,6 +22,8 @@ from planlang.geometry.matrices import inverse, product
 
 TORSOS = 5
 """Positions of the torso that are tried beside the present one."""
+ALIKE = 0.01
+"""Positions of the torso that differ by less are one [m]."""
 FARTHEST = 0.35
 """Largest move of a joint between two postures of a way [rad, m]."""
 
@@ -56,7 +58,16 @@ class ArmPair:
         if self.torso is None or lift is None:
             return np.zeros(1)
         others = np.linspace(lift.highest, lift.lowest, TORSOS)
+        others = others[np.abs(others - now) > ALIKE]
         return np.concatenate([[now], others[np.argsort(np.abs(others - now).round(9), kind="stable")]])
+
+    def raised(self, torso: float, by: float) -> float:
+        """Return the position of the torso that lifts both arms by so much more [m], as far as it can."""
+        lift = self.arms[0].lift
+        if self.torso is None or lift is None:
+            return torso
+        rise = np.clip(lift.rise(torso) + by, 0.0, lift.rise(lift.highest))
+        return float(lift.position(rise))
 
     @cached_property
     def _solvers(self) -> tuple[InverseKinematics, ...]:

@@ -4,8 +4,9 @@ General layout: ``serving`` is what routes work with. ``vocabulary`` is what the
 checks and describes what it is given, with ``places`` of maps; ``catalogue`` finds it again for ``searching``,
 ``mirror`` for ``sparql``, and ``abilities`` compares it with robots. ``entries``, ``binaries`` and ``feed`` are routes;
 ``problems`` and ``records`` write answers, ``bodies`` bounds requests.
-``page``, ``asking`` and ``uploading`` are the web page: ``forms`` reads what it sends, ``details`` and ``sources`` are
-what it shows of a content, ``pages`` writes it by ``templates/`` and ``static/``.
+``page``, ``asking``, ``uploading`` and ``watching`` are the web page: ``forms`` reads what it sends, ``details``,
+``floor_plan`` and ``sources`` are what it shows of a content, ``pages`` writes it by ``templates/`` and ``static/``.
+``workers`` are processes in which all that takes long is computed (``worker``); ``rates`` bounds how often one asks.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from typing import Any
 from anyio import to_thread
 from fastapi import APIRouter, FastAPI
 
-from executive.serving import asking, binaries, entries, feed, page, searching, sparql, uploading
+from executive.serving import asking, binaries, entries, feed, page, searching, sparql, uploading, watching
 from executive.serving.abilities import Abilities
 from executive.serving.bodies import BoundedBodies
 from executive.serving.catalogue import Catalogue
@@ -46,7 +47,7 @@ def healthy(served: Served) -> dict[str, Any]:
 
 ROUTERS = (
     *(health, searching.router, sparql.router, feed.router, binaries.router, entries.router),
-    *(page.router, asking.router, uploading.router),
+    *(page.router, asking.router, uploading.router, watching.router),
 )
 """In the order in which addresses are compared: those of entries, which take any first word, last."""
 

@@ -12,6 +12,7 @@ from executive.serving.entries import DOWNLOADED, own
 from executive.serving.problems import Problem
 from executive.serving.records import digest_header, record
 from executive.serving.serving import Author, Body, Served, now
+from planlang.knowledge.entries import File
 
 router = APIRouter(prefix="/v1/binaries", tags=["binaries"])
 
@@ -40,7 +41,7 @@ def attach(uid: str, name: Name, author: Author, served: Served, data: Body, req
     if not _MEDIA_TYPE.fullmatch(media_type):
         raise Problem(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, f"{media_type[:100]!r} is no media type")
     with served.writing:
-        served.store.attach(uid, name, media_type, data, author, now())
+        served.store.attach(uid, File(name, media_type, data), author, now())
         return record(served.store.entry(uid))
 
 

@@ -53,6 +53,15 @@ class Attachment:
 
 
 @dataclass(frozen=True, slots=True)
+class File:
+    """A file as an author hands it in."""
+
+    name: str
+    media_type: str
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
 class Revision:
     """One content of an entry. ``number`` counts from 1; ``made`` is UTC in ISO 8601."""
 

@@ -29,6 +29,7 @@ from planlang.knowledge.entries import (
     Change,
     Content,
     Entry,
+    File,
     Kind,
     News,
     Revision,
@@ -272,15 +273,15 @@ class SparqlStore:
 
     # attachments
 
-    def attach(self, uid: str, name: str, media_type: str, data: bytes, author: str, now: str) -> Attachment:
+    def attach(self, uid: str, file: File, author: str, now: str) -> Attachment:
         """Keep a file with an entry, in the place of one of that name. Raises NoSuchEntry, NotTheAuthor."""
         entry = self._own(uid, author)
-        attachment = Attachment(name, media_type, self._keep(data), len(data))
-        node = _node("file", uid, name)
+        attachment = Attachment(file.name, file.media_type, self._keep(file.data), len(file.data))
+        node = _node("file", uid, file.name)
         update = _Update(
             f"{_node('entry', uid)} p:author {_text(author)}. OPTIONAL {{ {node} ?property ?value }}",
-            f"""{node} p:fileOf {_text(uid)}; p:name {_text(name)}; p:mediaType {_text(media_type)};
-                p:sha256 {_text(attachment.sha256)}; p:size {len(data)}.""",
+            f"""{node} p:fileOf {_text(uid)}; p:name {_text(file.name)}; p:mediaType {_text(file.media_type)};
+                p:sha256 {_text(attachment.sha256)}; p:size {attachment.size}.""",
             f"{node} ?property ?value.",
         )
         if not self._change(update, Change.ATTACHED, uid, entry.kind, author, now):

@@ -23,6 +23,7 @@ from planlang.knowledge.entries import (
     Change,
     Content,
     Entry,
+    File,
     Kind,
     News,
     Revision,
@@ -252,13 +253,13 @@ class SqliteStore:
 
     # attachments
 
-    def attach(self, uid: str, name: str, media_type: str, data: bytes, author: str, now: str) -> Attachment:
+    def attach(self, uid: str, file: File, author: str, now: str) -> Attachment:
         """Keep a file with an entry, in the place of one of that name. Raises NoSuchEntry, NotTheAuthor."""
         with self._transaction() as database:
             entry = self._own(uid, author)
-            database.execute("DELETE FROM attachments WHERE uid = ? AND name = ?", (uid, name))
-            attachment = Attachment(name, media_type, _keep_blob(database, data), len(data))
-            row = (uid, name, media_type, attachment.sha256, attachment.size)
+            database.execute("DELETE FROM attachments WHERE uid = ? AND name = ?", (uid, file.name))
+            attachment = Attachment(file.name, file.media_type, _keep_blob(database, file.data), len(file.data))
+            row = (uid, file.name, file.media_type, attachment.sha256, attachment.size)
             database.execute("INSERT INTO attachments VALUES (?, ?, ?, ?, ?)", row)
             _tell(database, Change.ATTACHED, uid, entry.kind, author, now)
         return attachment

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Protocol
 
-from planlang.knowledge.entries import Attachment, Content, Entry, Kind, News, Revision
+from planlang.knowledge.entries import Attachment, Content, Entry, File, Kind, News, Revision
 
 SCHEME = "sparql+"
 """The beginning of the address of a store over a SPARQL endpoint, before http or https."""
@@ -95,7 +95,7 @@ class Store(Protocol):
     def delete(self, uid: str, author: str, expected: str, now: str) -> None:
         """Delete an entry with all that belongs to it. Raises NoSuchEntry, NotTheAuthor, Changed."""
 
-    def attach(self, uid: str, name: str, media_type: str, data: bytes, author: str, now: str) -> Attachment:
+    def attach(self, uid: str, file: File, author: str, now: str) -> Attachment:
         """Keep a file with an entry, in the place of one of that name. Raises NoSuchEntry, NotTheAuthor."""
 
     def detach(self, uid: str, name: str, author: str, now: str) -> None:

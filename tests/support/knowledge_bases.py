@@ -9,7 +9,7 @@ from pathlib import Path
 from executive.serving.uploads import read_upload
 from executive.serving.vocabulary import Vocabulary, read_vocabulary
 from planlang.files import Bundled
-from planlang.knowledge.entries import Entry, Kind
+from planlang.knowledge.entries import Entry, File, Kind
 from planlang.knowledge.sqlite_store import SqliteStore
 
 NOW = "2026-01-01T00:00:00Z"
@@ -71,5 +71,5 @@ def hospital(path: Path, without: str | None = None) -> SqliteStore:
             put(store, kind, name, data)
     model = PIECES["recognition model Patient"]
     if model != without:
-        store.attach(model, "patient.model", "application/octet-stream", b"*", "ada", NOW)
+        store.attach(model, File("patient.model", "application/octet-stream", b"*"), "ada", NOW)
     return store

@@ -13,7 +13,7 @@ from executive.cli.app import app
 from executive.enabling.shelf import LocalShelf
 from executive.serving.uploads import read_upload
 from planlang.diagnostics import BadInput, error
-from planlang.knowledge.entries import Attachment, Entry, Kind
+from planlang.knowledge.entries import Attachment, Entry, File, Kind
 from planlang.knowledge.sqlite_store import SqliteStore
 from tests.executive.enabling.test_enable import enable, files
 from tests.support.knowledge_bases import NOW, PIECES, hospital, ontology, put, recognition_model, vocabulary
@@ -77,7 +77,7 @@ def test_a_recognition_model_without_its_file_is_refused_by_name_and_recognises_
     run = json.loads(CliRunner().invoke(app, words, catch_exceptions=False).stdout)
     assert [one["code"] for one in run["diagnostics"]] == ["K042"]
     assert "no recognition model of DrinkingBottle" in run["outcome"]
-    store.attach(BOTTLE, "bottle.model", "application/octet-stream", b"*", "ada", NOW)
+    store.attach(BOTTLE, File("bottle.model", "application/octet-stream", b"*"), "ada", NOW)
     store.close()
     assert enable(tmp_path / "kb.sqlite", tmp_path / "amigo")[0] == 0
     assert (tmp_path / "amigo" / "objects" / BOTTLE / "bottle.model").read_bytes() == b"*"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -74,6 +75,7 @@ def test_before_a_thing_that_is_too_wide_for_hands_the_width_is_the_reason(refus
 def test_a_bottle_wider_than_the_open_fingers_is_too_wide_for_the_gripper(refused: Refused) -> None:
     failure = refused(TO_GRASP, CABINET, replace(BOTTLE, size=(0.118, 0.118, 0.2)))
     assert failure.counts["too wide for the gripper"] > 0
+    assert re.search(r"too wide for the gripper \(bottle is 0\.118 m wide, \w+ opens to 0\.\d+ m\)", str(failure))
     assert "out of reach" not in failure.counts
 
 

@@ -14,7 +14,7 @@ from executive.enabling.shelf import LocalShelf
 from planlang.diagnostics import BadInput
 from planlang.files import Bundled
 from planlang.geometry import Pose
-from planlang.knowledge.entries import Kind
+from planlang.knowledge.entries import File, Kind
 from planlang.knowledge.pulling import pull
 from planlang.knowledge.sqlite_store import SqliteStore
 from planlang.ontology import load
@@ -86,8 +86,8 @@ def test_the_grid_of_a_map_is_pulled_with_it_and_is_an_obstacle_then(link: str, 
     grid = f'\nIndividual: grid1\n    Types: knowrob:Map\n    Facts: knowrob:linkToMapFile "{link}"\n'
     store = SqliteStore(tmp_path / "kb.sqlite")
     uid = put(store, Kind.ENVIRONMENT, "ward", room + grid, about="hospital_room").uid
-    store.attach(uid, "ward.yaml", "application/yaml", GRID, "ada", NOW)
-    store.attach(uid, "ward.pgm", "image/x-portable-graymap", PICTURE, "ada", NOW)
+    store.attach(uid, File("ward.yaml", "application/yaml", GRID), "ada", NOW)
+    store.attach(uid, File("ward.pgm", "image/x-portable-graymap", PICTURE), "ada", NOW)
     entry = store.entry(uid)
     store.close()
     shelf = LocalShelf(tmp_path / "kb.sqlite")

@@ -139,6 +139,22 @@ def test_a_rating_is_kept_and_shown(client: TestClient, key: str) -> None:
     assert "Not done:" in client.post("/recipes/serveadrink.ward/rating", data={"rating": "11", "key": key}).text
 
 
+def test_an_author_watches_an_entry_and_is_told_what_happened_to_it(client: TestClient, key: str) -> None:
+    upload(client, key)
+    watching = {"uid": "serveadrink.ward", "key": key}
+    assert "What <bdi>ada</bdi> watches" in client.post("/news", data={**watching, "do": "watch"}).text
+    client.post("/recipes/serveadrink.ward/rating", data={"rating": "7", "key": key})
+    told = client.post("/news", data={"key": key}).text
+    assert re.search(r"serveadrink\.ward</a> rated by <bdi>ada</bdi>", told)
+    assert told.index(" rated by ") < told.index(" uploaded by ")
+    assert " rated by " not in client.post("/news", data={**watching, "do": "stop"}).text
+
+
+def test_nobody_watches_without_a_key_or_what_is_not_there(client: TestClient, key: str) -> None:
+    assert "this needs your key" in client.post("/news", data={"uid": "serveadrink.ward"}).text
+    assert "there is no entry none.such" in client.post("/news", data={"uid": "none.such", "key": key}).text
+
+
 def test_a_self_model_that_is_sent_along_is_told_what_it_lacks_and_not_kept(
     client: TestClient, key: str, store: SqliteStore
 ) -> None:

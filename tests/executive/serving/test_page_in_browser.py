@@ -109,10 +109,15 @@ def test_every_page_is_accessible(browser: Any, server: RunningServer, scheme: s
     viewport = {"width": width, "height": 800}
     watched = Watched(browser, server.url, color_scheme=scheme, viewport=viewport)
     paths = ("/", "/recipes", "/recipes/serveadrink.ward", "/robots/amigo1.tue", MAP, "/search?expression=Nonsense")
-    for path in (*paths, "/search?kind=recipes&robot=amigo1.tue", "/upload"):
+    for path in (*paths, "/search?kind=recipes&robot=amigo1.tue", "/upload", "/news"):
         watched.page.goto(path)
         assert watched.findings() == [], path
         assert watched.page.evaluate("document.documentElement.scrollWidth") == width, path
+    watched.page.goto("/recipes/serveadrink.ward")
+    watched.page.locator("#watch-key").fill(server.key("eve"))
+    watched.page.get_by_role("button", name="Watch", exact=True).click()
+    watched.page.get_by_role("heading", name="What eve watches").wait_for()
+    assert watched.findings() == []
     watched.page.goto("/search")
     watched.page.get_by_label("Class expression").press_sequentially("bott")
     watched.page.get_by_role("option").first.wait_for()

@@ -14,7 +14,7 @@ from pathlib import Path
 import httpx
 import pytest
 
-from planlang.knowledge.entries import Change, Content, Kind, Syntax
+from planlang.knowledge.entries import Change, Content, File, Kind, Syntax
 from planlang.knowledge.sqlite_store import SqliteStore
 from planlang.knowledge.stores import Changed, EntryExists, NoSuchEntry, NotTheAuthor, Request, Store, Unreachable
 
@@ -82,7 +82,7 @@ def test_contents_are_kept_in_s3(endpoint: str, bucket: str, monkeypatch: pytest
         closing(SparqlStore(endpoint, "s3://shared/kb")) as two,
     ):
         entry = one.create(replace(SERVING, name="in s3"), "ada", NOW)
-        one.attach(entry.uid, "model.pcd", "application/octet-stream", b"points", "ada", NOW)
+        one.attach(entry.uid, File("model.pcd", "application/octet-stream", b"points"), "ada", NOW)
         assert two.content(entry.uid) == b"one"
         assert two.attachment(entry.uid, "model.pcd")[1] == b"points"
 
@@ -154,8 +154,8 @@ def test_a_tag_never_means_two_contents_also_not_after_deletion(store: Store) ->
 
 def test_files_belong_to_their_entry_and_go_with_it(store: Store) -> None:
     entry = store.create(SERVING, "ada", NOW)
-    store.attach(entry.uid, "model.pcd", "application/octet-stream", b"one", "ada", NOW)
-    store.attach(entry.uid, "model.pcd", "application/octet-stream", b"one", "ada", NOW)
+    store.attach(entry.uid, File("model.pcd", "application/octet-stream", b"one"), "ada", NOW)
+    store.attach(entry.uid, File("model.pcd", "application/octet-stream", b"one"), "ada", NOW)
     attachment, data = store.attachment(entry.uid, "model.pcd")
     assert (attachment.size, data) == (3, b"one")
     assert store.entry(entry.uid).attachments == (attachment,)
@@ -164,7 +164,7 @@ def test_files_belong_to_their_entry_and_go_with_it(store: Store) -> None:
     with pytest.raises(NoSuchEntry):
         store.attachment(entry.uid, "model.pcd")
     with pytest.raises(NotTheAuthor):
-        store.attach(entry.uid, "x", "text/plain", b"", "bob", NOW)
+        store.attach(entry.uid, File("x", "text/plain", b""), "bob", NOW)
 
 
 def test_an_author_has_one_rating_and_the_mean_is_shown(store: Store) -> None:

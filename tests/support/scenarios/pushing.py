@@ -12,6 +12,7 @@ from tests.support.scenarios import Scenario, Watched, tilt
 
 FAR, NEAR = 0.15, 0.02
 """How far the cup should be from where it stood, and how much that may be missed [m]."""
+DOOR = "cabinet_door1"
 BESIDE = 0.3
 """Largest gap between the sponge and the pot [m]."""
 UPRIGHT = math.radians(5)
@@ -60,6 +61,28 @@ def sponge_is_near(watched: Watched) -> Iterator[str]:
         yield "the sponge lies where it lay"
 
 
+def watch_the_door(watched: Watched) -> None:
+    """Note how far the door was open, and whether a hand held its handle after it was open."""
+    world, open_before = watched.world, watched.notes.get("opened", 0.0)
+    assert isinstance(open_before, float)
+    value = world.joint(DOOR)
+    watched.notes["opened"] = max(open_before, value)
+    if DOOR in world.led() and value < open_before - 0.05:
+        watched.notes["led back"] = True
+
+
+def door_is_shut(watched: Watched) -> Iterator[str]:
+    """The door was opened, and is shut, though no hand led it back."""
+    opened = watched.notes.get("opened", 0.0)
+    assert isinstance(opened, float)
+    if opened < math.radians(60):
+        yield f"{DOOR} was opened by {math.degrees(opened):.0f} degrees"
+    if watched.world.joint(DOOR) > math.radians(3):
+        yield f"{DOOR} is open by {math.degrees(watched.world.joint(DOOR)):.0f} degrees"
+    if "led back" in watched.notes:
+        yield f"{DOOR} was closed by its handle"
+
+
 KITCHEN = ("--robot", "pr2", "--environment", "soup_kitchen")
 SCENARIOS = [
     Scenario("push_the_cup", ("push_the_cup", *KITCHEN), cup_is_away, (watch_hands,), seconds=7.0),
@@ -69,5 +92,12 @@ SCENARIOS = [
         sponge_is_near,
         (watch_hands,),
         seconds=8.0,
+    ),
+    Scenario(
+        "push_the_door_shut",
+        ("docs/examples/push_the_door_shut.omn", "--robot", "amigo", "--environment", "kitchenette"),
+        door_is_shut,
+        (watch_the_door,),
+        seconds=4.0,
     ),
 ]

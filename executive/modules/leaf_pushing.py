@@ -1,0 +1,138 @@
+"""Strokes of a closed hand that push a door, drawer or lid shut, from outside, at its handle if it has one.
+
+The tip goes ahead of the leaf's way, so that it stays on the leaf: on a line, or on an arc about the hinge.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from executive.modules.hand_work import HandWork
+from executive.modules.motion_grounding import Grounding
+from executive.modules.phases import Phase
+from executive.modules.strokes import Plane, Strokes
+from executive.robots.arms import ArmModel
+from planlang.designators import Device
+from planlang.failures import ContainerStuck, HandleNotReachable, ManipulationFailure, NavigationFailure
+from planlang.geometry import Array, Pose
+from planlang.geometry.matrices import inverse, moved, product
+from planlang.motion_constraints import MotionConstraint, a_constraint, a_feature
+from planlang.protocols import Motion, MotionState, Trajectory
+from sim.joints import Articulation, JointKind
+
+BEFORE = 0.1
+"""Distance of the tip from the leaf where the push begins [m]."""
+STEP = 0.05
+"""Distance of places on the way [m]."""
+FARTHEST = 0.25
+"""Longest way from one place of the base [m]."""
+STROKES = 4
+"""Strokes after which a leaf that is open still is given up."""
+EXACT = 0.003
+"""Largest error of heights [m]."""
+LEANS = {JointKind.PRISMATIC: -0.7, JointKind.HINGED: -0.2}
+"""Cosine of the largest angle between the hand and the way to the leaf; one that turns takes the hand along."""
+
+
+class LeafStrokes(Strokes):
+    """Pushes one leaf shut."""
+
+    def __init__(self, work: HandWork, joint: Articulation) -> None:
+        super().__init__(work.platform)
+        self._work, self._joint = work, joint
+
+    async def shut(self) -> None:
+        """Push until the leaf is shut; raises ContainerStuck, or HandleNotReachable where no hand gets there."""
+        joint, belief = self._joint, self.platform.belief
+        for _ in range(STROKES):
+            if joint.is_shut(belief.joint(joint.leaf)):
+                return
+            await self._once()
+        if not joint.is_shut(belief.joint(joint.leaf)):
+            raise ContainerStuck(f"{joint.leaf} is at {belief.joint(joint.leaf):.2f}", what=joint.leaf)
+
+    async def _once(self) -> None:
+        """Push with the first hand that can; raises HandleNotReachable if none can."""
+        problem: ManipulationFailure | NavigationFailure | None = None
+        for arm in self._work.free_hands():
+            await self._work.tuck(self.platform.arms.untucked())
+            await self.platform.hands.move(arm, closed=True)
+            self.platform.arms.choices.choose(arm.name)
+            try:
+                return await self._pushed(arm, self.platform.belief.joint(self._joint.leaf))
+            except (ManipulationFailure, NavigationFailure) as failure:
+                problem = problem or failure
+        said = f"{self._joint.leaf} is out of reach of a hand that pushes"
+        raise HandleNotReachable(said, what=self._joint.leaf) from problem
+
+    async def _pushed(self, arm: ArmModel, value: float) -> None:
+        """Push once with a hand, as far as it goes from one place of the base; look how far that was."""
+        platform, joint = self.platform, self._joint
+        way = self._along(value)
+        asked = self._asked(arm, way)
+        grounding = Grounding(platform, {joint.holder} if joint.holder else (), joint.bodies)
+        phase = Phase()
+        await self._look(grounding, asked, phase)
+        plane = Plane(grounding.grounded(asked, phase).constraints[0])
+        normal = np.array(plane.height.world.direction)
+        local = moved(inverse(platform.belief.pose(joint.leaf).matrix()), way)
+        over = (local - local[1]) @ normal
+        points = np.column_stack([local - over[:, None] * normal, over])
+        lap = await self.stroke(grounding, phase, asked, plane, points, closed=False)
+        link = platform.robot.arm(arm.name).tip
+        platform.world.set_pushing(link, pushing=True)
+        try:
+            done = await platform.follow(arm.name, lap)
+        finally:
+            platform.world.set_pushing(link, pushing=False)
+        self._believe(done, moved(platform.world.link_pose(link).matrix(), np.zeros(3)), way)
+        await self._back(arm, lap)
+        await self._work.look(joint.handle or joint.leaf)
+
+    def _along(self, value: float) -> Array:
+        """Return the way of the tip in the map (n, 3): before the leaf, on it, and with it as far as a stroke goes."""
+        joint, bodies = self._joint, self.platform.scene.bodies
+        back = joint.motion(value).inverse().matrix()
+        start = np.array(bodies.pose(joint.handle or joint.leaf).position)
+        ends = moved(product(joint.motion(0.0).matrix(), back), start)
+        length = float(np.linalg.norm(ends - start))
+        goal = value * max(0.0, 1.0 - FARTHEST / max(length, 1e-6))
+        count = 2 + math.ceil(min(length, FARTHEST) / STEP)
+        along = np.stack(
+            [moved(product(joint.motion(one).matrix(), back), start) for one in np.linspace(value, goal, count)]
+        )
+        ahead = (along[1] - along[0]) / np.linalg.norm(along[1] - along[0])
+        return np.vstack([along[0] - BEFORE * ahead, along])
+
+    def _asked(self, arm: ArmModel, way: Array) -> tuple[MotionConstraint, ...]:
+        """Return that the tip is on the leaf, and how far the hand leans from its way."""
+        x, y, z = map(float, arm.frame.approach)
+        hand = Device("Hand", self.platform.robot.arm(arm.name).iri)
+        tip = a_feature("LINE", of=hand, position=(0.0, 0.0, 0.0), direction=(x, y, z))
+        pose = self.platform.belief.pose(self._joint.leaf)
+        px, py, pz = moved(inverse(pose.matrix()), way[1]).tolist()
+        nx, ny, nz = (pose.rotation.T @ (way[0] - way[1]) / BEFORE).tolist()
+        of = self.platform.scene.bodies.designator(self._joint.leaf)
+        leaf = a_feature("PLANE", of=of, position=(px, py, pz), direction=(nx, ny, nz))
+        leans = LEANS[self._joint.kind]
+        return (
+            a_constraint("HEIGHT", tip, leaf, lower=-EXACT, upper=EXACT, name="tip on the leaf"),
+            a_constraint("PERPENDICULARITY", tip, leaf, lower=-1.2, upper=leans, name="hand along its way"),
+        )
+
+    def _believe(self, done: Motion, tip: Array, way: Array) -> None:
+        """Believe that the leaf went with the hand; one that stops the hand, or what it belongs to, is shut."""
+        joint, belief = self._joint, self.platform.belief
+        if done.state is MotionState.DONE:
+            closed = moved(joint.motion(belief.joint(joint.leaf)).inverse().matrix(), way[1])
+            belief.moved(joint.leaf, joint.value_at(closed, tip), "pushed")
+        elif done.blocked_by in (*joint.bodies, joint.holder):
+            belief.moved(joint.leaf, 0.0, "pushed")
+        self.platform.sync()
+
+    async def _back(self, arm: ArmModel, lap: Trajectory) -> None:
+        base = Pose.planar(*self.platform.base()).matrix()
+        rows = arm.solver.chain.fk(lap.positions[[0, -1]])
+        await self._work.back(arm, product(base, rows), self._joint.leaf)
