@@ -11,7 +11,7 @@ from itertools import combinations
 
 import numpy as np
 
-from executive.belief.semantic_map import MapObject, SemanticMap
+from executive.belief.semantic_map import OPENINGS, MapObject, SemanticMap
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, note, warning
 from planlang.geometry import Array, Pose
@@ -49,7 +49,11 @@ def with_doorways(bodies: Sequence[Body], semantic_map: SemanticMap, found: list
 
 def is_doorway(thing: MapObject, semantic_map: SemanticMap) -> bool:
     """Return whether a thing is an opening in a wall, and no body."""
-    return any(semantic_map.ontology.is_a(cls, expand("Portal")) for cls in thing.types)
+    return any(_is_opening(cls, semantic_map.ontology) for cls in thing.types)
+
+
+def _is_opening(iri: str, ontology: Ontology) -> bool:
+    return any(ontology.is_a(iri, expand(name)) for name in OPENINGS)
 
 
 def _connected(ontology: Ontology, rooms: Sequence[str]) -> Iterator[tuple[str, str]]:
@@ -60,7 +64,7 @@ def _connected(ontology: Ontology, rooms: Sequence[str]) -> Iterator[tuple[str, 
             if isinstance(triple.subject, str) and isinstance(triple.object, str):
                 near.setdefault(triple.subject, {})[triple.object] = None
                 near.setdefault(triple.object, {})[triple.subject] = None
-    portals = {iri for iri in near if ontology.is_a(iri, expand("Portal"))}
+    portals = {iri for iri in near if _is_opening(iri, ontology)}
     for one, other in combinations(rooms, 2):
         ways = near.get(one, {})
         if other in ways or any(portal in portals and other in near[portal] for portal in ways):

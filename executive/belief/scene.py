@@ -14,7 +14,7 @@ from executive.belief.controls import controls_of
 from executive.belief.hollow import WALL, hollowed, open_at
 from executive.belief.in_hand import STOWED, is_in_hand
 from executive.belief.object_models import Blade
-from executive.belief.semantic_map import MapObject, SemanticMap
+from executive.belief.semantic_map import OPENINGS, MapObject, SemanticMap
 from planlang.diagnostics import Diagnostic, Span, note, warning
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import rotated
@@ -190,7 +190,7 @@ def _is_a(thing: MapObject, semantic_map: SemanticMap, classes: Iterable[str]) -
 
 
 def _shape(thing: MapObject, semantic_map: SemanticMap) -> BodyShape:
-    if thing.size is None or _is_a(thing, semantic_map, ("Portal",)):
+    if thing.size is None or _is_a(thing, semantic_map, OPENINGS):
         return BodyShape.MARKER
     if _is_a(thing, semantic_map, ("RoomInAConstruction",)):
         return BodyShape.ROOM

@@ -172,6 +172,9 @@ def _with_places_turned(objects: list[MapObject], ontology: Ontology, found: lis
     return [replace(thing, parts=tuple(parts_of.get(thing.iri, thing.parts))) for thing in objects]
 
 
+OPENINGS = ("Doorway", "Portal")
+"""Classes of openings in walls, which are no bodies."""
+
 IN_HAND = "srdl2-comp:predecessorInKinematicChain"
 """The property of a thing that hangs from a link of a robot: the robot holds it when a run begins."""
 FEATURES = frozenset({"Cone", "FlatPhysicalSurface", "Sphere"})

@@ -50,10 +50,9 @@ _SYNTAXES = {
 
 @dataclass(frozen=True, slots=True)
 class Upload:
-    """An upload that was taken, what it is found by, and notes and warnings about it."""
+    """An upload that was taken, and notes and warnings about it."""
 
     content: Content
-    description: Description
     diagnostics: tuple[Diagnostic, ...]
 
 
@@ -73,7 +72,7 @@ def read_upload(kind: Kind, name: str, data: bytes, about: str | None, vocabular
     description = _described(ontology, subject, vocabulary, file)
     label = (ontology.label(subject) or local_name(subject))[:LONGEST_WORD]
     content = Content(kind, subject, name, label, syntax, data, packed(description, vocabulary))
-    return Upload(content, description, tuple(found))
+    return Upload(content, tuple(found))
 
 
 def as_here(diagnostic: Diagnostic, vocabulary: Vocabulary) -> Diagnostic:

@@ -171,7 +171,7 @@ ON_INDIVIDUALS = (
 WORDS = (
     *ON_ACTIONS, *ON_INDIVIDUALS,
     "createsOutput", "requiresInput", "resourceType", "outputsCreated", "fromState", "toState", "causedBy",
-    "hasTask", "classifies", "isClassifiedBy", "hasBindingRole", "hasBindingFiller",
+    "hasTask", "classifies", "isClassifiedBy", "isRoleOf", "hasRole", "hasBindingRole", "hasBindingFiller",
 )  # fmt: skip
 """All that readers of dialects take up."""
 

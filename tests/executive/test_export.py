@@ -11,7 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from executive.cli.app import app
-from executive.serving.uploads import read_upload
+from executive.serving.uploads import read_upload, unpacked
 from executive.serving.vocabulary import read_vocabulary
 from planlang import Recovery, action, an_object, perform, with_failure_handling
 from planlang.designators import local_name
@@ -185,7 +185,9 @@ def test_a_failure_that_ended_the_run_was_not_recovered() -> None:
     for attempts in (1, 2):
         upload = read_upload(Kind.EXPERIENCE, f"run{attempts}", grasp_missed(attempts).encode(), None, vocabulary)
         assert upload.diagnostics == ()
-        index.add(f"run{attempts}", upload.description)
+        kept, _ = unpacked(upload.content.description, vocabulary)
+        assert kept is not None
+        index.add(f"run{attempts}", kept.description())
     for question, found in (
         ("Episode and includesFailure some GraspMissed", ("run1", "run2")),
         ("Episode and includesRecoveredFailure some GraspMissed", ("run2",)),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 import threading
 import time
 from collections.abc import Iterator, Sequence
@@ -28,7 +29,7 @@ class RunningServer:
         from planlang.knowledge.sqlite_store import SqliteStore
 
         self.store = SqliteStore(file)
-        self._app = application(self.store, folders, staff=Staff((), limits or Limits()))
+        self._app = application(self.store, folders, staff=Staff(tuple(folders), limits or Limits()))
         self._port = 0
         self.start()
 
@@ -47,6 +48,7 @@ class RunningServer:
 
         config = uvicorn.Config(self._app, port=self._port, log_level="critical", ws="none", lifespan="off")
         listening = config.bind_socket()
+        listening.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)  # as a real server's
         self._port = listening.getsockname()[1]
         self._server = uvicorn.Server(config)
         self._thread = threading.Thread(target=self._server.run, kwargs={"sockets": [listening]})

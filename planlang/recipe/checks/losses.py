@@ -49,6 +49,7 @@ def lost_statements(checked: CheckedFile) -> Iterator[Diagnostic]:
         holding = frozenset(name for name in properties if is_word(name, holder))
         yield from _held_by_nothing(ontology, holder, words, [one for one in every if one.property in holding])
     yield from _crossed(ontology)
+    yield from _roles_of_no_task(ontology)
 
 
 def _own_classes(ontology: Ontology) -> Iterator[str]:
@@ -224,3 +225,17 @@ def _crossed(ontology: Ontology) -> Iterator[Diagnostic]:
             message = f"`{local_name(name)}` puts each of {' before each of '.join(sides)}"
             advice = "if these are two constraints, give each a name of its own"
             yield warning("R059", message, ontology.span(name), advice)
+
+
+def _roles_of_no_task(ontology: Ontology) -> Iterator[Diagnostic]:
+    """Report roles that a workflow defines, or that a thing has, and no task: nothing takes part by them."""
+    store = ontology.store
+    of_tasks = {store.objects[row] for row in _using(ontology, "isTaskOf")}
+    of_tasks |= {store.subjects[row] for row in _using(ontology, "hasTask")}
+    stated = [(store.objects[row], row) for row in _here(ontology, _using(ontology, "definesRole", "hasRole"))]
+    stated += [(store.subjects[row], row) for row in _here(ontology, _using(ontology, "isRoleOf"))]
+    for number, row in dict(reversed(stated)).items() if _using(ontology, "hasStep", "isStepOf") else ():
+        name = store.name(number)
+        if name is not None and number not in of_tasks:
+            message = f"the role `{local_name(name)}` is ignored: no task has it"
+            yield warning("R059", message, store.span(row), f"state `isTaskOf {local_name(name)}` of the task")

@@ -470,9 +470,10 @@ def unused_names(checked: CheckedFile) -> Iterator[Diagnostic]:
 def unused_designators(ontology: Ontology) -> tuple[list[str], list[str]]:
     """Return the unused location designators, and the unused things, of the main document, in the order of the file.
 
-    No things are returned if the file is a map as well. Supporting planes state what chunks act on.
+    No things are returned if the file is a map as well. Supporting planes state what chunks act on, things which roles
+    they fill.
     """
-    planes = {triple.subject for triple in ontology.using("supportedObject")}
+    planes = {triple.subject for triple in ontology.using("supportedObject", "hasRole", "isClassifiedBy")}
     places: list[str] = []
     things: list[str] = []
     is_map = any(True for _ in ontology.triples(p="eventOccursAt"))

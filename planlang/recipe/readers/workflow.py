@@ -5,8 +5,8 @@ another workflow defines is nested; a step may also be a workflow itself. Relati
 intervals, under the names that DUL, EASE, SOMA and OWL-Time give them. A relation belongs to the workflow that has
 both tasks as steps, or as phases (processes that go on meanwhile, ``hasPhase``), itself or in workflows below its
 steps. What takes part in a task are roles (``isTaskOf``), each of a class that gives the property of the action; a
-role is filled with what it ``classifies``, or with what the task's class states. A binding (``hasBindingRole``) of
-roles of two tasks passes it on.
+role is filled with what it ``classifies`` (``isRoleOf``), or with what the task's class states. A binding
+(``hasBindingRole``) of roles of two tasks passes it on.
 """
 
 from __future__ import annotations
@@ -69,6 +69,8 @@ OUTPUT = expand("outputsCreated")
 
 _STEPS, _STEP_OF = ("hasStep",), ("isStepOf", "stepOf")
 _PHASES, _PHASE_OF = ("hasPhase",), ("isPhaseOf",)
+_FILLS, _FILLED_BY = ("classifies", "isRoleOf"), ("isClassifiedBy", "hasRole")
+"""DUL's isRoleOf is a kind of classifies: the role of a thing is filled with it."""
 _DEFINES, _DEFINED_BY = ("definesTask", "isPlanFor"), ("isTaskDefinedIn", "isDefinedIn", "hasPlan")
 
 
@@ -257,7 +259,7 @@ def _roles(ontology: Ontology, task: str) -> Iterator[Filling]:
     for fact in _linked(ontology, task, ("isTaskOf",), ("hasTask",)):
         role = str(fact.term)
         kind = action_class(ontology, role) or role
-        for classified in sorted(_linked(ontology, role, ("classifies",), ("isClassifiedBy",)), key=_name):
+        for classified in sorted(_linked(ontology, role, _FILLS, _FILLED_BY), key=_name):
             kinds.setdefault(kind, []).append(str(classified.term))
             yield Filling(_property(kind), classified.term, fact.span)
     cls = task if ontology.is_class(task) else action_class(ontology, task)
@@ -273,7 +275,7 @@ def _role_of_class(ontology: Ontology, restriction: Restriction, known: dict[str
     assert isinstance(restriction.filler, BNode)
     for inner in ontology.restrictions(restriction.filler):
         cls = inner.filler
-        if kind is None or not is_word(inner.property, "classifies") or not isinstance(cls, str):
+        if kind is None or not is_word(inner.property, *_FILLS) or not isinstance(cls, str):
             continue
         if not any(ontology.is_a(individual, cls) for individual in known.get(kind, ())):
             yield Filling(_property(kind), cls, inner.span)
@@ -315,7 +317,7 @@ def _bound(ontology: Ontology, roles: list[str], tasks_of_roles: dict[str, str],
 def _passed(ontology: Ontology, made: tuple[str, str], used: tuple[str, str]) -> str | None:
     """Return what one role creates and the other uses: an individual that either classifies, else a class."""
     for role, _ in (made, used):
-        for classified in _linked(ontology, role, ("classifies",), ("isClassifiedBy",)):
+        for classified in _linked(ontology, role, _FILLS, _FILLED_BY):
             return str(classified.term)
     created, needed = (
         [

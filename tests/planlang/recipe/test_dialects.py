@@ -265,6 +265,48 @@ def nested(folder: Path, text: str) -> tuple[dict[str, set[tuple[str, str]]], li
     return found, [one.code for one in reading.diagnostics if one.severity is Severity.ERROR]
 
 
+def test_roles_are_filled_by_what_has_them_from_either_side_and_those_of_no_task_are_told(tmp_path: Path) -> None:
+    text = """
+Individual: flow
+    Types: soma:Workflow
+    Facts: dul:definesTask serve, dul:hasStep take, dul:hasStep put, dul:definesRole forgotten
+Individual: serve
+    Types: soma:Task
+Individual: take
+    Types: k:PickingUpAnObject
+    Facts: dul:isTaskOf taken, soma:before put
+Individual: put
+    Types: k:PuttingDownAnObject
+Individual: taken
+    Types: soma:Patient
+    Facts: dul:isRoleOf cup1, dul:hasTask put
+Individual: place
+    Types: soma:Destination
+    Facts: dul:hasTask put
+Individual: forgotten
+    Types: soma:Tool
+Individual: cup1
+    Types: k:Cup
+Individual: table1
+    Types: k:Table-PieceOfFurniture
+    Facts: dul:hasRole place
+"""
+    reading = read_recipe(opened(tmp_path, text), None)
+    assert reading.recipes is not None, reading.diagnostics
+    found = {
+        (step.name, local_name(one.property), str(getattr(one.filler, "name", one.filler)))
+        for step in reading.recipes.main.steps
+        for one in step.parameters
+    }
+    assert {one[:2] for one in found} == {
+        ("take", "objectActedOn"),
+        ("put", "objectActedOn"),
+        ("put", "toLocation"),
+    }
+    told = [one.message for one in reading.diagnostics if one.code in ("R039", "R059")]
+    assert told == ["the role `forgotten` is ignored: no task has it"]
+
+
 def test_relations_of_steps_belong_to_the_workflow_that_has_both(tmp_path: Path) -> None:
     ordered = {"tea": {("prepare", "brew")}, "prepare": set(), "brew": {("boil", "pour"), ("pour", "stir")}}
     assert nested(tmp_path, TEA) == (ordered, [])
