@@ -8,7 +8,6 @@ the only one that begins so: ``Bed`` is Bed-PieceOfFurniture.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from difflib import get_close_matches
 
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, note, warning
@@ -75,6 +74,8 @@ def with_known_classes(ontology: Ontology, things: Iterable[str], found: list[Di
             names[cls] = meant
             found.append(note("M031", f"{said}, is read as {local_name(meant)}", span))
             continue
+        from difflib import get_close_matches  # nearly all classes of nearly all maps are known
+
         every = {local_name(name) for name in ontology.class_names()}
         close = get_close_matches(local_name(cls), sorted(every), n=1, cutoff=0.8)
         advice = f"did you mean {close[0]}?" if close else f"say what it is: Class: {local_name(cls)} SubClassOf: ..."

@@ -29,6 +29,8 @@ STEPS = {JointKind.HINGED: 0.06, JointKind.PRISMATIC: 0.025}
 """Steps of a joint between two postures [rad, m]."""
 TILTS = (0.0, 0.4, -0.4)
 """Turns of the approach direction about the bar of a handle, from square to the leaf [rad]."""
+LEANS = (0.0, 0.5, 0.9)
+"""Angles by which a hand comes from above along an upright bar, the forearm clear of the floor [rad]."""
 LAGS = (0.0, 0.5, 1.0)
 """By how much of the leaf's turning a hand turns less, about a bar that is parallel to the hinge."""
 OUTWARDS = (0.0, 0.015, 0.03)
@@ -127,9 +129,11 @@ class LeafPaths:
         for bar in (bar for bar in bars if abs(float(bar @ outwards)) < 0.5):
             bar = _square(bar, outwards)
             turns = joint.kind is JointKind.HINGED and abs(float(bar @ axis)) > PARALLEL
-            for tilt in TILTS:
+            upright = abs(float(bar[2])) > PARALLEL
+            for tilt, lean in ((tilt, lean) for lean in LEANS for tilt in TILTS if not lean or (upright and not tilt)):
                 approach = -(math.cos(tilt) * outwards + math.sin(tilt) * np.cross(bar, outwards))
                 closing = np.cross(bar, approach)
+                approach = math.cos(lean) * approach - math.sin(lean) * math.copysign(1.0, bar[2]) * bar
                 if float(np.abs(pose.rotation.T @ closing) @ size) > arm.max_opening:
                     continue
                 for sign in (1.0, -1.0):

@@ -27,6 +27,7 @@ from planlang.diagnostics import Diagnostic, Span, note, warning
 from planlang.geometry import Array
 from planlang.geometry.urdf import read_urdf
 from sim import CameraModel, PlanningWorld, RobotBody, Scene
+from sim.description import read_description
 
 LONGEST = 120
 """Columns of a line; a longer reason stands above its value."""
@@ -285,7 +286,12 @@ class _Maker:
         table.add("opened", shape.opened, "fingers farthest from each other, as far as a hand has to open")
         table.add("closed", shape.closed, "fingers together")
         table.add("fingers", shape.fingers)
-        table.add("max_opening", shape.max_opening, "95 % of the gap between the opened fingers")
+        measured = "95 % of the gap between the opened fingers"
+        if any(one.code == "B013" for one in read_description(self.draft.urdf).diagnostics):
+            coarse = f"{measured}, whose meshes may be among those that are not there"
+            table.add("max_opening", shape.max_opening, coarse, Status.ASSUMED)
+        else:
+            table.add("max_opening", shape.max_opening, measured)
 
     # Head
 

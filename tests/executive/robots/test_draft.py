@@ -117,6 +117,8 @@ def test_a_real_pr2_has_two_arms_a_camera_on_a_neck_and_a_base_that_drives(corpu
     assert (robot.camera.link, robot.neck) == ("wide_stereo_optical_frame", ("head_pan_joint", "head_tilt_joint"))
     assert not robot.base.fixed
     assert robot.base.radius == pytest.approx(0.45, abs=0.05)
+    assumed = [one.message for one in robot.diagnostics if "max_opening" in one.message]
+    assert len(assumed) == 2, "the meshes of the fingers are not there: their gap is a guess"
 
 
 # What is made
