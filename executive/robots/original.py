@@ -18,7 +18,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from functools import cache, cached_property
 
-from executive.robots.matching import ClosedWorld, Possessions
+from executive.robots.closed_world import ClosedWorld
+from executive.robots.matching import Possessions
 from executive.robots.requirements import NEEDED, PROPERTIES, Availability, Finding, FindingKind, together
 from planlang.designators import local_name
 from planlang.diagnostics import Span

@@ -11,7 +11,8 @@ from typer.testing import CliRunner
 
 from executive.cli.app import app
 from executive.robots import FindingKind, Semantics
-from executive.robots.matching import ClosedWorld, Possessions, compared
+from executive.robots.closed_world import ClosedWorld, compared
+from executive.robots.matching import Possessions
 from executive.robots.robot import Part, claims_of, parts_of, read_self_model
 from executive.robots.tasks import Match, match
 from planlang.diagnostics import Span
