@@ -17,8 +17,8 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.belief.scene_collisions import CELL as FLOOR_CELL
-from executive.belief.scene_collisions import HAIR, Field, Floor
+from executive.belief.floor import CELL as FLOOR_CELL
+from executive.belief.floor import HAIR, Field, Floor
 from executive.locations.columns import Columns
 from executive.locations.grasp_candidates import CLASSES, GraspCandidates, Hand
 from executive.locations.reachability import CELL, YAWS, GraspClass, ReachabilityMap, carried, exact_places, is_bound

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.belief.believed_bodies import Block
+from executive.belief.floor import CELL
 from executive.belief.planning_scene import PlanningScene, Unseen
-from executive.belief.scene_collisions import CELL
 from executive.locations.areas import FACING, HAIR, Clear, Facing
 from executive.locations.candidate_search import TRAVEL
 from executive.locations.demands import BaseDemand

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from executive.belief.believed_bodies import Block
+from executive.belief.floor import DOUBTFUL, Floor
 from executive.belief.planning_scene import Unseen
-from executive.belief.scene_collisions import DOUBTFUL, Floor
 from executive.locations.areas import area_of
 from executive.locations.base_candidates import BaseCandidates
 from executive.motion.clearance import Boxes, outlines

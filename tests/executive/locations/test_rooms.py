@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from executive.belief.scene_collisions import CELL, Floor
+from executive.belief.floor import CELL, Floor
 from executive.locations.base_candidates import FINER, BaseCandidates, moved_to_room
 from executive.locations.reachability import YAWS
 from executive.motion.clearance import Boxes, outlines
