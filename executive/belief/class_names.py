@@ -7,6 +7,7 @@ the only one that begins so: ``Bed`` is Bed-PieceOfFurniture.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable
 
 from planlang.designators import local_name
@@ -64,11 +65,15 @@ def _used(ontology: Ontology) -> frozenset[object]:
 def with_known_classes(ontology: Ontology, things: Iterable[str], found: list[Diagnostic]) -> Ontology:
     """Return the ontology with classes of things (IRIs) that nothing defines replaced by those that are called so.
 
-    Says so, and for those that nothing is called what they may mean.
+    Says so, and for those that nothing is called what they may mean. Of two classes of one name in two namespaces each
+    keeps its own things: :func:`is_kind` tells them apart.
     """
     unknown = {cls: iri for iri in things for cls in ontology.types(iri) if not ontology.defined(cls)}
+    called = Counter(map(local_name, unknown))
     names: dict[str, str] = {}
     for cls, iri in unknown.items():
+        if called[local_name(cls)] > 1:
+            continue
         said, span = f"{local_name(cls)}, the class of {local_name(iri)}", ontology.span(iri)
         if (meant := known(ontology, cls)) != expand(cls):
             names[cls] = meant

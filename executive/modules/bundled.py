@@ -131,7 +131,14 @@ ON_DEMAND = (
         "PuttingDownAnObject",
         "LoweringAnObject",
         "ReleasingGraspOfSomething",
-        failures=(PerceptionFailure, LookingFailure, GripperFailure, *_HAND_WORK),
+        failures=(
+            ManipulationFailure,
+            GripperFailure,
+            NavigationFailure,
+            PerceptionFailure,
+            LookingFailure,
+            DesignatorFailure,
+        ),
         performs=_takes_several_hands,
     ),
 )

@@ -37,7 +37,7 @@ def test_a_stroke_goes_through_all_places_and_keeps_what_holds_at_each(name: str
     start = np.mean(robot.group.bounds, axis=0)
     turns = np.linspace(0.0, 2 * np.pi, 12, endpoint=False)
     places = [at_place(0.06 * np.cos(turn), 0.06 * np.sin(turn)) for turn in turns]
-    first, lap = solve_stroke(problem, start, places, [UPRIGHT, LOW], closed=is_closed)
+    first, lap = solve_stroke(problem, problem, start, places, [UPRIGHT, LOW], closed=is_closed)
     assert np.array_equal(first.positions[0], start)
     assert np.array_equal(first.positions[-1], lap.positions[0])
     assert np.array_equal(lap.positions[0], lap.positions[-1]) == is_closed
@@ -53,4 +53,4 @@ def test_a_stroke_beyond_reach_is_refused() -> None:
     problem = robot.problem({CUP: (0, np.eye(4))}, {TABLE: at(0.5, -0.1, 0.8)})
     start = np.mean(robot.group.bounds, axis=0)
     with pytest.raises(ConstraintsContradict):
-        solve_stroke(problem, start, [at_place(0.0, 0.0), at_place(3.0, 0.0)], [UPRIGHT], closed=False)
+        solve_stroke(problem, problem, start, [at_place(0.0, 0.0), at_place(3.0, 0.0)], [UPRIGHT], closed=False)
