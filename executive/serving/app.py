@@ -54,7 +54,7 @@ ROUTERS = (
 
 @asynccontextmanager
 async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
-    """Let requests wait in many threads, and describe anew what another version or vocabulary described."""
+    """Let requests wait in many threads; describe anew what another version or vocabulary described; end the mirror."""
     to_thread.current_default_thread_limiter().total_tokens = MOST_THREADS
     ended = threading.Event()
     serving: Serving = app.state.serving
@@ -70,6 +70,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     yield
     ended.set()
     worker.join()
+    serving.mirror.close()
 
 
 def application(

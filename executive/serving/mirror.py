@@ -56,10 +56,12 @@ class Mirror:
 
     def close(self) -> None:
         """End the engine for good."""
-        self._is_closed = True
+        with self._lock:
+            self._is_closed = True
         self.end()
         if self._reader is not None:
             self._reader.join()
+        self.end()  # what the reader has started after all
 
     def _read_all(self) -> None:
         self._read, self._seen = 0, self._store.last_news()
