@@ -140,7 +140,7 @@ def _with_joint(statements: list[Triple], leaf: str, belief: Belief) -> list[Tri
         facts.append(("direction", f"{iri}_direction"))
     statements = [t for t in statements if t.subject not in (iri, thing.iri) or t.predicate != expand("jointPosition")]
     if belief.is_left_open(leaf):
-        facts.append(("jointPosition", decimal(belief.joint(leaf))))
+        facts.append(("jointPosition", decimal(joint.sign * belief.joint(leaf))))
     if joint.kind is JointKind.HINGED:
         statements = [t for t in statements if t.subject != iri or t.predicate != expand("turnRadius")]
         facts.append(("turnRadius", decimal(_opening_radius(joint, belief))))
@@ -149,7 +149,7 @@ def _with_joint(statements: list[Triple], leaf: str, belief: Belief) -> list[Tri
         statements += stated_facts(thing.iri, [("properPhysicalParts", iri)])
     statements += stated_facts(iri, facts)
     axis = zip(("vectorX", "vectorY", "vectorZ"), joint.axis, strict=True)
-    vector: list[tuple[str, Term]] = [(name, decimal(value)) for name, value in axis]
+    vector: list[tuple[str, Term]] = [(name, decimal(joint.sign * value)) for name, value in axis]
     if ("direction", f"{iri}_direction") in facts:
         statements += stated_facts(f"{iri}_direction", [(RDF.type, expand("Vector")), *vector])
     return statements
