@@ -66,7 +66,10 @@ def _misfits(module: ModuleType, path: Path) -> Iterator[Diagnostic]:
         is_open = None in named or any(isinstance(one, ast.Starred) for one in given)
         if is_open or name in others or not _is_of_the_language(function):
             continue
-        signature = inspect.signature(function)
+        try:
+            signature = inspect.signature(function)
+        except ValueError:
+            continue  # exceptions without an __init__ of their own take anything
         try:
             (signature.bind if is_whole else signature.bind_partial)(*given, **dict.fromkeys(filter(None, named)))
         except TypeError as problem:

@@ -465,3 +465,12 @@ def test_a_plan_that_calls_the_language_as_an_earlier_version_did_is_refused_bef
     ]
     advice = f"an earlier version compiled this plan: compile it again, planlang compile fetch.omn -o {path}"
     assert {one.help for one in found} == {advice if is_compiled else None}
+
+
+def test_a_plan_may_raise_errors_of_the_language(tmp_path: Path) -> None:
+    path = tmp_path / "refuse.py"
+    errors = "PlanStructureError, RunError, DeadlockError, StepLimit"
+    path.write_text(f"from planlang import {errors}\nasync def refuse() -> None:\n")
+    with path.open("a") as file:
+        file.writelines(f"    raise {name}('nothing to do')\n" for name in errors.split(", "))
+    assert import_plan(path).__name__ == "planlang_run_refuse"

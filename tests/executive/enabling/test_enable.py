@@ -58,6 +58,7 @@ def test_a_robot_that_has_nothing_takes_exactly_what_it_needs_and_serves_the_dri
         assert files(tmp_path / "amigo") == TAKEN
 
 
+@pytest.mark.long
 def test_a_store_gives_what_a_server_gives_and_the_cache_what_it_gave_before(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -17,6 +17,7 @@ from typer.testing import CliRunner, Result
 from executive.cli import serve
 from executive.cli.app import app
 from planlang.files import Bundled
+from tests.support.examples import some
 
 RECIPE = Bundled.RECIPE.find("serve_a_drink").read_bytes()
 
@@ -40,7 +41,7 @@ def served(store: Path) -> Iterator[tuple[str, subprocess.Popen[str]]]:
             process.kill()
 
 
-@pytest.mark.parametrize("ending", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("ending", some([signal.SIGTERM, signal.SIGINT]))
 def test_a_server_that_is_ended_answers_what_was_asked_and_its_successor_knows_it(
     tmp_path: Path, ending: signal.Signals
 ) -> None:

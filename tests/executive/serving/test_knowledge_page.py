@@ -36,6 +36,7 @@ def outputs(folder: Path, corpus: Path) -> list[tuple[str, str, str]]:
     return found
 
 
+@pytest.mark.long
 def test_the_commands_on_the_page_print_what_it_shows(tmp_path: Path, corpus: Path) -> None:
     for command, shown, real in outputs(tmp_path, corpus):
         assert agrees(shape(shown), shape(real)), f"planlang {command} prints:\n{real}"

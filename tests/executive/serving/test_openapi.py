@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from planlang.files import Bundled
 from planlang.knowledge.sqlite_store import SqliteStore
+from tests.support.examples import some
 
 schemathesis = pytest.importorskip("schemathesis")
 NOW = "2026-01-01T00:00:00Z"
@@ -20,7 +21,7 @@ RECIPE = Bundled.RECIPE.find("serve_a_drink").read_bytes()
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
-@pytest.mark.parametrize("mode", list(schemathesis.GenerationMode), ids=lambda mode: mode.value)
+@pytest.mark.parametrize("mode", some(schemathesis.GenerationMode), ids=lambda mode: mode.value)
 def test_no_request_makes_the_server_fail(app: FastAPI, store: SqliteStore, client: TestClient, mode: Any) -> None:
     client.post("/v1/recipes", params={"name": "ward"}, content=RECIPE)
     schema = schemathesis.openapi.from_asgi("/openapi.json", app)

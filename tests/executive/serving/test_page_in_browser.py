@@ -103,7 +103,10 @@ def test_a_recipe_is_uploaded_mended_found_and_rated(browser: Any, server: Runni
     assert watched.said == []
 
 
-@pytest.mark.parametrize(("scheme", "width"), [("light", 1280), ("dark", 360)])
+LIGHT, DARK = ("light", 1280), ("dark", 360)
+
+
+@pytest.mark.parametrize(("scheme", "width"), [pytest.param(*LIGHT, marks=pytest.mark.long), DARK])
 def test_every_page_is_accessible(browser: Any, server: RunningServer, scheme: str, width: int) -> None:
     fill(server)
     viewport = {"width": width, "height": 800}
@@ -126,6 +129,7 @@ def test_every_page_is_accessible(browser: Any, server: RunningServer, scheme: s
     assert watched.said == []
 
 
+@pytest.mark.long
 def test_everything_is_read_and_rated_without_scripts(browser: Any, server: RunningServer) -> None:
     fill(server)
     page = Watched(browser, server.url, java_script_enabled=False).page
