@@ -213,9 +213,9 @@ class Enabling:
             yield self._of_requirement(finding)
         elif finding.kind is FindingKind.ALTERNATIVES and finding.state is not Availability.AVAILABLE:
             text = f"one of {', '.join(one.text for one in finding.below)}"
-            each = ((one.text, tuple(self._of_finding(one))) for one in finding.below)
-            own = tuple(Offer(f"own {name}", name, needs, is_own=True) for name, needs in each)
-            yield self._want(text, Wanted(FindingKind.ALTERNATIVES, text, own=own))
+            ways = [(one.text, tuple(self._of_finding(one))) for one in finding.below]
+            need = f"{text}: {[needs for _, needs in ways]}"
+            yield self._want(need, Wanted(FindingKind.ALTERNATIVES, text, own=_own(need, ways)))
         elif finding.reason == UNKNOWN_STEP and finding.iri is not None:
             yield self._of_step(finding)
         elif finding.kind is not FindingKind.ALTERNATIVES:
@@ -223,14 +223,14 @@ class Enabling:
                 yield from self._of_finding(below)
 
     def _of_requirement(self, finding: Finding) -> Need:
-        need = f"{finding.kind.value} {finding.iri or finding.text}"
+        need = _required(finding)
         if need in self.wanted:
             return need
         if all(one.state is Availability.AVAILABLE for one, _ in finding.walk()):
             return self._want(need, Wanted(finding.kind, finding.text, finding.iri, has=finding.reason))
         self.wanted[need] = Wanted(finding.kind, finding.text)  # what it takes may take it in turn
         is_disproved = any(above in self.robot.lacks for above in self._names_above(finding.iri))
-        own = () if is_disproved else tuple(self._own(finding))
+        own = () if is_disproved else _own(need, self._ways(finding))
         iri, why = finding.iri, finding.reason
         if finding.state is Availability.AVAILABLE:
             why += ", but lacks what it takes"
@@ -242,12 +242,12 @@ class Enabling:
         search = partial(self.stock.shelf.search, asked)
         return self._want(need, Wanted(finding.kind, finding.text, iri, lacks=reason, own=own, search=search))
 
-    def _own(self, finding: Finding) -> Iterator[Offer]:
-        """Yield the ways to have what is required by having what that takes: one, or one for each part of an "or"."""
+    def _ways(self, finding: Finding) -> list[tuple[str, tuple[Need, ...]]]:
+        """Return the ways to have what is required by having what that takes: one, or one for each part of an "or"."""
         below = tuple(dict.fromkeys(self._of_requirement(one) for one in finding.below))
         is_any = finding.iri is None and " or " in finding.text
-        for number, needs in enumerate([(one,) for one in below] if is_any else [below] if below else []):
-            yield Offer(f"own {finding.text} {number}", finding.text, needs, is_own=True)
+        each = [(one,) for one in below] if is_any else [below] if below else []
+        return [(finding.text, needs) for needs in each]
 
     def _names_above(self, iri: str | None) -> Iterator[str]:
         if iri is not None:
@@ -362,6 +362,19 @@ def _best_first(wanted: Wanted) -> list[Found]:
         return wanted.rank(found), wanted.iri not in subjects, -(found.entry.rating or 0.0)
 
     return sorted(wanted.search(), key=rank)
+
+
+def _required(finding: Finding) -> Need:
+    """Return the need of what is required: its kind, number and IRI, of an expression its text and the IRIs below."""
+    if finding.iri is None:
+        return " ".join([finding.kind.value, finding.text, *(one.iri for one in finding.below if one.iri is not None)])
+    number = finding.text.rpartition(" ")[0]
+    return " ".join(filter(None, (finding.kind.value, number, finding.iri)))
+
+
+def _own(need: Need, ways: Sequence[tuple[str, tuple[Need, ...]]]) -> tuple[Offer, ...]:
+    """Return the offers of the robot's own for a need: what each is called and takes. No other need has one of them."""
+    return tuple(Offer(f"own {need} {number}", name, needs, True) for number, (name, needs) in enumerate(ways))
 
 
 def _general(need: Need) -> Need:

@@ -20,7 +20,7 @@ Need = str
 class Offer:
     """An entry that meets a need, if its own ``needs`` are met. ``about`` is the IRI of what it describes.
 
-    What ``is_own`` the robot has itself: nothing is taken for it.
+    Offers of one ``uid`` have the same needs. What ``is_own`` the robot has itself: nothing is taken for it.
     """
 
     uid: str

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-import hashlib
+import pickle
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import cache, lru_cache
-from typing import Any
+from functools import cache
+from typing import Any, cast
 
 from executive.modules.bundled import bundled_registry
 from executive.robots import Availability, match
 from executive.robots.matching import Matcher, Missing, Possessions, missing_in
 from executive.robots.requirements import together
 from executive.robots.robot import claims_of, parts_of, read_self_model
+from executive.serving.remembered import Remembered, digest
 from executive.serving.uploads import load_upload
 from executive.serving.vocabulary import Vocabulary
 from executive.serving.workers import Workers
@@ -22,7 +23,11 @@ from planlang.ontology import Ontology
 from planlang.recipe import Actions, read_recipe
 
 _WORDS = {Availability.AVAILABLE: "yes", Availability.MISSING: "no", Availability.UNKNOWN: "unknown"}
-ROBOTS_KEPT, JUDGEMENTS_KEPT = 16, 10_000
+MOST_JUDGED = 32_000_000
+"""Bytes of judgements that are remembered."""
+MOST_ROBOTS = 4_000_000
+"""Bytes of self-models, as text, that a worker remembers."""
+_ROBOTS = Remembered[Possessions](MOST_ROBOTS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,49 +53,40 @@ def _missing_json(one: Missing) -> dict[str, Any]:
     }
 
 
-class _Robot:
-    """A self-model's text, compared by its digest."""
-
-    def __init__(self, text: str, vocabulary: Vocabulary | None = None) -> None:
-        self.text, self.vocabulary = text, vocabulary
-        self.digest = hashlib.sha256(text.encode(errors="surrogatepass")).digest()
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Robot) and self.digest == other.digest
-
-    def __hash__(self) -> int:
-        return hash(self.digest)
-
-
 class Abilities:
     """Judgements of entries of one store for robots; the latest are remembered. Threads may share it."""
 
     def __init__(self, store: Store, workers: Workers) -> None:
         self._store = store
         self._workers = workers
-        self._judgement = lru_cache(JUDGEMENTS_KEPT)(self._judged)
+        self._judgements = Remembered[bytes](MOST_JUDGED)
 
     def of(self, self_model: str, entry: Entry) -> Judgement:
         """Compare an entry with a self-model (text). Raises BadInput if that is none, and Busy."""
-        return self._judgement(_Robot(self_model), entry.uid, entry.kind, entry.about, entry.etag)
+        key = digest((self_model, entry.uid, entry.kind, entry.about, entry.etag))
+        known = self._judgements.get(key)
+        if known is None:
+            known = pickle.dumps(self._judged(self_model, entry))
+            self._judgements.keep(key, known, len(known))
+        return cast(Judgement, pickle.loads(known))
 
     def check(self, self_model: str) -> None:
         """Raise BadInput if a text is no self-model, and Busy."""
         self._workers.call(check_robot, self_model)
 
-    def _judged(self, robot: _Robot, uid: str, kind: Kind, about: str, etag: str) -> Judgement:
-        """Return the judgement of a revision, which its tag names."""
-        return self._workers.call(judged, robot.text, uid, kind, about, self._store.content(uid))
+    def _judged(self, self_model: str, entry: Entry) -> Judgement:
+        data = self._store.content(entry.uid)
+        return self._workers.call(judged, self_model, entry.uid, entry.kind, entry.about, data)
 
 
 def check_robot(self_model: str, vocabulary: Vocabulary) -> None:
     """Raise BadInput if a text is no self-model."""
-    _possessions(_Robot(self_model, vocabulary))
+    _possessions(self_model, vocabulary)
 
 
 def judged(self_model: str, uid: str, kind: Kind, about: str, data: bytes, vocabulary: Vocabulary) -> Judgement:
     """Compare a content with a self-model. Raises BadInput if one of them is none."""
-    possessions = _possessions(_Robot(self_model, vocabulary))
+    possessions = _possessions(self_model, vocabulary)
     ontology = load_upload(uid.partition(".")[2], data, vocabulary)
     if kind is not Kind.RECIPE:
         return _by_classes(ontology, about, possessions)
@@ -102,11 +98,13 @@ def judged(self_model: str, uid: str, kind: Kind, about: str, data: bytes, vocab
     return Judgement(found.tree.state, (*found.lacking(), *unknown))
 
 
-@lru_cache(ROBOTS_KEPT)
-def _possessions(robot: _Robot) -> Possessions:
-    assert robot.vocabulary is not None
-    model = read_self_model(load_upload("robot", robot.text.encode(), robot.vocabulary))
-    return Possessions(model.name, parts_of(model), claims_of(model), model)
+def _possessions(self_model: str, vocabulary: Vocabulary) -> Possessions:
+    key = digest((self_model,))
+    known = _ROBOTS.get(key)
+    if known is not None:
+        return known
+    model = read_self_model(load_upload("robot", self_model.encode(), vocabulary))
+    return _ROBOTS.keep(key, Possessions(model.name, parts_of(model), claims_of(model), model), len(self_model))
 
 
 def _by_classes(ontology: Ontology, about: str, possessions: Possessions) -> Judgement:

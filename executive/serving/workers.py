@@ -82,7 +82,8 @@ class Source:
         self._end()
         self._control, theirs = socket.socketpair()
         with theirs:
-            command = [sys.executable, "-m", "executive.serving.worker", *map(str, self._folders)]
+            # -P: nothing is imported from this folder, where strangers' files may lie
+            command = [sys.executable, "-P", "-m", "executive.serving.worker", *map(str, self._folders)]
             self._process = subprocess.Popen(
                 command, stdin=theirs.fileno(), stdout=subprocess.DEVNULL, start_new_session=True
             )

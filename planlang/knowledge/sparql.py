@@ -47,7 +47,8 @@ class Endpoint:
         with self._lock:
             self._end()
             self._child = subprocess.Popen(
-                [sys.executable, "-m", "planlang.knowledge.sparql_child"],
+                # -P: nothing is imported from this folder, where strangers' files may lie
+                [sys.executable, "-P", "-m", "planlang.knowledge.sparql_child"],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.DEVNULL,

@@ -218,3 +218,43 @@ def test_a_claimed_capability_without_what_it_takes_is_missing(tmp_path: Path, s
     found = explained(tmp_path, possessions_of(bind_robot(Bundled.ROBOT.find("panda"))), "serve_a_drink")
     assert "component ObjectRecognitionComponent" in found.unmet()
     assert "panda claims it, but lacks what it takes" in "\n".join(found.tree().lines())
+
+
+SEEING = """
+Class: <http://{owner}.org/o.owl#Seeing>
+    SubClassOf: cap:Capability, comp:dependsOnComponent some {part}
+Class: Looking{owner}
+    SubClassOf: knowrob:Action, cap:dependsOnCapability some <http://{owner}.org/o.owl#Seeing>
+"""
+TOUR = """
+Class: Tour
+    SubClassOf: knowrob:Action, knowrob:subAction some {first}, knowrob:subAction some {second}
+"""
+
+
+@pytest.mark.parametrize("owners", [("one", "two"), ("two", "one")])
+def test_requirements_of_one_name_are_not_taken_for_each_other(
+    tmp_path: Path, store: SqliteStore, owners: tuple[str, str]
+) -> None:
+    parts = {"one": "comp:EnvironmentMap", "two": "roboearth:RoboEarthObjRecModel"}
+    seeing = "".join(SEEING.format(owner=owner, part=part) for owner, part in parts.items())
+    first, second = (f"Looking{owner}" for owner in owners)
+    put(store, Kind.RECIPE, "lab", ontology("tour", seeing + TOUR.format(first=first, second=second)), "Tour")
+    put(store, Kind.OBJECT, "ada", recognition_model("Cup"))
+    assert explained(tmp_path, robot(), "Tour").unmet() == ("component EnvironmentMap",)
+    flat = MAP.format(name="2D", needs="EnvironmentMap").replace(
+        ", comp:dependsOnComponent some comp:EnvironmentMap", ""
+    )
+    put(store, Kind.OBJECT, "ada", ontology("2D", flat), "lab2D")
+    assert explained(tmp_path, robot(), "Tour").unmet() == ()
+
+
+def test_one_part_is_not_taken_for_two(tmp_path: Path, store: SqliteStore) -> None:
+    counted = (
+        "Class: Seeing\n    SubClassOf: knowrob:Action, comp:dependsOnComponent some comp:Camera\n"
+        "Class: SeeingDepth\n    SubClassOf: knowrob:Action, comp:dependsOnComponent min 2 comp:Camera\n"
+    )
+    text = counted + TOUR.format(first="Seeing", second="SeeingDepth")
+    put(store, Kind.RECIPE, "lab", ontology("tour", text), "Tour")
+    assert explained(tmp_path, robot(eye="comp:Camera"), "Tour").unmet() == ("component min 2 Camera",)
+    assert explained(tmp_path, robot(left="comp:Camera", right="comp:Camera"), "Tour").unmet() == ()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import socket
 import time
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
@@ -79,3 +80,15 @@ def test_a_question_that_needs_too_much_memory_is_ended(endpoint: Endpoint) -> N
     with pytest.raises(Exceeded):
         endpoint.ask(many)
     assert endpoint.ask("ASK { <urn:r7> ?p ?o }")["boolean"] is True
+
+
+def test_files_of_the_folder_in_which_it_is_started_are_not_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "pyoxigraph.py").write_text("open('was_run', 'w')")
+    monkeypatch.chdir(tmp_path)
+    made = Endpoint(Limits(seconds=5))
+    made.start()
+    assert made.put("new", b'<urn:new> <urn:label> "new" .\n')
+    made.close()
+    assert not (tmp_path / "was_run").exists()
