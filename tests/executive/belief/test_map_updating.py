@@ -226,6 +226,21 @@ def test_parts_that_follow_from_a_class_follow_from_it_again(
     assert not [d for d in updated.diagnostics if d.code != "M026"]
 
 
+def test_doors_whose_hinges_have_poses_of_their_own_open_the_same_way_in_the_next_run(left: Left, corpus: Path) -> None:
+    semantic_map = read_map(load(corpus / "environments" / "ias_semantic_map@hydro.owl"))
+    joints = {joint.leaf: joint for joint in scene_of(semantic_map).joints}
+
+    def open_all(belief: Belief) -> None:
+        for name, joint in joints.items():
+            belief.moved(name, 0.8 * joint.upper)
+
+    after = {joint.leaf: joint for joint in scene_of(left(semantic_map, open_all, *joints)).joints}
+    assert after.keys() == joints.keys()
+    for name, joint in joints.items():
+        assert after[name].axis == pytest.approx(joint.axis, abs=1e-6), name
+        assert after[name].first == pytest.approx(0.8 * joint.upper)
+
+
 def test_a_kitchen_of_two_files_is_left_behind_as_one_with_the_same_things_and_joints(
     corpus: Path, tmp_path: Path
 ) -> None:
