@@ -55,6 +55,23 @@ class Falling:
             self.on_the_way[name] = (0.0, rest)
             self.on_the_way |= {rider: (0.0, motion @ self.bodies.poses[rider]) for rider in riders}
 
+    def standing_on(self, name: str, held: Collection[str]) -> list[str]:
+        """Return the movable bodies that stand on one, or on another one that does; what is held stands on nothing."""
+        found, bodies = [name], self.bodies
+        for support in found:
+            low, high = bodies.box_of(support)
+            for other, body in bodies.bodies.items():
+                if not body.movable or other in found or other in held or other in bodies.removed:
+                    continue
+                least, most = bodies.box_of(other)
+                beside = (least[:2] > high[:2]).any() or (most[:2] < low[:2]).any()
+                if beside or least[2] > high[2] + _NEAR or least[2] < low[2]:
+                    continue
+                rest, on = self.rest(other)
+                if on == support and bodies.poses[other].position[2] - rest.position[2] <= _NEAR:
+                    found.append(other)
+        return found[1:]
+
     def stop(self, name: str) -> None:
         """Forget that a body falls: it is held, or was put somewhere."""
         self.on_the_way.pop(name, None)
@@ -70,24 +87,6 @@ class Falling:
             else:
                 self.bodies.place(name, Pose((x, y, height), rest.orientation))
                 self.on_the_way[name] = (speed, rest)
-
-
-def standing_on(name: str, bodies: Bodies, falling: Falling, held: Collection[str]) -> list[str]:
-    """Return the movable bodies that stand on one, or on another one that does; what is held stands on nothing."""
-    found = [name]
-    for support in found:
-        low, high = bodies.box_of(support)
-        for other, body in bodies.bodies.items():
-            if not body.movable or other in found or other in held or other in bodies.removed:
-                continue
-            least, most = bodies.box_of(other)
-            beside = (least[:2] > high[:2]).any() or (most[:2] < low[:2]).any()
-            if beside or least[2] > high[2] + _NEAR or least[2] < low[2]:
-                continue
-            rest, on = falling.rest(other)
-            if on == support and bodies.poses[other].position[2] - rest.position[2] <= _NEAR:
-                found.append(other)
-    return found[1:]
 
 
 def upright(pose: Pose) -> Pose:

@@ -18,7 +18,7 @@ from sim.camera import Camera, Painter, Picture, Rays, View
 from sim.changes import Changes
 from sim.contact import PARTED, Contacts, Held, Query
 from sim.engine import bullet, connect
-from sim.falling import Falling, standing_on
+from sim.falling import Falling
 from sim.leaves import Leaves, Led
 from sim.matter import ON, Matter
 from sim.people import ComfortZone, People, parts_of
@@ -184,7 +184,7 @@ class KinematicScene:
         else:
             held.others[link], held.hand = offset, held.hand | hand
         if held.needs > 1 and held.moves:
-            for rider in standing_on(name, self._bodies, self._falling, self._held):
+            for rider in self.standing_on(name):
                 self._ride(rider, name)
 
     def _ride(self, rider: str, name: str) -> None:
@@ -287,6 +287,12 @@ class KinematicScene:
         self._here()
         rest, support = self._falling.rest(name)
         return self._bodies.poses[name].position[2] - rest.position[2] if support else float("inf")
+
+    def standing_on(self, name: str) -> tuple[str, ...]:
+        """Return the movable bodies that stand on one, or on another one that does, and that nothing holds."""
+        self.scene.body(name)
+        self._here()
+        return tuple(self._falling.standing_on(name, self._held))
 
     def person(self, name: str) -> ComfortZone:
         """Return shoulders, arm length and facing direction of a person, to check which points are comfortable."""

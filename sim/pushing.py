@@ -93,7 +93,7 @@ class Pushing:
         if touch is None:
             return False
         leaf = self._leaf(contact.body)
-        moving = (contact.body, *self._above(contact.body)) if leaf is None else self.leaves.joints[leaf].bodies
+        moving = (contact.body, *self._on(contact.body)) if leaf is None else self.leaves.joints[leaf].bodies
         for name in moving:
             self.touched.setdefault(name, self.contacts.touching(name, REST))
         point, normal, depth = np.array(touch.point), -np.array(touch.normal), contact.depth + FREED
@@ -105,13 +105,9 @@ class Pushing:
             self.contacts.touching(name, -TOLERANCE) - self.touched[name] - set(moving) for name in moving
         )
 
-    def _above(self, name: str) -> tuple[str, ...]:
+    def _on(self, name: str) -> list[str]:
         """Return what stands on a thing, and on that."""
-        found = [name]
-        for one in found:
-            others = (other for other in self.leaves.movable if other not in (*found, *self.bodies.removed))
-            found += [other for other in others if self.changes.under(other) == one]
-        return tuple(found[1:])
+        return self.changes.falling.standing_on(name, self.contacts.held)
 
     def _slid(self, moving: tuple[str, ...], point: Array, normal: Array, depth: float) -> bool:
         """Slide and turn a thing, with what is on it, so that a point (3,) goes so far along a normal (3,) [m]."""
@@ -146,11 +142,11 @@ class Pushing:
         return abs(there - value) > abs(FREED / along) / 2
 
     def _let_fall(self, before: dict[str, Pose]) -> None:
-        """Let fall what was pushed over an edge."""
+        """Let fall what was pushed over an edge, with what stands on it."""
         falling = self.changes.falling
         for name in self.touched:
             if self.bodies.poses[name] is before.get(name) or self._leaf(name) is not None:
                 continue
             rest, support = falling.rest(name)
             if support is None or self.bodies.poses[name].position[2] - rest.position[2] > REST:
-                falling.begin(name)
+                falling.begin(name, self._on(name))

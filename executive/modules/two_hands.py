@@ -120,12 +120,13 @@ class TwoHands(HandWork):
                 try:
                     if await self._from_here(pairs, name):
                         return
-                except ManipulationPoseUnreachable as failure:
+                except (ManipulationPoseUnreachable, ManipulationGoalInCollision, GraspMissed) as failure:
+                    if name in self.platform.belief.held:  # it was taken, and something stopped it then
+                        raise
                     problem = problem or failure
-                except (ManipulationGoalInCollision, GraspMissed) as failure:  # it is not quite where it was seen
-                    problem = problem or failure
-                    await self.tuck(self.platform.arms.untucked())
-                    continue
+                    if not isinstance(failure, ManipulationPoseUnreachable):  # it is not quite where it was seen
+                        await self.tuck(self.platform.arms.untucked())
+                        continue
             base = await self._elsewhere(pairs, name, tried) if number < PLACES else None
             if base is None:
                 break
@@ -145,6 +146,8 @@ class TwoHands(HandWork):
                     await self._grasp(paths, grasp, name)
                     return True
                 except ManipulationPoseUnreachable as failure:
+                    if name in self.platform.belief.held:
+                        raise
                     problem = problem or failure
                     await self.tuck(self.platform.arms.untucked())
                 if (tried := tried + 1) == WAYS:
@@ -260,12 +263,12 @@ class TwoHands(HandWork):
             raise ManipulationGoalInCollision(arm=arms, what=name, blocked_by=motion.blocked_by)
 
     async def _draw_in(self, paths: PairPaths, name: str) -> None:
-        """Bring a held thing close to the base."""
+        """Bring a held thing close to the base, as far as that goes."""
         x, y, _ = paths.pose_of(name, paths.now())[:3, 3].tolist()
         away = math.hypot(x, y)
         if away > CLOSE:
             shift = np.array([x, y, 0.0]) * (CLOSE / away - 1.0)
-            with suppress(ManipulationPoseUnreachable):
+            with suppress(ManipulationFailure):
                 await self._go(paths, paths.shifted(name, shift), name, held=True)
 
     # Putting down

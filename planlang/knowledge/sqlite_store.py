@@ -92,7 +92,8 @@ class SqliteStore:
         self._path = path
         self._kept = revisions_kept
         self._local = threading.local()
-        self._connections: list[sqlite3.Connection] = []
+        self._connections: dict[threading.Thread, sqlite3.Connection] = {}
+        self._opening = threading.Lock()
         self._writing = threading.Lock()
         try:
             self._prepare()
@@ -114,14 +115,17 @@ class SqliteStore:
 
     @property
     def _database(self) -> sqlite3.Connection:
-        """This thread's connection."""
+        """This thread's connection; when one is opened, those of threads that have ended are closed."""
         found: sqlite3.Connection | None = getattr(self._local, "database", None)
         if found is None:
             found = sqlite3.connect(self._path, timeout=_PATIENCE, isolation_level=None, check_same_thread=False)
             found.execute("PRAGMA synchronous = FULL")
             found.execute("PRAGMA foreign_keys = ON")
             self._local.database = found
-            self._connections.append(found)
+            with self._opening:
+                for thread in [one for one in self._connections if not one.is_alive()]:
+                    self._connections.pop(thread).close()
+                self._connections[threading.current_thread()] = found
         return found
 
     @contextmanager
@@ -351,8 +355,9 @@ class SqliteStore:
 
     def close(self) -> None:
         """Close the file; the store is not used any more."""
-        for connection in self._connections:
-            connection.close()
+        with self._opening:
+            for connection in self._connections.values():
+                connection.close()
 
 
 def _entry(row: tuple[str, ...], attachments: tuple[Attachment, ...], mean: float | None, count: int) -> Entry:

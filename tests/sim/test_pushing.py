@@ -80,13 +80,14 @@ def test_what_stops_the_thing_stops_the_hand(make_world: MakeWorld) -> None:
     assert world.pose("box").position[1] == pytest.approx(front, abs=0.01)
 
 
-def test_a_thing_that_is_pushed_over_an_edge_falls(make_world: MakeWorld) -> None:
+def test_a_thing_that_is_pushed_over_an_edge_falls_with_what_is_on_it(make_world: MakeWorld) -> None:
     narrow = replace(SHELF, pose=Pose((-1.1, 2.05, 0.79)), size=(0.8, 0.2, 0.02))
-    world = pushing(make_world, narrow, BOX)
+    world = pushing(make_world, narrow, BOX, CUP)
     ahead(world, 0.4)
     for _ in range(60):
         world.step()
     assert world.pose("box").position[2] == pytest.approx(BOX.size[2] / 2, abs=1e-3)
+    assert world.pose("cup").position[2] == pytest.approx(BOX.size[2] + CUP.size[2] / 2, abs=1e-3)
 
 
 LEAF = Body("leaf", Pose((-1.1, 2.1, 0.9)), (0.4, 0.02, 0.3))

@@ -70,6 +70,19 @@ def test_a_call_ends_at_its_limits_and_the_next_one_is_answered(source: Source) 
     workers.close()
 
 
+def test_files_of_the_folder_in_which_it_is_started_are_not_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "numpy.py").write_text("open('was_run', 'w')")
+    monkeypatch.chdir(tmp_path)
+    source = Source(())
+    workers = Workers(source, 1, Limits())
+    assert workers.call(count) == 1
+    workers.close()
+    source.close()
+    assert not (tmp_path / "was_run").exists()
+
+
 def test_a_mistake_of_ours_is_no_refusal(source: Source) -> None:
     workers = Workers(source, 1, SMALL_LIMITS)
     with pytest.raises(Failed, match="ZeroDivisionError"):

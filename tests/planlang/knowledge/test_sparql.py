@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import socket
+import sys
 import time
 from collections.abc import Iterator
+from pathlib import Path
 
+import pyoxigraph as ox
 import pytest
 
+from planlang.knowledge.entries import is_uid
 from planlang.knowledge.sparql import Endpoint, Exceeded, Limits, NoAnswer
 
 RECIPES = [(f"recipe.{number}", b'<urn:r%d> <urn:label> "r%d" .\n' % (number, number)) for number in range(300)]
@@ -74,8 +78,39 @@ def test_an_answer_of_too_many_rows_is_refused(endpoint: Endpoint) -> None:
         endpoint.ask("SELECT * { ?a ?b ?c . ?d ?e ?f }")
 
 
+def test_an_answer_of_too_many_bytes_is_refused_however_short_the_question(endpoint: Endpoint) -> None:
+    doubled = " ".join(f"BIND(CONCAT(?x{n}, ?x{n}) AS ?x{n + 1})" for n in range(24))
+    with pytest.raises(Exceeded, match="the answer has more than 16 MB"):
+        endpoint.ask(f'SELECT ?x24 {{ BIND("a" AS ?x0) {doubled} }}')
+    assert endpoint.ask("ASK { <urn:r7> ?p ?o }")["boolean"] is True
+
+
+def test_a_name_that_no_graph_can_have_is_refused_and_the_next_question_is_answered(endpoint: Endpoint) -> None:
+    assert not endpoint.put("model.a\U000e0100", b'<urn:new> <urn:label> "new" .\n')
+    endpoint.drop("model.a\U000e0100")
+    assert endpoint.ask("ASK { <urn:r7> ?p ?o }")["boolean"] is True
+
+
+def test_every_identifier_names_a_graph() -> None:
+    letters = [one for one in map(chr, range(sys.maxunicode + 1)) if is_uid(f"a{one}.b")]
+    assert len(letters) > 100_000
+    assert all(ox.NamedNode(f"urn:entry:{one}").value for one in letters)
+
+
 def test_a_question_that_needs_too_much_memory_is_ended(endpoint: Endpoint) -> None:
     many = "SELECT * { ?a ?b ?c . ?d ?e ?f . ?g ?h ?i } ORDER BY ?c ?f ?i LIMIT 1"
     with pytest.raises(Exceeded):
         endpoint.ask(many)
     assert endpoint.ask("ASK { <urn:r7> ?p ?o }")["boolean"] is True
+
+
+def test_files_of_the_folder_in_which_it_is_started_are_not_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "pyoxigraph.py").write_text("open('was_run', 'w')")
+    monkeypatch.chdir(tmp_path)
+    made = Endpoint(Limits(seconds=5))
+    made.start()
+    assert made.put("new", b'<urn:new> <urn:label> "new" .\n')
+    made.close()
+    assert not (tmp_path / "was_run").exists()

@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 from dataclasses import replace
 from pathlib import Path
 
@@ -48,6 +49,20 @@ def test_a_folder_is_no_knowledge_base_and_a_missing_one_is_named(tmp_path: Path
         with pytest.raises(BadInput) as refused:
             SqliteStore(path)
         assert refused.value.diagnostics[0].message == message
+
+
+@pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="open files are listed in /proc")
+def test_threads_that_have_ended_keep_no_file_open(tmp_path: Path) -> None:
+    store = SqliteStore(tmp_path / "kb.sqlite")
+    before, together = len(os.listdir("/proc/self/fd")), threading.Barrier(20)
+    for _ in range(5):
+        threads = [threading.Thread(target=lambda: (together.wait(), store.last_news())) for _ in range(20)]
+        for one in threads:
+            one.start()
+        for one in threads:
+            one.join()
+    assert len(os.listdir("/proc/self/fd")) <= before + 3 * 20  # one burst's: the file, its log and its index
+    store.close()
 
 
 _WRITER = """
