@@ -49,8 +49,8 @@ MOST_WAITING = 100
 class Busy(Exception):
     """So many wait for their turn that another one would wait for long; ``seconds``: after which to come back."""
 
-    def __init__(self, seconds: float) -> None:
-        super().__init__("too much is being checked at the moment; try again later")
+    def __init__(self, seconds: float, what: str = "checked") -> None:
+        super().__init__(f"too much is being {what} at the moment; try again later")
         self.seconds = max(1, math.ceil(seconds))
 
 
