@@ -44,8 +44,11 @@ health = APIRouter(prefix="/v1", tags=["health"])
 
 @health.get("/health")
 def healthy(served: Served) -> dict[str, Any]:
-    """Return that the server works, and how many entries it has."""
-    return {"status": "ok", "entries": len(served.catalogue)}
+    """Return that the server works, how many entries it has, and of how many of them it has to read anew what to find.
+
+    Those are not found by all that is in them yet.
+    """
+    return {"status": "ok", "entries": len(served.catalogue), "stale": served.catalogue.stale}
 
 
 ROUTERS = (

@@ -66,6 +66,7 @@ class Catalogue:
         self._names: dict[str, set[str]] = {}
         self._named: set[str] = set()
         self._stale: dict[str, None] = {}
+        self._unread: set[str] = set()
         self._lock = threading.RLock()
         self._seen = store.last_news()
         self._add_all(store.descriptions())
@@ -95,6 +96,16 @@ class Catalogue:
     def stale(self) -> int:
         """The number of entries that :meth:`renew` has still to describe."""
         return len(self._stale)
+
+    @property
+    def unread(self) -> frozenset[str]:
+        """The entries that are found by the class of their subject alone: their descriptions are of another layout."""
+        return frozenset(self._unread)
+
+    @property
+    def is_behind(self) -> bool:
+        """True if :meth:`renew`, which begins with these, has still to describe one of them."""
+        return not self._unread.isdisjoint(self._stale)
 
     def uids(self, kind: Kind | None = None, after: str = "", limit: int = 100) -> tuple[str, ...]:
         """Return identifiers behind one, sorted."""
@@ -168,10 +179,14 @@ class Catalogue:
             kept, is_stale = unpacked(one.description, self._vocabulary)
             if is_stale:
                 self._stale[one.uid] = None
+            if kept is None:
+                self._unread.add(one.uid)
             found[one.uid] = Facts([one.about], 1, np.array([[0, LABEL, 0]], np.int32)) if kept is None else kept.facts
             self._list(one, kept)
             self._add_names(found[one.uid].names)
         self._index.add_all(found)
+        if not self._unread.isdisjoint(found):
+            self._stale = {uid: None for uid in self._stale if uid in self._unread} | self._stale
 
     def _list(self, entry: Described, kept: Unpacked | None) -> None:
         words, place = "", dict[str, tuple[str, ...]]()
@@ -200,6 +215,7 @@ class Catalogue:
         listed = self._listed.pop(uid, None)
         if listed is not None:
             self._index.remove(uid)
+            self._unread.discard(uid)
             for kind in (None, listed.kind):
                 self._uids[kind].remove(uid)
 

@@ -48,12 +48,12 @@ def entries(client: TestClient) -> None:
 
 
 def test_the_number_of_entries_and_the_names_are_those_of_the_store(client: TestClient) -> None:
-    assert client.get("/v1/health").json() == {"status": "ok", "entries": 4}
+    assert client.get("/v1/health").json() == {"status": "ok", "entries": 4, "stale": 0}
     assert client.get("/names?start=TeaCupOf").json() == {"names": []}
     cup = b"Ontology: <urn:o> Class: <urn:o#TeaCupOfMine> SubClassOf: <http://knowrob.org/kb/knowrob.owl#Cup>"
     client.post("/v1/objects?name=cup", content=cup)
     assert client.get("/names?start=TeaCupOf").json() == {"names": ["TeaCupOfMine"]}
-    assert client.get("/v1/health").json() == {"status": "ok", "entries": 5}
+    assert client.get("/v1/health").json() == {"status": "ok", "entries": 5, "stale": 0}
 
 
 def found(client: TestClient, **question: Any) -> list[str]:
@@ -152,6 +152,7 @@ def test_descriptions_of_another_layout_are_made_anew_from_the_contents(
     for uid in (SERVING, MODEL):
         store.describe(uid, b"0 an older one", store.entry(uid).etag)
     restarted = application(store, staff=staff)
+    assert TestClient(restarted).get("/v1/health").json() == {"status": "ok", "entries": 4, "stale": 2}
     with TestClient(restarted) as later:
         while restarted.state.serving.catalogue.stale:
             later.get("/v1/health")
