@@ -143,7 +143,8 @@ class Workers:
         Raises Busy; BadInput as the function does, or with K015 if it takes more than its limits; Failed.
         """
         worker, began = self._turn(), time.monotonic()
-        kind, answer = "lost", None
+        kind = "lost"
+        answer: Any = None
         try:
             for _ in range(_ATTEMPTS):
                 with suppress(ConnectionError):  # the source has just ended
