@@ -75,7 +75,7 @@ def updated_map(belief: Belief, files: Container[Path | None], opened: Iterable[
     statements += (fact for thing in belief.made.values() if thing.iri in placed for fact in _new(thing))
     for leaf in (leaf for leaf in opened if leaf in belief.joints):
         statements = _with_joint(statements, leaf, belief)
-    return text_of(with_placements(statements, ontology, placed, gone=gone), ontology, found)
+    return text_of(with_placements(statements, ontology.iri, placed, gone=gone), ontology.iri, found)
 
 
 def _is_there(thing: MapObject, belief: Belief) -> bool:
