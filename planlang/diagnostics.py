@@ -264,6 +264,7 @@ CODES: dict[str, str] = {
     "M029": "rooms are connected, and nothing says where; a doorway is assumed, or there is no way",
     "M030": "a number is in a unit of another dimension, or in an unknown one",
     "M031": "a thing's class is unknown; it is read as the class that is called so, if there is one",
+    "M032": "obstacles of a file are so many that some are joined, with what is between them",
     # B: binding robots
     "B001": "a robot file is not as it should be",
     "B002": "there is no robot in the file",
