@@ -78,11 +78,12 @@ def test_a_map_of_too_many_things_says_how_many_are_drawn(monkeypatch: pytest.Mo
 
 
 @pytest.mark.parametrize("problem", [Failed("ZeroDivisionError"), Busy(1)])
-def test_the_page_of_an_entry_is_there_though_it_cannot_be_drawn_now(
+def test_the_page_of_an_entry_is_there_though_it_cannot_be_drawn_and_compared_now(
     client: TestClient, monkeypatch: pytest.MonkeyPatch, problem: Exception
 ) -> None:
     client.post("/v1/environments?name=ward", content=ROOM.read_bytes())
     client.post("/v1/recipes?name=ward", content=Bundled.RECIPE.find("serve_a_drink").read_bytes())
+    client.post("/v1/robots?name=tue", content=Bundled.ROBOT.find("amigo").with_suffix(".omn").read_bytes())
 
     def call(*_: object) -> None:
         raise problem
@@ -92,6 +93,7 @@ def test_the_page_of_an_entry_is_there_though_it_cannot_be_drawn_now(
         page = client.get(address)
         assert page.status_code == 200
         assert "<svg" not in page.text
+        assert "cannot be compared now; try again later" in page.text
 
 
 def test_a_map_is_drawn_on_its_page_with_its_files_and_their_digests(client: TestClient, tmp_path: Path) -> None:

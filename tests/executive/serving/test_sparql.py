@@ -120,6 +120,15 @@ def test_so_many_questions_wait_and_the_next_is_told_to_come_back(tmp_path: Path
     assert answers[1:] == ["answered"] * MOST_QUESTIONS
 
 
+def test_a_server_of_too_many_questions_says_when_to_come_back(
+    tmp_path: Path, staff: Staff, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("executive.serving.mirror.MOST_QUESTIONS", 0)
+    with closing(SqliteStore(tmp_path / "kb.sqlite")) as store:
+        refused = TestClient(application(store, staff=staff)).get("/v1/sparql", params={"query": COUNT})
+    assert (refused.status_code, refused.headers["Retry-After"]) == (429, "1")
+
+
 def test_a_content_at_which_a_reader_fails_costs_nobody_else_an_answer(tmp_path: Path) -> None:
     class Mistaken(Workers):
         def call(self, function: Callable[..., T], *arguments: object) -> T:
