@@ -5,6 +5,7 @@ It follows the store's news, so that changes by other servers on the same store 
 
 from __future__ import annotations
 
+import logging
 import threading
 from bisect import bisect_right, insort
 from collections.abc import Iterable, Iterator, Mapping
@@ -16,7 +17,7 @@ import numpy as np
 
 from executive.serving.uploads import describe, packed, unpacked
 from executive.serving.vocabulary import Vocabulary
-from executive.serving.workers import Workers
+from executive.serving.workers import Failed, Workers
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput
 from planlang.knowledge.answers import Links
@@ -31,6 +32,7 @@ from planlang.ontology.expressions import Expression
 
 MOST_LINKS = 200
 """Links of one subject that are listed."""
+_LOG = logging.getLogger(__name__)
 _CONTENT = frozenset((Change.CREATED, Change.CHANGED))
 
 
@@ -223,23 +225,34 @@ class Catalogue:
                 self._uids[kind].remove(uid)
 
     def renew(self, workers: Workers) -> bool:
-        """Describe one entry anew whose description another version or vocabulary made; False if there is none."""
+        """Describe one entry anew whose description another version or vocabulary made; False if there is none.
+
+        Raises what the store and the workers do; the entry is then the last of those still to be described.
+        """
         with self._lock:
             if not self._stale:
                 return False
             uid = next(iter(self._stale))
-        with suppress(NoSuchEntry, Changed, BadInput):  # it is another entry by now, or keeps what it has
-            entry = self._store.entry(uid)
-            name, data = uid.partition(".")[2], self._store.content(uid, entry.revision.number)
-            made = workers.call(describe, entry.about, name, data)
-            with self._lock:
-                stored = packed(made, self._vocabulary)
-                self._store.describe(uid, stored, entry.etag)
-                self._remove(uid)
-                self._add_all([Described(uid, entry.kind, entry.about, entry.label, stored)])
+            self._stale[uid] = self._stale.pop(uid)
+        try:
+            self._describe(uid, workers)
+        except (NoSuchEntry, Changed, BadInput):  # it is another entry by now, or keeps what it has
+            pass
+        except Failed as problem:
+            _LOG.warning("%s keeps the description that it has: %s", uid, problem)
         with self._lock:
             self._stale.pop(uid, None)
         return True
+
+    def _describe(self, uid: str, workers: Workers) -> None:
+        entry = self._store.entry(uid)
+        name, data = uid.partition(".")[2], self._store.content(uid, entry.revision.number)
+        made = workers.call(describe, entry.about, name, data)
+        with self._lock:
+            stored = packed(made, self._vocabulary)
+            self._store.describe(uid, stored, entry.etag)
+            self._remove(uid)
+            self._add_all([Described(uid, entry.kind, entry.about, entry.label, stored)])
 
 
 def _links(description: Description) -> Iterator[tuple[str, str]]:
