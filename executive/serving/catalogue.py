@@ -76,6 +76,11 @@ class Catalogue:
             self._follow()
             return len(self._listed)
 
+    def __contains__(self, uid: str) -> bool:
+        with self._lock:
+            self._follow()
+            return uid in self._listed
+
     def question(self, text: str) -> Expression:
         """Return the class expression that a text is. Raises BadInput."""
         with self._lock:

@@ -48,9 +48,8 @@ router = APIRouter(route_class=PageRoute, include_in_schema=False)
 @router.get("/")
 def home(served: Served) -> Response:
     """Return what there is, and what has happened last."""
-    last = served.store.last_news()
     news = []
-    for one in reversed(served.store.news(max(0, last - MOST_NEWS))):
+    for one in served.store.news(limit=MOST_NEWS, newest_first=True):
         label = None
         with suppress(NoSuchEntry):
             label = served.store.entry(one.uid).label
