@@ -349,15 +349,12 @@ class TwoHands(HandWork):
     def _spots(self, what: Object, location: Location) -> list[Pose]:
         """Return places for a thing, the best ones of those that are apart; raises LocationUnresolvable."""
         spots: list[Pose] = []
-        with suppress(LocationUnresolvable):
-            for number, pose in enumerate(self.platform.resolver.things(location, what)):
-                near = (one for one in spots if one.distance(pose) < APART and abs(one.yaw - pose.yaw) < APART)
-                if next(near, None) is None:
-                    spots.append(pose)
-                if len(spots) == MOST_SPOTS or number == LOOKED_AT:
-                    break
-        if not spots:
-            next(self.platform.resolver.things(location, what))
+        for pose in self.platform.resolver.best_things(location, what, LOOKED_AT):
+            near = (one for one in spots if one.distance(pose) < APART and abs(one.yaw - pose.yaw) < APART)
+            if next(near, None) is None:
+                spots.append(pose)
+            if len(spots) == MOST_SPOTS:
+                break
         turned = [Pose.planar(x, y, one.yaw + math.pi, z) for one in spots for x, y, z in [one.position]]
         return [pose for both in zip(spots, turned, strict=True) for pose in both]
 
