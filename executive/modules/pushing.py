@@ -211,10 +211,10 @@ class Pushing(Strokes):
         length, heading = float(np.hypot(*way)), math.atan2(way[1], way[0])
         ahead, across = _ahead(heading), _ahead(heading + math.pi / 2)
         half = np.array([block.support(heading), block.support(heading + math.pi / 2)]) + ASIDE
-        support = world.support(name)
+        support, riders = world.support(name), world.standing_on(name)
         for other in world.names():
             body = world.scene.body(other)
-            if other in (name, support) or body.shape is BodyShape.ROOM or world.support(other) == name:
+            if other in (name, support, *riders) or body.shape is BodyShape.ROOM:
                 continue
             box = corners(world.pose(other), body.size)
             if box[:, 2].max() <= block.low + LOWER or box[:, 2].min() >= block.high:
