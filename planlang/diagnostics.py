@@ -264,6 +264,7 @@ CODES: dict[str, str] = {
     "M029": "rooms are connected, and nothing says where; a doorway is assumed, or there is no way",
     "M030": "a number is in a unit of another dimension, or in an unknown one",
     "M031": "a thing's class is unknown; it is read as the class that is called so, if there is one",
+    "M032": "obstacles of a file are so many that some are joined, with what is between them",
     # B: binding robots
     "B001": "a robot file is not as it should be",
     "B002": "there is no robot in the file",
@@ -368,6 +369,7 @@ CODES: dict[str, str] = {
     "K043": "a key was sent over a network without TLS",
     "K044": "an endpoint or a storage that a server stands on does not answer",
     "K045": "a server has more entries for a need than are looked at",
+    "K046": "entries of a store cannot be read any more",
     "K080": "a narrative tells of no episode, or contradicts itself",
     "K081": "a log of poses is none, or of another run than the trace",
 }

@@ -49,6 +49,8 @@ class Articulation:
     """The body of them by which a hand moves it."""
     first: float = 0.0
     """Its value at the beginning."""
+    sign: float = 1.0
+    """-1 if the file that describes it has smaller values for more open, and its axis the other way round."""
 
     def __post_init__(self) -> None:
         if not (self.lower <= 0.0 < self.upper and math.isfinite(self.lower + self.upper)):

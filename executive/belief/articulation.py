@@ -205,7 +205,7 @@ class _Reader:
             low, high = sorted((lower or 0.0, upper))
             if abs(low) > abs(high):  # it opens towards smaller values
                 axis = np.negative(joint.axis)
-                joint = replace(joint, axis=tuple(axis.tolist()))
+                joint = replace(joint, axis=tuple(axis.tolist()), sign=-1.0)
                 low, high = -high, -low
             if not low <= 0.0 < high:
                 message = f"{leaf.body.name} cannot be closed or not be opened: its limits are {lower} and {upper}"
@@ -220,10 +220,12 @@ class _Reader:
         """Return how far open a file says that a leaf is, within the limits of its joint; closed if it says nothing."""
         stated = (self._limit(iri, "jointPosition") for iri in (thing.iri, *self._hinges(thing)))
         position = next((value for value in stated if value is not None), 0.0)
-        if joint.within(position) != position:
-            message = f"{joint.leaf} is not open to {position}: its limits are {joint.lower} and {joint.upper}"
+        value = joint.sign * position + 0.0
+        if joint.within(value) != value:
+            low, high = sorted(joint.sign * limit + 0.0 for limit in (joint.lower, joint.upper))
+            message = f"{joint.leaf} is not open to {position}: its limits are {low} and {high}"
             self.found.append(warning("M017", message, thing.span, "closed is 0; positions are radians or metres"))
-        return joint.within(position)
+        return joint.within(value)
 
     def _with_axis(self, leaf: _Leaf, iri: str, kind: JointKind) -> Articulation:
         """Return a joint with the axis of a file, else that of the box."""

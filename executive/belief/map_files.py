@@ -27,6 +27,9 @@ UPRIGHT = 0.9999
 CELL = 0.05
 """Length of the cells by which points are told apart [m]."""
 
+FAR = 0.2
+"""Obstacles that are joined over gaps of this length may bar the way of a robot [m]."""
+
 
 def with_obstacles(bodies: Sequence[Body], semantic_map: SemanticMap, found: list[Diagnostic]) -> list[Body]:
     """Return bodies with boxes where the map's files have something that the map does not know.
@@ -78,10 +81,15 @@ def _boxes(path: Path, frame: Pose, bodies: Sequence[Body], found: list[Diagnost
         found.append(warning("M024", "a map of obstacles that leans is left out", Span(str(path))))
         return []
     try:
-        return _READERS[path.suffix.lower()](path).within(frame).boxes(bodies)
+        boxes, apart = _READERS[path.suffix.lower()](path).within(frame).boxes(bodies)
     except BadInput as bad:
         found += (warning(one.code, one.message, one.span) for one in bad.diagnostics if one.severity is Severity.ERROR)
         return []
+    if apart > 0:
+        told = warning if apart >= FAR else note
+        message = f"what is up to {apart:.2g} m apart may be one of its {len(boxes)} obstacles, with what is between"
+        found.append(told("M032", message, Span(str(path)), "leave out what is no obstacle, or what the map states"))
+    return boxes
 
 
 def _of_grid(path: Path) -> OccupiedSpace:

@@ -74,7 +74,8 @@ def merge(paths: Sequence[Path], folders: Sequence[Path] = ()) -> Merged:
     placed = _newest(merged, found)
     _compare_classes(merged, whole, found)
     frames = {iri for iri in whole.individuals(expand("SemanticEnvironmentMap")) if iri not in placed}
-    text = text_of(with_placements(statements, whole, placed, gone=frames), sources[0].map.ontology, found)
+    statements = with_placements(statements, whole.iri, placed, gone=frames)
+    text = text_of(statements, sources[0].map.ontology.iri, found)
     return Merged(text, len(things), len(placed), tuple(dict.fromkeys(found)))
 
 

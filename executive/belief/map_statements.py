@@ -97,14 +97,14 @@ def _is_header(triple: Triple) -> bool:
 
 
 def with_placements(
-    statements: Sequence[Triple], ontology: Ontology, placed: Mapping[str, Placement], *, gone: Container[str] = ()
+    statements: Sequence[Triple], map_iri: str | None, placed: Mapping[str, Placement], *, gone: Container[str] = ()
 ) -> list[Triple]:
     """Return statements in which each placed thing has one pose, that of its placement; those ``gone`` have none."""
     things = {iri for iri in dict.fromkeys(str(t.subject) for t in statements) if iri in placed or iri in gone}
     things |= placed.keys()
     kept = _without_poses(statements, things)
     taken = {str(triple.subject) for triple in kept}
-    base = f"{(ontology.iri or 'http://planlang.org/kb/map.owl').rstrip('#')}#"
+    base = f"{(map_iri or 'http://planlang.org/kb/map.owl').rstrip('#')}#"
     for placement in placed.values():
         kept += _perception(placement, placed, base, taken)
     return kept
@@ -175,9 +175,9 @@ def number(value: float) -> str:
     return f"{text}0" if text.endswith(".") else text
 
 
-def text_of(statements: Iterable[Triple], ontology: Ontology, found: list[Diagnostic]) -> str:
+def text_of(statements: Iterable[Triple], map_iri: str | None, found: list[Diagnostic]) -> str:
     """Return a map in Manchester syntax; what the syntax cannot say is told."""
-    own = f"{ontology.iri.rstrip('#')}#" if ontology.iri else ""
+    own = f"{map_iri.rstrip('#')}#" if map_iri else ""
     prefixes = {"": own} if own else {}
     prefixes |= {"knowrob": expand(""), "roboearth": "http://www.roboearth.org/kb/roboearth.owl#"}
     prefixes |= {"rdfs": str(RDFS), "xsd": str(XSD), "owl": str(OWL)}

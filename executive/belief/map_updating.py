@@ -75,7 +75,7 @@ def updated_map(belief: Belief, files: Container[Path | None], opened: Iterable[
     statements += (fact for thing in belief.made.values() if thing.iri in placed for fact in _new(thing))
     for leaf in (leaf for leaf in opened if leaf in belief.joints):
         statements = _with_joint(statements, leaf, belief)
-    return text_of(with_placements(statements, ontology, placed, gone=gone), ontology, found)
+    return text_of(with_placements(statements, ontology.iri, placed, gone=gone), ontology.iri, found)
 
 
 def _is_there(thing: MapObject, belief: Belief) -> bool:
@@ -140,7 +140,7 @@ def _with_joint(statements: list[Triple], leaf: str, belief: Belief) -> list[Tri
         facts.append(("direction", f"{iri}_direction"))
     statements = [t for t in statements if t.subject not in (iri, thing.iri) or t.predicate != expand("jointPosition")]
     if belief.is_left_open(leaf):
-        facts.append(("jointPosition", decimal(belief.joint(leaf))))
+        facts.append(("jointPosition", decimal(joint.sign * belief.joint(leaf))))
     if joint.kind is JointKind.HINGED:
         statements = [t for t in statements if t.subject != iri or t.predicate != expand("turnRadius")]
         facts.append(("turnRadius", decimal(_opening_radius(joint, belief))))
@@ -148,8 +148,10 @@ def _with_joint(statements: list[Triple], leaf: str, belief: Belief) -> list[Tri
         facts.append((RDF.type, expand(_JOINTS[joint.kind])))
         statements += stated_facts(thing.iri, [("properPhysicalParts", iri)])
     statements += stated_facts(iri, facts)
-    axis = zip(("vectorX", "vectorY", "vectorZ"), joint.axis, strict=True)
-    vector: list[tuple[str, Term]] = [(name, decimal(value)) for name, value in axis]
+    frame = belief.map.find(iri)  # an axis is in the frame of its joint if that has a place
+    axis = np.array(joint.axis) if frame is None or frame.pose is None else frame.pose.rotation.T @ joint.axis
+    entries = zip(("vectorX", "vectorY", "vectorZ"), (joint.sign * axis).tolist(), strict=True)
+    vector: list[tuple[str, Term]] = [(name, decimal(value)) for name, value in entries]
     if ("direction", f"{iri}_direction") in facts:
         statements += stated_facts(f"{iri}_direction", [(RDF.type, expand("Vector")), *vector])
     return statements

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 
 from executive.belief.belief import Belief
-from executive.belief.map_statements import number as shown
+from executive.belief.map_statements import Placement, decimal, stated_facts, text_of, with_placements
 from executive.belief.measures import EXTENTS
 from executive.belief.semantic_map import MapObject
 from planlang.geometry import Pose
-from planlang.ontology import expand
-from planlang.outputs import MARK
+from planlang.ontology import Term, Triple, expand
+from planlang.ontology.terms import OWL, RDF
 
 MAP = "http://planlang.org/kb/uploaded_map.owl"
 
@@ -20,17 +20,17 @@ def map_text(belief: Belief) -> str:
 
     Doors, drawers and what lies in them are written where they are when closed, with how far they are open.
     """
-    placed = set(belief.names())
-    things = [(thing, belief.closed_pose(thing.name)) for thing in belief.things if thing.name in placed]
-    things += [riding for whole in things for riding in _handles(*whole, belief) if riding[0].name not in placed]
-    namespace = expand("")
-    lines = [f"# A semantic map, {MARK}.", "", f"Prefix: : <{MAP}#>", f"Prefix: knowrob: <{namespace}>", ""]
-    lines += [f"Ontology: <{MAP}>", f"    Import: <{namespace.rstrip('#')}>"]
-    lines += ["", "Individual: map", "    Types: knowrob:SemanticEnvironmentMap"]
-    written = {thing.iri for thing, _ in things}
-    for number, (thing, pose) in enumerate(things, 1):
-        lines += ["", *_thing(thing, number, written, belief), "", *_pose(number, pose)]
-    return "\n".join(lines) + "\n"
+    known = set(belief.names())
+    things = [(thing, belief.closed_pose(thing.name)) for thing in belief.things if thing.name in known]
+    things += [riding for whole in things for riding in _handles(*whole, belief) if riding[0].name not in known]
+    placed = {_iri(thing): Placement(_iri(thing), pose) for thing, pose in things}
+    header: list[tuple[str, Term]] = [(RDF.type, OWL.Ontology), (OWL.imports, expand("").rstrip("#"))]
+    statements = [
+        *stated_facts(MAP, header),
+        *stated_facts(f"{MAP}#map", [(RDF.type, expand("SemanticEnvironmentMap"))]),
+    ]
+    statements += (fact for thing, _ in things for fact in _thing(thing, placed, belief))
+    return text_of(with_placements(statements, MAP, placed), MAP, [])
 
 
 def _handles(whole: MapObject, pose: Pose, belief: Belief) -> Iterator[tuple[MapObject, Pose]]:
@@ -40,24 +40,15 @@ def _handles(whole: MapObject, pose: Pose, belief: Belief) -> Iterator[tuple[Map
             yield part, pose @ whole.pose.inverse() @ part.pose
 
 
-def _thing(thing: MapObject, number: int, written: set[str], belief: Belief) -> Iterator[str]:
-    yield f"Individual: <{thing.iri or f'{MAP}#{thing.name}'}>"
-    classes = [cls for cls in thing.types if not cls.endswith("#NamedIndividual")]
-    if classes:
-        yield f"    Types: {', '.join(f'<{cls}>' for cls in classes)}"
-    facts = ["knowrob:describedInMap map", f"knowrob:orientation pose_{number}"]
-    facts += [f"knowrob:{name} {shown(value)}" for name, value in zip(EXTENTS, thing.size or (), strict=False)]
-    facts += [f"knowrob:properPhysicalParts <{part}>" for part in thing.parts if part in written]
+def _iri(thing: MapObject) -> str:
+    return thing.iri or f"{MAP}#{thing.name}"
+
+
+def _thing(thing: MapObject, written: Container[str], belief: Belief) -> Iterator[Triple]:
+    facts: list[tuple[str, Term]] = [(RDF.type, cls) for cls in thing.types]
+    facts.append(("describedInMap", f"{MAP}#map"))
+    facts += [(name, decimal(value)) for name, value in zip(EXTENTS, thing.size or (), strict=False)]
+    facts += [("properPhysicalParts", part) for part in thing.parts if part in written]
     if thing.name in belief.joints and belief.is_left_open(thing.name):
-        facts.append(f"knowrob:jointPosition {shown(belief.joint(thing.name))}")
-    yield "    Facts:"
-    yield from (f"        {fact}{',' if fact is not facts[-1] else ''}" for fact in facts)
-
-
-def _pose(number: int, pose: Pose) -> Iterator[str]:
-    yield f"Individual: pose_{number}"
-    yield "    Types: knowrob:RotationMatrix3D"
-    yield "    Facts:"
-    for row, entries in enumerate(pose.matrix().tolist()):
-        facts = ", ".join(f"knowrob:m{row}{column} {shown(one)}" for column, one in enumerate(entries))
-        yield f"        {facts}{',' if row < 3 else ''}"
+        facts.append(("jointPosition", decimal(belief.joint(thing.name))))
+    return stated_facts(_iri(thing), facts)

@@ -25,8 +25,8 @@ FARTHEST = 200.0
 """What is farther from the middle (median) along an axis is an error of the sensor [m]."""
 MOST_CELLS = 1_000_000
 """Cells that are compared with the map; finer ones are made coarser until they are so few."""
-MOST_BOXES = 200
-"""Boxes that the obstacles of a map are made of; cells are made coarser until they are enough."""
+MOST_BOXES = 500
+"""Boxes that the obstacles of a map are made of; what is near each other is joined until they are enough."""
 
 Box = tuple[Pose, tuple[float, float, float]]
 """Pose of the centre in the map, and size [m]."""
@@ -53,13 +53,19 @@ class OccupiedSpace:
         """Return the same with its frame in another one, which has a pose in the map."""
         return replace(self, frame=frame @ self.frame)
 
-    def boxes(self, bodies: Sequence[Body]) -> list[Box]:
-        """Return boxes that cover what no body explains, inside of the rooms if there are any."""
+    def boxes(self, bodies: Sequence[Body]) -> tuple[list[Box], float]:
+        """Return boxes that cover what no body explains, inside of the rooms if there are any.
+
+        The second: how far apart things may be that one box covers, with what is between them [m].
+        """
         points, length = self._thinned()
         points = points[self._unexplained(points, bodies, EXPLAINED + length)]
-        while len(joined := _joined(_cells(points, length))) > MOST_BOXES:
-            length *= 2
-        return [self._box(low, high, length) for low, high in joined.reshape(-1, 3, 2).transpose(0, 2, 1)]
+        joined, across = _joined(_cells(points, length)), 1
+        while len(joined) > MOST_BOXES:
+            across *= 2
+            joined = _joined(_fewer(joined, across, MOST_BOXES))
+        boxes = [self._box(low, high, length) for low, high in joined.reshape(-1, 3, 2).transpose(0, 2, 1)]
+        return boxes, across * length if across > 1 else length - self.cell
 
     def _box(self, low: NDArray[np.int64], high: NDArray[np.int64], length: float) -> Box:
         x, y, z = ((low + high) * length / 2).tolist()
@@ -146,3 +152,25 @@ def _joined(boxes: NDArray[np.int64]) -> NDArray[np.int64]:
         boxes = boxes[starts]
         boxes[:, 2 * axis + 1] = high
     return boxes
+
+
+def _fewer(boxes: NDArray[np.int64], across: int, most: int) -> NDArray[np.int64]:
+    """Return boxes (m, 6), not more than ``most`` if that can be, that cover the same cells and some between them.
+
+    Boxes that are not larger than ``across`` [cells] and begin in one cube of that length are made one, where most
+    are together first: what stands alone stays as it is, and so do walls.
+    """
+    is_small = ((boxes[:, 1::2] - boxes[:, ::2]) <= across).all(axis=1)
+    small = boxes[is_small]
+    _, cubes, counts = np.unique(small[:, ::2] // across, axis=0, return_inverse=True, return_counts=True)
+    densest = np.argsort(-counts, kind="stable")
+    saved = np.cumsum(counts[densest] - 1)
+    is_joined = np.zeros(len(counts), dtype=bool)
+    is_joined[densest[: np.searchsorted(saved, len(boxes) - most) + 1]] = True
+    own = np.where(is_joined[cubes.ravel()], cubes.ravel(), len(counts) + np.arange(len(small)))
+    order = np.argsort(own, kind="stable")
+    starts = np.flatnonzero(np.diff(own[order], prepend=-1))
+    found = np.empty((len(starts), 6), dtype=np.int64)
+    found[:, ::2] = np.minimum.reduceat(small[order, ::2], starts) if len(starts) else 0
+    found[:, 1::2] = np.maximum.reduceat(small[order, 1::2], starts) if len(starts) else 0
+    return np.concatenate([boxes[~is_small], found])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from datetime import UTC, datetime
+from datetime import datetime
 from typing import NamedTuple
 
 import numpy as np
@@ -367,17 +367,25 @@ class PosesOfThings:
         return seconds
 
 
-_DATE = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(?:\.\d{1,6})?(?:Z|[+-]\d\d:\d\d)?$")
+_DATE = re.compile(r"(?<!\d)(\d{4}-\d\d-\d\d)(?:[T ](\d\d:\d\d(?::\d\d(?:\.\d+)?)?))?(Z|[+-]\d\d:?\d\d)?$")
+_DATED = re.compile(r"(?:(?<!\d)\d{4}(?:-[\dW]|[/_]\d\d[/_]\d\d(?!\d))|\d\d:\d\d|\d{8}T)[^#/]*$")
+"""What has a date or a time of day, whose last digits are no seconds since 1970."""
 _SECONDS = re.compile(r"(?<![\d.])\d{1,15}(?:\.\d{1,15})?$")
+_LONGEST = 64
+"""Characters at the end of a text that may be a time."""
 
 
 def seconds_of(time: str) -> float | None:
-    """Return the seconds since 1970 that end a text or a time point's name, as a number or an ISO 8601 date in UTC."""
+    """Return the seconds since 1970 that end a text or a time point's name, as a number or an ISO 8601 date in UTC.
+
+    A date alone is its midnight. What has a date that cannot be read in full has no seconds.
+    """
+    time = time[-_LONGEST:]
     if (date := _DATE.search(time)) is not None:
+        day, clock, zone = date.groups()
         try:
-            when = datetime.fromisoformat(date[0])
+            return datetime.fromisoformat(f"{day}T{clock or '00:00'}{zone or 'Z'}").timestamp()
         except ValueError:
             return None
-        return (when if when.tzinfo else when.replace(tzinfo=UTC)).timestamp()
-    number = _SECONDS.search(time)
+    number = None if _DATED.search(time) else _SECONDS.search(time)
     return None if number is None else float(number[0])

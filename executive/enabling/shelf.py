@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import hashlib
+import sqlite3
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import Protocol
 
 from executive.serving.catalogue import Catalogue
 from executive.serving.vocabulary import read_vocabulary
+from executive.serving.workers import Staff
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
 from planlang.knowledge.answers import Found, NoAnswer, NotAsAgreed, RefusedByChecks
 from planlang.knowledge.client import Client
@@ -61,8 +63,12 @@ class LocalShelf:
     def __init__(self, path: Path, folders: Sequence[Path] = ()) -> None:
         """``folders``: those of ontologies that its entries import. Raises BadInput for what is no knowledge base."""
         self.url = str(path)
-        self._store = SqliteStore(path)
+        self._store = _Store(path)
         self._catalogue = Catalogue(self._store, read_vocabulary(folders))
+        if self._catalogue.is_behind:
+            with closing(Staff(folders)) as staff:
+                while self._catalogue.is_behind:
+                    self._catalogue.renew(staff.behind)
 
     def search(
         self,
@@ -95,12 +101,36 @@ class LocalShelf:
         return verified(data, attachment.sha256, f"{entry.uid}/{attachment.name}")
 
     def diagnostics(self) -> Sequence[Diagnostic]:
-        """Return nothing: the store is here."""
-        return ()
+        """Return a warning if there are entries that cannot be read any more, and so are not found by what they say."""
+        if not (unread := sorted(self._catalogue.unread)):
+            return ()
+        named = ", ".join(unread[:3]) + (", ..." if len(unread) > 3 else "")
+        return [warning("K046", f"{len(unread)} of {self.url} cannot be read any more: {named}", Span(self.url))]
 
     def close(self) -> None:
         """Close the file."""
         self._store.close()
+
+
+class _Store(SqliteStore):
+    """A store whose new descriptions stay in memory if the file takes none."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        self._described: dict[tuple[str, bytes], bytes] = {}
+        """Entries and their descriptions in the file, with those that are used in their place."""
+
+    def describe(self, uid: str, description: bytes, expected: str) -> None:
+        """Keep another description of the same content. Raises NoSuchEntry, Changed."""
+        try:
+            super().describe(uid, description, expected)
+        except sqlite3.DatabaseError:  # it is not to be written to, or the disk is full
+            self._described[uid, super().description(uid)] = description
+
+    def description(self, uid: str) -> bytes:
+        """Return the description of an entry's last revision. Raises NoSuchEntry."""
+        stored = super().description(uid)
+        return self._described.get((uid, stored), stored)
 
 
 class RemoteShelf:

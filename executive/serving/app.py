@@ -11,6 +11,7 @@ checks and describes what it is given, with ``places`` of maps; ``catalogue`` fi
 
 from __future__ import annotations
 
+import logging
 import threading
 from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager
@@ -36,13 +37,18 @@ from planlang.knowledge.stores import Store
 MOST_THREADS = 200
 """Requests that are worked on at a time, those among them that wait for their turn at what takes long."""
 
+_LOG = logging.getLogger(__name__)
+
 health = APIRouter(prefix="/v1", tags=["health"])
 
 
 @health.get("/health")
 def healthy(served: Served) -> dict[str, Any]:
-    """Return that the server works, and how many entries it has."""
-    return {"status": "ok", "entries": len(served.catalogue)}
+    """Return that the server works, how many entries it has, and of how many of them it has to read anew what to find.
+
+    Those are not found by all that is in them yet.
+    """
+    return {"status": "ok", "entries": len(served.catalogue), "stale": served.catalogue.stale}
 
 
 ROUTERS = (
@@ -60,8 +66,13 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     serving: Serving = app.state.serving
 
     def renew() -> None:
-        while not ended.is_set() and serving.catalogue.renew(serving.staff.behind):
-            pass
+        while not ended.is_set():
+            try:
+                if not serving.catalogue.renew(serving.staff.behind):
+                    return
+            except Exception as problem:  # the store cannot be used now: nobody asked, so nobody else is told
+                _LOG.warning("a description is made anew later: %s", problem)
+                ended.wait(1.0)
 
     serving.staff.start()
     serving.mirror.start()

@@ -5,6 +5,7 @@ It follows the store's news, so that changes by other servers on the same store 
 
 from __future__ import annotations
 
+import logging
 import threading
 from bisect import bisect_right, insort
 from collections.abc import Iterable, Iterator, Mapping
@@ -16,7 +17,7 @@ import numpy as np
 
 from executive.serving.uploads import describe, packed, unpacked
 from executive.serving.vocabulary import Vocabulary
-from executive.serving.workers import Workers
+from executive.serving.workers import Failed, Workers
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput
 from planlang.knowledge.answers import Links
@@ -31,6 +32,7 @@ from planlang.ontology.expressions import Expression
 
 MOST_LINKS = 200
 """Links of one subject that are listed."""
+_LOG = logging.getLogger(__name__)
 _CONTENT = frozenset((Change.CREATED, Change.CHANGED))
 
 
@@ -64,6 +66,7 @@ class Catalogue:
         self._names: dict[str, set[str]] = {}
         self._named: set[str] = set()
         self._stale: dict[str, None] = {}
+        self._unread: set[str] = set()
         self._lock = threading.RLock()
         self._seen = store.last_news()
         self._add_all(store.descriptions())
@@ -72,6 +75,11 @@ class Catalogue:
         with self._lock:
             self._follow()
             return len(self._listed)
+
+    def __contains__(self, uid: str) -> bool:
+        with self._lock:
+            self._follow()
+            return uid in self._listed
 
     def question(self, text: str) -> Expression:
         """Return the class expression that a text is. Raises BadInput."""
@@ -93,6 +101,16 @@ class Catalogue:
     def stale(self) -> int:
         """The number of entries that :meth:`renew` has still to describe."""
         return len(self._stale)
+
+    @property
+    def unread(self) -> frozenset[str]:
+        """The entries that are found by the class of their subject alone: their descriptions are of another layout."""
+        return frozenset(self._unread)
+
+    @property
+    def is_behind(self) -> bool:
+        """True if :meth:`renew`, which begins with these, has still to describe one of them."""
+        return not self._unread.isdisjoint(self._stale)
 
     def uids(self, kind: Kind | None = None, after: str = "", limit: int = 100) -> tuple[str, ...]:
         """Return identifiers behind one, sorted."""
@@ -166,10 +184,14 @@ class Catalogue:
             kept, is_stale = unpacked(one.description, self._vocabulary)
             if is_stale:
                 self._stale[one.uid] = None
+            if kept is None:
+                self._unread.add(one.uid)
             found[one.uid] = Facts([one.about], 1, np.array([[0, LABEL, 0]], np.int32)) if kept is None else kept.facts
             self._list(one, kept)
             self._add_names(found[one.uid].names)
         self._index.add_all(found)
+        if not self._unread.isdisjoint(found):
+            self._stale = {uid: None for uid in self._stale if uid in self._unread} | self._stale
 
     def _list(self, entry: Described, kept: Unpacked | None) -> None:
         words, place = "", dict[str, tuple[str, ...]]()
@@ -198,27 +220,39 @@ class Catalogue:
         listed = self._listed.pop(uid, None)
         if listed is not None:
             self._index.remove(uid)
+            self._unread.discard(uid)
             for kind in (None, listed.kind):
                 self._uids[kind].remove(uid)
 
     def renew(self, workers: Workers) -> bool:
-        """Describe one entry anew whose description another version or vocabulary made; False if there is none."""
+        """Describe one entry anew whose description another version or vocabulary made; False if there is none.
+
+        Raises what the store and the workers do; the entry is then the last of those still to be described.
+        """
         with self._lock:
             if not self._stale:
                 return False
             uid = next(iter(self._stale))
-        with suppress(NoSuchEntry, Changed, BadInput):  # it is another entry by now, or keeps what it has
-            entry = self._store.entry(uid)
-            name, data = uid.partition(".")[2], self._store.content(uid, entry.revision.number)
-            made = workers.call(describe, entry.about, name, data)
-            with self._lock:
-                stored = packed(made, self._vocabulary)
-                self._store.describe(uid, stored, entry.etag)
-                self._remove(uid)
-                self._add_all([Described(uid, entry.kind, entry.about, entry.label, stored)])
+            self._stale[uid] = self._stale.pop(uid)
+        try:
+            self._describe(uid, workers)
+        except (NoSuchEntry, Changed, BadInput):  # it is another entry by now, or keeps what it has
+            pass
+        except Failed as problem:
+            _LOG.warning("%s keeps the description that it has: %s", uid, problem)
         with self._lock:
             self._stale.pop(uid, None)
         return True
+
+    def _describe(self, uid: str, workers: Workers) -> None:
+        entry = self._store.entry(uid)
+        name, data = uid.partition(".")[2], self._store.content(uid, entry.revision.number)
+        made = workers.call(describe, entry.about, name, data)
+        with self._lock:
+            stored = packed(made, self._vocabulary)
+            self._store.describe(uid, stored, entry.etag)
+            self._remove(uid)
+            self._add_all([Described(uid, entry.kind, entry.about, entry.label, stored)])
 
 
 def _links(description: Description) -> Iterator[tuple[str, str]]:

@@ -10,7 +10,7 @@ from executive.robots import requirements
 from executive.serving.sources import LARGEST_SHOWN
 from executive.serving.uploads import load_upload, unpacked
 from executive.serving.vocabulary import Vocabulary
-from executive.serving.workers import Workers
+from executive.serving.workers import Busy, Failed, Workers
 from planlang.compiler import compile_ontology
 from planlang.compiler.drawing import figure, task_graph
 from planlang.designators import local_name
@@ -47,13 +47,15 @@ class Details:
 
 
 def details_of(entry: Entry, data: bytes, workers: Workers) -> Details | None:
-    """Return what a recipe's revision shows; None for other kinds and contents that are too large."""
+    """Return what a recipe's revision shows; None for other kinds, what is too large, and what cannot be read now."""
     if entry.kind is not Kind.RECIPE or len(data) > LARGEST_SHOWN:
         return None
     try:
         return workers.call(read_details, entry, data)
     except BadInput as problem:
         return Details(diagnostics=problem.diagnostics)
+    except (Failed, Busy):
+        return None
 
 
 def read_details(entry: Entry, data: bytes, vocabulary: Vocabulary) -> Details:

@@ -13,7 +13,7 @@ from executive.belief.semantic_map import MapObject, SemanticMap, read_map
 from executive.serving.sources import LARGEST_SHOWN
 from executive.serving.uploads import load_upload
 from executive.serving.vocabulary import Vocabulary
-from executive.serving.workers import Workers
+from executive.serving.workers import Busy, Failed, Workers
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput
 from planlang.geometry import Array
@@ -39,23 +39,27 @@ class _Drawn:
 
 
 def plan_of(entry: Entry, data: bytes, workers: Workers) -> str:
-    """Return the drawing of a map's content; empty for other kinds and for what cannot be drawn. Raises Busy."""
+    """Return the drawing of a map's content; empty for other kinds, and for what cannot be drawn, or not now."""
     if entry.kind is not Kind.ENVIRONMENT or len(data) > LARGEST_SHOWN:
         return ""
     try:
         return workers.call(read_plan, entry.uid, data)
-    except BadInput:
+    except (BadInput, Failed, Busy):
         return ""
 
 
 def read_plan(uid: str, data: bytes, vocabulary: Vocabulary) -> str:
-    """Return the drawing of a content. Raises BadInput."""
-    return floor_plan(read_map(load_upload(uid.partition(".")[2], data, vocabulary)))
+    """Return the drawing of a content, and below it if that is not the whole map. Raises BadInput."""
+    environment = read_map(load_upload(uid.partition(".")[2], data, vocabulary))
+    drawing, number = floor_plan(environment), len(_boxes(environment))
+    if number > MOST_THINGS:
+        drawing += f'<p class="hint">Only the first {MOST_THINGS:,} of its {number:,} things are drawn.</p>'
+    return drawing
 
 
 def floor_plan(environment: SemanticMap) -> str:
     """Return an SVG element with the things of a map that have a place and a size, x to the right, y upward."""
-    drawn = [found for thing in environment.objects[:MOST_THINGS] if (found := _outline(thing)) is not None]
+    drawn = [_outline(thing) for thing in _boxes(environment)[:MOST_THINGS]]
     if not drawn:
         return ""
     corners = np.concatenate([one.corners for one in drawn])
@@ -80,10 +84,15 @@ def floor_plan(environment: SemanticMap) -> str:
     return "".join((head, *shapes, *_labels(places), _ruler(scale, height), "</svg>"))
 
 
-def _outline(thing: MapObject) -> _Drawn | None:
-    """Return what is seen of a thing's box from above; None for what has no box."""
-    if thing.pose is None or thing.size is None:
-        return None
+def _boxes(environment: SemanticMap) -> list[MapObject]:
+    """Return the things that have a place and a size."""
+    return [thing for thing in environment.objects if thing.pose is not None and thing.size is not None]
+
+
+def _outline(thing: MapObject) -> _Drawn:
+    """Return what is seen of a thing's box from above."""
+    assert thing.pose is not None
+    assert thing.size is not None
     corners = np.array(list(product((-0.5, 0.5), repeat=3))) * np.array(thing.size)
     matrix = thing.pose.matrix()
     placed = corners @ matrix[:3, :3].T + matrix[:3, 3]
@@ -144,7 +153,7 @@ def _labels(places: Iterable[tuple[str, Array]]) -> Iterable[str]:
 def _ruler(scale: float, height: float) -> str:
     """Return a line of a length that is easily read: 1, 2 or 5 times a power of ten [m]."""
     most = 120 / scale
-    decade = 10.0 ** np.floor(np.log10(most))
+    decade = 10.0 ** np.floor(np.log10(most) - 1e-9)  # below it, though the logarithm may be rounded up
     length = max(step * decade for step in (1, 2, 5) if step * decade <= most)
     y, end = height, MARGIN + length * scale
     path = f"M{MARGIN},{y - 4:.1f}v8M{MARGIN},{y:.1f}H{end:.1f}m0,-4v8"

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 from pathlib import Path
 from typing import Any
 
 from executive.serving.vocabulary import Vocabulary
-from executive.serving.workers import Failed, Workers
+from executive.serving.workers import Busy, Failed, Workers
 from planlang.diagnostics import BadInput
 from planlang.knowledge.entries import Change, Entry
 from planlang.knowledge.sparql import Endpoint, Exceeded, Limits
 from planlang.knowledge.stores import NoSuchEntry, Store
 from planlang.ontology.convert import Target, convert_content
+
+MOST_QUESTIONS = 8
+"""Questions that are answered or wait for that at a time."""
+_LOG = logging.getLogger(__name__)
 
 
 class Mirror:
@@ -23,6 +28,7 @@ class Mirror:
         self._store, self._workers, self._limits = store, workers, limits or Limits()
         self._endpoint = Endpoint(self._limits)
         self._lock = threading.Lock()
+        self._places = threading.Semaphore(MOST_QUESTIONS)
         self._reader: threading.Thread | None = None
         self._is_read = threading.Event()
         self._is_closed = False
@@ -39,7 +45,15 @@ class Mirror:
             self._reader.start()
 
     def ask(self, question: str) -> dict[str, Any]:
-        """Return the answer to a question. Raises NoAnswer; Exceeded, also while contents are still read."""
+        """Return the answer to a question. Raises NoAnswer; Exceeded, also while contents are still read; Busy."""
+        if not self._places.acquire(blocking=False):
+            raise Busy(1, "asked")
+        try:
+            return self._asked(question)
+        finally:
+            self._places.release()
+
+    def _asked(self, question: str) -> dict[str, Any]:
         self.start()
         if not self._is_read.wait(self._limits.seconds):
             raise Exceeded(f"contents are still read, {self._read:,} entries so far; ask again later")
@@ -72,7 +86,7 @@ class Mirror:
                     return
                 self._put(entry)
                 self._read += 1
-        except (OSError, Failed):  # the next question begins anew
+        except OSError:  # the next question begins anew
             return
         self._is_read.set()
 
@@ -91,7 +105,9 @@ class Mirror:
             data = self._store.content(entry.uid)
             if not self._endpoint.put(entry.uid, data, entry.syntax.value, entry.about):
                 self._endpoint.put(entry.uid, self._workers.call(triples_of, data, entry.uid))
-        except (NoSuchEntry, BadInput):
+        except (NoSuchEntry, BadInput, Failed) as problem:
+            if isinstance(problem, Failed):
+                _LOG.warning("SPARQL does not know what %s states: %s", entry.uid, problem)
             self._endpoint.drop(entry.uid)
 
 

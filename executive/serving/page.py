@@ -26,6 +26,7 @@ from executive.serving.pages import FILES, HEADERS, PageRoute, page
 from executive.serving.problems import REFUSALS, Problem, Refusal, refusal
 from executive.serving.serving import Served, Serving, now
 from executive.serving.sources import LARGEST_SHOWN, MOST_SHOWN, lines_of, text_of
+from executive.serving.workers import Busy, Failed
 from planlang.diagnostics import BadInput, Diagnostic
 from planlang.files import decode
 from planlang.knowledge.entries import HIGHEST_RATING, LOWEST_RATING, Entry, Kind
@@ -47,9 +48,8 @@ router = APIRouter(route_class=PageRoute, include_in_schema=False)
 @router.get("/")
 def home(served: Served) -> Response:
     """Return what there is, and what has happened last."""
-    last = served.store.last_news()
     news = []
-    for one in reversed(served.store.news(max(0, last - MOST_NEWS))):
+    for one in served.store.news(limit=MOST_NEWS, newest_first=True):
         label = None
         with suppress(NoSuchEntry):
             label = served.store.entry(one.uid).label
@@ -201,7 +201,9 @@ def _compared(served: Serving, entry: Entry, asked: str, size: int) -> list[Comp
         try:
             found.append(Compared(robot, served.abilities.of(self_model(served, robot), entry)))
         except BadInput as problem:  # it was taken when more was known, or by another version
-            found.append(Compared(robot, None, refusal(problem)[1]))
+            found.append(Compared(robot, None, f"cannot be read: {refusal(problem)[1]}"))
+        except (Failed, Busy):
+            found.append(Compared(robot, None, "cannot be compared now; try again later"))
     return found
 
 

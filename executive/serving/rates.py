@@ -49,6 +49,10 @@ class Rates:
         """Remember that a header has a valid key of an author, whose requests are counted together."""
         self._authors[_digest(authorization)] = f"author {author}"
 
+    def forget(self, authorization: str) -> None:
+        """Count requests with a header by their address again: its key is nobody's, or not any more."""
+        self._authors.pop(_digest(authorization), None)
+
 
 def _digest(authorization: str) -> str:
     return hashlib.sha256(authorization.encode()).hexdigest()

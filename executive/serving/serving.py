@@ -61,6 +61,7 @@ def _asker(request: Request, given: Annotated[HTTPAuthorizationCredentials | Non
     served = _serving(request)
     author = served.store.author_of(given.credentials)
     if author is None:
+        served.rates.forget(request.headers["authorization"])
         raise Problem(HTTPStatus.UNAUTHORIZED, "this key is nobody's, or was dropped")
     served.rates.know(request.headers["authorization"], author)
     return author

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from contextlib import suppress
-from itertools import islice
 
 from fastapi import APIRouter, Response
 
@@ -18,13 +18,12 @@ from planlang.knowledge.stores import NoSuchEntry
 router = APIRouter(route_class=PageRoute, include_in_schema=False)
 
 MOST_NEWS, MOST_WATCHED = 50, 200
-_AT_A_TIME = 1000
 
 
 @router.get("/news")
 def ask() -> Response:
     """Return the form that asks for a key."""
-    return page("news", author="", news=(), watched=(), reason="")
+    return _asking()
 
 
 @router.post("/news")
@@ -32,30 +31,36 @@ def show(form: Filled, served: Served) -> Response:
     """Watch an entry, or no longer, if the form names one; return what happened to all that the author watches."""
     try:
         author = author_of(form, served)
-        uid = form.text("uid")
-        if uid:
+        stopped = form.text("stop")
+        if uid := stopped or form.text("uid"):
             with served.writing:
-                if form.text("do") == "stop":
+                if stopped or form.text("do") == "stop":
                     served.store.unsubscribe(author, uid)
                 else:
                     served.store.subscribe(author, uid, now())
     except REFUSALS as problem:
-        return page("news", author="", news=(), watched=(), reason=refusal(problem)[1])
-    return page("news", author=author, news=_latest(served, author), watched=_watched(served, author), reason="")
+        return _asking(refusal(problem)[1])
+    subscriptions = served.store.subscriptions(author)
+    watched = _watched(served, subscriptions[:MOST_WATCHED])
+    return page(
+        "news", author=author, news=_latest(served, author), watched=watched, count=len(subscriptions), reason=""
+    )
 
 
-def _latest(served: Serving, author: str) -> list[News]:
-    """Return the last news of what an author watches, the newest first."""
-    found: list[News] = []
-    while some := served.store.news(found[-1].number if found else 0, author=author, limit=_AT_A_TIME):
-        found = [*found, *some][-MOST_NEWS:]
-    return found[::-1]
+def _asking(reason: str = "") -> Response:
+    return page("news", author="", news=(), watched=(), count=0, reason=reason)
 
 
-def _watched(served: Serving, author: str) -> list[tuple[str, Entry | None]]:
-    """Return the entries that an author watches; None for one that was deleted."""
+def _latest(served: Serving, author: str) -> list[tuple[News, bool]]:
+    """Return the last news of what an author watches, the newest first, each with whether the entry is there."""
+    found = served.store.news(author=author, limit=MOST_NEWS, newest_first=True)
+    return [(one, one.uid in served.catalogue) for one in found]
+
+
+def _watched(served: Serving, uids: Iterable[str]) -> list[tuple[str, Entry | None]]:
+    """Return the entries of identifiers; None for one that was deleted."""
     found: list[tuple[str, Entry | None]] = []
-    for uid in islice(served.store.subscriptions(author), MOST_WATCHED):
+    for uid in uids:
         entry = None
         with suppress(NoSuchEntry):
             entry = served.store.entry(uid)

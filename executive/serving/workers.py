@@ -44,18 +44,22 @@ USUAL = 0.05
 """Seconds that a call is expected to take before any has been done."""
 MOST_WAITING = 100
 """Calls that wait for their turn."""
+_ATTEMPTS = 2
+"""Workers in which a call is tried that ends with its worker, within its limits."""
+_ENDED = frozenset(("lost", "late", "memory"))
+"""The ways a call ends that let its worker end, too."""
 
 
 class Busy(Exception):
     """So many wait for their turn that another one would wait for long; ``seconds``: after which to come back."""
 
-    def __init__(self, seconds: float) -> None:
-        super().__init__("too much is being checked at the moment; try again later")
+    def __init__(self, seconds: float, what: str = "checked") -> None:
+        super().__init__(f"too much is being {what} at the moment; try again later")
         self.seconds = max(1, math.ceil(seconds))
 
 
 class Failed(Exception):
-    """A worker came upon a mistake in planlang; the text says which."""
+    """A worker came upon a mistake in planlang, or ended with it; the text says which."""
 
 
 class Source:
@@ -69,13 +73,17 @@ class Source:
         self._control: socket.socket | None = None
 
     def connect(self, limits: Limits) -> socket.socket:
-        """Return a connection to a new worker."""
+        """Return a connection to a new worker. Raises ConnectionError if the process has just ended."""
         here, there = socket.socketpair()
         message = struct.pack("qq", limits.seconds, limits.memory)
         self.start()
         with there, self._lock:
             assert self._control is not None
-            socket.send_fds(self._control, [message], [there.fileno()])
+            try:
+                socket.send_fds(self._control, [message], [there.fileno()])
+            except OSError:
+                here.close()
+                raise
         return here
 
     def _start(self) -> None:
@@ -135,12 +143,20 @@ class Workers:
         Raises Busy; BadInput as the function does, or with K015 if it takes more than its limits; Failed.
         """
         worker, began = self._turn(), time.monotonic()
-        kind, answer = "lost", None
+        kind = "lost"
+        answer: Any = None
         try:
-            worker = worker or _Worker(self._source.connect(self._limits))
-            kind, answer = worker.ask(function, arguments)
+            for _ in range(_ATTEMPTS):
+                with suppress(ConnectionError):  # the source has just ended
+                    worker = worker or _Worker(self._source.connect(self._limits))
+                    kind, answer = worker.ask(function, arguments, self._limits.seconds)
+                if kind != "lost":
+                    break
+                if worker is not None:
+                    worker.close()
+                    worker = None
         finally:
-            if kind in ("lost", "memory") and worker is not None:
+            if kind in _ENDED and worker is not None:
                 worker.close()
                 worker = None
             self._give_back(worker, time.monotonic() - began)
@@ -150,8 +166,9 @@ class Workers:
             raise BadInput(answer)
         if kind == "failed":
             raise Failed(str(answer))
-        is_late = kind == "lost" and time.monotonic() - began >= self._limits.seconds
-        raise BadInput([_beyond(self._limits, is_late=is_late)])
+        if kind == "lost":
+            raise Failed(f"{_ATTEMPTS} workers ended at {function.__name__}")
+        raise BadInput([_beyond(self._limits, is_late=kind == "late")])
 
     def _turn(self) -> _Worker | None:
         with self._lock:
@@ -195,14 +212,15 @@ class _Worker:
         self._connection = connection
         self._stream = connection.makefile("rwb")
 
-    def ask(self, function: Callable[..., object], arguments: Sequence[object]) -> tuple[str, Any]:
-        """Return how a call ended, and with what; ``lost`` if the process ended with it."""
+    def ask(self, function: Callable[..., object], arguments: Sequence[object], seconds: float) -> tuple[str, Any]:
+        """Return how a call ended, and with what; ``late`` if its process ended after ``seconds``, else ``lost``."""
+        began = time.monotonic()
         try:
             pickle.dump((function, arguments), self._stream)
             self._stream.flush()
             kind, answer = pickle.load(self._stream)
         except (EOFError, ConnectionError, pickle.UnpicklingError):
-            return "lost", None
+            return "late" if time.monotonic() - began >= seconds else "lost", None
         return kind, answer
 
     def close(self) -> None:
@@ -218,7 +236,9 @@ def nothing(_: object) -> None:
 
 def _beyond(limits: Limits, *, is_late: bool) -> Diagnostic:
     limit = f"{limits.seconds} s" if is_late else f"{limits.memory / 1e6:g} MB of memory"
-    advice = "hand it in in smaller parts, or ask the operator for more: planlang serve --check-seconds"
+    advice = "hand it in in smaller parts"
+    if is_late:
+        advice += ", or ask the operator for more: planlang serve --check-seconds"
     return error("K015", f"to check this takes more than {limit}", help=advice)
 
 

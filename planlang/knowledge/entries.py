@@ -160,11 +160,13 @@ def _normal(name: str) -> str:
 
 
 def _is_part(text: str) -> bool:
-    return (
-        1 <= len(text) <= LONGEST_PART
-        and text[0].isalnum()
-        and all(one.isalnum() or one in "_-" or unicodedata.category(one) in ("Mn", "Mc") for one in text)
-    )
+    return 1 <= len(text) <= LONGEST_PART and text[0].isalnum() and all(map(_is_letter, text))
+
+
+def _is_letter(one: str) -> bool:
+    """Return True for a letter, digit or mark that an IRI may have: RFC 3987's ucschar leaves out one block of them."""
+    is_any = one.isalnum() or one in "_-" or unicodedata.category(one) in ("Mn", "Mc")
+    return is_any and not 0xE0000 <= ord(one) < 0xE1000
 
 
 def is_uid(text: str) -> bool:

@@ -11,7 +11,7 @@ import subprocess
 import sys
 import threading
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 N_TRIPLES = "application/n-triples"
@@ -19,11 +19,12 @@ N_TRIPLES = "application/n-triples"
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Limits of one question: seconds of wall clock, bytes of memory beyond the mirror's, rows of the answer."""
+    """Limits of one question: seconds of wall clock, bytes of memory beyond the mirror's, rows and bytes of answer."""
 
     seconds: float = 10.0
     memory: int = 500_000_000
     rows: int = 10_000
+    bytes: int = 16_000_000
 
 
 class Exceeded(Exception):
@@ -61,8 +62,7 @@ class Endpoint:
         if not self._lock.acquire(timeout=limits.seconds):
             raise Exceeded(f"other questions took {limits.seconds:g} s")
         try:
-            asked = {"query": question, "rows": limits.rows, "seconds": limits.seconds, "memory": limits.memory}
-            found = self._told(asked)
+            found = self._told({"query": question, **asdict(limits)})
         except OSError:
             raise Exceeded("what answers questions has ended, and is started anew") from None
         finally:
@@ -83,7 +83,10 @@ class Endpoint:
         return self._child is not None and self._child.poll() is None
 
     def put(self, uid: str, content: bytes, media_type: str = N_TRIPLES, base: str = "urn:entry") -> bool:
-        """Add the content of an entry, in the place of an earlier one; False for what is none. Raises OSError."""
+        """Add the content of an entry, in the place of an earlier one. Raises OSError.
+
+        Returns False for what is no content of this type, and for an identifier that names no graph.
+        """
         with self._lock:
             head = {"put": uid, "type": media_type, "base": base, "size": len(content)}
             return bool(self._told(head, content)["done"])

@@ -2,8 +2,8 @@
 
 It reads messages from its standard input and writes one answer for each to its standard output; both are lines of JSON.
 ``{"put": uid, "type": media type, "base": iri, "size": bytes}``, behind which the content follows, and
-``{"drop": uid}`` change the graph of an entry; ``{"query": text, "rows": number, "seconds": number, "memory": bytes}``
-asks.
+``{"drop": uid}`` change the graph of an entry; ``{"query": text, "rows": number, "bytes": number, "seconds": number,
+"memory": bytes}`` asks.
 """
 
 from __future__ import annotations
@@ -114,12 +114,15 @@ def main() -> None:
         else:
             told = _changed(store, message, stream.read(message.get("size", 0)))
         if told is not None:
-            _tell(told)
+            _tell(_line(told))
 
 
 def _changed(store: ox.Store, message: dict[str, Any], content: bytes) -> dict[str, Any]:
-    """Change the graph of an entry; returns ``{"done": False}`` for a content that is none of its type."""
-    graph = ox.NamedNode(GRAPHS + (message.get("put") or message["drop"]))
+    """Change the graph of an entry; returns ``{"done": False}`` for no content of its type, and for no name."""
+    try:
+        graph = ox.NamedNode(GRAPHS + (message.get("put") or message["drop"]))
+    except ValueError:
+        return {"done": False}
     store.remove_graph(graph)
     form = _FORMATS.get(message.get("type", ""))
     if form is None:
@@ -141,7 +144,7 @@ def _asked(store: ox.Store, message: dict[str, Any]) -> dict[str, Any] | None:
             close_off(message["memory"])
             signal.setitimer(signal.ITIMER_REAL, message["seconds"])
             found = answer(store, message["query"], message["rows"])
-            _tell(found, lambda: signal.setitimer(signal.ITIMER_REAL, 0))
+            _tell(_line_within(found, message["bytes"]), lambda: signal.setitimer(signal.ITIMER_REAL, 0))
             status = 0
         finally:
             os._exit(status)
@@ -153,9 +156,18 @@ def _asked(store: ox.Store, message: dict[str, Any]) -> dict[str, Any] | None:
     return {"exceeded": limit}
 
 
-def _tell(answered: dict[str, Any], before: Callable[[], object] = bool) -> None:
-    """Write an answer; ``before`` is called when nothing but the writing is left."""
-    data = json.dumps(answered).encode() + b"\n"
+def _line(answered: dict[str, Any]) -> bytes:
+    return json.dumps(answered, ensure_ascii=False).encode() + b"\n"
+
+
+def _line_within(answered: dict[str, Any], most: int) -> bytes:
+    """Return the line of an answer of at most ``most`` bytes, or that it has more."""
+    line = _line(answered)
+    return line if len(line) <= most else _line({"limit": f"more than {most / 1e6:g} MB"})
+
+
+def _tell(data: bytes, before: Callable[[], object] = bool) -> None:
+    """Write a line; ``before`` is called when nothing but the writing is left."""
     before()
     while data:
         data = data[os.write(1, data) :]

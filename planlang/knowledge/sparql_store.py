@@ -362,12 +362,15 @@ class SparqlStore:
             row["uid"] for row in self._ask(f"?s p:subscriber {_text(author)}; p:to ?uid", rest="ORDER BY ?uid")
         )
 
-    def news(self, after: int = 0, *, author: str | None = None, limit: int = 100) -> tuple[News, ...]:
+    def news(
+        self, after: int = 0, *, author: str | None = None, limit: int = 100, newest_first: bool = False
+    ) -> tuple[News, ...]:
         """Return what happened after a line of the feed, oldest first; with ``author`` of subscriptions alone."""
         mine = "" if author is None else f"FILTER EXISTS {{ ?s p:subscriber {_text(author)}; p:to ?uid }}"
         pattern = f"""?news p:line ?number; p:change ?change; p:newsOf ?uid; p:kind ?kind; p:author ?author;
             p:made ?made FILTER(?number > {int(after)}) {mine}"""
-        rows = self._ask(pattern, "?number ?change ?uid ?kind ?author ?made", f"ORDER BY ?number LIMIT {int(limit)}")
+        order = f"ORDER BY {'DESC' if newest_first else 'ASC'}(?number) LIMIT {int(limit)}"
+        rows = self._ask(pattern, "?number ?change ?uid ?kind ?author ?made", order)
         return tuple(
             News(int(row["number"]), Change(row["change"]), row["uid"], Kind(row["kind"]), row["author"], row["made"])
             for row in rows

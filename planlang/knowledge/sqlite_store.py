@@ -340,11 +340,14 @@ class SqliteStore:
         stored = "SELECT uid FROM subscriptions WHERE author = ? ORDER BY uid"
         return tuple(row[0] for row in self._database.execute(stored, (author,)))
 
-    def news(self, after: int = 0, *, author: str | None = None, limit: int = 100) -> tuple[News, ...]:
+    def news(
+        self, after: int = 0, *, author: str | None = None, limit: int = 100, newest_first: bool = False
+    ) -> tuple[News, ...]:
         """Return what happened after a line of the feed, oldest first; with ``author`` of subscriptions alone."""
         mine = "" if author is None else " AND uid IN (SELECT uid FROM subscriptions WHERE author = :author)"
+        order = "DESC" if newest_first else "ASC"
         stored = f"""SELECT number, change, uid, kind, author, made FROM news
-            WHERE number > :after{mine} ORDER BY number LIMIT :limit"""
+            WHERE number > :after{mine} ORDER BY number {order} LIMIT :limit"""
         rows = self._database.execute(stored, {"after": after, "author": author, "limit": limit})
         return tuple(News(n, Change(change), uid, Kind(kind), *others) for n, change, uid, kind, *others in rows)
 

@@ -125,8 +125,13 @@ class Store(Protocol):
     def subscriptions(self, author: str) -> tuple[str, ...]:
         """Return the identifiers that an author subscribed to, sorted."""
 
-    def news(self, after: int = 0, *, author: str | None = None, limit: int = 100) -> tuple[News, ...]:
-        """Return what happened after a line of the feed, oldest first; with ``author`` of subscriptions alone."""
+    def news(
+        self, after: int = 0, *, author: str | None = None, limit: int = 100, newest_first: bool = False
+    ) -> tuple[News, ...]:
+        """Return what happened after a line of the feed, oldest first; with ``author`` of subscriptions alone.
+
+        ``newest_first``: the last lines, from the last one on.
+        """
 
     def last_news(self) -> int:
         """Return the number of the last line of the feed, 0 for an empty one."""

@@ -7,7 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from executive.belief import Belief, SemanticMap, read_map, scene_of
-from executive.belief.map_statements import placements
+from executive.belief.map_statements import decimal, placements
 from executive.belief.map_updating import updated_map
 from executive.cli.app import app
 from planlang.diagnostics import Diagnostic
@@ -176,6 +176,41 @@ def test_a_position_beyond_the_limits_is_told_and_taken_as_far_as_it_goes(
     assert [one.code for one in found] == ["M017"]
 
 
+def cabinet_that_opens_towards_smaller_values(thing: Write, seen: Write, position: float) -> list[str]:
+    """A cabinet with a door whose hinge has the limits -1.2 and 0, open to a position."""
+    return [
+        thing("cabinet1", "Cabinet-PieceOfFurniture", (0.5, 1.0, 1.0), "properPhysicalParts door1"),
+        thing("door1", "Door", (0.02, 0.4, 0.6), "properPhysicalParts hinge1", f"jointPosition {position}"),
+        "Individual: hinge1\n    Types: knowrob:HingedJoint\n"
+        "    Facts: knowrob:minJointValue -1.2, knowrob:maxJointValue 0.0\n",
+        seen("cabinet1", (0, 0, 0.5)),
+        seen("door1", (0.25, -0.25, 0.5)),
+    ]
+
+
+def test_positions_of_a_joint_that_opens_towards_smaller_values_are_read_and_written_as_its_limits_are(
+    left: Left, map_of: Read, thing: Write, seen: Write
+) -> None:
+    semantic_map = map_of(*cabinet_that_opens_towards_smaller_values(thing, seen, -1.0))
+    (before,) = scene_of(semantic_map).joints
+    assert before.first == 1.0
+    updated = left(semantic_map, lambda belief: belief.moved("door1", 0.8), "door1")
+    values = [t.object for t in updated.ontology.triples() if t.predicate.endswith("jointPosition")]
+    assert values == [decimal(-0.8)]
+    (after,) = scene_of(updated).joints
+    assert (after.first, after.lower, after.upper) == (0.8, before.lower, before.upper)
+    assert after.axis == pytest.approx(before.axis)
+
+
+def test_a_position_beyond_limits_that_open_towards_smaller_values_is_told_with_those_of_the_file(
+    map_of: Read, thing: Write, seen: Write
+) -> None:
+    found: list[Diagnostic] = []
+    (joint,) = scene_of(map_of(*cabinet_that_opens_towards_smaller_values(thing, seen, 1.0)), found).joints
+    assert joint.first == 0.0
+    assert [one.message for one in found] == ["door1 is not open to 1.0: its limits are -1.2 and 0.0"]
+
+
 def test_parts_that_follow_from_a_class_follow_from_it_again(
     left: Left, map_of: Read, thing: Write, seen: Write
 ) -> None:
@@ -189,6 +224,21 @@ def test_parts_that_follow_from_a_class_follow_from_it_again(
     updated = left(semantic_map, lambda belief: belief.moved("one_LockerDoor", 1.0), "one_LockerDoor")
     assert [thing.name for thing in updated.objects] == names
     assert not [d for d in updated.diagnostics if d.code != "M026"]
+
+
+def test_doors_whose_hinges_have_poses_of_their_own_open_the_same_way_in_the_next_run(left: Left, corpus: Path) -> None:
+    semantic_map = read_map(load(corpus / "environments" / "ias_semantic_map@hydro.owl"))
+    joints = {joint.leaf: joint for joint in scene_of(semantic_map).joints}
+
+    def open_all(belief: Belief) -> None:
+        for name, joint in joints.items():
+            belief.moved(name, 0.8 * joint.upper)
+
+    after = {joint.leaf: joint for joint in scene_of(left(semantic_map, open_all, *joints)).joints}
+    assert after.keys() == joints.keys()
+    for name, joint in joints.items():
+        assert after[name].axis == pytest.approx(joint.axis, abs=1e-6), name
+        assert after[name].first == pytest.approx(0.8 * joint.upper)
 
 
 def test_a_kitchen_of_two_files_is_left_behind_as_one_with_the_same_things_and_joints(

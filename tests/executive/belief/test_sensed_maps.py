@@ -17,7 +17,7 @@ from executive.belief.occupied_space import FLOOR, HIGHEST, MOST_BOXES, Occupied
 from executive.belief.octree import DEPTH, read_octree
 from executive.belief.point_cloud import read_points
 from executive.cli.app import app
-from planlang.diagnostics import BadInput
+from planlang.diagnostics import BadInput, Diagnostic
 from planlang.files import bundled
 from planlang.geometry import Array, Pose
 from planlang.ontology import load
@@ -214,24 +214,48 @@ def covers(boxes: list[tuple[Pose, tuple[float, float, float]]], points: Array) 
 @given(cells=st.sets(st.tuples(*2 * [st.integers(-20, 20)], st.integers(1, 20)), min_size=1, max_size=60))
 def test_boxes_cover_the_cells_that_have_points_and_no_other(cells: set[Key]) -> None:
     points = (np.array(sorted(cells)) + 0.5) * 0.1
-    boxes = OccupiedSpace(points, 0.1).boxes([])
+    boxes, _ = OccupiedSpace(points, 0.1).boxes([])
     assert covers(boxes, points).all()
     assert sum(np.prod(size) for _, size in boxes) == pytest.approx(len(cells) * 0.1**3)
-    assert boxes == OccupiedSpace(points[::-1], 0.1).boxes([])
+    assert boxes == OccupiedSpace(points[::-1], 0.1).boxes([])[0]
 
 
 def test_a_cloud_of_many_specks_is_made_coarser_and_still_covered() -> None:
     points = np.random.default_rng(1).uniform([-3, -3, 0.1], [3, 3, 2], size=(5000, 3))
-    boxes = OccupiedSpace(points, CELL).boxes([])
+    boxes, _ = OccupiedSpace(points, CELL).boxes([])
     assert 0 < len(boxes) <= MOST_BOXES
     assert covers(boxes, points).all()
+
+
+def test_what_stands_alone_and_walls_stay_as_they_are_beside_what_is_dense() -> None:
+    random = np.random.default_rng(1)
+    alone = random.uniform([-6, -4, 0.1], [0, 4, 2], size=(300, 3))
+    dense = random.uniform([4, 2, 0.1], [5, 3, 1.1], size=(3000, 3))
+    wall = np.stack(np.meshgrid(np.arange(1, 6, 0.05), [0.0], np.arange(0.1, 2, 0.05)), axis=-1).reshape(-1, 3)
+    boxes, apart = OccupiedSpace(np.concatenate([alone, dense, wall + 0.01]), CELL).boxes([])
+    assert MOST_BOXES - 100 < len(boxes) <= MOST_BOXES
+    assert covers(boxes, np.concatenate([alone, dense, wall + 0.01])).all()
+    assert apart == pytest.approx(0.2)
+    lone = [max(size) for pose, size in boxes if pose.position[0] < 0]
+    assert np.mean(np.array(lone) <= CELL + 1e-9) > 0.9
+    assert not covers(boxes, np.array([[3.0, 1.0, 1.0], [3.0, -1.0, 1.0], [4.5, 2.5, 1.3]])).any()
+
+
+@pytest.mark.parametrize(("size", "severity"), [(300, None), (2000, "warning")])
+def test_obstacles_that_are_joined_over_gaps_are_told_of(tmp_path: Path, size: int, severity: str | None) -> None:
+    points = np.random.default_rng(1).uniform([-3, -2, 0.1], [3, 2, 2], size=(size, 3))
+    path = tmp_path / "cloud.pcd"
+    path.write_bytes(pcd(points, "ascii"))
+    found: list[Diagnostic] = []
+    scene_of(read_map(load(ROOM, also=[path])), found)
+    assert [one.severity.value for one in found if one.code == "M032"] == ([severity] if severity else [])
 
 
 def test_the_floor_what_is_over_any_robot_and_what_the_map_knows_are_no_obstacles() -> None:
     table = Body("table1", Pose((1.0, 0.0, 0.4)), (1.0, 1.0, 0.8))
     none = [[0, 0, FLOOR / 2], [0, 0, HIGHEST + 0.1], [1.2, 0.3, 0.85], [np.nan, 0, 1], [0, 1e5, 1]]
     points = np.array([*none, [0.0, 0.0, 1.0], [1.0, 0.0, 1.5]])
-    boxes = OccupiedSpace(points, CELL).boxes([table])
+    boxes, _ = OccupiedSpace(points, CELL).boxes([table])
     assert covers(boxes, points).tolist() == [False] * len(none) + [True, True]
 
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import sqlite3
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -62,6 +64,25 @@ def test_what_is_not_complete_any_more_is_taken_again(tmp_path: Path) -> None:
     (tmp_path / "amigo" / "objects" / "patientmodel.ada" / "patient.model").unlink()
     assert enable(tmp_path / "kb.sqlite", tmp_path / "amigo")[1]["taken"] == ["patientmodel.ada"]
     assert files(tmp_path / "amigo") == before
+
+
+@pytest.mark.parametrize("is_writable", [True, False])
+def test_entries_that_an_earlier_version_described_are_found_by_all_that_is_in_them(
+    tmp_path: Path, is_writable: bool
+) -> None:
+    hospital(tmp_path / "kb.sqlite").close()
+    with closing(sqlite3.connect(tmp_path / "kb.sqlite")) as database, database:
+        database.execute("UPDATE entries SET description = ?", (b"1 earlier",))
+        database.execute("INSERT INTO blobs VALUES ('wrong', ?)", (b"Ontology: <",))
+        database.execute("UPDATE revisions SET sha256 = 'wrong' WHERE uid = 'cupmodel.ada'")
+        if not is_writable:
+            database.execute("CREATE TRIGGER no BEFORE UPDATE ON entries BEGIN SELECT RAISE(ABORT, 'no'); END")
+    code, found = enable(tmp_path / "kb.sqlite", tmp_path / "amigo")
+    assert (code, sorted(found["taken"])) == (0, sorted(PIECES.values()))
+    assert [one["code"] for one in found["diagnostics"]] == ["K046"]
+    assert "1 of" in found["diagnostics"][0]["message"]
+    with closing(SqliteStore(tmp_path / "kb.sqlite")) as store:
+        assert store.description(BOTTLE).startswith(b"1 earlier") is not is_writable
 
 
 def test_a_recognition_model_without_its_file_is_refused_by_name_and_recognises_nothing(tmp_path: Path) -> None:

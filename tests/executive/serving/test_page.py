@@ -13,11 +13,13 @@ from fastapi.testclient import TestClient
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from executive.serving import watching
 from executive.serving.app import application
 from executive.serving.forms import read_form
 from executive.serving.problems import Problem
 from executive.serving.workers import Staff
 from planlang.files import Bundled
+from planlang.knowledge.entries import Content, Kind, Syntax
 from planlang.knowledge.sqlite_store import SqliteStore
 
 NOW = "2026-01-01T00:00:00Z"
@@ -148,6 +150,28 @@ def test_an_author_watches_an_entry_and_is_told_what_happened_to_it(client: Test
     assert re.search(r"serveadrink\.ward</a> rated by <bdi>ada</bdi>", told)
     assert told.index(" rated by ") < told.index(" uploaded by ")
     assert " rated by " not in client.post("/news", data={**watching, "do": "stop"}).text
+
+
+def test_what_is_watched_is_stopped_in_its_line_and_what_is_gone_has_no_link(
+    client: TestClient, key: str, store: SqliteStore, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    upload(client, key)
+    made = store.entry("serveadrink.ward")
+    content = Content(Kind.OBJECT, "urn:o#Cup", "one", "cup", Syntax.TURTLE, b"")
+    store.create(content, "ada", made.created)
+    for uid in ("serveadrink.ward", "cup.one"):
+        client.post("/news", data={"uid": uid, "key": key})
+    monkeypatch.setattr(watching, "MOST_WATCHED", 1)
+    assert "the first 1 of 2" in client.post("/news", data={"key": key}).text
+    store.delete(made.uid, "ada", made.etag, made.created)
+    told = client.post("/news", data={"key": key}).text
+    assert 'href="/objects/cup.one"' in told
+    assert 'href="/recipes/serveadrink.ward"' not in told
+    lines = [f"<code>serveadrink.ward</code> {done} by" for done in ("deleted", "uploaded")]
+    assert -1 < told.find(lines[0]) < told.find(lines[1])
+    told = client.post("/news", data={"stop": "cup.one", "key": key}).text
+    assert "cup.one" not in told
+    assert store.subscriptions("ada") == ("serveadrink.ward",)
 
 
 def test_nobody_watches_without_a_key_or_what_is_not_there(client: TestClient, key: str) -> None:

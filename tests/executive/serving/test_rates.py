@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from http import HTTPStatus
 
+import pytest
+import uvicorn
 from fastapi.testclient import TestClient
 from hypothesis import given
 from hypothesis import strategies as st
@@ -64,3 +66,26 @@ def test_a_server_tells_when_to_come_back_and_an_author_is_not_held_up_by_strang
     assert answers[1].headers["Retry-After"] == "10"
     assert answers[1].headers["content-type"] == "application/problem+json"
     assert author.get("/v1/health").status_code == HTTPStatus.OK
+
+
+def test_a_dropped_key_is_counted_as_a_strangers_once_it_is_refused(store: SqliteStore, staff: Staff) -> None:
+    app = application(store, staff=staff, rates=Rates(0.1, lambda: 0.0))
+    author = TestClient(app, headers={"Authorization": f"Bearer {store.new_key('ada', NOW)}"})
+    assert author.get("/v1/subscriptions").status_code == HTTPStatus.OK
+    store.drop_keys("ada")
+    assert author.get("/v1/subscriptions").status_code == HTTPStatus.UNAUTHORIZED
+    assert TestClient(app).get("/v1/health").status_code == HTTPStatus.OK
+    assert author.get("/v1/subscriptions").status_code == HTTPStatus.TOO_MANY_REQUESTS
+
+
+@pytest.mark.parametrize(("proxy", "held_up"), [("127.0.0.1", [200, 429, 200]), ("192.0.2.7", [200, 429, 429])])
+def test_addresses_are_taken_from_proxies_on_the_same_machine_alone(
+    store: SqliteStore, staff: Staff, proxy: str, held_up: list[int]
+) -> None:
+    app = application(store, staff=staff, rates=Rates(0.05, lambda: 0.0))
+    config = uvicorn.Config(app)
+    config.load()
+    client = TestClient(config.loaded_app, client=(proxy, 50000))
+    asked = ("198.51.100.1", "198.51.100.1", "198.51.100.2")
+    answers = [client.get("/v1/health", headers={"X-Forwarded-For": one}).status_code for one in asked]
+    assert answers == held_up

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import sqlite3
+from collections.abc import Callable
 from http import HTTPStatus
-from typing import Any
+from typing import Any, TypeVar
 
 import pytest
 from fastapi.testclient import TestClient
 
 from executive.serving.app import application
-from executive.serving.workers import Staff
+from executive.serving.catalogue import Catalogue
+from executive.serving.workers import LIMITS, Failed, Source, Staff, Workers
 from planlang.files import Bundled
 from planlang.knowledge.sqlite_store import SqliteStore
+from tests.support.knowledge_bases import vocabulary
 
+T = TypeVar("T")
 BARE_ROBOT = """Prefix: : <http://example.org/bare.owl#>
 Prefix: knowrob: <http://knowrob.org/kb/knowrob.owl#>
 Ontology: <http://example.org/bare.owl>
@@ -43,12 +48,12 @@ def entries(client: TestClient) -> None:
 
 
 def test_the_number_of_entries_and_the_names_are_those_of_the_store(client: TestClient) -> None:
-    assert client.get("/v1/health").json() == {"status": "ok", "entries": 4}
+    assert client.get("/v1/health").json() == {"status": "ok", "entries": 4, "stale": 0}
     assert client.get("/names?start=TeaCupOf").json() == {"names": []}
     cup = b"Ontology: <urn:o> Class: <urn:o#TeaCupOfMine> SubClassOf: <http://knowrob.org/kb/knowrob.owl#Cup>"
     client.post("/v1/objects?name=cup", content=cup)
     assert client.get("/names?start=TeaCupOf").json() == {"names": ["TeaCupOfMine"]}
-    assert client.get("/v1/health").json() == {"status": "ok", "entries": 5}
+    assert client.get("/v1/health").json() == {"status": "ok", "entries": 5, "stale": 0}
 
 
 def found(client: TestClient, **question: Any) -> list[str]:
@@ -147,12 +152,49 @@ def test_descriptions_of_another_layout_are_made_anew_from_the_contents(
     for uid in (SERVING, MODEL):
         store.describe(uid, b"0 an older one", store.entry(uid).etag)
     restarted = application(store, staff=staff)
+    assert TestClient(restarted).get("/v1/health").json() == {"status": "ok", "entries": 4, "stale": 2}
     with TestClient(restarted) as later:
         while restarted.state.serving.catalogue.stale:
             later.get("/v1/health")
         assert found(later, expression="providesModelFor some Cup") == [MODEL]
         assert found(later, expression="subAction some (objectActedOn some Bottle)") == [SERVING]
     assert not store.description(MODEL).startswith(b"0")
+
+
+def test_descriptions_are_made_anew_though_the_store_could_not_be_used_in_between(
+    client: TestClient, store: SqliteStore, staff: Staff, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for uid in (SERVING, MODEL):
+        store.describe(uid, b"0 an older one", store.entry(uid).etag)
+    describe, problems = store.describe, [sqlite3.OperationalError("database is locked")]
+
+    def described(uid: str, description: bytes, expected: str) -> None:
+        if problems:
+            raise problems.pop()
+        describe(uid, description, expected)
+
+    monkeypatch.setattr(store, "describe", described)
+    restarted = application(store, staff=staff)
+    with TestClient(restarted) as later:
+        while restarted.state.serving.catalogue.stale:
+            later.get("/v1/health")
+        assert found(later, expression="providesModelFor some Cup") == [MODEL]
+        assert found(later, expression="subAction some (objectActedOn some Bottle)") == [SERVING]
+
+
+def test_a_content_that_cannot_be_described_keeps_what_it_has_and_no_other_waits_for_it(
+    client: TestClient, store: SqliteStore
+) -> None:
+    class Mistaken(Workers):
+        def call(self, function: Callable[..., T], *arguments: object) -> T:
+            raise Failed("ZeroDivisionError")
+
+    for uid in (SERVING, MODEL):
+        store.describe(uid, b"0 an older one", store.entry(uid).etag)
+    catalogue = Catalogue(store, vocabulary())
+    workers = Mistaken(Source(()), 1, LIMITS)
+    assert [catalogue.renew(workers) for _ in range(3)] == [True, True, False]
+    assert {SERVING, MODEL} <= set(catalogue.find(None))
 
 
 def test_a_name_that_several_entries_define_means_any_of_their_classes(client: TestClient) -> None:

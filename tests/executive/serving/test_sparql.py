@@ -4,22 +4,24 @@ from __future__ import annotations
 
 import socket
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import closing, suppress
 from pathlib import Path
+from typing import TypeVar
 
 import pytest
 from fastapi.testclient import TestClient
 
 from executive.serving.app import application
-from executive.serving.mirror import Mirror
-from executive.serving.workers import Staff
+from executive.serving.mirror import MOST_QUESTIONS, Mirror
+from executive.serving.workers import LIMITS, Busy, Failed, Source, Staff, Workers
 from planlang.files import Bundled
 from planlang.knowledge.entries import Kind
 from planlang.knowledge.sparql import Exceeded, Limits
 from planlang.knowledge.sqlite_store import SqliteStore
 from tests.support.knowledge_bases import put
 
+T = TypeVar("T")
 NOW = "2026-01-01T00:00:00Z"
 RECIPE = Bundled.RECIPE.find("serve_a_drink").read_bytes()
 RESULTS = "application/sparql-results+json"
@@ -86,6 +88,58 @@ def test_who_asks_while_contents_are_still_read_is_told_so_and_nobody_else_waits
                     found = mirror.ask(COUNT)
                     break
     assert int(found["results"]["bindings"][0]["n"]["value"]) > 100
+
+
+def test_so_many_questions_wait_and_the_next_is_told_to_come_back(tmp_path: Path, staff: Staff) -> None:
+    go_on, refused, answers = threading.Event(), threading.Event(), list[str]()
+
+    class SlowStore(SqliteStore):
+        def content(self, uid: str, revision: int | None = None) -> bytes:
+            go_on.wait()
+            return super().content(uid, revision)
+
+    with closing(SlowStore(tmp_path / "kb.sqlite")) as store, closing(Mirror(store, staff.behind)) as mirror:
+        put(store, Kind.RECIPE, "ward", RECIPE)
+
+        def ask() -> None:
+            try:
+                mirror.ask(COUNT)
+                answers.append("answered")
+            except Busy as busy:
+                answers.append(str(busy))
+                refused.set()
+
+        threads = [threading.Thread(target=ask) for _ in range(MOST_QUESTIONS + 1)]
+        for one in threads:
+            one.start()
+        assert refused.wait(10)
+        go_on.set()
+        for one in threads:
+            one.join()
+    assert answers[0] == "too much is being asked at the moment; try again later"
+    assert answers[1:] == ["answered"] * MOST_QUESTIONS
+
+
+def test_a_server_of_too_many_questions_says_when_to_come_back(
+    tmp_path: Path, staff: Staff, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("executive.serving.mirror.MOST_QUESTIONS", 0)
+    with closing(SqliteStore(tmp_path / "kb.sqlite")) as store:
+        refused = TestClient(application(store, staff=staff)).get("/v1/sparql", params={"query": COUNT})
+    assert (refused.status_code, refused.headers["Retry-After"]) == (429, "1")
+
+
+def test_a_content_at_which_a_reader_fails_costs_nobody_else_an_answer(tmp_path: Path) -> None:
+    class Mistaken(Workers):
+        def call(self, function: Callable[..., T], *arguments: object) -> T:
+            raise Failed("ZeroDivisionError")
+
+    workers = Mistaken(Source(()), 1, LIMITS)
+    with closing(SqliteStore(tmp_path / "kb.sqlite")) as store, closing(Mirror(store, workers)) as mirror:
+        put(store, Kind.RECIPE, "before", RECIPE)
+        assert mirror.ask("ASK { ?a ?b ?c }")["boolean"] is False
+        put(store, Kind.RECIPE, "ward", RECIPE)
+        assert mirror.ask("ASK { ?a ?b ?c }")["boolean"] is False
 
 
 def test_an_engine_that_was_ended_knows_everything_again(client: TestClient, staff: Staff, tmp_path: Path) -> None:

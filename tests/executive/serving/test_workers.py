@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import threading
 import time
 from collections.abc import Iterator
@@ -56,6 +57,15 @@ def mistake(_: Vocabulary) -> float:
     return 1 / 0
 
 
+def end(path: Path, times: int, _: Vocabulary) -> int:
+    """Let the worker end, ``times`` times; returns how often it has."""
+    ended = len(path.read_bytes())
+    if ended < times:
+        path.write_bytes(bytes(ended + 1))
+        os._exit(1)
+    return ended
+
+
 def refused_at(workers: Workers) -> None:
     with pytest.raises(BadInput):
         workers.call(spin)
@@ -64,8 +74,9 @@ def refused_at(workers: Workers) -> None:
 def test_a_call_ends_at_its_limits_and_the_next_one_is_answered(source: Source) -> None:
     workers = Workers(source, 1, SMALL_LIMITS)
     for endless, limit in ((spin, "1 s"), (fill, "200 MB of memory")):
-        with pytest.raises(BadInput, match=f"K015 to check this takes more than {limit}"):
+        with pytest.raises(BadInput, match=f"K015 to check this takes more than {limit}") as refused:
             workers.call(endless)
+        assert ("--check-seconds" in str(refused.value.diagnostics[0].help)) == (endless is spin)
         assert workers.call(count) == 1
     workers.close()
 
@@ -87,6 +98,16 @@ def test_a_mistake_of_ours_is_no_refusal(source: Source) -> None:
     workers = Workers(source, 1, SMALL_LIMITS)
     with pytest.raises(Failed, match="ZeroDivisionError"):
         workers.call(mistake)
+    workers.close()
+
+
+def test_a_worker_that_ends_within_its_limits_is_replaced_once_and_no_refusal(source: Source, tmp_path: Path) -> None:
+    workers, ended = Workers(source, 1, Limits()), tmp_path / "ended"
+    ended.touch()
+    assert workers.call(end, ended, 1) == 1
+    with pytest.raises(Failed, match="2 workers ended at end"):
+        workers.call(end, ended, 9)
+    assert workers.call(count) == 1
     workers.close()
 
 

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import socket
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
 
+import pyoxigraph as ox
 import pytest
 
+from planlang.knowledge.entries import is_uid
 from planlang.knowledge.sparql import Endpoint, Exceeded, Limits, NoAnswer
 
 RECIPES = [(f"recipe.{number}", b'<urn:r%d> <urn:label> "r%d" .\n' % (number, number)) for number in range(300)]
@@ -73,6 +76,25 @@ def test_a_cross_product_is_cut_at_its_limit_and_the_next_question_is_answered(e
 def test_an_answer_of_too_many_rows_is_refused(endpoint: Endpoint) -> None:
     with pytest.raises(Exceeded, match="more than 400 rows"):
         endpoint.ask("SELECT * { ?a ?b ?c . ?d ?e ?f }")
+
+
+def test_an_answer_of_too_many_bytes_is_refused_however_short_the_question(endpoint: Endpoint) -> None:
+    doubled = " ".join(f"BIND(CONCAT(?x{n}, ?x{n}) AS ?x{n + 1})" for n in range(24))
+    with pytest.raises(Exceeded, match="the answer has more than 16 MB"):
+        endpoint.ask(f'SELECT ?x24 {{ BIND("a" AS ?x0) {doubled} }}')
+    assert endpoint.ask("ASK { <urn:r7> ?p ?o }")["boolean"] is True
+
+
+def test_a_name_that_no_graph_can_have_is_refused_and_the_next_question_is_answered(endpoint: Endpoint) -> None:
+    assert not endpoint.put("model.a\U000e0100", b'<urn:new> <urn:label> "new" .\n')
+    endpoint.drop("model.a\U000e0100")
+    assert endpoint.ask("ASK { <urn:r7> ?p ?o }")["boolean"] is True
+
+
+def test_every_identifier_names_a_graph() -> None:
+    letters = [one for one in map(chr, range(sys.maxunicode + 1)) if is_uid(f"a{one}.b")]
+    assert len(letters) > 100_000
+    assert all(ox.NamedNode(f"urn:entry:{one}").value for one in letters)
 
 
 def test_a_question_that_needs_too_much_memory_is_ended(endpoint: Endpoint) -> None:

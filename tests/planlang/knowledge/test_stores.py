@@ -202,6 +202,9 @@ def test_a_feed_tells_what_happened_to_what_an_author_subscribed_to(store: Store
         (Change.DELETED, mine.uid),
     ]
     assert [one.number for one in store.news(2)] == [3, 4]
+    assert [one.number for one in store.news(2, newest_first=True)] == [4, 3]
+    assert [one.number for one in store.news(limit=1, newest_first=True)] == [4]
+    assert store.news(author="bob", newest_first=True) == store.news(author="bob")[::-1]
     assert store.subscriptions("bob") == (mine.uid,)
     store.unsubscribe("bob", mine.uid)
     assert store.news(author="bob") == ()
