@@ -255,7 +255,8 @@ class Pushing(Strokes):
         platform, device = self.platform, Device("Hand", self.platform.robot.arm(arm.name).iri)
         stated = replace(action, properties=tuple(sorted({**dict(action.properties), "device_used": device}.items())))
         asked = tuple(one for one in constraints_of(stated) if one.is_active)
-        grounding, phase, before = Grounding(platform, gone={name}), Phase(), platform.belief.pose(name)
+        moving = (name, *platform.scene.world.standing_on(name))
+        grounding, phase, before = Grounding(platform, gone=moving), Phase(), platform.belief.pose(name)
         way = goal - np.array(before.position[:2])
         heading = math.atan2(way[1], way[0])
         asked = (*asked, *self._hand(asked, device, arm, before, heading))
@@ -266,7 +267,7 @@ class Pushing(Strokes):
         places = np.column_stack([moved(inverse(before.matrix()), points[:, :3]), points[:, 3]])
         lap = await self.stroke(grounding, phase, asked, plane, places, closed=False)
         link, length = platform.robot.arm(arm.name).tip, float(np.hypot(*way))
-        poses = {one: platform.belief.pose(one) for one in (name, *platform.scene.world.standing_on(name))}
+        poses = {one: platform.belief.pose(one) for one in moving}
         far: float | None = None
         platform.world.set_pushing(link, pushing=True)
         try:

@@ -14,6 +14,7 @@ from tests.executive.conftest import PLACE, MakeStage
 
 TABLE = Body("table", Pose((1.3, 0.0, 0.37)), (0.8, 1.4, 0.74), type="KitchenTable")
 BOX = Body("box", Pose((1.15, -0.1, 0.8)), (0.1, 0.1, 0.12), type="FoodOrDrink", movable=True)
+TOP = Body("top", Pose((1.15, -0.1, 0.89)), (0.06, 0.06, 0.06), type="FoodOrDrink", movable=True)
 THE_BOX = an_object("FoodOrDrink", PLACE + "box")
 AXIS = a_feature(of=an_object("DeviceUsed"), path=("ObjectMainAxis",))
 BOTTOM = a_feature("PLANE", of=THE_BOX, position=(0.0, 0.0, -0.06), direction=(0.0, 0.0, 1.0))
@@ -23,7 +24,7 @@ PUSH = action("PushingMotion", object_acted_on=THE_BOX, distance_translated=0.15
 
 
 def test_a_thing_is_believed_to_be_where_the_hand_is_when_its_push_is_interrupted(make_stage: MakeStage) -> None:
-    stage = make_stage(TABLE, BOX)
+    stage = make_stage(TABLE, BOX, TOP)
 
     async def push() -> None:
         await timeout(11.5, lambda: perform(PUSH))
@@ -33,3 +34,4 @@ def test_a_thing_is_believed_to_be_where_the_hand_is_when_its_push_is_interrupte
     gone = stage.truth.pose("box").distance(BOX.pose)
     assert 0.02 < gone < 0.13
     assert abs(stage.belief.pose("box").distance(BOX.pose) - gone) < 0.03
+    assert abs(stage.belief.pose("top").distance(TOP.pose) - gone) < 0.03
