@@ -368,31 +368,37 @@ class BehindClosedDoor(LocationUnresolvable):
 
 @dataclass(eq=False, repr=False)
 class TooHeavy(LocationUnresolvable):
-    """The thing to be grasped is heavier than any free hand may carry; ``mass`` and ``payload`` in kg."""
+    """The thing to be grasped is heavier than ``hands`` free hands, 1 or 2, may carry; ``mass``, ``payload`` in kg."""
 
     what: str | None = field(default=None, kw_only=True)
     mass: float = field(default=0.0, kw_only=True)
     payload: float = field(default=0.0, kw_only=True)
+    hands: int = field(default=1, kw_only=True)
 
     def describe(self) -> str:
         """``no place found: DESIGNATOR: bottle1 weighs 40 kg, the hand carries 1.5 kg``."""
-        return (
-            f"{self.text}: {self.designator}: {self.what} weighs {self.mass:g} kg, the hand carries {self.payload:g} kg"
-        )
+        carry = "the hand carries" if self.hands == 1 else "both hands carry"
+        return f"{self.text}: {self.designator}: {self.what} weighs {self.mass:g} kg, {carry} {self.payload:g} kg"
 
 
 @dataclass(eq=False, repr=False)
 class HandsLacking(LocationUnresolvable):
-    """The thing to be grasped takes more hands than are there for it: ``needed`` and ``hands`` are their numbers."""
+    """The thing to be grasped takes more hands than are there for it: ``needed`` and ``hands`` are their numbers.
+
+    ``alone``: there are enough, but one alone was asked for.
+    """
 
     what: str | None = field(default=None, kw_only=True)
     needed: int = field(default=2, kw_only=True)
     hands: int = field(default=0, kw_only=True)
+    alone: bool = field(default=False, kw_only=True)
 
     def describe(self) -> str:
         """``no place found: DESIGNATOR: tray1 takes 2 hands, 1 is there for it``."""
-        there = "1 is" if self.hands == 1 else f"{self.hands} are"
-        return f"{self.text}: {self.designator}: {self.what} takes {self.needed} hands, {there} there for it"
+        there = f"{'1 is' if self.hands == 1 else f'{self.hands} are'} there for it"
+        if self.alone:
+            there = "and was asked of one alone (PickingUpAnObject takes it with all)"
+        return f"{self.text}: {self.designator}: {self.what} takes {self.needed} hands, {there}"
 
 
 class ObjectUnresolvable(DesignatorFailure):

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from itertools import chain, count
+from itertools import chain, count, islice
 from typing import Generic, TypeVar
 
 from executive.belief.knowledge import Source
@@ -36,7 +36,7 @@ from executive.locations.search import ReachSearch
 from executive.locations.validation import BaseValidator
 from executive.robots.arms import ArmModel
 from planlang.designators import Action, Device, Location, Object, action
-from planlang.failures import DesignatorFailure, MissingCapability, PlanFailure
+from planlang.failures import DesignatorFailure, LocationUnresolvable, MissingCapability, PlanFailure
 from planlang.geometry import Array, Pose
 from planlang.protocols import Solution
 from planlang.relations import RELATIONS
@@ -269,6 +269,17 @@ class Resolver:
                 found += 1
                 yield pose
         raise log.failure(location, after=found)
+
+    def best_things(self, location: Location, what: Object, most: int) -> Iterator[Pose]:
+        """Yield the first ``most`` of :meth:`things`, or fewer; raises LocationUnresolvable if there are none."""
+        is_found = False
+        try:
+            for pose in islice(self.things(location, what), most):
+                is_found = True
+                yield pose
+        except LocationUnresolvable:
+            if not is_found:
+                raise
 
     # What holds now
 

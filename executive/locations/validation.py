@@ -117,7 +117,10 @@ class BaseValidator:
             leaf = self.scene.bodies.designator(door)
             raise BehindClosedDoor(designator=str(location), what=reach.body, door=leaf)
         if reach.kind is ReachKind.GRASP and (needed := self.scene.bodies.hands(reach.body)) > 1:
-            raise HandsLacking(designator=str(location), what=reach.body, needed=needed, hands=1)
+            hands = sum(self.scene.arms.held(arm.name) is None for arm in self.scene.arms.all)
+            raise HandsLacking(
+                designator=str(location), what=reach.body, needed=needed, hands=hands, alone=hands >= needed
+            )
         if self.arms_for(reach, self.scene.arms.all):
             return
         arms = [arm.name for arm in self.scene.arms.all if reach.arms is None or arm.name in reach.arms]

@@ -7,7 +7,6 @@ wanted state is left alone: a push on its button would change that.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -29,9 +28,6 @@ from planlang.geometry import Pose
 from planlang.modules import process_module
 from planlang.protocols import Touch
 from sim.controls import AT_BUTTON, Control
-
-if TYPE_CHECKING:
-    pass
 
 ABOUT = ("object_acted_on", "device_used")
 """Properties of an action with the device that it is about, the first of them that is one."""

@@ -19,7 +19,7 @@ from planlang.failures import ContainerStuck, HandleNotReachable, ManipulationFa
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import inverse, moved, product
 from planlang.motion_constraints import MotionConstraint, a_constraint, a_feature
-from planlang.protocols import Motion, MotionState, Trajectory
+from planlang.protocols import Trajectory
 from sim.joints import Articulation, JointKind
 
 BEFORE = 0.1
@@ -30,6 +30,8 @@ FARTHEST = 0.25
 """Longest way from one place of the base [m]."""
 STROKES = 4
 """Strokes after which a leaf that is open still is given up."""
+FINE = 40
+"""Values of the joint that are compared with where the hand is."""
 EXACT = 0.003
 """Largest error of heights [m]."""
 LEANS = {JointKind.PRISMATIC: -0.7, JointKind.HINGED: -0.2}
@@ -56,7 +58,10 @@ class LeafStrokes(Strokes):
     async def _once(self) -> None:
         """Push with the first hand that can; raises HandleNotReachable if none can."""
         problem: ManipulationFailure | NavigationFailure | None = None
-        for arm in self._work.free_hands():
+        arms = self._work.free_hands()
+        if not arms:
+            raise HandleNotReachable(f"{HandleNotReachable.text}: no hand is free", what=self._joint.leaf)
+        for arm in arms:
             await self._work.tuck(self.platform.arms.untucked())
             await self.platform.hands.move(arm, closed=True)
             self.platform.arms.choices.choose(arm.name)
@@ -84,10 +89,10 @@ class LeafStrokes(Strokes):
         link = platform.robot.arm(arm.name).tip
         platform.world.set_pushing(link, pushing=True)
         try:
-            done = await platform.follow(arm.name, lap)
+            await platform.follow(arm.name, lap)
         finally:
             platform.world.set_pushing(link, pushing=False)
-        self._believe(done, moved(platform.world.link_pose(link).matrix(), np.zeros(3)), way)
+            self._believe(np.array(platform.world.link_pose(link).position), way)
         await self._back(arm, lap)
         await self._work.look(joint.handle or joint.leaf)
 
@@ -122,14 +127,18 @@ class LeafStrokes(Strokes):
             a_constraint("PERPENDICULARITY", tip, leaf, lower=-1.2, upper=leans, name="hand along its way"),
         )
 
-    def _believe(self, done: Motion, tip: Array, way: Array) -> None:
-        """Believe that the leaf went with the hand; one that stops the hand, or what it belongs to, is shut."""
+    def _believe(self, tip: Array, way: Array) -> None:
+        """Believe that the leaf went with the hand, whose tip (3,) is at it or behind it, as far as that is into it."""
         joint, belief = self._joint, self.platform.belief
-        if done.state is MotionState.DONE:
-            closed = moved(joint.motion(belief.joint(joint.leaf)).inverse().matrix(), way[1])
-            belief.moved(joint.leaf, joint.value_at(closed, tip), "pushed")
-        elif done.blocked_by in (*joint.bodies, joint.holder):
-            belief.moved(joint.leaf, 0.0, "pushed")
+        value = belief.joint(joint.leaf)
+        closed = moved(joint.motion(value).inverse().matrix(), way[1])
+        self.platform.sync()
+        world, values = self.platform.scene.world, np.linspace(min(value, joint.value_at(closed, tip)), 0.0, FINE)
+        for value in values.tolist():
+            world.set_joint(joint.leaf, value)
+            if all(one.body not in joint.bodies for one in world.contacts()):
+                break
+        belief.moved(joint.leaf, value, "pushed")
         self.platform.sync()
 
     async def _back(self, arm: ArmModel, lap: Trajectory) -> None:

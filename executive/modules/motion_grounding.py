@@ -65,7 +65,10 @@ class Grounding:
         return tuple(dict.fromkeys(bind(one.world.of) for one in constraints))
 
     def grounded(self, constraints: Sequence[MotionConstraint], phase: Phase) -> GroundedMotion:
-        """Return a motion; raises ObjectUnresolvable for a tool in no hand, ActionUnresolvable without a feature."""
+        """Return a motion; raises ObjectUnresolvable for a tool in no hand.
+
+        ActionUnresolvable without a feature, and if one arm of several that hold something together was to move alone.
+        """
         tools: dict[Object, tuple[str, Pose]] = {}
         things: dict[Object, Array] = {}
         found = []
@@ -76,6 +79,8 @@ class Grounding:
             found.append(replace(one, tool=tool, world=world))
         names = {arm for arm, _ in tools.values()}
         arms = tuple(arm for arm in self._platform.scene.arms.all if arm.name in names)
+        if any(self._platform.scene.arms.mates(name) for name in names):
+            raise ActionUnresolvable("the arms hold something together: neither moves alone", designator=str(found[0]))
         number = {arm.name: k for k, arm in enumerate(arms)}
         held = {what: (number[arm], offset.matrix()) for what, (arm, offset) in tools.items()}
         return GroundedMotion(tuple(found), arms, held, things)

@@ -38,6 +38,8 @@ MOST_PAIRS = 6
 """Pairs of grips from one base pose, with one height of the torso, that are looked at exactly."""
 MOST_BASES = 40
 """Places of the base that are looked at."""
+TOUCHES_ITSELF = "touches itself"
+"""The reason of ways on which the robot meets its own body."""
 LARGEST_TURN = 1.2
 """Largest turn of a thing between the hands from how they carry it to how they put it down [rad]."""
 
@@ -103,6 +105,8 @@ class PairPaths:
         return () if gripper is None else gripper.finger_links
 
     def _refuse(self, reason: str, body: str | None = None, number: int = 1) -> None:
+        if body is not None and body not in self.control.scene.world.names():  # a link of the robot
+            reason, body = TOUCHES_ITSELF, None
         if number:
             self.counts[reason] += number
         if body is not None:

@@ -7,7 +7,7 @@ The robot looks where the thing has come to, and pushes again if that is not nea
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import islice
@@ -101,7 +101,7 @@ class ToLocation:
     def places(self) -> Iterable[Array]:
         """Return places at the location, those first on the way to which the thing hardly turns."""
         x, y, height = self.platform.scene.bodies.pose(self.name).position
-        found = islice(self.platform.resolver.things(self.location, self.what), LOOKED_AT)
+        found = self.platform.resolver.best_things(self.location, self.what, LOOKED_AT)
         level = [np.array(pose.position[:2]) for pose in found if abs(pose.position[2] - height) <= LOWER]
         return sorted(level, key=lambda place: not self._is_square(place - (x, y)))
 
@@ -160,7 +160,9 @@ class Pushing(Strokes):
         if leaf is not None:
             await LeafStrokes(HandWork(platform), leaf).shut()
             return ()
-        if not platform.scene.bodies.is_movable(name) or name in platform.belief.held:
+        if name in platform.belief.held:
+            raise ActionUnresolvable(f"{name} is held: it is not pushed", designator=str(action))
+        if not platform.scene.bodies.is_movable(name):
             raise ActionUnresolvable(f"{name} cannot be pushed along anything", designator=str(action))
         wish, lead = self._wish(action, name), LEAD
         for _ in range(PUSHES):
@@ -209,10 +211,10 @@ class Pushing(Strokes):
         length, heading = float(np.hypot(*way)), math.atan2(way[1], way[0])
         ahead, across = _ahead(heading), _ahead(heading + math.pi / 2)
         half = np.array([block.support(heading), block.support(heading + math.pi / 2)]) + ASIDE
-        support = world.support(name)
+        support, riders = world.support(name), world.standing_on(name)
         for other in world.names():
             body = world.scene.body(other)
-            if other in (name, support) or body.shape is BodyShape.ROOM or world.support(other) == name:
+            if other in (name, support, *riders) or body.shape is BodyShape.ROOM:
                 continue
             box = corners(world.pose(other), body.size)
             if box[:, 2].max() <= block.low + LOWER or box[:, 2].min() >= block.high:
@@ -245,7 +247,6 @@ class Pushing(Strokes):
                 return await self._pushed(action, name, goal, lead, arm)
             except (ManipulationFailure, NavigationFailure) as failure:
                 problem = problem or failure
-            finally:
                 await work.tuck(self.platform.arms.untucked())
                 await work.look(name)
         raise problem or ManipulationGoalNotReached("no hand is free", what=name)
@@ -254,7 +255,8 @@ class Pushing(Strokes):
         platform, device = self.platform, Device("Hand", self.platform.robot.arm(arm.name).iri)
         stated = replace(action, properties=tuple(sorted({**dict(action.properties), "device_used": device}.items())))
         asked = tuple(one for one in constraints_of(stated) if one.is_active)
-        grounding, phase, before = Grounding(platform, gone={name}), Phase(), platform.belief.pose(name)
+        moving = (name, *platform.scene.world.standing_on(name))
+        grounding, phase, before = Grounding(platform, gone=moving), Phase(), platform.belief.pose(name)
         way = goal - np.array(before.position[:2])
         heading = math.atan2(way[1], way[0])
         asked = (*asked, *self._hand(asked, device, arm, before, heading))
@@ -264,17 +266,19 @@ class Pushing(Strokes):
         points = self._points(before, goal, reach + lead)
         places = np.column_stack([moved(inverse(before.matrix()), points[:, :3]), points[:, 3]])
         lap = await self.stroke(grounding, phase, asked, plane, places, closed=False)
-        link, stop = platform.robot.arm(arm.name).tip, goal
+        link, length = platform.robot.arm(arm.name).tip, float(np.hypot(*way))
+        poses = {one: platform.belief.pose(one) for one in moving}
+        far: float | None = None
         platform.world.set_pushing(link, pushing=True)
         try:
             await self.gone(motion, lap)
-        except ManipulationFailure:
-            tip = platform.world.link_pose(link).position[:2]
-            stop = np.array(tip) + (reach + lead) * _ahead(heading)
-            raise
+            far = length
         finally:
             platform.world.set_pushing(link, pushing=False)
-            self._believe(name, before, stop)
+            if far is None:  # the hand was stopped, or what moves it: the thing is ahead of it, if it came that far
+                behind = np.array(platform.world.link_pose(link).position[:2]) - poses[name].position[:2]
+                far = float(np.clip(behind @ _ahead(heading) + reach + lead, 0.0, length))
+            self._believe(poses, far * _ahead(heading))
         await HandWork(platform).tuck(platform.arms.untucked())
         await HandWork(platform).look(name)
         came = np.array(platform.belief.pose(name).position[:2]) - points[-3, :2]
@@ -308,13 +312,11 @@ class Pushing(Strokes):
         points[[0, -1], 3] = OVER
         return points
 
-    def _believe(self, name: str, before: Pose, stop: Array) -> None:
-        """Believe that a thing, with what stands on it, was pushed so that its middle is at a place (2,)."""
-        world, belief = self.platform.scene.world, self.platform.belief
-        dx, dy = (stop - np.array(before.position[:2])).tolist()
-        shift = Pose((dx, dy, 0.0))
-        for other in [one for one in world.names() if one == name or world.support(one) == name]:
-            belief.pushed(other, shift @ belief.pose(other))
+    def _believe(self, poses: Mapping[str, Pose], way: Array) -> None:
+        """Believe that things that were at some poses were pushed along a way (2,)."""
+        shift = Pose((*way.tolist(), 0.0))
+        for name, pose in poses.items():
+            self.platform.belief.pushed(name, shift @ pose)
         self.platform.sync()
 
 

@@ -186,22 +186,14 @@ class TwoHands(HandWork):
         free, needed = self.free_hands(), bodies.hands(name)
         if len(free) < needed or needed > 2:
             raise HandsLacking(designator=f"take {name}", what=name, needed=needed, hands=len(free))
-        mass = bodies.mass(name) + sum(map(bodies.mass, self._load(name)))
+        platform.sync()
+        mass = sum(map(bodies.mass, (name, *platform.scene.world.standing_on(name))))
         pairs = [pair for pair in combinations(free, 2) if mass / 2 <= min(arm.payload for arm in pair)]
         if not pairs:
             payload = 2 * max(min(arm.payload for arm in pair) for pair in combinations(free, 2))
-            raise TooHeavy(designator=name, what=name, mass=mass, payload=payload)
+            raise TooHeavy(designator=name, what=name, mass=mass, payload=payload, hands=2)
         still = platform.world.configuration().joints
         return [PairPaths(platform, ArmPair(pair, still)) for pair in pairs]
-
-    def _load(self, name: str) -> list[str]:
-        """Return what is believed to stand on a thing."""
-        platform, block = self.platform, self.platform.scene.bodies.block(name)
-        bodies = platform.scene.bodies
-        over = [one for one in bodies.names() if one != name and bodies.is_movable(one)]
-        centres = np.array([bodies.pose(one).position for one in over]).reshape(-1, 3)
-        within = (block.distance(centres[:, :2]) <= 0) & (centres[:, 2] >= block.low)
-        return [over[k] for k in np.flatnonzero(within).tolist() if bodies.support(over[k]) == name]
 
     def _nowhere(self, name: str, pairs: Sequence[PairPaths], doing: str) -> LocationUnresolvable:
         counts: dict[str, int] = {}
@@ -349,15 +341,12 @@ class TwoHands(HandWork):
     def _spots(self, what: Object, location: Location) -> list[Pose]:
         """Return places for a thing, the best ones of those that are apart; raises LocationUnresolvable."""
         spots: list[Pose] = []
-        with suppress(LocationUnresolvable):
-            for number, pose in enumerate(self.platform.resolver.things(location, what)):
-                near = (one for one in spots if one.distance(pose) < APART and abs(one.yaw - pose.yaw) < APART)
-                if next(near, None) is None:
-                    spots.append(pose)
-                if len(spots) == MOST_SPOTS or number == LOOKED_AT:
-                    break
-        if not spots:
-            next(self.platform.resolver.things(location, what))
+        for pose in self.platform.resolver.best_things(location, what, LOOKED_AT):
+            near = (one for one in spots if one.distance(pose) < APART and abs(one.yaw - pose.yaw) < APART)
+            if next(near, None) is None:
+                spots.append(pose)
+            if len(spots) == MOST_SPOTS:
+                break
         turned = [Pose.planar(x, y, one.yaw + math.pi, z) for one in spots for x, y, z in [one.position]]
         return [pose for both in zip(spots, turned, strict=True) for pose in both]
 

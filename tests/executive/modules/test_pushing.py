@@ -8,8 +8,9 @@ from contextlib import ExitStack
 import pytest
 
 from planlang.designators import Condition
-from planlang.failures import ActionUnresolvable
-from tests.support.leaves import drawn, room
+from planlang.failures import ActionUnresolvable, ContainerStuck
+from planlang.geometry import Pose
+from tests.support.leaves import drawn, room, thing
 
 DOOR, DRAWER = 0, 2
 """Seeds of a door and of a drawer."""
@@ -37,3 +38,21 @@ def test_what_cannot_be_pushed_is_refused(stack: ExitStack) -> None:
     stage = room(stack, drawn(DRAWER))
     with pytest.raises(ActionUnresolvable, match="cannot be pushed along"):
         stage.do("PushingMotion", "case")
+
+
+def test_a_drawer_that_jams_is_believed_to_be_as_far_open_as_it_is(
+    stack: ExitStack, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("executive.modules.leaf_pushing.STROKES", 1)
+    case, leaf, grip = drawn(DRAWER)
+    assert leaf.pose is not None
+    assert leaf.size is not None
+    x, y, z = leaf.pose.position
+    block = thing("block", "FoodOrDrink", Pose((-1.0, 2.0, 0.05)), (0.02, 0.1, 0.1))
+    stage = room(stack, (case, leaf, grip), truth=(case, leaf, grip, block))
+    stage.truth.set_joint("leaf", 0.2)
+    stage.truth.set_pose("block", Pose((x + leaf.size[0] / 2 - 0.11, y, z)))
+    stage.platform.belief.moved("leaf", 0.2)
+    with pytest.raises(ContainerStuck, match=r"leaf is at 0\.1"):
+        stage.do("PushingMotion", "leaf")
+    assert stage.platform.belief.joint("leaf") == pytest.approx(stage.truth.joint("leaf"), abs=0.02)

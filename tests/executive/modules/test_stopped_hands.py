@@ -7,7 +7,7 @@ import math
 import pytest
 
 from planlang import perform
-from planlang.designators import action, an_object
+from planlang.designators import a_location, action, an_object
 from planlang.failures import ManipulationGoalInCollision
 from planlang.geometry import Pose
 from sim import Body
@@ -44,3 +44,11 @@ def test_a_tray_that_something_stops_when_it_is_lifted_stays_in_the_hands(make_s
     assert caught.value.blocked_by == "lamp"
     assert (len(stage.truth.holders("tray")), stage.truth.riders("tray")) == (2, ("cup",))
     assert set(stage.belief.held) == {"tray"}
+
+
+def test_fewer_places_than_are_asked_for_are_all_found(make_stage: MakeStage) -> None:
+    small = Body("small", Pose((1.2, 0.0, 0.37)), (0.36, 0.46, 0.74), type="KitchenTable")
+    stage = make_stage(small, CUP)
+    there, cup = a_location(on=an_object("KitchenTable", PLACE + "small")), an_object("Cup", PLACE + "cup")
+    first = list(stage.resolver.best_things(there, cup, 3))
+    assert (len(first), first) == (3, list(stage.resolver.best_things(there, cup, 100_000))[:3])

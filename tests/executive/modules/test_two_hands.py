@@ -117,7 +117,7 @@ def restored(stage: Stage) -> None:
 
 def test_one_hand_alone_is_not_sent_to_what_takes_two(stage_of: MakeStage) -> None:
     stage = stage_of(TABLE, TRAY)
-    with pytest.raises(HandsLacking, match="tray takes 2 hands, 1 is there for it"):
+    with pytest.raises(HandsLacking, match="tray takes 2 hands, and was asked of one alone"):
         next(stage.resolver.bases(a_location(in_reach_of=THE_TRAY)))
 
 
@@ -144,7 +144,7 @@ def test_too_few_hands_are_refused_with_both_numbers(stage_of: MakeStage, number
     stage = stage_of(TABLE, replace(TRAY, hands=3 - number), replace(CUP, mass=4.0 * number))
     failure, said = (
         (HandsLacking, "takes 3 hands, 2 are there for it"),
-        (TooHeavy, "weighs 4.8 kg, the hand carries 3.6 kg"),
+        (TooHeavy, "weighs 4.8 kg, both hands carry 3.6 kg"),
     )[number]
     with pytest.raises(failure, match=said):
         taken(stage)

@@ -1,0 +1,37 @@
+"""Pushing things: where a thing is believed to be when the push ends before its time."""
+
+from __future__ import annotations
+
+import pytest
+
+from planlang import perform, timeout
+from planlang.designators import action, an_object
+from planlang.failures import Timeout
+from planlang.geometry import Pose
+from planlang.motion_constraints import a_constraint, a_feature
+from sim import Body
+from tests.executive.conftest import PLACE, MakeStage
+
+TABLE = Body("table", Pose((1.3, 0.0, 0.37)), (0.8, 1.4, 0.74), type="KitchenTable")
+BOX = Body("box", Pose((1.15, -0.1, 0.8)), (0.1, 0.1, 0.12), type="FoodOrDrink", movable=True)
+TOP = Body("top", Pose((1.15, -0.1, 0.89)), (0.06, 0.06, 0.06), type="FoodOrDrink", movable=True)
+THE_BOX = an_object("FoodOrDrink", PLACE + "box")
+AXIS = a_feature(of=an_object("DeviceUsed"), path=("ObjectMainAxis",))
+BOTTOM = a_feature("PLANE", of=THE_BOX, position=(0.0, 0.0, -0.06), direction=(0.0, 0.0, 1.0))
+LOW = a_constraint("HEIGHT", AXIS, BOTTOM, lower=0.02, upper=0.06, name="low")
+DOWN = a_constraint("PERPENDICULARITY", AXIS, BOTTOM, lower=-1.2, upper=-0.5, name="down")
+PUSH = action("PushingMotion", object_acted_on=THE_BOX, distance_translated=0.15, constrained_by=(LOW, DOWN))
+
+
+def test_a_thing_is_believed_to_be_where_the_hand_is_when_its_push_is_interrupted(make_stage: MakeStage) -> None:
+    stage = make_stage(TABLE, BOX, TOP)
+
+    async def push() -> None:
+        await timeout(11.5, lambda: perform(PUSH))
+
+    with pytest.raises(Timeout):
+        stage.run(push)
+    gone = stage.truth.pose("box").distance(BOX.pose)
+    assert 0.02 < gone < 0.13
+    assert abs(stage.belief.pose("box").distance(BOX.pose) - gone) < 0.03
+    assert abs(stage.belief.pose("top").distance(TOP.pose) - gone) < 0.03
