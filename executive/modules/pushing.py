@@ -169,6 +169,8 @@ class Pushing(Strokes):
             if wish.is_there():
                 return ()
             lead = await self._once(action, name, wish, lead)
+            if platform.robot.camera is not None and not platform.belief.seen(name):
+                await perform(look_for("LookingForSomething", object_acted_on=what))  # it may have fallen
         if not wish.is_there():
             raise ManipulationGoalNotReached(f"{name} is not where it should be after {PUSHES} pushes", what=name)
         return ()
