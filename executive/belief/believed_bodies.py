@@ -20,8 +20,6 @@ from sim.joints import Articulation, JointKind
 from sim.leaves import inside
 from sim.scene import GRASPABLE_WIDTH, BodyShape
 
-COVER = 0.01
-"""Greatest height of what lies flat on a body and carries other things as that does [m]: cloths, mats, flat trays."""
 LEANING = 0.05
 """Greatest tilt of a top that counts as level [rad]: a bottle put down on it stays where it is."""
 
@@ -292,20 +290,6 @@ class BelievedBodies:
         """Return what a body is believed to rest on."""
         found = self._world.support(name)
         return found if found in self._world.names() else None
-
-    def covers(self, name: str) -> tuple[str, ...]:
-        """Return the things that lie flat on a body, or on such a thing: mats and cloths, which carry what it does."""
-        flat = [
-            one
-            for one in self.names()
-            if one not in (name, *self._belief.held)
-            if self.is_movable(one) and 0 < self.size(one)[2] <= COVER and self.rests_at(one) is not None
-        ]
-        below = {one: self.support(one) for one in flat}
-        found = [name]
-        for member in found:
-            found += [one for one in flat if below[one] == member and one not in found]
-        return tuple(found[1:])
 
     def rests_at(self, name: str) -> float | None:
         """Return height of the level top on which things can rest, of a room its floor [m]; None for what has none."""

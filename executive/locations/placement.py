@@ -162,27 +162,16 @@ class Placement:
 
     def _rests(self, block: Block, centres: Array, body: str, *, inside: bool) -> NDArray[np.bool_]:
         """Return whether a block, centred at places (m, 3), rests on a body, or is ``inside`` it, as a whole (m,)."""
-        bodies = self.scene.bodies
+        outer, top = self.scene.bodies.block(body), self.scene.bodies.rests_at(body)
         half = (block.high - block.low) / 2
         low, high = centres[:, 2] - half, centres[:, 2] + half
         if inside:
-            outer = bodies.block(body)
             level = (low >= outer.low - RESTING) & (high <= outer.high + RESTING)
-            return np.asarray(level & (_overhang(block, centres[:, :2], outer) <= HAIR))
-        found = np.zeros(len(centres), bool)
-        for outer, top in self._grounds(body):
-            found |= (np.abs(low - top) <= RESTING) & (_overhang(block, centres[:, :2], outer) <= HAIR)
-        return found
-
-    def _grounds(self, body: str) -> list[tuple[Block, float]]:
-        """Return outlines and heights of what things on a body rest on: its top, and what lies flat on that.
-
-        Beside what lies there is not on it.
-        """
-        bodies, others = self.scene.bodies, {self.name, *(area.body for area in self.demand.areas)}
-        covers = [one for one in bodies.covers(body) if one not in others]
-        tops = [(bodies.block(one), bodies.rests_at(one)) for one in (body, *covers)]
-        return [(block, top) for block, top in tops if top is not None]
+        else:
+            level = np.zeros(len(centres), bool) if top is None else np.abs(low - top) <= RESTING
+        if not level.any():
+            return level
+        return np.asarray(level & (_overhang(block, centres[:, :2], outer) <= HAIR))
 
     def _centres(self, upright: Block, log: Rejections) -> Array:
         """Return places (m, 3) for the object's centre; those that areas refuse are counted."""
@@ -198,8 +187,8 @@ class Placement:
                 if height <= room.high - room.low
             ]
             return np.concatenate([np.zeros((0, 3)), *rooms])
-        grounds = [self._on_floor(upright, block, top, log) for block, top in self._grounds(where)]
-        return np.concatenate([np.zeros((0, 3)), *grounds])
+        floor = bodies.rests_at(where)
+        return np.zeros((0, 3)) if floor is None else self._on_floor(upright, bodies.block(where), floor, log)
 
     def _rooms(self, where: str) -> list[Block]:
         """Return the rooms inside a body: those over its floor and its shelves if it is hollow, else all of it."""

@@ -161,21 +161,6 @@ def test_what_is_put_beside_a_thing_is_put_on_what_that_stands_on(make_stage: Ma
     assert (reach.kind, reach.body, [term.name for term in reach.also]) == (ReachKind.PLACE, "cabinet", ["left_of"])
 
 
-def test_what_lies_flat_on_a_surface_carries_things_as_the_surface_does(make_stage: MakeStage) -> None:
-    mat = Body("mat", Pose((1.6, 0.0, 0.902)), (0.38, 0.7, 0.004), type="PlaceMat", movable=True)
-    box = replace(mat, name="box", size=(0.38, 0.7, 0.05), pose=Pose((1.6, 0.0, 0.925)), type="Box-Container")
-    bottle = replace(BOTTLE, pose=Pose((-2.0, 1.5, 0.1)))
-    stage = make_stage(CABINET, mat, bottle)
-    pose = next(stage.resolver.things(a_location(on=THE_CABINET), THE_BOTTLE))
-    assert pose.position[2] - bottle.size[2] / 2 == pytest.approx(0.904 + 0.002)
-    stage.belief.bump("bottle", pose)
-    stage.platform.sync()
-    assert stage.resolver.holds(a_location(on=THE_CABINET), THE_BOTTLE)
-    assert not stage.resolver.holds(a_location(not_=a_location(on=THE_CABINET), near=an_object("PlaceMat")), THE_BOTTLE)
-    with pytest.raises(LocationUnresolvable, match="no room for the object"):
-        next(make_stage(CABINET, box, bottle).resolver.things(a_location(on=THE_CABINET), THE_BOTTLE))
-
-
 def test_what_holds_is_judged_as_candidates_are(ward: Stage) -> None:
     base = bases(ward, a_location(in_reach_of=THE_BOTTLE), 2)[1]
     here = located(a_location(in_reach_of=THE_BOTTLE))
