@@ -247,8 +247,8 @@ def test_a_bundled_map_in_another_frame_merges_to_the_same_world(tmp_path: Path)
         iri: type(one)(one.thing, FRAME.inverse() @ one.pose, one.time, one.relative_to, one.facts)
         for iri, one in placements(before).items()
     }
-    statements = with_placements(main_statements(ontology, {path}), ontology, turned)
-    (tmp_path / "turned.omn").write_text(text_of(statements, ontology, []), encoding="utf-8")
+    statements = with_placements(main_statements(ontology, {path}), ontology.iri, turned)
+    (tmp_path / "turned.omn").write_text(text_of(statements, ontology.iri, []), encoding="utf-8")
     result = merge([path, tmp_path / "turned.omn"])
     assert [one.code for one in result.diagnostics if one.code.startswith("M02")] == ["M027"]
     (tmp_path / "merged.omn").write_text(result.text, encoding="utf-8")
