@@ -19,7 +19,7 @@ from planlang.experience.model import (
     Thing,
 )
 from planlang.experience.terms import DESIGNATORS, DUL, EXPERIENCE, SOMA, STATES
-from planlang.experience.traces import MOST_ACTIVITIES, MOST_CAUSES
+from planlang.experience.traces import MOST_ACTIVITIES, MOST_CAUSES, MOST_STEPS
 from planlang.ontology.terms import RDF, RDFS, Literal, Term, Triple
 from planlang.ontology.turtle import read_turtle
 
@@ -77,7 +77,7 @@ class _Reader:
         self._check_tree(activities)
         return Experience(
             self._text(top, EXPERIENCE.planName),
-            self._float(top, EXPERIENCE.rate),
+            self._rate(top),
             self._maybe(top, EXPERIENCE.recipe),
             self._maybe_whole(top, EXPERIENCE.seed),
             self._maybe_whole(top, EXPERIENCE.schedule),
@@ -87,6 +87,12 @@ class _Reader:
             tuple(activities),
             tuple(self._thing(name, things[name]) for name in sorted(things)),
         )
+
+    def _rate(self, top: str) -> float:
+        rate = self._float(top, EXPERIENCE.rate)
+        if not 0 < rate <= MOST_STEPS:
+            self._refuse("the rate is no number of steps per second", top)
+        return rate
 
     def _check_tree(self, activities: list[Activity]) -> None:
         seen: set[int] = set()

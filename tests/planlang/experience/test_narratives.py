@@ -331,6 +331,14 @@ def test_a_graph_with_statements_taken_out_and_put_together_anew_is_told_or_refu
     assert isinstance(narrative(told, BASE), str)
 
 
+@pytest.mark.parametrize("rate", ["0", "-1.0", "1e300"])
+def test_a_narrative_whose_rate_is_none_is_refused(rate: str) -> None:
+    triples = read_turtle(narrative(recovered_run(), BASE), "n.ttl", base=BASE).triples
+    broken = [replace(one, object=Literal(rate)) if one.predicate.endswith("#rate") else one for one in triples]
+    with pytest.raises(BadInput, match="K080"):
+        experience_in(broken, "n.ttl")
+
+
 def test_the_vocabulary_has_all_failures_of_the_plan_language_below_each_other_as_there() -> None:
     words = load(bundled("ontologies") / "experience.omn")
     kinds = [one for one in vars(failures).values() if isinstance(one, type) and issubclass(one, PlanFailure)]
