@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -10,6 +11,7 @@ from virtual_time import go
 
 from planlang import *
 from planlang.failures import NavigationGoalNotReached, ObjectLost, ObjectUnreachable
+from planlang.language.executive import RecordedModule, WrappedModule, performs
 from planlang.language.replaying import replay
 from planlang.runs import RecordedRun
 
@@ -75,3 +77,38 @@ def test_without_a_branch_that_grasps_the_body_itself_grasps_again_what_was_lost
 
     executive.extra.append(module("perception", ("LookingForSomething",), moves))
     assert go(partial(with_failure_handling, body, Recovery(ObjectLost, fetch_again(CUP))), executive) == "carried"
+
+
+class Left:
+    """A process module that reaches with the left hand only."""
+
+    name = "left hand"
+    actions = ("Reaching",)
+    failures = ()
+
+    def performs(self, action: Action) -> bool:
+        return action.get("device_used") == "left"
+
+    def resources(self, action: Action) -> tuple[str, ...]:
+        return ()
+
+    async def execute(self, action: Action) -> str:
+        return "reached"
+
+
+class Answers:
+    """Answers that are kept by their questions."""
+
+    def __init__(self) -> None:
+        self.kept: dict[str, Any] = {}
+
+    def answer(self, question: str, find: Callable[[], Any]) -> Any:
+        return self.kept.setdefault(question, find())
+
+
+@pytest.mark.parametrize("hand", ["left", "right"])
+def test_a_module_around_another_performs_what_that_one_does_and_what_it_said_is_recorded(hand: str) -> None:
+    asked, answers = action("Reaching", device_used=hand), Answers()
+    assert performs(WrappedModule(Left()), asked) is (hand == "left")
+    assert performs(RecordedModule(Left(), answers), asked) is (hand == "left")  # type: ignore[arg-type]
+    assert [*answers.kept.values()] == [hand == "left"]
