@@ -54,7 +54,7 @@ FARTHER_BACK = 0.008
 """Distance by which a thing may be gripped nearer to the ends of the fingers [m]."""
 AWRY, TIGHTER = 0.9, 0.8
 """Weights of grasps elsewhere than in the middle, and with hardly room for the fingers, beside others."""
-PARTICULAR, POOREST = 4, 0.02
+PARTICULAR, POOREST = 4, 0.001
 """Power of a spot's score, beside that of the best one, that is the weight of what is put there, and the least one."""
 OBLIQUE = 0.4
 """Weight of a grasp across the edges of a box, beside one across its faces."""

@@ -165,8 +165,8 @@ NATURAL = (GraspClass.SIDE,)
 """Classes of grasps that are tried first."""
 MOST_SPOTS = (24, 48, 96)
 """Places on a surface that a hand is asked to put something on, at each stage."""
-GOOD = 0.7
-"""Share of the best place's score from which others are natural, too: worse ones are for when these lead to nothing."""
+GOOD = (0.7, 0.35, 0.0)
+"""Share of the best place's score from which others are looked at, at each stage: poor ones when these lead nowhere."""
 SPREAD = (0.3, 0.08)
 """Distances of these places from each other, as long as there is room [m]: the best ones alone are in one spot.
 
@@ -227,7 +227,7 @@ def _made(
     # the same wherever the base is: where it can reach one of them is asked next
     demand, oblique = put_demand(reach, held.name, scene), stage is Stage.CLOSEST
     spots, scores = Placement(held.name, demand, scene, near=False, oblique=oblique).spots(rejections)
-    good = len(spots) if fine else int((scores >= GOOD * scores.max(initial=0.0)).sum())
+    good = int((scores >= GOOD[stage] * scores.max(initial=0.0)).sum())
     chosen = _spread(spots[:good], MOST_SPOTS[stage])
     is_round = scene.bodies.is_round(held.name)
     return [placing(reach.body, spots[chosen], scores[chosen], arm.frame, held, is_round=is_round, fine=fine)]

@@ -241,7 +241,8 @@ class Resolver:
         begun = seed if known is None else known.joints[min(1, len(known.joints) - 1)]
         # of good places for a thing a few may be in reach, and none of these may have a way for the arm
         first = Stage.ALL if reach.kind is ReachKind.PLACE else Stage.NATURAL
-        for stage in Stage if reach.kind is ReachKind.GRASP else (Stage.NATURAL, Stage.ALL)[first:]:
+        last = Stage.CLOSEST if reach.kind in (ReachKind.GRASP, ReachKind.PLACE) else Stage.ALL
+        for stage in tuple(Stage)[first : last + 1]:
             counted = log if stage is first else Rejections()
             found = False
             tables = candidates_of(reach, arm, scene, counted, stage)

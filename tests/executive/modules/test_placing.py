@@ -9,6 +9,10 @@ from itertools import islice
 import numpy as np
 import pytest
 
+from executive.locations.demands import hand_demand
+from executive.locations.hand_predicates import Stage as SearchStage
+from executive.locations.hand_predicates import candidates_of
+from executive.locations.rejections import Rejections
 from planlang import perform
 from planlang.designators import Location, a_location, a_posture, action, an_object
 from planlang.failures import ActionUnresolvable, ManipulationFailure
@@ -100,6 +104,18 @@ def test_things_beside_the_mat_lie_along_it_and_leave_room_for_each_other(make_s
         stage.belief.see([Detection(fork.name, pose, 1.0)])
         stage.platform.sync()
     assert max(gaps) <= 0.15 + 1e-6
+
+
+def test_places_at_the_edge_come_last_where_more_may_come_beside(make_stage: MakeStage) -> None:
+    stage = make_stage(BED, BOTTLE, CABINET, TABLE, CUP)
+    hold_bottle(stage)
+    scene = stage.platform.scene
+    ((arm, held),) = [(arm, held) for arm in scene.arms.all if (held := scene.arms.held(arm.name)) is not None]
+    reach = hand_demand(a_location(on=THE_TABLE, in_front_of=THE_CABINET, within=1.0), scene, (0.0, 0.0))
+    found = candidates_of(reach, arm, scene, Rejections(), SearchStage.ALL)
+    middles = np.concatenate([one.points + held.offsets(one.rotations) for one in found])[:, :2]
+    spare = np.array(TABLE.size[:2]) / 2 - np.abs(middles - TABLE.pose.position[:2]) - BOTTLE.size[0] / 2
+    assert spare.min() > 0.05
 
 
 def test_an_empty_hand_puts_nothing_down(make_stage: MakeStage) -> None:
