@@ -21,9 +21,8 @@ from executive.modules.motion_grounding import GroundedMotion, Grounding
 from executive.modules.phases import Phase
 from executive.modules.stances import stances
 from executive.motion import MotionError
-from executive.motion.constrained_ends import Ends
 from executive.motion.errors import OutOfEffort
-from executive.motion.strokes import Place, solve_stroke
+from executive.motion.strokes import Place, ends_at, solve_stroke
 from planlang.designators import Action, Object
 from planlang.failures import (
     ActionUnresolvable,
@@ -207,7 +206,7 @@ class Strokes(ConstrainedMotions):
         places = [plane.at(point, motion.constraints) for point in points]
         for base in islice(near, PLACES):
             with suppress(OutOfEffort):
-                if next(Ends.of(grounding.problem(motion, base), self._start(motion), places).along(), None):
+                if next(ends_at(grounding.problem(motion, base), self._start(motion), places).along(), None):
                     yield base
 
 

@@ -46,7 +46,7 @@ WISHED = 0.1
 """Price of the excess of a constraint that is wished for, over the most that it can be [tolerances]: more than that of
 longer moves of joints, and too little to push what has to hold beyond its limits."""
 MOST_UNEQUAL = 50.0
-"""Largest ratio of the price of a joint's moves to the median."""
+"""Largest ratio of the price of a joint's moves to the median in a phase."""
 
 
 MOST = 200_000
@@ -91,11 +91,13 @@ class JointRates:
     acceleration: Array
     jerk: Array
     rate: int
+    most_unequal: float = MOST_UNEQUAL
+    """Largest ratio of the price of a joint's moves to the median."""
 
     def prices(self) -> Array:
         """Return the prices of squared moves (n,): those of slow joints are high."""
         slowness = self.velocity**-2.0
-        return np.clip(slowness / np.median(slowness), 1 / MOST_UNEQUAL, MOST_UNEQUAL)
+        return np.clip(slowness / np.median(slowness), 1 / self.most_unequal, self.most_unequal)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
