@@ -328,7 +328,7 @@ class DesignatorFailure(PlanFailure):
     text: ClassVar[str] = "cannot be grounded"
 
     def describe(self) -> str:
-        """``TEXT: DESIGNATOR (details)``."""
+        """Return ``TEXT: DESIGNATOR (details)``."""
         rest = {key: value for key, value in self.details().items() if key != "designator"}
         text = f"{self.text}: {self.designator}" if self.designator else self.text
         return f"{text} ({', '.join(f'{key} {_plain(value)}' for key, value in rest.items())})" if rest else text

@@ -24,7 +24,7 @@ def is_own(filename: str) -> bool:
 
 
 def place_in(frame: FrameType) -> str:
-    """File and line that a frame is at."""
+    """Return the file and line that a frame is at."""
     return f"{os.path.basename(frame.f_code.co_filename)}:{frame.f_lineno}"
 
 

@@ -236,7 +236,7 @@ def failure_of(task: Task) -> PlanFailure:
 
 
 def _innermost(task: Task) -> str:
-    """Names and lines of the innermost tasks, each once."""
+    """Return names and lines of the innermost tasks, each once."""
     found: dict[str, None] = {}
     current: Task | None = task
     for _ in range(20):

@@ -169,7 +169,7 @@ def _member(path: str, name: str) -> Enum:
 
 
 def _subclasses(kind: type[Any]) -> Iterator[type[Any]]:
-    """All classes below one, the newest first: a plan that is imported again defines its classes again."""
+    """Return all classes below one, the newest first: a plan that is imported again defines its classes again."""
     for below in reversed(kind.__subclasses__()):
         yield below
         yield from _subclasses(below)
@@ -190,7 +190,7 @@ _MODULES = (
 
 @cache
 def _checks() -> dict[type[Any], Callable[[Any], bool]]:
-    """Value types -> whether the fields are of the types that they should be."""
+    """Return value types -> whether the fields are of the types that they should be."""
     from planlang.geometry import Pose
     from planlang.protocols import Configuration, Solution  # which need NumPy, as most plans do not
 
@@ -371,7 +371,7 @@ def _encode_object(value: object, depth: int) -> Any:
 
 
 def _encode_failure(error: BaseException) -> dict[str, Any]:
-    """Type, message, place, members and the chain of causes."""
+    """Return type, message, place, members and the chain of causes."""
     links = list(error.chain()) if isinstance(error, PlanFailure) else [error]
     outer: dict[str, Any] | None = None
     for link in reversed(links):
