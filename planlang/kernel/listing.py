@@ -8,9 +8,9 @@ import sys
 from collections.abc import Callable, Iterable
 from types import CodeType, FrameType
 
-from planlang.failures import PlanFailure, Where
 from planlang.kernel.core import Task
 from planlang.kernel.tree import Node
+from planlang.plan_failure import PlanFailure, Where
 
 _PACKAGE = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 _OWN = tuple(os.path.join(_PACKAGE, part) for part in ("kernel/", "language/", "runs/", "recoveries.py"))

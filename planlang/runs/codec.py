@@ -34,13 +34,14 @@ from planlang.designators import (
     Relation,
     Situation,
 )
-from planlang.failures import CompositeFailure, PlanFailure, Where, attach_cleanup
+from planlang.failures import CompositeFailure
 from planlang.misuse import PlanStructureError
+from planlang.plan_failure import PlanFailure, Where, attach_cleanup
 
 DEEPEST = 50
 """Lists and objects nested deeper do not survive: far from where Python's own recursion ends."""
 SCHEMA = 3
-"""Of a trace: 2 had the state of a random stream as ``numbers`` where 3 has the count of its ``draws``."""
+"""Version of traces: 2 had the state of a random stream as ``numbers`` where 3 has the count of its ``draws``."""
 PLAIN = frozenset({str, int, bool, type(None)})
 """Classes of values that stand for themselves in JSON."""
 LONGEST = 256
