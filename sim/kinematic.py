@@ -33,7 +33,7 @@ class KinematicScene:
     """A scene and at most one robot in a physics client of its own, so that any number of them live side by side."""
 
     def __init__(self, scene: Scene, robot: RobotBody | None = None, *, gui: bool = False, rate: int = 30) -> None:
-        """``rate``: steps per second.
+        """Begin with ``rate`` steps per second.
 
         Raises ``RuntimeError`` without a display for ``gui``, ``BadInput`` for a URDF that cannot be loaded.
         """
@@ -206,7 +206,7 @@ class KinematicScene:
             del self._held[rider]
 
     def attached(self) -> Mapping[str, str]:
-        """Body -> link of the robot that holds it, the first of several, or what it stands on."""
+        """Return body -> link of the robot that holds it, the first of several, or what it stands on."""
         return {name: held.link for name, held in self._held.items()}
 
     def holders(self, name: str) -> tuple[str, ...]:
@@ -270,7 +270,7 @@ class KinematicScene:
         self._leaves.led.pop(leaf, None)
 
     def led(self) -> Mapping[str, str]:
-        """Leaf -> link of the robot that leads it."""
+        """Return leaf -> link of the robot that leads it."""
         return {leaf: led.link for leaf, led in self._leaves.led.items()}
 
     # Questions

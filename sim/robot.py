@@ -210,7 +210,7 @@ class Robot:
         return Pose(tuple(state[4]), tuple(state[5]))
 
     def frames(self) -> Array:
-        """(n, 7) positions and quaternions in the map of the frames of the solid links."""
+        """Return (n, 7) positions and quaternions in the map of the frames of the solid links."""
         return self._frames(range(len(self.solid)))
 
     def _frames(self, numbers: Sequence[int]) -> Array:
@@ -236,7 +236,7 @@ class Robot:
         self._half = (corners[:, 1] - corners[:, 0]) / 2
 
     def boxes(self) -> tuple[Array, Array]:
-        """(n, 3) lower and upper corners of map-aligned boxes around the solid links, right to 0.01 mm.
+        """Return (n, 3) lower and upper corners of map-aligned boxes around the solid links, right to 0.01 mm.
 
         Only what joints have moved is asked of PyBullet; the boxes go along with the base, which it rounds a little.
         """

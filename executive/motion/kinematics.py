@@ -214,7 +214,7 @@ class Chain:
         return origins[0], radius, rotated(tip[:3, :3].T, origins[-1] - tip[:3, 3])
 
     def sample(self, rng: np.random.Generator, shape: int | tuple[int, ...]) -> Array:
-        """Uniform configurations (*shape, d) within the limits."""
+        """Return uniform configurations (*shape, d) within the limits."""
         sizes = (shape,) if isinstance(shape, int) else shape
         return rng.uniform(self.lower, self.upper, (*sizes, self.dof))
 
@@ -326,7 +326,7 @@ class InverseKinematics:
 
 
 def _master(joint: Joint, every: Mapping[str, Joint]) -> tuple[str, float, float]:
-    """Whom a joint follows in the end, and how: (name, multiplier, offset)."""
+    """Return whom a joint follows in the end, and how: (name, multiplier, offset)."""
     multiplier, offset, seen = 1.0, 0.0, {joint.name}
     while joint.mimic is not None and joint.mimic.joint in every and joint.mimic.joint not in seen:
         offset += multiplier * joint.mimic.offset

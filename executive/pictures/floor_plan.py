@@ -108,7 +108,7 @@ class FloorPlan:
         resolution: Resolution,
         colours: Mapping[str, Colour],
     ) -> None:
-        """``scale``: pixels for one metre."""
+        """Begin an empty sheet with ``scale`` pixels for one metre."""
         x_min, y_min, x_max, y_max = view
         self.view, self.scale, self.colours = view, scale * FINE, colours
         self.scenery, self.resolution = scenery, resolution
@@ -158,7 +158,7 @@ class FloorPlan:
         self._refused()
 
     def _scores(self) -> None:
-        """Spots of the candidates, the best on top."""
+        """Draw spots of the candidates, the best on top."""
         found = [(bases, scores) for bases, scores in self.resolution.scored if len(scores) and scores.max() > 0]
         if not found:
             return
@@ -237,7 +237,7 @@ class FloorPlan:
         self.pen.polygon([self._at(*tip), *sides], fill=colour)
 
     def _names(self) -> None:
-        """Names of bodies, each where it covers no other: inside of large ones, else below."""
+        """Draw names of bodies, each where it covers no other: inside of large ones, else below."""
         taken: list[tuple[float, float, float, float]] = []
         width, height = self.sheet.image.size
         for body in sorted(self.scenery.bodies, key=lambda body: (body.kind != "meant", body.name)):
@@ -345,7 +345,7 @@ def save_picture(path: Path, scenery: Scenery, resolution: Resolution) -> None:
 
 
 def picture(scenery: Scenery, resolution: Resolution) -> Image.Image:
-    """Title, map and legend, and a close view where the places are near to each other."""
+    """Return title, map and legend, and a close view where the places are near to each other."""
     of = colours([*resolution.counts, *(one.reason for one in resolution.validated), *dict(resolution.refused), ""])
     x_min, y_min, x_max, y_max = scenery.bounds
     scale = min(WIDTH / max(x_max - x_min, 1e-3), TALLEST / max(y_max - y_min, 1e-3))
