@@ -41,7 +41,7 @@ def main() -> None:
     except SystemExit as end:
         sys.exit(_code(end.code))
     finally:
-        # The interpreter ends with looking twice through all objects for garbage: a twelfth of a short run, for nothing.
+        # The interpreter ends with looking twice through all objects for garbage: a twelfth of a short run.
         gc.freeze()
 
 

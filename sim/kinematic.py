@@ -48,6 +48,8 @@ class KinematicScene:
         self._matter = Matter()
         self._robot: Robot | None = None
         self._now = Configuration(scene.start, {})
+        self._shown: tuple[Configuration, int] | None = None
+        """Where the robot was last shown at rest, and how often it had been put elsewhere by then."""
         if robot is not None:
             try:
                 self._robot = Robot(self._client, robot)
@@ -102,7 +104,10 @@ class KinematicScene:
             return
         if configuration is not self._now and self._robot.shown.keys() != configuration.joints.keys():
             configuration = Configuration(configuration.base, {**self._now.joints, **configuration.joints})
-        self._robot.show(configuration)
+        if self._shown is None or self._shown[0] is not configuration or self._shown[1] != self._robot.moves:
+            self._robot.show(configuration)
+        if configuration is self._now:
+            self._shown = configuration, self._robot.moves
         for name, held in self._held.items():
             if held.placed != self._robot.moves and held.moves:
                 self._bodies.place(name, self._robot.link_pose(held.link) @ held.offset)

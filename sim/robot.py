@@ -55,6 +55,8 @@ class _Boxes:
     """(n, 3, 3): axes, as columns, in the map."""
     stale: set[int]
     """Numbers of the links that are elsewhere by now, not by the base alone."""
+    corners: tuple[Array, Array] | None = None
+    """Lower and upper ones along the map's axes (n, 3), once asked for."""
 
 
 class Robot:
@@ -246,10 +248,11 @@ class Robot:
         if last.stale:
             numbers = sorted(last.stale)
             last.center[numbers], last.spans[numbers] = self._spans(self._frames(numbers), numbers)
-            last.base = self.base
+            last.base, last.corners = self.base, None
             last.stale.clear()
         if last.base == self.base:
-            return self._corners(last.center, last.spans, slice(None))
+            last.corners = last.corners or self._corners(last.center, last.spans, slice(None))
+            return last.corners
         turn = Pose.planar(0.0, 0.0, self.base[2] - last.base[2]).rotation
         (x, y, _), (to_x, to_y, _) = last.base, self.base
         return self._corners(

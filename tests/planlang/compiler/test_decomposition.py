@@ -6,9 +6,10 @@ import networkx as nx
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from networkx_orders import order_graph
 
 from planlang.compiler.structure import ParallelPart, Part, PrimePart, SerialPart, decomposed
-from planlang.recipe.order import Precedence, order_graph
+from planlang.recipe.order import Precedence
 
 Order = tuple[list[int], set[tuple[int, int]]]
 
