@@ -81,6 +81,7 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> tuple[RunResult, Path, l
     return run_plan_file(options), folder, lines
 
 
+@pytest.mark.long
 def test_the_bundled_recipe_ends_with_the_bottle_in_the_patients_hand(
     served: tuple[RunResult, Path, list[str]],
 ) -> None:

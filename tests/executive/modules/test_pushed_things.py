@@ -27,6 +27,7 @@ DOWN = a_constraint("PERPENDICULARITY", AXIS, BOTTOM, lower=-1.2, upper=-0.5, na
 PUSH = action("PushingMotion", object_acted_on=THE_BOX, distance_translated=0.15, constrained_by=(LOW, DOWN))
 
 
+@pytest.mark.long
 def test_a_thing_is_believed_to_be_where_the_hand_is_when_its_push_is_interrupted(make_stage: MakeStage) -> None:
     stage = make_stage(TABLE, BOX, TOP)
 
