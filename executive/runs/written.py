@@ -8,9 +8,9 @@ from pathlib import Path
 
 from executive.belief import Belief
 from executive.modules.platform import Platform
+from executive.runs.final_state import Tilts
 from executive.runs.options import RunOptions
 from executive.runs.parameters import Bound, things_of
-from executive.runs.tilts import Tilts
 from executive.runs.traces import Record, lines_of
 from planlang import PlanFailure
 from planlang.diagnostics import Diagnostic

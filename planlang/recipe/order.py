@@ -14,14 +14,15 @@ from __future__ import annotations
 
 import heapq
 from bisect import bisect_left
-from collections.abc import Collection, Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from typing import Any, Generic, TypeVar
 
+import networkx as nx
+
 from planlang.recipe.actions import Actions, Movers
-from planlang.recipe.graphs import Links, add_edge, components, links, reached, shortest_path
 from planlang.recipe.model import Ordering, Overlap, Place, Point, Recipe, RecipeSet, Thing
 
 Node = TypeVar("Node", bound=Hashable)
@@ -150,10 +151,12 @@ def _linear_extension(successors: list[list[int]]) -> list[int]:
     return order
 
 
-def order_graph(nodes: Iterable[Node], orderings: Iterable[tuple[Node, Node]]) -> Links[Node]:
+def order_graph(nodes: Iterable[Node], orderings: Iterable[tuple[Node, Node]]) -> nx.DiGraph:
     """Return a graph with the nodes in the given order and an edge before -> after for each ordering among them."""
-    known = dict.fromkeys(nodes)
-    return links(((before, after) for before, after in orderings if before in known and after in known), known)
+    graph = nx.DiGraph()
+    graph.add_nodes_from(nodes)
+    graph.add_edges_from((before, after) for before, after in orderings if before in graph and after in graph)
+    return graph
 
 
 def recipe_order(recipe: Recipe) -> Precedence[str]:
@@ -178,25 +181,28 @@ def recipe_cycle(recipe: Recipe) -> tuple[str, ...] | None:
     return cycle
 
 
-def shortest_cycle(graph: Mapping[Node, Collection[Node]]) -> tuple[Node, ...] | None:
+def shortest_cycle(graph: nx.DiGraph) -> tuple[Node, ...] | None:
     """Return a shortest cycle, without its repeated end; among equals the one through the earliest node.
 
     Breadth first from each node that is on a cycle, no farther than the shortest cycle known; a node is taken out when
     all cycles through it are known, and with it what then leads nowhere. O(n * m) at worst, O(m) for one long cycle.
     """
-    for node in graph:
-        if node in graph[node]:
+    for node in graph.nodes:
+        if graph.has_edge(node, node):
             return (node,)
-    on_cycles = {node for part in components(graph) if len(part) > 1 for node in part}
-    after = {node: {other: None for other in graph[node] if other in on_cycles} for node in on_cycles}
-    before = links(((other, node) for node in after for other in after[node]), on_cycles)
+    on_cycles = {node for part in nx.strongly_connected_components(graph) if len(part) > 1 for node in part}
+    after = {node: {other: None for other in graph.successors(node) if other in on_cycles} for node in on_cycles}
+    before = {node: {other: None for other in graph.predecessors(node) if other in on_cycles} for node in on_cycles}
     best: tuple[Node, ...] | None = None
-    for node in graph:
+    for node in graph.nodes:
         if node in after:
             found = _cycle_through(node, after, len(best) - 1 if best else len(after))
             best = found or best
             _take_out(node, after, before)
     return best
+
+
+Links = dict[Node, dict[Node, None]]
 
 
 def _cycle_through(start: Node, after: Links[Node], longest: int) -> tuple[Node, ...] | None:
@@ -239,9 +245,7 @@ class Intervals:
 
     def __init__(self, recipe: Recipe) -> None:
         self._steps = [step.iri for step in recipe.steps]
-        self._graph: Links[Point] = {}
-        self._edges: dict[tuple[Point, Point], tuple[bool, Ordering | Overlap | None]] = {}
-        """Edge -> whether it is strict, and the statement that it follows from."""
+        self._graph = nx.DiGraph()
         known = {recipe.iri, *self._steps, *recipe.phases}
         for name in (*self._steps, *recipe.phases, recipe.iri):
             self._add(Point(name, False), Point(name, True), None, is_strict=True)
@@ -259,14 +263,14 @@ class Intervals:
 
     def contradiction(self) -> tuple[Ordering | Overlap, ...]:
         """Return statements that cannot hold together, each once; none if all can."""
-        for component in components(self._graph):
-            inside = {point: [other for other in self._graph[point] if other in component] for point in component}
-            strict = sorted((a, b) for a, after in inside.items() for b in after if self._edges[a, b][0])
-            cycles = [shortest_path(inside, b, a) for a, b in strict]
+        for component in nx.strongly_connected_components(self._graph):
+            inside = self._graph.subgraph(component)
+            strict = sorted((a, b) for a, b, is_strict in inside.edges(data="strict") if is_strict)
+            cycles = [nx.shortest_path(inside, b, a) for a, b in strict]
             if cycles:
                 cycle = min(cycles, key=len)
                 pairs = zip(cycle, [*cycle[1:], cycle[0]], strict=True)
-                reasons = (self._edges[pair][1] for pair in pairs)
+                reasons = (self._graph.edges[a, b]["because"] for a, b in pairs)
                 return tuple(dict.fromkeys(reason for reason in reasons if reason is not None))
         return ()
 
@@ -276,16 +280,15 @@ class Intervals:
         Means nothing if there is a contradiction.
         """
         for first in self._steps:
-            later = reached(self._graph, Point(first, True))
+            later = nx.descendants(self._graph, Point(first, True))
             yield from ((first, other) for other in self._steps if other != first and Point(other, False) in later)
 
     def _add(
         self, earlier: Point, later: Point, because: Ordering | Overlap | None, *, is_strict: bool = False
     ) -> None:
-        known = self._edges.get((earlier, later))
-        if known is None or (is_strict and not known[0]):
-            add_edge(self._graph, earlier, later)
-            self._edges[earlier, later] = is_strict, because
+        known = self._graph.get_edge_data(earlier, later)
+        if known is None or (is_strict and not known["strict"]):
+            self._graph.add_edge(earlier, later, strict=is_strict, because=because)
 
 
 def implied_by_overlaps(recipe: Recipe) -> Iterable[tuple[str, str]]:
@@ -295,13 +298,10 @@ def implied_by_overlaps(recipe: Recipe) -> Iterable[tuple[str, str]]:
     intervals = Intervals(recipe)
     if intervals.contradiction():
         return ()
-    pairs = ((ordering.before, ordering.after) for ordering in recipe.orderings)
-    stated = links(
-        (pair for pair in pairs if set(pair).isdisjoint(recipe.phases)),
-        (step.iri for step in recipe.steps if step.iri not in recipe.phases),
-    )
-    later = {step: reached(stated, step) for step in stated}
-    return [(before, after) for before, after in intervals.implied() if after not in later[before]]
+    graph = nx.DiGraph((ordering.before, ordering.after) for ordering in recipe.orderings)
+    graph.add_nodes_from(step.iri for step in recipe.steps)
+    graph.remove_nodes_from(recipe.phases)
+    return [pair for pair in intervals.implied() if not nx.has_path(graph, *pair)]
 
 
 @dataclass(frozen=True, slots=True)

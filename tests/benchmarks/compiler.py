@@ -110,11 +110,9 @@ def reduction(form: str, size: int, *, with_networkx: bool) -> tuple[float, floa
     import networkx as nx
 
     from planlang.compiler.structure import decomposed
-    from planlang.recipe.order import Precedence
+    from planlang.recipe.order import Precedence, order_graph
 
-    graph = nx.DiGraph()
-    graph.add_nodes_from(range(size))
-    graph.add_edges_from(FORMS[form](size))
+    graph = order_graph(range(size), FORMS[form](size))
     began = time.process_time()
     order: Precedence[int] = Precedence(graph.nodes, graph.edges)
     reducing = time.process_time()

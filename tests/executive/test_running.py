@@ -20,9 +20,9 @@ from typing import Any, cast
 import pytest
 
 from executive.belief import read_map, scene_of
+from executive.runs.final_state import Tilts
 from executive.runs.options import Outcome, RunOptions, RunResult
 from executive.runs.plan_run import run_plan_file
-from executive.runs.tilts import Tilts
 from executive.runs.traces import ListenedTrace, line_of, lines_of
 from planlang import VirtualHost, a_constraint, a_feature, run, sleep
 from planlang.designators import action, an_object

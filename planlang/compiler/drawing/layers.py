@@ -9,8 +9,9 @@ from __future__ import annotations
 from bisect import bisect_right, insort
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from graphlib import TopologicalSorter
 from itertools import pairwise
+
+import networkx as nx
 
 SWEEPS = 12
 """Sweeps down and up; Sugiyama and others find that few drawings become better after that many."""
@@ -57,15 +58,12 @@ def layered(
 ) -> Layers:
     """Lay out boxes of the given sizes (width, height); edges are pairs of indices.
 
-    Boxes without any edge stand to the right, in columns. Raises graphlib.CycleError if the edges have a cycle.
+    Boxes without any edge stand to the right, in columns. Raises networkx.NetworkXUnfeasible if the edges have a cycle.
     """
     linked = {index for edge in edges for index in edge}
-    above: dict[int, set[int]] = {index: set() for index in range(len(sizes))}
-    for upper, lower in edges:
-        above[lower].add(upper)
-    ranks: dict[int, int] = {}
-    for index in TopologicalSorter(above).static_order():
-        ranks[index] = max((ranks[one] + 1 for one in above[index]), default=0)
+    graph = nx.DiGraph(edges)
+    graph.add_nodes_from(range(len(sizes)))
+    ranks = {index: rank for rank, layer in enumerate(nx.topological_generations(graph)) for index in layer}
     items = [_Item(width, height, ranks[index]) for index, (width, height) in enumerate(sizes)]
     chains = _chains(items, edges)
     for chain in chains:

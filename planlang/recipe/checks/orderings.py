@@ -13,13 +13,14 @@ from difflib import get_close_matches
 from functools import cache
 from itertools import combinations, pairwise
 
+import networkx as nx
+
 from planlang.designators import local_name, told_apart
 from planlang.diagnostics import Diagnostic, Order, Span, error, note, warning
 from planlang.ontology import Ontology, expand
 from planlang.recipe.actions import Actions
 from planlang.recipe.checks import CheckedRecipe, check
 from planlang.recipe.checks.misspellings import guess
-from planlang.recipe.graphs import add_edge, links, reached
 from planlang.recipe.model import Filler, Ordering, Overlap, Place, Reason, Recipe, RecipeSet, Step, Thing
 from planlang.recipe.order import Intervals, Precedence, recipe_cycle, recipe_order
 from planlang.recipe.statements import LooseEnd, Statements
@@ -277,20 +278,19 @@ def plausible_orders(
     """The bits of the steps that do the same."""
     for iri in active:
         users[facts[iri].roles] = users.get(facts[iri].roles, 0) | order.bit(iri)
-    wished = links([*order.reduction(), *added], order.nodes)
+    wished = nx.DiGraph([*order.reduction(), *added])
+    wished.add_nodes_from(order.nodes)
     suggested: dict[tuple[str, str], str] = {}
     for first in active:
         reasonable = sum(bits for roles, bits in users.items() if _may(facts[first].roles, roles, all_roles, grasps))
         unordered = reasonable & ~(order.later(first) | order.earlier(first) | order.bit(first))
         for second in sorted(order.members(unordered), key=rank.__getitem__):
             why = _why(facts[first], facts[second], all_roles, grasps=grasps)
-            if why is not None and first not in reached(wished, second):
-                add_edge(wished, first, second)
+            if why is not None and not nx.has_path(wished, second, first):
+                wished.add_edge(first, second)
                 suggested[first, second] = why
     if suggested:
-        wider: Precedence[str] = Precedence(
-            order.nodes, ((first, second) for first, after in wished.items() for second in after)
-        )
+        wider: Precedence[str] = Precedence(order.nodes, wished.edges)
         yield from (
             (before, after, suggested[before, after])
             for before, after in wider.reduction()

@@ -10,13 +10,14 @@ import re
 from collections.abc import Iterator
 from difflib import get_close_matches
 
+import networkx as nx
+
 from planlang.designators import local_name, told_apart
 from planlang.diagnostics import Diagnostic, Rename, Span, error, note, warning
 from planlang.ontology import BNode, Ontology, Restriction, expand
 from planlang.recipe.actions import Actions
 from planlang.recipe.checks import CheckedFile, CheckedRecipe, check, listing
 from planlang.recipe.checks.misspellings import guess
-from planlang.recipe.graphs import components, links, reached
 from planlang.recipe.model import Ending, Recipe, RecipeSet, Step, Transition
 from planlang.recipe.performers import recipes_for
 from planlang.recipe.statements import Statements, SubAction, is_word
@@ -352,15 +353,17 @@ def unreachable_states(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     machine, recipe = checked.recipe.machine, checked.recipe
     if machine is None:
         return
-    found = reached(links(((one.source, one.target) for one in machine.transitions), [machine.start]), machine.start)
-    lost = [step for step in recipe.steps if step.iri not in found]
+    graph = nx.DiGraph((one.source, one.target) for one in machine.transitions)
+    graph.add_node(machine.start)
+    reached = {machine.start, *nx.descendants(graph, machine.start)}
+    lost = [step for step in recipe.steps if step.iri not in reached]
     for step in lost:
-        if step.iri in machine.ends and not found & set(machine.ends):
+        if step.iri in machine.ends and not reached & set(machine.ends):
             continue
         message = f"the state `{step.name}` cannot be reached from `{local_name(machine.start)}`"
         advice = f"add a transition with `toState {step.name}`, or remove the state"
         yield warning("R054", message, step.span, advice)
-    if not found & set(machine.ends):
+    if not reached & set(machine.ends):
         names = ", ".join(f"`{local_name(end)}`" for end in machine.ends)
         message = f"no end of `{recipe.name}` ({names}) can be reached from `{local_name(machine.start)}`"
         yield error("R054", message, recipe.span, "add the missing transitions")
@@ -418,8 +421,8 @@ def unhandled_failures(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     machine, recipe = checked.recipe.machine, checked.recipe
     if machine is None or any(one.ending is Ending.FAILED for one in machine.transitions):
         return
-    graph = links((one.source, one.target) for one in machine.transitions)
-    looping = sorted({state for part in components(graph) if len(part) > 1 for state in part})
+    graph = nx.DiGraph((one.source, one.target) for one in machine.transitions)
+    looping = sorted({state for part in nx.strongly_connected_components(graph) if len(part) > 1 for state in part})
     message = f"no transition of `{recipe.name}` handles failures: any failure ends the recipe"
     if looping:
         message += f", and {listing(looping)} may loop for ever"

@@ -13,12 +13,13 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
+import networkx as nx
+
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, error
 from planlang.ontology import BNode, Literal, Ontology, expand, shorten
 from planlang.ontology.terms import OWL
 from planlang.recipe.fillers import fillings
-from planlang.recipe.graphs import add_edge, links, reached
 from planlang.recipe.model import Flow, Ordering, Reason
 from planlang.recipe.readers import action_table, finite_state, partial_order, workflow
 from planlang.recipe.statements import (
@@ -54,14 +55,13 @@ def _orders(statements: Statements, flows: tuple[Flow, ...]) -> Iterator[Orderin
     nor its opposite is stated."""
     if not flows:
         return
-    graph = links((ordering.before, ordering.after) for ordering in statements.orderings)
+    graph = nx.DiGraph((ordering.before, ordering.after) for ordering in statements.orderings)
     for flow in sorted(flows, key=lambda flow: flow.iri is None):
         ends = (flow.producer, flow.consumer)
-        for end in ends:
-            graph.setdefault(end, {})
-        if flow.iri is None and (ends[1] in graph[ends[0]] or ends[0] in reached(graph, ends[1])):
+        graph.add_nodes_from(ends)
+        if flow.iri is None and (graph.has_edge(*ends) or nx.has_path(graph, *ends[::-1])):
             continue
-        add_edge(graph, *ends)
+        graph.add_edge(*ends)
         yield Ordering(*ends, flow.iri, Reason.DATA_FLOW, flow.span)
 
 

@@ -6,10 +6,9 @@ import networkx as nx
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from networkx_orders import order_graph
 
 from planlang.compiler.structure import ParallelPart, Part, PrimePart, SerialPart, decomposed
-from planlang.recipe.order import Precedence
+from planlang.recipe.order import Precedence, order_graph
 
 Order = tuple[list[int], set[tuple[int, int]]]
 

@@ -15,7 +15,6 @@ import pytest
 from examples import examples
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from networkx_orders import order_graph
 
 from planlang import Action, Condition, Location, PlanFailure, VirtualHost, run, sleep
 from planlang.compiler import compile_recipe
@@ -29,7 +28,7 @@ from planlang.protocols import Solution
 from planlang.recipe import Actions, Ordering, Parameter, Place, Recipe, RecipeSet, Source, Step, Thing
 from planlang.recipe.actions import Movers
 from planlang.recipe.model import Kind
-from planlang.recipe.order import Precedence, scoping
+from planlang.recipe.order import Precedence, order_graph, scoping
 from planlang.testing import all_linear_extensions
 
 BASE = "http://planlang.org/test#"

@@ -10,14 +10,13 @@ from typing import Any
 
 import networkx as nx
 import pytest
-from networkx_orders import order_graph
 
 from planlang.designators import local_name
 from planlang.ontology import BNode, Literal, Ontology, expand, load
 from planlang.recipe import Actions, Recipe, read_recipe, stated_tasks
 from planlang.recipe.fillers import fillings, is_place, read_place, read_thing
 from planlang.recipe.model import Reason
-from planlang.recipe.order import Precedence, recipe_order
+from planlang.recipe.order import Precedence, order_graph, recipe_order
 from planlang.recipe.performers import recipes_for
 from planlang.recipe.readers import workflow
 from planlang.recipe.reading import read_recipe_of

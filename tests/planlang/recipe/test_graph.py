@@ -6,7 +6,6 @@ import importlib
 import pkgutil
 from collections import Counter
 from collections.abc import Iterator
-from itertools import pairwise
 from pathlib import Path
 from types import ModuleType
 
@@ -14,7 +13,6 @@ import networkx as nx
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from networkx_orders import order_graph
 
 import planlang.compiler
 import planlang.recipe
@@ -23,8 +21,11 @@ from planlang.designators import local_name
 from planlang.diagnostics import CODES, Diagnostic, Rename, Severity
 from planlang.recipe import reading
 from planlang.recipe.checks import Check
-from planlang.recipe.graphs import components, links, reached, shortest_path
-from planlang.recipe.order import Precedence, shortest_cycle
+from planlang.recipe.order import (
+    Precedence,
+    order_graph,
+    shortest_cycle,
+)
 
 
 @st.composite
@@ -74,29 +75,6 @@ def test_no_cycle_is_shorter_than_the_one_shown(graph: nx.DiGraph) -> None:
     assert (len(found) if found else None) == min(lengths, default=None)
     if found:
         assert all(graph.has_edge(a, b) for a, b in zip(found, (*found[1:], found[0]), strict=True))
-
-
-@given(any_graphs())
-def test_components_and_what_is_reached_are_those_of_networkx(graph: nx.DiGraph) -> None:
-    ours = links(graph.edges, graph.nodes)
-    found = list(components(ours))
-    assert sorted(map(sorted, found)) == sorted(map(sorted, nx.strongly_connected_components(graph)))
-    rank = {node: number for number, part in enumerate(found) for node in part}
-    assert all(rank[after] <= rank[before] for before, after in graph.edges)
-    assert all(reached(ours, node) == {node, *nx.descendants(graph, node)} for node in ours)
-
-
-@given(any_graphs())
-def test_paths_are_as_short_as_those_of_networkx(graph: nx.DiGraph) -> None:
-    ours = links(graph.edges, graph.nodes)
-    for start in ours:
-        lengths = nx.single_source_shortest_path_length(graph, start)
-        for end in ours:
-            found = shortest_path(ours, start, end)
-            assert len(found) == lengths.get(end, -1) + 1
-            if found:
-                assert (found[0], found[-1]) == (start, end)
-                assert all(graph.has_edge(*edge) for edge in pairwise(found))
 
 
 def test_one_long_cycle_is_found_in_time_linear_in_its_length() -> None:
