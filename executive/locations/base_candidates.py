@@ -106,7 +106,7 @@ class InverseMap:
     """A reachability map prepared for inversion, level by level as they are asked for."""
 
     def __init__(self, forward: ReachabilityMap, exact: Array | None = None) -> None:
-        """``exact``: x, y [m] and heading [rad] of the rows (n, 3), where they are not those of the lattice."""
+        """Prepare a map; ``exact`` has x, y [m] and heading [rad] of rows (n, 3) that are not those of the lattice."""
         self.forward, self._exact = forward, exact
         rows = forward.rows
         away = np.hypot(*exact.T[:2]) if exact is not None else CELL * np.hypot(rows["x"], rows["y"], dtype=np.float64)
@@ -116,7 +116,7 @@ class InverseMap:
         self._known: dict[tuple[float, int, float, int], Rows] = {}
 
     def rows(self, z: float, roll: int, least: float, most: int) -> Rows:
-        """Rows for a height [m] and roll, of at least a score, no more than ``most`` for each torso position."""
+        """Return rows for a height [m] and roll, of at least a score, no more than ``most`` for each torso position."""
         key = (round(z, 6), roll, least, most)
         if key not in self._known:
             if len(self._known) > 64:
@@ -185,7 +185,7 @@ class InverseMaps:
     """The maps of the arms of one robot, prepared when they are first asked for."""
 
     def __init__(self, robot: str, say: Callable[[str], None]) -> None:
-        """``robot``: its name. ``say`` is told of maps that have to be built, which takes seconds."""
+        """Prepare none yet; ``say`` is told of maps of the ``robot`` that have to be built, which takes seconds."""
         self._robot, self._say = robot, say
         self._known: dict[tuple[str, GraspClass], InverseMap] = {}
 
@@ -258,7 +258,7 @@ class Inversion:
     conjuncts: Sequence[Conjunct]
     """Conjuncts of a location about the base, without the reach."""
     misses: Misses | None
-    """From where the robot would not see what it has to."""
+    """Base poses from where the robot would not see what it has to."""
     each: int
     """Base poses of one grasp candidate that are kept: those with the best score, well spread."""
     most: int

@@ -1,4 +1,4 @@
-"""Candidates of base poses are validated block by block, those that cost least to look at first.
+"""The search among candidates of base poses: block by block, those first that cost least to look at.
 
 Room for the base, a way to it, room for the arms, inverse kinematics among spheres, and lines of sight rule out most
 of them; the planning scene is asked of the rest, one by one, only as many as are asked for.
@@ -44,7 +44,7 @@ TRAVEL = 8.0
 
 @dataclass(frozen=True, slots=True)
 class Sought:
-    """What a search for base poses has to find, within what bounds; ``log`` counts what is refused, and why."""
+    """The aim of a search for base poses, and its bounds; ``log`` counts what is refused, and why."""
 
     validator: BaseValidator
     wanted: Sequence[Reach]
@@ -87,7 +87,7 @@ class CandidateSearch:
         self._occlusion = SelfOcclusion(middle[:2], strict=budget.fine)
         self._failed = _Failed()
         self._failures: dict[tuple[int, int], tuple[HandSolution, BasePose]] = {}
-        """Where a hand was in something, for each arm and candidate: the first time."""
+        """The first solution with the hand in something, for each arm and candidate."""
         self._stopped: dict[tuple[int, int], bool] = {}
         self._clumsy: set[tuple[float, ...]] = set()
         """Postures in which the robot touches itself."""

@@ -136,7 +136,7 @@ class ReachSearch:
 
 
 def _within(centre: tuple[float, float], least: float, most: float, bases: Array) -> Array:
-    """1 for bases (m, 3) between two distances [m] from a base pose, 0 for others."""
+    """Return 1 for bases (m, 3) between two distances [m] from a base pose, 0 for others."""
     away = np.linalg.norm(bases[:, :2] - centre, axis=1)
     return np.where((away >= least) & (away <= most), 1.0, 0.0)
 
