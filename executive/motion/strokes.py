@@ -52,7 +52,9 @@ def solve_stroke(
     every, tried = range(len(bounds)), []
     for found in islice(ends.along(), MOST_ENDS):
         rows = np.array(list(found.values()))
-        rows = np.vstack([rows, rows[:1]]) if closed else rows
+        if closed:
+            rows = ends.rounded(rows)
+            rows = np.vstack([rows, rows[:1]])
         try:
             begun = Way(to_first, ends.functions, start, rows[0], (), every, 0).timed()
             return begun, Way(problem, ends.functions, rows[0], rows[-1], keeping, every, 0).through(rows)
