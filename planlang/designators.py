@@ -9,8 +9,9 @@ from __future__ import annotations
 import math
 import re
 import unicodedata
-from collections.abc import Iterable, Iterator
+from collections.abc import Container, Iterable, Iterator
 from dataclasses import dataclass, field, replace
+from itertools import chain, count
 from numbers import Real
 
 from planlang.misuse import Usage, WrongType, WrongValue, amount, contrast, written
@@ -472,6 +473,12 @@ def snake_case(name: str) -> str:
         parts.append(character.lower())
     result = re.sub("_+", "_", unicodedata.normalize("NFKC", "".join(parts))).strip("_")
     return result if result.isidentifier() else f"_{result}"
+
+
+def unused_name(wanted: str, taken: Container[str]) -> str:
+    """Return ``wanted``, or the first of ``wanted_2``, ``wanted_3``, ... that is not taken."""
+    every = chain([wanted], (f"{wanted}_{number}" for number in count(2)))
+    return next(name for name in every if name not in taken)
 
 
 def told_apart(first: str, second: str) -> tuple[str, str]:

@@ -141,10 +141,10 @@ class World(Protocol):
         """Let the hand at a link push what it meets and can be moved; else that stops it, as it does at first."""
 
     def led(self) -> Mapping[str, str]:
-        """Door or drawer -> link of the robot that moves it; one that the hand has slipped off is none."""
+        """Return door or drawer -> link of the robot that moves it; one that the hand has slipped off is none."""
 
     def attached(self) -> Mapping[str, str]:
-        """Body -> link of the robot that holds it."""
+        """Return body -> link of the robot that holds it."""
 
     def falling(self, name: str) -> bool:
         """Return whether a body that was let go is still on its way down."""

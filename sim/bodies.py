@@ -214,7 +214,7 @@ class Bodies:
         return None if index is None else self.pieces[index].body
 
     def near(self, lower: Array, upper: Array) -> NDArray[np.bool_]:
-        """(n, m) booleans: which of n boxes overlap the boxes of which pieces."""
+        """Return (n, m) booleans: which of n boxes overlap the boxes of which pieces."""
         return overlaps(lower, upper, self.lower, self.upper)
 
     def box_of(self, name: str) -> tuple[Array, Array]:

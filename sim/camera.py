@@ -91,7 +91,7 @@ class Camera:
         return ends[shown], (along < most)[shown]
 
     def _segments(self, model: CameraModel, pose: Pose) -> dict[str, int]:
-        """Body -> number of its pixels."""
+        """Return body -> number of its pixels."""
         eye, forward, up = _axes(model, pose)
         eye = eye + _AHEAD * forward
         view = bullet.computeViewMatrix(eye.tolist(), (eye + forward).tolist(), up.tolist())

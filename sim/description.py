@@ -134,7 +134,7 @@ def loadable(description: Description) -> Iterator[Path]:
 
 
 def _without_empty_shapes(robot: Element) -> None:
-    """Real files have boxes of size 0 0 0 where nothing is meant; what is flat is given a thickness."""
+    """Give a thickness to what is flat: real files have boxes of size 0 0 0 where nothing is meant."""
     for link in robot.findall("link"):
         for shape in (*link.findall("collision"), *link.findall("visual")):
             for primitive in shape.iterfind("geometry/*"):

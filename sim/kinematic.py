@@ -33,7 +33,7 @@ class KinematicScene:
     """A scene and at most one robot in a physics client of its own, so that any number of them live side by side."""
 
     def __init__(self, scene: Scene, robot: RobotBody | None = None, *, gui: bool = False, rate: int = 30) -> None:
-        """``rate``: steps per second.
+        """Begin with ``rate`` steps per second.
 
         Raises ``RuntimeError`` without a display for ``gui``, ``BadInput`` for a URDF that cannot be loaded.
         """
@@ -48,6 +48,8 @@ class KinematicScene:
         self._matter = Matter()
         self._robot: Robot | None = None
         self._now = Configuration(scene.start, {})
+        self._shown: tuple[Configuration, int] | None = None
+        """Where the robot was last shown at rest, and how often it had been put elsewhere by then."""
         if robot is not None:
             try:
                 self._robot = Robot(self._client, robot)
@@ -102,7 +104,10 @@ class KinematicScene:
             return
         if configuration is not self._now and self._robot.shown.keys() != configuration.joints.keys():
             configuration = Configuration(configuration.base, {**self._now.joints, **configuration.joints})
-        self._robot.show(configuration)
+        if self._shown is None or self._shown[0] is not configuration or self._shown[1] != self._robot.moves:
+            self._robot.show(configuration)
+        if configuration is self._now:
+            self._shown = configuration, self._robot.moves
         for name, held in self._held.items():
             if held.placed != self._robot.moves and held.moves:
                 self._bodies.place(name, self._robot.link_pose(held.link) @ held.offset)
@@ -206,7 +211,7 @@ class KinematicScene:
             del self._held[rider]
 
     def attached(self) -> Mapping[str, str]:
-        """Body -> link of the robot that holds it, the first of several, or what it stands on."""
+        """Return body -> link of the robot that holds it, the first of several, or what it stands on."""
         return {name: held.link for name, held in self._held.items()}
 
     def holders(self, name: str) -> tuple[str, ...]:
@@ -270,7 +275,7 @@ class KinematicScene:
         self._leaves.led.pop(leaf, None)
 
     def led(self) -> Mapping[str, str]:
-        """Leaf -> link of the robot that leads it."""
+        """Return leaf -> link of the robot that leads it."""
         return {leaf: led.link for leaf, led in self._leaves.led.items()}
 
     # Questions

@@ -21,7 +21,7 @@ class Meshes:
         self._names: dict[str, str | None] = {}
 
     def replace(self, mesh: Element) -> bool:
-        """Have an element name the checked mesh; False if there is none, or the element is another kind of geometry."""
+        """Let an element name the checked mesh; False if there is none, or the element is another kind of geometry."""
         if mesh.tag != "mesh":
             self.absent[f"<{mesh.tag}>"] = mesh.line, "no geometry of URDF"
             return False

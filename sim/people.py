@@ -42,7 +42,7 @@ class ComfortZone:
     shoulders: tuple[tuple[float, float, float], tuple[float, float, float]]
     """Right, left, in the map."""
     arm_length: float
-    """From the shoulder to the palm [m]."""
+    """Distance from the shoulder to the palm [m]."""
     facing: tuple[float, float, float]
     """Horizontal direction in which the person looks."""
 
@@ -52,7 +52,7 @@ class ComfortZone:
         return math.atan2(self.facing[1], self.facing[0])
 
     def arm_for(self, point: Sequence[float] | Array) -> int | None:
-        """0 (right) or 1 (left): the arm that has the point in its zone, the nearer one of two; else None.
+        """Return 0 (right) or 1 (left): the arm that has the point in its zone, the nearer one of two; else None.
 
         The zone: from a quarter to all of the arm length, within 60 degrees of where the person faces.
         """

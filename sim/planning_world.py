@@ -68,7 +68,7 @@ class PlanningWorld(KinematicScene):
         return self.robot.link_pose(link)
 
     def solid_frames(self, configuration: Configuration | None = None) -> Array:
-        """(n, 4, 4) frames in the map of the robot's solid links, in their order, now or at another configuration."""
+        """Return (n, 4, 4) frames in the map of the robot's solid links, in order, now or at another configuration."""
         self._show(configuration or self._now)
         places = self.robot.frames()
         frames = np.zeros((len(places), 4, 4))

@@ -45,7 +45,7 @@ class Pushing:
     hands: dict[str, frozenset[str]] = field(default_factory=dict)
     """Link of the robot -> names of the links of the hand there, which pushes."""
     touched: dict[str, set[str]] = field(default_factory=dict)
-    """What has been pushed since a hand began to push -> bodies that it touched before."""
+    """Thing that has been pushed since a hand began to push -> bodies that it touched before."""
 
     def begin(self, link: str) -> None:
         """Let the hand at a link push what it meets."""

@@ -55,6 +55,8 @@ class _Boxes:
     """(n, 3, 3): axes, as columns, in the map."""
     stale: set[int]
     """Numbers of the links that are elsewhere by now, not by the base alone."""
+    corners: tuple[Array, Array] | None = None
+    """Lower and upper ones along the map's axes (n, 3), once asked for."""
 
 
 class Robot:
@@ -210,7 +212,7 @@ class Robot:
         return Pose(tuple(state[4]), tuple(state[5]))
 
     def frames(self) -> Array:
-        """(n, 7) positions and quaternions in the map of the frames of the solid links."""
+        """Return (n, 7) positions and quaternions in the map of the frames of the solid links."""
         return self._frames(range(len(self.solid)))
 
     def _frames(self, numbers: Sequence[int]) -> Array:
@@ -236,7 +238,7 @@ class Robot:
         self._half = (corners[:, 1] - corners[:, 0]) / 2
 
     def boxes(self) -> tuple[Array, Array]:
-        """(n, 3) lower and upper corners of map-aligned boxes around the solid links, right to 0.01 mm.
+        """Return (n, 3) lower and upper corners of map-aligned boxes around the solid links, right to 0.01 mm.
 
         Only what joints have moved is asked of PyBullet; the boxes go along with the base, which it rounds a little.
         """
@@ -246,10 +248,11 @@ class Robot:
         if last.stale:
             numbers = sorted(last.stale)
             last.center[numbers], last.spans[numbers] = self._spans(self._frames(numbers), numbers)
-            last.base = self.base
+            last.base, last.corners = self.base, None
             last.stale.clear()
         if last.base == self.base:
-            return self._corners(last.center, last.spans, slice(None))
+            last.corners = last.corners or self._corners(last.center, last.spans, slice(None))
+            return last.corners
         turn = Pose.planar(0.0, 0.0, self.base[2] - last.base[2]).rotation
         (x, y, _), (to_x, to_y, _) = last.base, self.base
         return self._corners(

@@ -201,11 +201,12 @@ class _Reader:
             wanted = JointKind.PRISMATIC if slides else JointKind.HINGED
             if upper is None or kind not in (None, wanted):
                 continue
-            joint = self._with_axis(leaf, iri, wanted)
+            direction = _vector(self.map.ontology, iri, "direction", self.found)
+            joint = self._with_axis(leaf, iri, wanted, direction)
             low, high = sorted((lower or 0.0, upper))
             if abs(low) > abs(high):  # it opens towards smaller values
-                axis = np.negative(joint.axis)
-                joint = replace(joint, axis=tuple(axis.tolist()), sign=-1.0)
+                x, y, z = joint.axis  # without a direction it is that of the box, about which positive is outwards
+                joint = replace(joint, axis=(x, y, z) if direction is None else (-x, -y, -z), sign=-1.0)
                 low, high = -high, -low
             if not low <= 0.0 < high:
                 message = f"{leaf.body.name} cannot be closed or not be opened: its limits are {lower} and {upper}"
@@ -227,13 +228,12 @@ class _Reader:
             self.found.append(warning("M017", message, thing.span, "closed is 0; positions are radians or metres"))
         return joint.within(value)
 
-    def _with_axis(self, leaf: _Leaf, iri: str, kind: JointKind) -> Articulation:
-        """Return a joint with the axis of a file, else that of the box."""
+    def _with_axis(self, leaf: _Leaf, iri: str, kind: JointKind, direction: Array | None) -> Articulation:
+        """Return a joint with the axis of a file, a unit vector (3,) in its frame, else that of the box."""
         told = self._hinged(leaf) if kind is JointKind.HINGED else None
         point = leaf.body.pose.position if told is None else told.point
         axis = leaf.outwards if told is None else np.array(told.axis)
         pose = self.things[iri].pose if iri in self.things else None
-        direction = _vector(self.map.ontology, iri, "direction", self.found)
         if direction is not None:
             axis = direction if pose is None else rotated(pose.rotation, direction)
             if pose is not None:

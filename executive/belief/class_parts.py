@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 from executive.belief.measures import Size, read_size, read_transform
-from planlang.designators import local_name
+from planlang.designators import local_name, unused_name
 from planlang.diagnostics import Diagnostic, Span, note
 from planlang.geometry import Pose
 from planlang.ontology import Ontology, expand
@@ -99,9 +99,7 @@ class _Reader:
                     yield restriction.filler
 
     def _new(self, root: Known, cls: str, pose: Pose) -> Known:
-        name, number = f"{root.name}_{local_name(cls)}", 2
-        while name in self.names:
-            name, number = f"{root.name}_{local_name(cls)}_{number}", number + 1
+        name = unused_name(f"{root.name}_{local_name(cls)}", self.names)
         self.names.add(name)
         return Known(f"{root.iri}{name.removeprefix(root.name)}", name, (cls,), pose, (), root.span)
 

@@ -35,7 +35,7 @@ class ExploredSpace:
     """A grid of cells over the bounds of a map."""
 
     def __init__(self, bounds: tuple[float, float, float, float]) -> None:
-        """``bounds``: x_min, y_min, x_max, y_max [m]."""
+        """Begin with nothing explored within ``bounds``: x_min, y_min, x_max, y_max [m]."""
         self.bounds = bounds
         x_min, y_min, x_max, y_max = bounds
         self.low = np.array([x_min, y_min, 0.0]) - CELL  # walls and floor get cells of their own
@@ -43,7 +43,7 @@ class ExploredSpace:
         self.cells: NDArray[np.uint8] = np.zeros(tuple(np.maximum(shape, 1)), np.uint8)
         """State of each cell (nx, ny, nz)."""
         self.tries: NDArray[np.uint8] = np.zeros_like(self.cells)
-        """In how many pictures each cell should have been and was not."""
+        """Number of pictures in which each cell should have been and was not."""
 
     def index(self, points: Array) -> tuple[NDArray[np.intp], Mask]:
         """Return the cells (n, 3) of points (n, 3), and which of them are inside the grid, (n,)."""
@@ -162,7 +162,7 @@ class ExploredSpace:
 
     @staticmethod
     def restored(state: Any) -> ExploredSpace:
-        """From :meth:`snapshot`; raises TypeError or ValueError for what is none."""
+        """Return one from :meth:`snapshot`; raises TypeError or ValueError for what is none."""
         (x_min, y_min, x_max, y_max), shape, packed = state
         space = ExploredSpace((float(x_min), float(y_min), float(x_max), float(y_max)))
         if list(space.cells.shape) != list(shape):

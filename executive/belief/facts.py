@@ -9,7 +9,7 @@ from executive.belief.semantic_map import MapObject
 from planlang.designators import Condition, Object
 from planlang.failures import ObjectUnresolvable
 from sim import PlanningWorld
-from sim.facts import amount_of, came_to_be, is_baked, origins_of
+from sim.changes import amount_of, came_to_be, is_baked, origins_of
 
 LEAST = 1e-6
 """Less than this is nothing, and more than this less is enough [ml]."""

@@ -6,7 +6,7 @@ What is empty stays a solid box: nobody reaches into it, and boxes are cheap.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -47,40 +47,57 @@ def hollowed(
         if joint.kind is JointKind.HINGED and joint.holder is not None and not joint.is_knob:
             doors.setdefault(joint.holder, []).append(by_name[joint.leaf])
     movable = [body for body in bodies if body.movable]
-    told: list[tuple[Body, list[Body], list[str]]] = []
+    contents: list[_Filled] = []
     for body in bodies:
         if body.movable or body.shape is not BodyShape.BOX:
             continue
-        content, own = _content(body, movable) if movable else [], stated(body)
-        if not content and own is None:
+        things, own = _content(body, movable) if movable else [], stated(body)
+        if not things and own is None:
             continue
+        its_doors, is_drawer = doors.get(body.name, ()), body.name in slides
         parts = [] if own else [part for part in compartments(body) if part.name not in slides]
-        rooms = {door.name: room_behind(door, body) for door in doors.get(body.name, ())}
-        front = _front(body, doors.get(body.name, ()))
-        rooms |= {part.name: _compartment(part, body, *front) for part in parts if part.name not in doors}
-        if own is not None:
-            rooms = rooms or {body.name: own}
-        elif body.name in slides:
-            rooms = {body.name: _open_above(body)}
-        held = [thing for thing in content if any(_is_in(room, body, thing) for room in rooms.values())]
-        if content:
-            told.append((body, content, [*rooms] if held else []))
+        rooms = _rooms(body, own, its_doors, [part for part in parts if part.name not in doors], is_drawer=is_drawer)
+        held = [thing for thing in things if any(_is_in(room, body, thing) for room in rooms.values())]
+        if things:
+            contents.append(_Filled(body, things, [*rooms] if held else []))
         if held or own is not None:
             cavities = tuple(_with_room(room, body, held) for room in rooms.values())
             by_name[body.name] = replace(body, cavities=cavities)
             for part in parts:
                 if part.name in rooms:
                     by_name[part.name] = replace(by_name[part.name], shape=BodyShape.MARKER, cavities=())
-    for body, content, openings in told:
-        within = {  # a drawer in solid furniture has what lies in it
-            thing.name
-            for inner, things, ways in told
-            if ways and not openings and np.prod(inner.size) < np.prod(body.size)
-            for thing in things
-        }
-        if left := [thing for thing in content if thing.name not in within]:
-            report(body, left, openings)
+    for one in contents:
+        if left := one.without_drawers(contents):
+            report(one.body, left, one.openings)
     return list(by_name.values())
+
+
+@dataclass(frozen=True, slots=True)
+class _Filled:
+    """The movable things inside of furniture, and the names of its openings: none without a way to reach them."""
+
+    body: Body
+    things: list[Body]
+    openings: list[str]
+
+    def without_drawers(self, others: Iterable[_Filled]) -> list[Body]:
+        """Return the things; if there is no way to them, without those that lie in its drawers, which can be opened."""
+        volume = np.prod(self.body.size)
+        inner = [one for one in others if not self.openings and one.openings and np.prod(one.body.size) < volume]
+        within = {thing.name for one in inner for thing in one.things}
+        return [thing for thing in self.things if thing.name not in within]
+
+
+def _rooms(
+    body: Body, own: Cavity | None, doors: Sequence[Body], parts: Iterable[Body], *, is_drawer: bool
+) -> dict[str, Cavity]:
+    """Return the rooms in a body by what opens them: doors, compartments without one, or itself."""
+    if is_drawer and own is None:
+        return {body.name: _open_above(body)}
+    front = _front(body, doors)
+    rooms = {door.name: room_behind(door, body) for door in doors}
+    rooms |= {part.name: _compartment(part, body, *front) for part in parts}
+    return rooms if rooms or own is None else {body.name: own}
 
 
 def open_at(size: Sequence[float], sides: Iterable[str], walls: float = WALL) -> Cavity | None:

@@ -31,12 +31,12 @@ def _ignore(event: str, details: Mapping[str, Any]) -> None:
 
 
 class KnownThings:
-    """What the robot knows of things, to be asked; :class:`executive.belief.Belief` changes it."""
+    """The robot's knowledge of things, to be asked; :class:`executive.belief.Belief` changes it."""
 
     def __init__(
         self, semantic_map: SemanticMap, world: PlanningWorld, *, trusts_map: bool = False, unknown: Iterable[str] = ()
     ) -> None:
-        """``world`` is a planning world of the map's scene; its poses are the first ones believed.
+        """Believe the poses of ``world``, a planning world of the map's scene.
 
         With ``trusts_map`` they count as seen, wherever the base is. Of things that are ``unknown`` the robot does not
         know where they are until it has seen them.
@@ -146,7 +146,7 @@ class KnownThings:
         return self._poses[name] == self._first[name] and self.knowledge(name).source is not Source.SEEN
 
     def looked_in_vain(self, name: str) -> tuple[tuple[float, float, float], ...]:
-        """Places of the base from where a thing was looked for without being seen."""
+        """Return the places of the base from where a thing was looked for without being seen."""
         return tuple(self._in_vain.get(name, ()))
 
     def bind(self, what: Object, near: tuple[float, float, float]) -> str:

@@ -1,4 +1,4 @@
-"""How the frames of two maps of one place lie to each other: as the maps state it, or by the things that both have.
+"""Frames of two maps of one place to each other: as the maps state it, or by the things that both have.
 
 A map states its frame as the pose of itself (a ``SemanticEnvironmentMap``) relative to another map, a thing or a place.
 """

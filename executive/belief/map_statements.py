@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from executive.belief.semantic_map import PosesOfThings, SemanticMap
-from planlang.designators import local_name
+from planlang.designators import local_name, unused_name
 from planlang.diagnostics import Diagnostic, Span, warning
 from planlang.geometry import Pose
 from planlang.ontology import Literal, Ontology, Term, Triple, expand
@@ -147,11 +147,8 @@ def _perception(placement: Placement, placed: Mapping[str, Placement], base: str
 
 
 def _free(iri: str, taken: set[str]) -> str:
-    candidate, count = iri, 2
-    while candidate in taken:
-        candidate, count = f"{iri}_{count}", count + 1
-    taken.add(candidate)
-    return candidate
+    taken.add(found := unused_name(iri, taken))
+    return found
 
 
 def _stated(subject: str, predicate: str, value: Term) -> Triple:

@@ -1,4 +1,4 @@
-"""What sensors have mapped, of whatever kind: points or cells with something in them, and the boxes that cover it."""
+"""The space that sensors have mapped as occupied: points or cells with something in them, and boxes that cover it."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from sim import Body
 from sim.scene import BodyShape
 
 EXPLAINED = 0.1
-"""What is nearer to a thing of the map than this, beside a cell's length, is the thing [m]."""
+"""Distance from a thing of the map, beside a cell's length, up to which something mapped is the thing [m]."""
 FLOOR = 0.05
-"""What lies lower than this is the floor: wheels go over it [m]."""
+"""Height up to which something mapped is the floor: wheels go over it [m]."""
 HIGHEST = 2.2
-"""No robot and nothing that it carries comes higher [m]."""
+"""Height that no robot, and nothing that it carries, reaches [m]."""
 FARTHEST = 200.0
-"""What is farther from the middle (median) along an axis is an error of the sensor [m]."""
+"""Distance from the middle (median) along an axis beyond which a point is an error of the sensor [m]."""
 MOST_CELLS = 1_000_000
 """Cells that are compared with the map; finer ones are made coarser until they are so few."""
 MOST_BOXES = 500

@@ -98,7 +98,7 @@ def _share(free: NDArray[np.bool_], count: int) -> Array:
 
 
 class Unseen:
-    """From which bases a thing is surely not seen, whatever else is in the room; what was found out is kept."""
+    """The bases from which a thing is surely not seen, whatever else is in the room; what was found out is kept."""
 
     def __init__(self, view: OwnView, block: Block) -> None:
         self._view, self._block = view, block
@@ -174,7 +174,7 @@ class Visibility:
         return OwnView(still_pieces(self._world, self.gaze.joints), self.gaze, camera.half_angle, self.camera_range())
 
     def hidden(self, base: BasePose, name: str) -> str | None:
-        """None if the neck can turn the camera to a body from a base and nothing is in between.
+        """Return None if the neck can turn the camera to a body from a base and nothing is in between.
 
         Else what hides most of it, "" if it is beyond the limits of neck or camera.
         """

@@ -15,7 +15,7 @@ class Recognition:
     """The state of the software parts; a part that was never started or stopped runs."""
 
     def __init__(self, ontology: Ontology, classes: Iterable[str] | None = None) -> None:
-        """``classes``: those that there are models of at the beginning; None: of all."""
+        """Begin with models of ``classes``, or with None of all classes."""
         self._ontology = ontology
         self._stopped: dict[str, None] = {}
         self.classes: tuple[str, ...] | None = None if classes is None else tuple(map(expand, classes))

@@ -42,7 +42,7 @@ class Standing:
     """The supports of the bodies of a scene."""
 
     def __init__(self, scene: Scene, poses: Mapping[str, Pose] | None = None) -> None:
-        """``poses`` replace those of the scene."""
+        """Find the supports; ``poses`` replace those of the scene."""
         self._poses = {body.name: (poses or {}).get(body.name, body.pose) for body in scene.bodies}
         self._scene = scene
         there = [body for body in scene.bodies if body.shape not in (BodyShape.MARKER, BodyShape.ROOM)]

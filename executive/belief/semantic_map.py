@@ -12,7 +12,7 @@ import numpy as np
 
 from executive.belief.class_names import with_known_classes
 from executive.belief.measures import EXTENTS, TRIPLES, Size, length, read_size, read_transform, stated
-from planlang.designators import local_name
+from planlang.designators import local_name, unused_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import product
@@ -255,11 +255,8 @@ def _wall(ontology: Ontology, iri: str, found: list[Diagnostic]) -> float | None
 
 
 def _unique(name: str, names: set[str]) -> str:
-    candidate, number = name, 2
-    while candidate in names:
-        candidate, number = f"{name}_{number}", number + 1
-    names.add(candidate)
-    return candidate
+    names.add(found := unused_name(name, names))
+    return found
 
 
 class Seen(NamedTuple):

@@ -5,8 +5,9 @@ from __future__ import annotations
 import ctypes
 import os
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -68,23 +69,9 @@ def options_of(arguments: RunArguments) -> RunOptions:
         Bundled.ENVIRONMENT, environment, DEFAULT_ENVIRONMENT if is_bundled else None, problems, needs=_NEEDS
     )
     additions = environments(further, problems)
-    trace = arguments.trace or arguments.resume
-    outputs = {"--picture": arguments.picture, "--trace": trace, "--record": arguments.record}
-    outputs["--poses"] = arguments.poses
-    outputs |= {"--upload": arguments.upload, "--update-map": arguments.update_map}
     inputs = {"the plan": found.path, "--urdf": arguments.urdf, "--robot": robot, "--environment": semantic_map}
-    inputs |= {f"--modules {file}": file for file in arguments.modules or ()}
-    problems += check_outputs(outputs, inputs, pictures=["--picture"], force=arguments.force)
-    if arguments.record is not None:
-        from executive.pictures.recording import missing  # most runs leave no recording
-
-        problems += missing()
-    problems += no_display() if arguments.gui else []
+    problems += _check_shown(arguments, inputs)
     refuse(problems)
-
-    def announce(diagnostics: Sequence[Diagnostic]) -> None:
-        show(diagnostics, all_notes=arguments.verbose)
-
     return RunOptions(
         plan=found.path if isinstance(found, PlanFile) else None,
         recipe=found.path if isinstance(found, RecipeFile) else None,
@@ -104,7 +91,7 @@ def options_of(arguments: RunArguments) -> RunOptions:
         seed=header.seed if arguments.seed is None else arguments.seed,
         schedule=header.schedule if arguments.schedule is None else arguments.schedule,
         gui=arguments.gui,
-        trace=trace,
+        trace=arguments.trace or arguments.resume,
         picture=arguments.picture,
         record=arguments.record,
         poses=arguments.poses,
@@ -115,8 +102,27 @@ def options_of(arguments: RunArguments) -> RunOptions:
         world_as_left=arguments.world_as_left,
         notes=tuple(notes),
         progress=silent if arguments.json else say,
-        announce=silent if arguments.json else announce,
+        announce=silent if arguments.json else partial(show, all_notes=arguments.verbose),
     )
+
+
+def _check_shown(arguments: RunArguments, inputs: Mapping[str, Path | None]) -> Iterator[Diagnostic]:
+    """Yield why the run cannot write its files, which are none of the inputs, or cannot be shown."""
+    outputs = {
+        "--picture": arguments.picture,
+        "--trace": arguments.trace or arguments.resume,
+        "--record": arguments.record,
+        "--poses": arguments.poses,
+        "--upload": arguments.upload,
+        "--update-map": arguments.update_map,
+    }
+    files = {**inputs, **{f"--modules {file}": file for file in arguments.modules or ()}}
+    yield from check_outputs(outputs, files, pictures=["--picture"], force=arguments.force)
+    if arguments.record is not None:
+        from executive.pictures.recording import missing  # most runs leave no recording
+
+        yield from missing()
+    yield from no_display() if arguments.gui else ()
 
 
 MOST_SETTINGS = 1_000_000

@@ -72,7 +72,7 @@ class Enabling:
     refused: dict[Need, dict[str, str]] = field(default_factory=dict)
     """Entries (identifiers) that are of no use for a need, with the reason."""
     unread: dict[Need, int] = field(default_factory=dict)
-    """How many entries were not looked at, as the limit was reached."""
+    """Number of entries that were not looked at, as the limit was reached."""
     vocabulary: Ontology = field(init=False)
     _candidates: dict[Need, list[Found]] = field(default_factory=dict)
     _needs: dict[str, tuple[Need, ...]] = field(default_factory=dict)

@@ -61,7 +61,7 @@ class LocalShelf:
     """A store in a file of this machine, looked at without a server."""
 
     def __init__(self, path: Path, folders: Sequence[Path] = ()) -> None:
-        """``folders``: those of ontologies that its entries import. Raises BadInput for what is no knowledge base."""
+        """Open the store; its entries import from ``folders``. Raises BadInput for what is no knowledge base."""
         self.url = str(path)
         self._store = _Store(path)
         self._catalogue = Catalogue(self._store, read_vocabulary(folders))

@@ -139,7 +139,7 @@ class Clear:
     negated: bool = False
 
     def score(self, points: Array) -> Array:
-        """1 where points (n, 2) are clear, else 0; a little less where they nearly are not, (n,)."""
+        """Return 1 where points (n, 2) are clear, else 0; a little less where they nearly are not, (n,)."""
         gap = self._gap(points)
         if self.negated:
             return np.asarray(gap <= 0, float)

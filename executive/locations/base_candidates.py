@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,7 +39,7 @@ MOST_MAPS = 24
 Indices = NDArray[np.intp]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Rows(Columns):
     """Rows of a map that grasp candidates of one height and roll can use, best first."""
 
@@ -60,12 +60,53 @@ class Rows(Columns):
         """Return the rows for some torso positions."""
         return self if torsos == self.torsos else replace(self.chosen(np.isin(self.torso, torsos)), torsos=torsos)
 
+    @cached_property
+    def places(self) -> Places:
+        """Return the places of rows."""
+        _, first, same = np.unique(self.spots, return_index=True, return_inverse=True)
+        different, squares = np.unique(self.squares, return_inverse=True)
+        away = np.hypot(*self.v[first].T)
+        return Places(
+            first,
+            same,
+            np.bincount(same),
+            np.argsort(same, kind="stable"),
+            (squares, len(different)),
+            (float(away.min(initial=np.inf)), float(away.max(initial=0.0))),
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Places:
+    """The u different v of rows (n,): what holds of a base pose holds of it with the torso at any height."""
+
+    first: Indices
+    """A row with each v (u,)."""
+    same: Indices
+    """The number of the v of each row (n,)."""
+    sizes: Indices
+    """The number of rows with each v (u,)."""
+    order: Indices
+    """Rows in the order of their v (n,)."""
+    squares: tuple[Indices, int]
+    """The number of the square of side :data:`SPREAD` that each row is in (n,), and how many there are."""
+    away: tuple[float, float]
+    """Least and greatest distance of base poses from what is reached [m]."""
+
+    def rows_at(self, places: Indices) -> tuple[Indices, Indices]:
+        """Return the rows with the v of each of some places (k,): the numbers of these among them, and the rows."""
+        sizes = self.sizes[places]
+        entry = np.repeat(np.arange(len(places)), sizes)
+        begins = np.cumsum(self.sizes) - self.sizes
+        shift = np.repeat(begins[places] - (np.cumsum(sizes) - sizes), sizes)
+        return entry, self.order[np.arange(len(entry)) + shift]
+
 
 class InverseMap:
     """A reachability map prepared for inversion, level by level as they are asked for."""
 
     def __init__(self, forward: ReachabilityMap, exact: Array | None = None) -> None:
-        """``exact``: x, y [m] and heading [rad] of the rows (n, 3), where they are not those of the lattice."""
+        """Prepare a map; ``exact`` has x, y [m] and heading [rad] of rows (n, 3) that are not those of the lattice."""
         self.forward, self._exact = forward, exact
         rows = forward.rows
         away = np.hypot(*exact.T[:2]) if exact is not None else CELL * np.hypot(rows["x"], rows["y"], dtype=np.float64)
@@ -75,7 +116,7 @@ class InverseMap:
         self._known: dict[tuple[float, int, float, int], Rows] = {}
 
     def rows(self, z: float, roll: int, least: float, most: int) -> Rows:
-        """Rows for a height [m] and roll, of at least a score, no more than ``most`` for each torso position."""
+        """Return rows for a height [m] and roll, of at least a score, no more than ``most`` for each torso position."""
         key = (round(z, 6), roll, least, most)
         if key not in self._known:
             if len(self._known) > 64:
@@ -144,7 +185,7 @@ class InverseMaps:
     """The maps of the arms of one robot, prepared when they are first asked for."""
 
     def __init__(self, robot: str, say: Callable[[str], None]) -> None:
-        """``robot``: its name. ``say`` is told of maps that have to be built, which takes seconds."""
+        """Prepare none yet; ``say`` is told of maps of the ``robot`` that have to be built, which takes seconds."""
         self._robot, self._say = robot, say
         self._known: dict[tuple[str, GraspClass], InverseMap] = {}
 
@@ -199,19 +240,14 @@ class BaseCandidates(Columns):
 
     def order(self, weigh: Weigh, most: int) -> Indices:
         """Return indices round-robin over the candidates, the best of each first, at most ``most``."""
-        some = np.flatnonzero(self.ranks <= last_rank([self], most))
+        some = np.flatnonzero(self.ranks <= last_rank(np.bincount(self.ranks, minlength=1), most))
         worth = self.scores[some] * weigh(self.bases[some])
         return some[np.lexsort((-worth.round(6), self.ranks[some]))[:most]]
 
 
-def last_rank(parts: Iterable[BaseCandidates], most: int) -> int:
-    """Return the rank up to which there are ``most`` candidates in some tables, or all."""
-    number = np.zeros(1, np.intp)
-    for part in parts:
-        more = np.bincount(part.ranks, minlength=len(number))
-        more[: len(number)] += number
-        number = more
-    return int(np.searchsorted(np.cumsum(number), most))
+def last_rank(numbers: Indices, most: int) -> int:
+    """Return the rank up to which there are ``most`` candidates, or all, where so many have each rank (r,)."""
+    return int(np.searchsorted(np.cumsum(numbers), most))
 
 
 @dataclass(slots=True, eq=False)
@@ -222,7 +258,7 @@ class Inversion:
     conjuncts: Sequence[Conjunct]
     """Conjuncts of a location about the base, without the reach."""
     misses: Misses | None
-    """From where the robot would not see what it has to."""
+    """Base poses from where the robot would not see what it has to."""
     each: int
     """Base poses of one grasp candidate that are kept: those with the best score, well spread."""
     most: int
@@ -249,7 +285,7 @@ class Inversion:
         ``lifted`` tells where the torso may be with the rest of the robot as it is. ``least`` and ``rows`` bound the
         rows of the maps by score, and by number for each torso position.
         """
-        parts: list[BaseCandidates] = []
+        parts: list[_Part] = []
         for number, (arm, candidates, _) in enumerate(hands):
             # those of one class, roll and height use the same rows of a map
             alike: dict[tuple[float, int, int], list[int]] = {}
@@ -260,75 +296,53 @@ class Inversion:
             for (z, grasp, roll), mine in alike.items():
                 chosen = inverse(arm, CLASSES[grasp]).rows(z, roll, least, rows)
                 chosen = chosen.of(lifted(arm, chosen.torsos))
-                _, first, same = np.unique(chosen.spots, return_index=True, return_inverse=True)
                 for some in blocks(len(mine), max(1, AT_ONCE // max(len(chosen.row), 1))) if len(chosen.row) else ():
                     index = np.array(mine[some], np.intp)
-                    parts.append(self._inverted(number, candidates, index, chosen, first, same))
+                    parts.append(self._looked_up(number, candidates, index, chosen))
         if not parts:
             return BaseCandidates()
-        last = last_rank(parts, self.most)
-        found = BaseCandidates.joined([part.chosen(part.ranks <= last) for part in parts])
+        sizes = np.minimum(np.concatenate([part.sizes() for part in parts]), self.each)
+        last = last_rank(len(sizes) - np.cumsum(np.bincount(sizes, minlength=1)), self.most)
+        found = BaseCandidates.joined([part.best(self.each, last) for part in parts])
         return found.chosen(np.lexsort((found.candidates, found.arms)))
 
-    def _inverted(
-        self,
-        number: int,
-        candidates: GraspCandidates,
-        index: Indices,
-        chosen: Rows,
-        first: Indices,
-        same: Indices,
-    ) -> BaseCandidates:
-        """Return the best base poses of all rows (n) for all candidates (w), looked up in the field at once.
-
-        ``first``: rows (u,) with different v; ``same``: which of these has the v of each row (n,).
-        """
-        v = chosen.v[first]
-        away = np.hypot(v[:, 0], v[:, 1])
-        near = self.room.has_room(candidates.points[index, :2], float(away.min()), float(away.max()))
+    def _looked_up(self, number: int, candidates: GraspCandidates, index: Indices, chosen: Rows) -> _Part:
+        """Return how good all rows (n) are for those of some candidates that have room, looked up at once."""
+        places = chosen.places
+        v = chosen.v[places.first]
+        near = self.room.has_room(candidates.points[index, :2], *places.away)
         some = index[near]
         looked = self.room.looked_up(candidates.points[some, :2], candidates.headings[some], v)
         free = np.zeros(len(index), np.intp)
-        free[near] = (looked > 0).astype(np.float64) @ np.bincount(same)
-        self.refused[NO_ROOM] += int(np.minimum(len(same) - free, COUNTED).sum())
+        free[near] = (looked > 0).astype(np.float64) @ places.sizes
+        self.refused[NO_ROOM] += int(np.minimum(len(chosen.row) - free, COUNTED).sum())
         for candidate in index[free == 0].tolist():
             score = float(candidates.weights[candidate]) * float(chosen.score[0])
             base = _bases(candidates, np.array([candidate]), chosen, np.zeros(1, int))[0]
             self._crowded.append((number, candidate, score, base))
-        factors = looked[free[near] > 0][:, same]
+        factors = looked[free[near] > 0]
         index = index[free > 0]
-        scores = factors * chosen.score
-        scores *= candidates.weights[index, None]
-        if self.conjuncts and len(index):
-            candidate, row = _entries(factors)
-            bases = _bases(candidates, index[candidate], chosen, row)
-            weight, left = np.ones(len(candidate)), np.ones(len(candidate), bool)
-            for reason, weigh in self.conjuncts:
-                weight *= weigh(bases)
-                refused = left & (weight <= 0)
-                left ^= refused
-                self.refused[reason] += _counted(candidate[refused])
-            scores[candidate, row] *= weight
-        if self.misses is not None and len(index):
-            candidate, row = _entries(scores)
-            missed = self.misses(_bases(candidates, index[candidate], chosen, row))
-            scores[candidate[missed], row[missed]] = 0.0
-            self.refused[NOT_VISIBLE] += _counted(candidate[missed])
-        candidate, row, ranks = _best(scores, chosen.squares, self.each)
-        return BaseCandidates(
-            _bases(candidates, index[candidate], chosen, row),
-            scores[candidate, row],
-            np.full(len(row), number, np.intp),
-            index[candidate],
-            chosen.row[row],
-            chosen.torso[row],
-            ranks,
-        )
+        if len(index):
+            self._weigh(factors, candidates, index, chosen)
+        return _Part(number, candidates, index, chosen, factors)
+
+    def _weigh(self, factors: Array, candidates: GraspCandidates, index: Indices, chosen: Rows) -> None:
+        """Multiply factors (w, u) of places by what conjuncts and sight say of them, and count what these refuse."""
+        tests: list[tuple[str, Weigh]] = list(self.conjuncts)
+        if (misses := self.misses) is not None:
+            tests.append((NOT_VISIBLE, lambda bases: (~misses(bases)).astype(float)))
+        places = chosen.places
+        for reason, weigh in tests:
+            candidate, place = _entries(factors)
+            weight = weigh(_bases(candidates, index[candidate], chosen, places.first[place]))
+            factors[candidate, place] *= weight
+            refused = weight <= 0
+            self.refused[reason] += _counted(candidate[refused], places.sizes[place[refused]])
 
 
-def _counted(candidates: Indices) -> int:
-    """Return how many base poses, of each of which (m,) tells the candidate, are counted."""
-    return int(np.minimum(np.bincount(candidates), COUNTED).sum())
+def _counted(candidates: Indices, numbers: Indices) -> int:
+    """Return how many base poses are counted, of each of which candidates (m,) have so many (m,)."""
+    return int(np.minimum(np.bincount(candidates, numbers), COUNTED).sum())
 
 
 def _bases(candidates: GraspCandidates, index: Indices, chosen: Rows, row: Indices) -> Array:
@@ -342,36 +356,62 @@ def _bases(candidates: GraspCandidates, index: Indices, chosen: Rows, row: Indic
     )
 
 
-def _best(scores: Array, squares: Indices, each: int) -> tuple[Indices, Indices, Indices]:
-    """Return, of each row of scores (w, n) those above 0 that are best, well spread: row, column, and rank in the row.
+@dataclass(frozen=True, slots=True, eq=False)
+class _Part:
+    """Base poses for some grasp candidates of an arm, given by what is the same with the torso at any height."""
 
-    ``squares`` (n,) number the squares of :data:`SPREAD` that the columns are in: the best of each come first.
-    """
-    if 8 * each < scores.shape[1]:
-        worse = TIE * np.arange(scores.shape[1]) - scores
-        top = np.argpartition(worse, 8 * each - 1, axis=1)[:, : 8 * each]
-        candidate, place = np.nonzero(np.take_along_axis(scores, top, 1))
-        row = top[candidate, place]
-    else:
-        candidate, row = _entries(scores)
-    # candidates are told apart by twice their number: scores are less than 1
-    order = np.argsort(2.0 * candidate + (TIE * row - scores[candidate, row]))
-    candidate, row = candidate[order], row[order]
-    number, starts = np.arange(len(candidate)), np.searchsorted(candidate, np.arange(len(scores) + 1))
-    different, square = np.unique(squares, return_inverse=True)
-    squared = candidate * len(different) + square[row]
-    best = np.zeros(len(scores) * len(different), np.intp)
-    best[squared[::-1]] = number[::-1]
-    first = best[squared] == number
-    # in each row first the best of the squares, then the others
-    before = np.append(0, np.cumsum(first))
-    better, bests = before[:-1] - before[starts[candidate]], np.diff(before[starts])[candidate]
-    place = starts[candidate] + np.where(first, better, bests + number - starts[candidate] - better)
-    order = np.empty_like(number)
-    order[place] = number
-    rank = number - starts[candidate]
-    kept = rank < each
-    return candidate[kept], row[order][kept], rank[kept]
+    arm: int
+    candidates: GraspCandidates
+    index: Indices
+    """Numbers of the candidates (w,)."""
+    rows: Rows
+    factors: Array
+    """How good the places of the rows are for each, (w, u): 0 for those that will not do."""
+
+    def sizes(self) -> Indices:
+        """Return how many base poses each candidate has (w,)."""
+        return ((self.factors > 0).astype(np.float64) @ self.rows.places.sizes).astype(np.intp)
+
+    def best(self, each: int, last: int) -> BaseCandidates:
+        """Return those of the best of ``each`` candidate, well spread, that are no worse than the ``last`` rank."""
+        candidate, row, scores = self._scored(8 * each)
+        # candidates are told apart by twice their number: scores are less than 1
+        order = np.argsort(2.0 * candidate + (TIE * row - scores))
+        candidate, row, scores = candidate[order], row[order], scores[order]
+        number, starts = np.arange(len(candidate)), np.searchsorted(candidate, np.arange(len(self.index) + 1))
+        square, several = self.rows.places.squares
+        squared = candidate * several + square[row]
+        best = np.zeros(len(self.index) * several, np.intp)
+        best[squared[::-1]] = number[::-1]
+        first = best[squared] == number
+        # of each candidate first the best of the squares, then the others
+        before = np.append(0, np.cumsum(first))
+        better, bests = before[:-1] - before[starts[candidate]], np.diff(before[starts])[candidate]
+        rank = np.where(first, better, bests + number - starts[candidate] - better)
+        kept = np.flatnonzero(rank <= min(each - 1, last))
+        kept = kept[np.argsort(starts[candidate[kept]] + rank[kept])]
+        which, row = self.index[candidate[kept]], row[kept]
+        bases = _bases(self.candidates, which, self.rows, row)
+        arms = np.full(len(row), self.arm, np.intp)
+        return BaseCandidates(
+            bases, scores[kept], arms, which, self.rows.row[row], self.rows.torso[row], rank[kept].astype(np.intp)
+        )
+
+    def _scored(self, most: int) -> tuple[Indices, Indices, Array]:
+        """Return base poses by number of the candidate, row and score; of each candidate the best ``most``, or all."""
+        weights, places = self.candidates.weights[self.index], self.rows.places
+        if most < len(self.rows.row):
+            scores = self.factors[:, places.same] * self.rows.score
+            scores *= weights[:, None]
+            worse = TIE * np.arange(scores.shape[1]) - scores
+            top = np.argpartition(worse, most - 1, axis=1)[:, :most]
+            candidate, place = np.nonzero(np.take_along_axis(scores, top, 1))
+            row = top[candidate, place]
+            return candidate, row, scores[candidate, row]
+        candidate, place = _entries(self.factors)
+        entry, row = places.rows_at(place)
+        factors, candidate = self.factors[candidate, place][entry], candidate[entry]
+        return candidate, row, factors * self.rows.score[row] * weights[candidate]
 
 
 def _entries(scores: Array) -> tuple[Indices, Indices]:

@@ -1,4 +1,4 @@
-"""Candidates of base poses are validated block by block, those that cost least to look at first.
+"""The search among candidates of base poses: block by block, those first that cost least to look at.
 
 Room for the base, a way to it, room for the arms, inverse kinematics among spheres, and lines of sight rule out most
 of them; the planning scene is asked of the rest, one by one, only as many as are asked for.
@@ -7,6 +7,7 @@ of them; the planning scene is asked of the rest, one by one, only as many as ar
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
@@ -23,11 +24,10 @@ from executive.locations.hand_solutions import (
     ON_LATTICE,
     HandSolution,
     Trial,
-    arms_have_room,
-    as_keys,
-    once,
+    base_matrices,
     solve,
 )
+from executive.locations.looking_once import LookedAt, Numbered, as_keys, numbered
 from executive.locations.rejections import NO_HOLD, NO_ROOM, NOT_LOOKED_AT, NOT_VISIBLE, Rejections
 from executive.locations.validation import PLACES, BaseValidator, SelfOcclusion
 from executive.motion import QuickCheck
@@ -44,7 +44,7 @@ TRAVEL = 8.0
 
 @dataclass(frozen=True, slots=True)
 class Sought:
-    """What a search for base poses has to find, within what bounds; ``log`` counts what is refused, and why."""
+    """The aim of a search for base poses, and its bounds; ``log`` counts what is refused, and why."""
 
     validator: BaseValidator
     wanted: Sequence[Reach]
@@ -54,10 +54,10 @@ class Sought:
     is_taken: Callable[[BasePose], bool] | None = None
     """Tells of which base poses nothing needs to be known any more."""
 
-    def have_room(self, bases: Array) -> NDArray[np.bool_]:
-        """Return at which bases (n, 3) there is room for the base, each looked at once for a location."""
+    def rooms(self, bases: Numbered) -> LookedAt[bool]:
+        """Return at which bases there is room for the base, each looked at once for a location."""
         floor = self.validator.scene.collisions.floor()
-        return np.array(once(self.log.findings.rooms, bases, lambda new: floor.holds(new).tolist()), bool)
+        return LookedAt(bases, self.log.findings.rooms, lambda new: floor.holds(new).tolist())
 
 
 class CandidateSearch:
@@ -73,18 +73,21 @@ class CandidateSearch:
         misses: Misses | None = None,
     ) -> None:
         """``middle`` (3,) of what hands reach, ``stance`` a check of all arms at rest, ``misses`` what is not seen."""
-        self._sought, self._hands, self._stance, self._misses = sought, hands, stance, misses
+        self._sought, self._hands, self._misses = sought, hands, misses
         budget = sought.budget
         x, y, _ = sought.validator.scene.base()
         order = found.order(lambda bases: np.exp(-np.hypot(bases[:, 0] - x, bases[:, 1] - y) / TRAVEL), budget.most)
         self._found = found.chosen(order)
         self._bases = as_told(self._found.bases)
+        each = numbered(self._bases)
+        self._rooms = sought.rooms(each)
+        self._stances = LookedAt(each, sought.log.findings.stances, lambda new: stance.hit(base_matrices(new)))
         self._undecided = np.ones(len(self._found), bool)
         self._validated = 0
         self._occlusion = SelfOcclusion(middle[:2], strict=budget.fine)
         self._failed = _Failed()
         self._failures: dict[tuple[int, int], tuple[HandSolution, BasePose]] = {}
-        """Where a hand was in something, for each arm and candidate: the first time."""
+        """The first solution with the hand in something, for each arm and candidate."""
         self._stopped: dict[tuple[int, int], bool] = {}
         self._clumsy: set[tuple[float, ...]] = set()
         """Postures in which the robot touches itself."""
@@ -173,7 +176,7 @@ class CandidateSearch:
         while first < len(self._found):
             rows = np.arange(first, min(first + size, len(self._found)))
             first, size = first + size, min(2 * size, AT_ONCE)
-            roomy = self._sought.have_room(self._bases[rows])
+            roomy = np.array(self._rooms(rows), bool)
             log.add(NO_ROOM, int((~roomy).sum()))
             undecided[rows] = roomy
             rows = rows[roomy]
@@ -182,12 +185,23 @@ class CandidateSearch:
             if again:
                 undecided[rows] = [key not in log.findings.met for key in self._known(rows)]
                 rows = rows[undecided[rows]]
-            undecided[rows] = arms_have_room(self._bases[rows], self._stance, log)
+            undecided[rows] = self._arms_have_room(rows)
             self._remember(rows)
             waiting = np.append(waiting, rows[undecided[rows]])
             while len(waiting) >= budget.block or (len(waiting) and first >= len(self._found)):
                 yield waiting[: budget.block]
                 waiting = waiting[budget.block :]
+
+    def _arms_have_room(self, rows: NDArray[np.intp]) -> NDArray[np.bool_]:
+        """Return at which candidates no arm, in its present posture, is inside something as far as spheres tell.
+
+        Others are counted.
+        """
+        bodies = self._stances(rows)
+        for body, number in Counter(bodies).items():
+            if body is not None:
+                self._sought.log.crowded(body, number)
+        return np.array([body is None for body in bodies], bool)
 
     def _solved(self, rows: NDArray[np.intp]) -> tuple[NDArray[np.bool_], dict[int, Array]]:
         """Return which candidates (rows) have joint values as far as spheres tell, and these (k, d) by row."""

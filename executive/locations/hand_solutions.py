@@ -6,10 +6,9 @@ Spheres rule out what would surely collide before anything is checked exactly in
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +19,8 @@ from executive.locations.base_candidates import InverseMaps, blocks
 from executive.locations.demands import Reach, ReachKind
 from executive.locations.grasp_candidates import CLASSES, GraspCandidates, Hand, HandPoses, upright
 from executive.locations.grasps_from_above import is_low
-from executive.locations.rejections import COLLISION, NO_HOLD, NO_ROOM, OUT_OF_REACH, Reason, Rejections, first_body
+from executive.locations.looking_once import once
+from executive.locations.rejections import COLLISION, NO_HOLD, OUT_OF_REACH, Reason, Rejections, first_body
 from executive.motion import QuickCheck, cartesian_path
 from executive.robots.arms import ArmModel
 from executive.robots.openings import Fingers
@@ -59,12 +59,14 @@ def unblocked(
     near: tuple[Array, float] | None = None,
     *,
     varied: bool = True,
+    hits: HandHits | None = None,
 ) -> list[Hand]:
     """Return candidates in which the hand itself, wherever the base stands, is inside nothing; others are counted.
 
     It goes straight from pose to pose, so that what is in between counts as well. Where it is inside something,
-    variants of the grasp are tried, if it may be ``varied``.
+    variants of the grasp are tried, if it may be ``varied``. ``hits``: what is known of other arms, ``near`` the same.
     """
+    hits = hits or HandHits()
     found: list[Hand] = []
     for table in tables:
         left, reasons = np.arange(len(table)), dict[int, str | None]()
@@ -73,10 +75,10 @@ def unblocked(
             check = scene.collisions.arm_check(arm, variant.touches, variant.fingers, near)
             tried = variant.chosen(left)
             if variant is table:
-                reasons = dict(zip(left.tolist(), _stopped(tried, check), strict=True))
+                reasons = dict(zip(left.tolist(), _stopped(tried, check, hits), strict=True))
                 good = np.array([body is None for body in reasons.values()], bool)
             else:
-                good = _is_free(tried, check)
+                good = _is_free(tried, check, hits)
             free.setdefault(variant.fingers, []).append(tried.chosen(good))
             left = left[~good]
             if not len(left):
@@ -89,17 +91,31 @@ def unblocked(
     return found
 
 
-def _stopped(candidates: GraspCandidates, check: QuickCheck) -> list[str | None]:
+class HandHits:
+    """What hands are inside of with their tips at some poses: looked at once for all arms with the same hand."""
+
+    def __init__(self) -> None:
+        self._known: dict[QuickCheck, dict[bytes, str | None]] = {}
+
+    def __call__(self, check: QuickCheck, tips: Array) -> list[str | None]:
+        """Return what the hand of a check is inside of with the tip at poses (..., 4, 4), None where nothing."""
+        if check not in self._known:
+            same = (known for other, known in self._known.items() if other.has_same_hand(check))
+            self._known[check] = next(same, {})
+        return once(self._known[check], tips.reshape(-1, 16), lambda new: check.hand_hit(new.reshape(-1, 4, 4)))
+
+
+def _stopped(candidates: GraspCandidates, check: QuickCheck, hits: HandHits) -> list[str | None]:
     """Return for each candidate what its hand is inside of, None if it is inside nothing."""
     poses = _with_between(candidates.poses(np.arange(len(candidates))))
-    return _met(check.hand_hit(poses.reshape(-1, 4, 4)), len(candidates))
+    return _met(hits(check, poses), len(candidates))
 
 
-def _is_free(candidates: GraspCandidates, check: QuickCheck) -> NDArray[np.bool_]:
+def _is_free(candidates: GraspCandidates, check: QuickCheck, hits: HandHits) -> NDArray[np.bool_]:
     """Return in which candidates the hand is inside nothing (n,); first where it takes hold, where it mostly is."""
     key = candidates.poses(np.arange(len(candidates)))[:, candidates.key]
-    free = np.array([body is None for body in check.hand_hit(key)], bool)
-    free[free] = [body is None for body in _stopped(candidates.chosen(free), check)]
+    free = np.array([body is None for body in hits(check, key)], bool)
+    free[free] = [body is None for body in _stopped(candidates.chosen(free), check, hits)]
     return free
 
 
@@ -108,33 +124,6 @@ def _with_between(poses: Array) -> Array:
     shares = np.linspace(0.0, 1.0, BETWEEN + 2)[1:-1].tolist()
     moved_to_room = [(1.0 - share) * poses[:, :-1] + share * poses[:, 1:] for share in shares]
     return np.concatenate([poses, *moved_to_room], axis=1)
-
-
-T = TypeVar("T")
-
-
-def as_keys(rows: Array) -> list[bytes]:
-    """Return rows (n, k) as values that can be looked up."""
-    keys: list[bytes] = np.ascontiguousarray(rows).view(f"V{rows.itemsize * rows.shape[1]}").ravel().tolist()
-    return keys
-
-
-def once(known: dict[bytes, T], bases: Array, find: Callable[[Array], Sequence[T]]) -> list[T]:
-    """Return what is ``known`` of bases (n, 3); of those of which nothing is known it is found."""
-    places = as_keys(bases)
-    new = {place: number for number, place in enumerate(places) if place not in known}
-    known.update(zip(new, find(bases[list(new.values())]), strict=True))
-    return [known[place] for place in places]
-
-
-def arms_have_room(bases: Array, check: QuickCheck, rejections: Rejections) -> NDArray[np.bool_]:
-    """Return at which bases (n, 3) no arm, in its present posture, is inside something as far as spheres tell.
-
-    Others are counted.
-    """
-    bodies = once(rejections.findings.stances, bases, lambda new: check.hit(base_matrices(new)))
-    rejections.count(None if body is None else Reason(NO_ROOM, body) for body in bodies)
-    return np.array([body is None for body in bodies], bool)
 
 
 def solve(

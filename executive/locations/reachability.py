@@ -74,7 +74,7 @@ class GraspClass(Enum):
         return (1,) if self is GraspClass.TOP else (1, -1)
 
     def rotations(self, headings: ArrayLike, rolls: ArrayLike, frame: HandFrame) -> Array:
-        """Tip rotations (m, 3, 3) for approach headings (m,) [rad] and rolls (m,), 1 or -1."""
+        """Return tip rotations (m, 3, 3) for approach headings (m,) [rad] and rolls (m,), 1 or -1."""
         yaw, roll = np.broadcast_arrays(np.asarray(headings, float), np.asarray(rolls, float))
         c, s = np.cos(yaw), np.sin(yaw)
         down, ahead = math.sin(self.pitch), math.cos(self.pitch)
@@ -110,7 +110,7 @@ class ReachabilityMap:
         return len(self.rows)
 
     def heights(self, z: float) -> tuple[float, ...]:
-        """Torso positions, lowest first, at which a height [m] above the floor is exactly that of some rows.
+        """Return torso positions, lowest first, at which a height [m] above the floor is exactly that of some rows.
 
         Without a lift (0.0,) if the nearest level has rows: targets are then up to half a cell off the lattice.
         """
@@ -138,7 +138,7 @@ class ReachabilityMap:
         return self._solved[rows]
 
     def poses(self, rows: ArrayLike, torso: ArrayLike = 0.0) -> Array:
-        """Tip poses (m, 4, 4) of rows (m,) in the base link's frame."""
+        """Return tip poses (m, 4, 4) of rows (m,) in the base link's frame."""
         chosen = self.rows[np.asarray(rows, np.intp)]
         poses = np.tile(np.eye(4), (len(chosen), 1, 1))
         poses[:, :3, :3] = self.grasp.rotations(chosen["yaw"] * (2 * math.pi / YAWS), chosen["roll"], self.arm.frame)
@@ -147,7 +147,7 @@ class ReachabilityMap:
         return poses
 
     def find(self, points: ArrayLike, headings: ArrayLike, rolls: ArrayLike, torso: ArrayLike = 0.0) -> Index:
-        """The row (m,) nearest to each tip point (m, 3) and heading (m,) in the base link's frame; -1 without one.
+        """Return the row (m,) nearest to each tip point (m, 3), heading (m,) in the base link's frame; -1 without one.
 
         "Nearest" is the lattice pose whose cell the pose is in; ``rolls`` (m,) are 1 or -1, ``torso`` one or (m,).
         """
@@ -313,7 +313,7 @@ def _level_about(chain: Chain, grasp: GraspClass, frame: HandFrame, roll: int, q
 
 
 def _log(rotations: Array) -> Array:
-    """Rotation vectors (n, 3) of rotations (n, 3, 3); of nearly half a turn only roughly, of half a turn zero."""
+    """Return rotation vectors (n, 3) of rotations (n, 3, 3); near half a turn only roughly, of half a turn zero."""
     cosine = np.clip((np.trace(rotations, axis1=1, axis2=2) - 1) / 2, -1.0, 1.0)
     angle = np.arccos(cosine)
     skew = np.stack(

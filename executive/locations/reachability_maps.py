@@ -142,7 +142,7 @@ class _Lattice:
     shape: tuple[int, int, int, int]
 
     def poses(self, index: Index) -> Array:
-        """Tip poses (m, 4, 4) of flat indices (m,)."""
+        """Return tip poses (m, 4, 4) of flat indices (m,)."""
         headings = np.tile(np.eye(4), (YAWS, 1, 1))
         headings[:, :3, :3] = self.grasp.rotations(np.arange(YAWS) * (2 * math.pi / YAWS), self.roll, self.frame)
         yaw, *cells = np.unravel_index(index, self.shape)
@@ -152,11 +152,11 @@ class _Lattice:
         return poses
 
     def coarse(self) -> Index:
-        """Flat indices, in their order, of the poses of the coarse lattice."""
+        """Return flat indices, in their order, of the poses of the coarse lattice."""
         return np.ravel_multi_index(np.ix_(*(np.arange(0, n, COARSE) for n in self.shape)), self.shape).ravel()
 
     def neighbours(self, index: Index) -> Iterator[tuple[Index, Index]]:
-        """Pairs of (positions in ``index``, flat index of a neighbour) for each of the eight directions."""
+        """Yield (positions in ``index``, flat index of a neighbour) for each of the eight directions."""
         cells = np.unravel_index(index, self.shape)
         for axis, step in product(range(4), (1, -1)):
             stride, last = math.prod(self.shape[axis + 1 :]), self.shape[axis] - 1
@@ -206,7 +206,7 @@ def _sampled_rows(chain: Chain, grasp: GraspClass, frame: HandFrame, roll: int, 
 def _solved(
     lattice: _Lattice, solver: InverseKinematics, postures: Array, rng: np.random.Generator
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Joint values (all, d) and which poses have some."""
+    """Return joint values (all, d) and which poses have some."""
     chain = solver.chain
     count = math.prod(lattice.shape)
     q = np.zeros((count, chain.dof), np.float32)
@@ -261,7 +261,7 @@ def _few_scores(chain: Chain, q: Array) -> Array:
 
 
 def _normal(score: Array) -> Array:
-    """Scores in (0, 1]."""
+    """Return scores in (0, 1]."""
     if not len(score):
         return score
     full = float(np.percentile(score, USUAL_MANIPULABILITY)) or 1.0

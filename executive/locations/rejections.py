@@ -111,9 +111,10 @@ class Rejections:
                 if reason.body is not None:
                     self.blocking[reason.body] += 1
 
-    def crowded(self, body: str) -> None:
-        """Count one candidate rejected because a body leaves the robot no room to stand there."""
-        self.count([Reason(NO_ROOM, body)])
+    def crowded(self, body: str, number: int = 1) -> None:
+        """Count candidates rejected because a body leaves the robot no room to stand there."""
+        self.counts[NO_ROOM] += number
+        self.blocking[body] += number
 
     def include(self, other: Rejections) -> None:
         """Add what another counted and remembered."""

@@ -17,7 +17,8 @@ from executive.locations.candidate_search import CandidateSearch, Sought, as_tol
 from executive.locations.demands import BaseDemand, Reach
 from executive.locations.grasp_candidates import CLASSES
 from executive.locations.hand_predicates import Stage, candidates_of
-from executive.locations.hand_solutions import unblocked
+from executive.locations.hand_solutions import HandHits, unblocked
+from executive.locations.looking_once import numbered
 from executive.locations.rejections import NO_WAY, NOT_LOOKED_AT, NOT_VISIBLE, OUT_OF_REACH, FreeHands, Rejections
 from executive.locations.validation import BaseValidator, scored, unmet
 from executive.robots.arms import ArmModel
@@ -87,7 +88,8 @@ class ReachSearch:
                 some = True
                 yield solution
             if budget.then is not None and not some and self.sought.is_taken is None:
-                crowded = found.chosen(~self.sought.have_room(as_told(found.bases)))
+                roomy = self.sought.rooms(numbered(as_told(found.bases)))(np.arange(len(found)))
+                crowded = found.chosen(~np.array(roomy, bool))
                 moved = moved_to_room(crowded, floor, middle[:2], room.yaw, budget.most)
                 then = replace(self.sought, budget=budget.then, log=log.uncounted())
                 if len(moved):
@@ -113,8 +115,9 @@ class ReachSearch:
         reach = max(self.inverse(arm, CLASSES[g]).reach for arm, table in tables for g in set(table.grasps.tolist()))
         varied = stage is Stage.CLOSEST
         points = [one.points for arm, table in tables for one in (table.variants(arm.openings) if varied else [table])]
-        near = _sphere(points, reach)
-        hands = [hand for arm, found in possible for hand in unblocked(arm, found, scene, counted, near, varied=varied)]
+        near, hits = _sphere(points, reach), HandHits()
+        each = (unblocked(arm, found, scene, counted, near, varied=varied, hits=hits) for arm, found in possible)
+        hands = [hand for some in each for hand in some]
         return FreeHands(hands, reach, near, counted)
 
     def _is_hopeless(
@@ -133,7 +136,7 @@ class ReachSearch:
 
 
 def _within(centre: tuple[float, float], least: float, most: float, bases: Array) -> Array:
-    """1 for bases (m, 3) between two distances [m] from a base pose, 0 for others."""
+    """Return 1 for bases (m, 3) between two distances [m] from a base pose, 0 for others."""
     away = np.linalg.norm(bases[:, :2] - centre, axis=1)
     return np.where((away >= least) & (away <= most), 1.0, 0.0)
 

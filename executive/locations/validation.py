@@ -45,7 +45,7 @@ MOST_REMEMBERED = 64
 
 
 class SelfOcclusion:
-    """From where the robot's own body hides a thing: told by where the thing is for the robot.
+    """The places of a thing, as seen from the robot, where the robot's own body hides it.
 
     What hides it at some distance hides what is nearer in that direction; if ``strict``, only base poses nearly alike
     count as hidden.

@@ -129,9 +129,12 @@ class ConstrainedMotions(PlatformModule):
                 problem = problem or failure
             if (tried := tried + 1) == PLACES:
                 break
-        if problem is not None:
+        if isinstance(problem, NavigationFailure):
             raise problem
-        return motion, await apart(partial(self._way, grounding, motion, phase))
+        if problem is None:
+            return motion, await apart(partial(self._way, grounding, motion, phase))
+        motion = grounding.grounded(asked, phase)
+        return motion, await apart(partial(self._just, grounding, motion, phase, explains=True))
 
     async def _get_ready(self, grounding: Grounding, motion: GroundedMotion, end: Array) -> None:
         """Bring the arms, one after another, to where they will be before the base goes there: here is more room."""
@@ -233,8 +236,23 @@ class ConstrainedMotions(PlatformModule):
                 phase_asked, kept = (*asked, *upright), (*before, *upright)
                 (found,) = solve_motion(problem, start, [phase_asked], kept, wishes=wished, explains=False)
                 return found
+        return self._just(grounding, motion, phase)
+
+    def _just(
+        self, grounding: Grounding, motion: GroundedMotion, phase: Phase, *, explains: bool = False
+    ) -> PhaseMotion:
+        """Return the motion of the phase with nothing but what is asked; raises ConstraintsUnsatisfied.
+
+        A smallest set of constraints that contradict each other is found if it explains, or if lighter ones may be
+        given up: that takes longer than all the rest, and what is told in the end is asked for once.
+        """
+        self.platform.sync()
+        before = grounding.grounded(phase.before, phase).constraints if phase.before else ()
+        problem, differ = grounding.problem(motion), len({one.weight for one in motion.constraints}) > 1
         try:
-            (found,) = solve_motion(problem, start, [motion.constraints], before)
+            (found,) = solve_motion(
+                problem, self._start(motion), [motion.constraints], before, explains=explains or differ
+            )
         except MotionError as failure:
             raise unsatisfied(motion, failure) from failure
         return found

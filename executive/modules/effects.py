@@ -28,8 +28,7 @@ from planlang.language.performing import actions_around
 from planlang.ontology import expand, shorten
 from planlang.recipe.effects import Effects, effects_of, narrowest, number_of_class
 from sim import PyBulletWorld
-from sim.changes import Changes
-from sim.facts import origins_of
+from sim.changes import Changes, origins_of
 from sim.matter import PUDDLE, Portion, merged
 from sim.processes import due, warm
 

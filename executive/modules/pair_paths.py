@@ -45,30 +45,30 @@ LARGEST_TURN = 1.2
 
 
 class _Refused(Exception):
-    """A way is none: the reason, and the body that is in it, if one is."""
+    """The refusal of a way, with the reason, and the body that is in it, if one is."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PairGrasp:
-    """How two arms take a thing from a place of the base."""
+    """A way in which two arms take a thing from a place of the base."""
 
     base: BasePose
     approach: Array
     """Joint values (k, n) from before the thing to it."""
     lift: Array
-    """From it to where it is lifted (k, n)."""
+    """Joint values (k, n) from the thing to where it is lifted."""
     fingers: tuple[Fingers, Fingers]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PairPlace:
-    """How two arms put down what they hold, from a place of the base."""
+    """A way in which two arms put down what they hold, from a place of the base."""
 
     base: BasePose
     lower: Array
     """Joint values (k, n) from how it is carried to over its place, and down (k, n)."""
     pose: Pose
-    """Its pose there."""
+    """The pose of the thing at its place."""
 
 
 @dataclass(eq=False)

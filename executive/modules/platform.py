@@ -96,7 +96,7 @@ class ArmChoices:
         return next((self.made[path].arm for path in around[1:] if path in self.made), None)
 
     def others(self) -> frozenset[str]:
-        """Arms that branches beside the one that runs have chosen and may be in the middle of using."""
+        """Return the arms that branches beside the one that runs have chosen and may be in the middle of using."""
         around = [branch.path for branch in concurrent_branches()] or [ALONE]
         beside = (
             choice.arm
@@ -111,7 +111,7 @@ class ArmChoices:
 
     @staticmethod
     def restored(state: Mapping[str, str], arms: Iterable[str]) -> ArmChoices:
-        """From :meth:`state`; raises KeyError for an arm that is not one of ``arms``."""
+        """Return one from :meth:`state`; raises KeyError for an arm that is not one of ``arms``."""
         known = dict.fromkeys(arms)
         unknown = [arm for arm in state.values() if arm not in known]
         if unknown:

@@ -31,11 +31,11 @@ class Flow:
     offset: Pose
     """Its pose in the frame of the arm's tip."""
     turned: Array
-    """At which rows of the motion its axis points down, (m,)."""
+    """Rows of the motion at which its axis points down, (m,)."""
     before: float
-    """What had flowed out of it when the motion was made before, and failed [ml]."""
+    """Amount that had flowed out of it when the motion was made before, and failed [ml]."""
     key: str
-    """What that is remembered by."""
+    """Key by which that is remembered."""
 
     def seconds(self, steps: float) -> float:
         """Return for how many steps of the world it flowed until so many had been made since the motion began."""

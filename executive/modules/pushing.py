@@ -76,7 +76,7 @@ LOWER = 0.01
 
 
 class Wish(Protocol):
-    """Where a thing is to be pushed."""
+    """A place to which a thing is to be pushed."""
 
     def is_there(self) -> bool:
         """Return whether it is believed to be there."""
@@ -87,7 +87,7 @@ class Wish(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class ToLocation:
-    """To a location, on the level on which it is."""
+    """A wish to have a thing at a location, on the level on which it is."""
 
     platform: Platform
     name: str
@@ -113,13 +113,13 @@ class ToLocation:
 
 @dataclass(frozen=True, slots=True)
 class ByDistance:
-    """By a distance from where it was, in any direction: away from the robot if that can be."""
+    """A wish to have a thing at a distance from where it was, in any direction: away from the robot if that can be."""
 
     platform: Platform
     name: str
     distance: float
     start: Array
-    """Where it was (2,)."""
+    """The place where it was (2,)."""
 
     def _here(self) -> Array:
         return np.array(self.platform.belief.pose(self.name).position[:2])

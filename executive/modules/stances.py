@@ -1,4 +1,4 @@
-"""Places of the base before a point at which arms work: where it is as far ahead of the shoulders as suits them."""
+"""Places of the base before points at which arms work: where they are as far from the shoulders as suits the arms."""
 
 from __future__ import annotations
 
@@ -20,6 +20,8 @@ HEADINGS = 24
 """Headings of the base that are tried."""
 FARTHER = 0.3
 """Price of driving one metre farther, beside the distance from the best place [m]."""
+HAIR = 1e-6
+"""What rounding takes from these shares."""
 MOST = 40
 """Free places that are offered."""
 
@@ -38,11 +40,13 @@ def _shoulder(arms: Sequence[ArmModel]) -> tuple[Array, float]:
 
 
 def stances(
-    platform: Platform, point: Array, arms: Sequence[ArmModel], headings: Array | None = None
+    platform: Platform, points: Array, arms: Sequence[ArmModel], headings: Array | None = None
 ) -> Iterator[BasePose]:
-    """Yield free places before a point (2,) of the map, those at a good distance that are near first.
+    """Yield free places before a point (2,), or points (k, 2), of the map, those near and at a good distance first.
 
-    ``headings`` (h,) are those of the base that are tried [rad]: by default many, all around.
+    The point at the worst distance counts: a row of points is in reach from its side, not from its end. Places from
+    which a point is nearer or farther than all of ``SHARES`` come last: arms seldom get to it, which takes long to find
+    out. ``headings`` (h,) are those of the base that are tried [rad]: by default many, all around.
     """
     platform.sync()
     scene, now = platform.scene, np.array(platform.base())
@@ -52,11 +56,16 @@ def stances(
     ahead, turned = (grid.ravel() for grid in np.meshgrid(np.array(SHARES), yaws))
     x, y = shoulder[0] + reach * ahead, np.full(len(ahead), shoulder[1])
     c, s = np.cos(turned), np.sin(turned)
-    bases = np.stack([point[0] - c * x + s * y, point[1] - s * x - c * y, turned], axis=1)
-    price = reach * np.abs(ahead - BEST) + FARTHER * np.linalg.norm(bases[:, :2] - now[:2], axis=1)
+    points = np.atleast_2d(points)
+    middle = points.mean(axis=0)
+    bases = np.stack([middle[0] - c * x + s * y, middle[1] - s * x - c * y, turned], axis=1)
+    shoulders = middle - reach * ahead[:, None] * np.stack([c, s], axis=1)
+    away = np.linalg.norm(points - shoulders[:, None], axis=2)
+    price = np.abs(away - BEST * reach).max(axis=1) + FARTHER * np.linalg.norm(bases[:, :2] - now[:2], axis=1)
+    doubtful = (away.min(axis=1) < (SHARES[0] - HAIR) * reach) | (away.max(axis=1) > (SHARES[-1] + HAIR) * reach)
     free = scene.collisions.floor().holds(bases) & scene.collisions.drivable()(bases)
     offered = 0
-    for row in np.argsort(price, kind="stable"):
+    for row in np.lexsort((price, doubtful)):
         base = tuple(map(float, bases[row]))
         if offered < MOST and free[row] and not scene.collisions.contacts((base[0], base[1], base[2])):
             offered += 1

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain, islice
@@ -20,7 +21,8 @@ from executive.modules.motion_grounding import GroundedMotion, Grounding
 from executive.modules.phases import Phase
 from executive.modules.stances import stances
 from executive.motion import MotionError
-from executive.motion.strokes import Place, solve_stroke
+from executive.motion.errors import OutOfEffort
+from executive.motion.strokes import Place, ends_at, solve_stroke
 from planlang.designators import Action, Object
 from planlang.failures import (
     ActionUnresolvable,
@@ -197,14 +199,15 @@ class Strokes(ConstrainedMotions):
         plane: Plane,
         points: Array,
     ) -> Iterator[BasePose]:
-        """Yield places of the base from which the first, the middle and the last of points (n, 4) are in reach."""
+        """Yield places of the base from which the arm gets from each of points (n, 4) to the next."""
         motion = grounding.grounded(asked, phase)
         there = moved(motion.things[plane.thing], points[:, :3])
-        near = stances(self.platform, there.mean(axis=0)[:2], motion.arms) if self._is_mobile() else ()
-        some = [plane.at(points[k], motion.constraints) for k in (0, len(points) // 2, -1)]
+        near = stances(self.platform, there[:, :2], motion.arms) if self._is_mobile() else ()
+        places = [plane.at(point, motion.constraints) for point in points]
         for base in islice(near, PLACES):
-            if all(self._end(grounding, replace(motion, constraints=tuple(one)), base) is not None for one in some):
-                yield base
+            with suppress(OutOfEffort):
+                if next(ends_at(grounding.problem(motion, base), self._start(motion), places).along(), None):
+                    yield base
 
 
 def slowed(trajectory: Trajectory, factor: float) -> Trajectory:

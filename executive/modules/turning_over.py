@@ -1,4 +1,4 @@
-"""Whether what should have been turned over has turned: the robot looks, and compares with how the thing lay before."""
+"""The check that a thing has been turned over: the robot looks, and compares with how the thing lay before."""
 
 from __future__ import annotations
 

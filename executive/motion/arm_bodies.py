@@ -194,7 +194,7 @@ class ArmShapes:
     def __init__(
         self, world: PlanningWorld, links: Sequence[Shaped], chain: Movable, base_link: str, tip_link: str
     ) -> None:
-        """``links``: all solid links, in their order."""
+        """Find the shapes among ``links``, all solid links in their order."""
         robot = world.robot
         self._chain, self._base_link, self._links = chain, base_link, links
         self._carriers = {name: FIRST_JOINT + number for number, name in enumerate(chain.carriers)}
@@ -342,7 +342,7 @@ class _Part:
 
 
 def _held(world: PlanningWorld) -> dict[str, tuple[str, Array]]:
-    """Held objects: the link that holds each, and its pose (4, 4) there."""
+    """Return held objects: the link that holds each, and its pose (4, 4) there."""
     return {
         name: (link, (world.link_pose(link).inverse() @ world.pose(name)).matrix())
         for name, link in world.attached().items()

@@ -8,11 +8,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from executive.motion.joint_ranges import JointRanges
 from executive.motion.kinematics import Chain
 from planlang.geometry import Array
 
 
-class ArmGroup:
+class ArmGroup(JointRanges):
     """Several chains with one base link as one space of joints; n joints in all, shared ones first met.
 
     It is to :class:`executive.motion.arm_bodies.ArmShapes` and to quick checks what a single chain is.
@@ -62,26 +63,6 @@ class ArmGroup:
     def fk(self, q: ArrayLike, arm: int = 0) -> Array:
         """Return poses (m, 4, 4) of the tip of one chain in the base for configurations (m, n)."""
         return self.chains[arm].fk(np.atleast_2d(np.asarray(q, float))[:, self.columns[arm]])
-
-    def within(self, q: ArrayLike, tolerance: float = 0.0) -> NDArray[np.bool_]:
-        """Return which configurations (m, n) keep all limits; continuous joints have none."""
-        rows = np.atleast_2d(np.asarray(q, float))
-        inside = (rows >= self.lower - tolerance) & (rows <= self.upper + tolerance)
-        return np.asarray((inside | self.continuous).all(axis=1))
-
-    def near(self, q: ArrayLike, reference: ArrayLike) -> Array:
-        """Return the same configurations (..., n) with continuous joints within half a turn of the reference."""
-        given, other = np.asarray(q, float), np.asarray(reference, float)
-        turns = np.where(self.continuous, np.round((other - given) / (2 * np.pi)), 0.0)
-        return np.asarray(given + 2 * np.pi * turns)
-
-    @cached_property
-    def bounds(self) -> tuple[Array, Array]:
-        """Return lower and upper limits (n,), infinite for joints that turn without end."""
-        return (
-            np.where(self.continuous, -np.inf, self.lower),
-            np.where(self.continuous, np.inf, self.upper),
-        )
 
     @cached_property
     def _first_met(self) -> NDArray[np.intp]:

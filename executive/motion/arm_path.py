@@ -84,7 +84,7 @@ class JointSpace:
         return found
 
     def pieces(self, start: Array, end: Array) -> int:
-        """Into how many pieces a way is divided to be checked."""
+        """Return into how many pieces a way is divided to be checked."""
         return max(1, int(np.ceil((np.abs(end - start) / self.resolution).max() - 1e-9)))
 
     def length(self, path: Sequence[Array]) -> float:
@@ -185,7 +185,7 @@ class _Tree:
         return nodes
 
     def pruned(self, free: Callable[[Array, Array], bool]) -> _Tree:
-        """Without the edges that are not free any more, and what hangs from them."""
+        """Return it without the edges that are not free any more, and what hangs from them."""
         roots = self.parents.count(-1)
         kept, left = dict(zip(range(roots), range(roots), strict=True)), _Tree(*self.nodes[:roots])
         for number in range(roots, len(self.nodes)):
@@ -300,7 +300,7 @@ def plan_path(
     iterations: int = 1000,
     shortcuts: int = 40,
 ) -> Array:
-    """Waypoints (n, d) of a path that is exactly free, from start to goal, at most whole turns away from it.
+    """Return waypoints (n, d) of a path that is exactly free, from start to goal, at most whole turns away from it.
 
     ``others`` are goals that will do as well, if there is no straight way to one before.
 

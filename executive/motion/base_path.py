@@ -49,7 +49,7 @@ class _Search:
     expanded: int = 0
 
     def __post_init__(self) -> None:
-        """Cost per metre (rows, columns): inf where the base may not go."""
+        """Compute the cost per metre (rows, columns): inf where the base may not go."""
         tight = np.zeros(self.room.shape, dtype=bool) if self.tight is None else self.tight.copy()
         centres = self.grid.centres()
         for x, y, _ in (self.start, self.goal):
@@ -63,7 +63,7 @@ class _Search:
         return self.known[pose]
 
     def cost(self, a: Array, b: Array) -> float:
-        """Cost of the straight line between two places (2,); inf if it leaves the allowed cells."""
+        """Return the cost of the straight line between two places (2,); inf if it leaves the allowed cells."""
         length = float(np.hypot(*(b - a)))
         count = max(1, math.ceil(2 * length / self.grid.resolution))
         points = a + (b - a) * ((np.arange(count) + 0.5) / count)[:, None]
@@ -131,7 +131,7 @@ def plan_base_path(
 
 
 def _astar(search: _Search) -> Array | None:
-    """Corners (n, 2) of the cheapest way over the grid, start and goal included."""
+    """Return the corners (n, 2) of the cheapest way over the grid, start and goal included."""
     grid = search.grid
     width = grid.columns + 2
     # a rim of forbidden cells spares the search every test of bounds
@@ -178,7 +178,7 @@ def _astar(search: _Search) -> Array | None:
 
 
 def _corners(search: _Search, cell: int, before: dict[int, int], width: int) -> Array:
-    """Exact start, the places (n, 2) where the way over the grid begins, changes direction or ends, exact goal."""
+    """Return the start, the places (n, 2) where the way over the grid begins, changes direction or ends, the goal."""
     cells = [cell]
     while cells[-1] in before:
         cells.append(before[cells[-1]])
@@ -242,7 +242,7 @@ def _turned(search: _Search, places: Array) -> Iterator[Array]:
 
 
 def _refined(search: _Search, places: Array) -> Array:
-    """Places (n, 2) with more between them, no farther apart than a cell."""
+    """Return places (n, 2) with more between them, no farther apart than a cell."""
     pieces = [places[:1]]
     for a, b in pairwise(places):
         count = max(1, math.ceil(float(np.hypot(*(b - a))) / search.grid.resolution))

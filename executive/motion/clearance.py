@@ -85,13 +85,13 @@ class Grid:
         return Grid(lower[0] + resolution / 2, lower[1] + resolution / 2, counts[0], counts[1], resolution)
 
     def centres(self) -> Array:
-        """Cell centres (rows, columns, 2) [m]."""
+        """Return the cell centres (rows, columns, 2) [m]."""
         xs = self.x + self.resolution * np.arange(self.columns)
         ys = self.y + self.resolution * np.arange(self.rows)
         return np.stack(np.meshgrid(xs, ys), axis=-1)
 
     def cell(self, x: float, y: float) -> tuple[int, int] | None:
-        """Row and column of the cell that holds a place, None outside the grid."""
+        """Return row and column of the cell that holds a place, None outside the grid."""
         row, column = round((y - self.y) / self.resolution), round((x - self.x) / self.resolution)
         return (row, column) if 0 <= row < self.rows and 0 <= column < self.columns else None
 
@@ -149,7 +149,7 @@ def _from_rectangle(places: Array, boxes: Boxes, cosines: Array, sines: Array) -
 
 
 def clearance_field(grid: Grid, boxes: Boxes, silhouette: Sequence[Band]) -> Array:
-    """Room (rows, columns) [m] at the cell centres of a grid, as :func:`clearance_at`."""
+    """Return the room (rows, columns) [m] at the cell centres of a grid, as :func:`clearance_at`."""
     return clearance_at(grid.centres(), boxes, silhouette).reshape(grid.rows, grid.columns)
 
 

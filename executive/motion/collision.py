@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from executive.motion.bodies import BASE, FIRST_JOINT, MAP, Bodies, Index, Pairs, Solids, counts, distances
 from planlang.geometry import Array
-from planlang.geometry.matrices import inverse, product
+from planlang.geometry.matrices import inverse, moved, product
 
 if TYPE_CHECKING:  # a plain run moves one arm at a time
     from executive.motion.arm_group import Movable
@@ -36,6 +36,8 @@ APART = 0.001
 """Distance beyond that of a hit by which bodies are kept apart after it [m]."""
 MOST_CLOSE = 2
 """Pairs that are asked about before all others: of the PR2's arms upper arm and torso, which always nearly touch."""
+ALIKE = 1e-6
+"""Distance by which the spheres of hands that are built alike may differ [m]: rounding of what PyBullet tells."""
 AT_ONCE = 300_000
 """Pairs of balls that are looked at in one go: their arrays (8 MB) stay near the processor."""
 
@@ -106,6 +108,19 @@ class QuickCheck:
         frames[MAP] = np.eye(3, 4)[..., None]
         frames[self._hand] = np.moveaxis(product(tips[:, :3], self._to_hand), 0, -1)
         return self._first(self._limit, frames, self._hand_pairs)
+
+    def has_same_hand(self, other: QuickCheck) -> bool:
+        """Return whether another check's hand hits the same at the same poses of its tip: arms mostly come in pairs."""
+        each = zip(self._in_hand, other._in_hand, strict=True)
+        return all(one.shape == two.shape and np.allclose(one, two, rtol=0.0, atol=ALIKE) for one, two in each)
+
+    @cached_property
+    def _in_hand(self) -> tuple[Array | Index, ...]:
+        """What decides where the hand hits: pieces and limits of its pairs, and their spheres in the tip's frame."""
+        pairs, solids, others = self._hand_pairs, self._movers.solids, self._obstacles.solids
+        each, sphere = _members(self._movers.first, self._mover[pairs.standing])
+        spheres = each, moved(inverse(self._to_hand), solids.centres[sphere]), solids.reach[sphere]
+        return *spheres, self._limit[pairs.standing], others.centres[pairs.pieces], others.half[pairs.pieces]
 
     @cached_property
     def _hand_pairs(self) -> _Pairs:

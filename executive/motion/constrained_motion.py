@@ -163,13 +163,14 @@ class Way:
         raise NoConstrainedPath(self.phase, self._of(self.kept), objection)
 
     def through(self, rows: Array) -> Trajectory:
-        """Return the motion through configurations (m, n), of which the ends are two; raises NoConstrainedPath."""
-        objection: Sequence[tuple[str, str]] = ()
-        for timing in (time_curve, time_path):
-            timed, hits = self._checked(rows, timing)
-            if timed is not None:
-                return timed
-            objection = hits[0][1] if hits else objection
+        """Return the quicker motion through configurations (m, n), of which the ends are two: on a curve or straight.
+
+        Raises NoConstrainedPath.
+        """
+        tried = [self._checked(rows, timing) for timing in (time_curve, time_path)]
+        if found := [timed for timed, _ in tried if timed is not None]:
+            return min(found, key=lambda timed: len(timed.positions))
+        objection = next((hits[0][1] for _, hits in reversed(tried) if hits), ())
         raise NoConstrainedPath(self.phase, self._of(self.kept), objection)
 
     def _of(self, numbers: Sequence[int]) -> list[MotionConstraint]:

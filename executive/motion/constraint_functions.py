@@ -28,7 +28,7 @@ from planlang.motion_constraints import Feature, Measure, MotionConstraint
 UNDEFINED = 1e-3
 """Vectors shorter than this have no heading."""
 LENGTH_TOLERANCE, COSINE_TOLERANCE = 1e-3, 5e-3
-"""By how much a function may be beyond its limits, and the constraint still holds [m], [no unit]."""
+"""Excess of a function over its limits up to which the constraint still holds [m], [no unit]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from executive.motion.joint_ranges import JointRanges
 from executive.motion.symbolic import ROTATION_WEIGHT, RowFunction, SymbolicChain, Variable
 from planlang.geometry import Array
 from planlang.geometry.matrices import product, rotated
@@ -40,7 +41,7 @@ Quaternions whose length is off by 0.001 give as much; solutions have the rotati
 """
 
 
-class Chain:
+class Chain(JointRanges):
     """The joints from a base link to a tip link; d of them move.
 
     A joint that mimics another moves with it; if that one is not in the chain it takes the place of the mimic in
@@ -70,14 +71,11 @@ class Chain:
         self.names: tuple[str, ...] = tuple(movers)
         """Joint names, base first."""
         limits = [ranges.get(name, (joint.lower, joint.upper)) for name, joint in movers.items()]
-        self.lower: Array = _frozen([low for low, _ in limits])
-        """Lower limits (d,) [rad, m]; of a continuous joint -pi, the start of its range."""
-        self.upper: Array = _frozen([high for _, high in limits])
-        """Upper limits (d,)."""
+        self.lower = _frozen([low for low, _ in limits])
+        self.upper = _frozen([high for _, high in limits])
         self.velocity: Array = _frozen([joint.velocity for joint in movers.values()])
         """Velocity limits (d,) [rad/s, m/s] as the URDF gives them."""
-        self.continuous: NDArray[np.bool_] = np.array([joint.kind == "continuous" for joint in movers.values()], bool)
-        """Mask of the joints that turn without end (d,)."""
+        self.continuous = np.array([joint.kind == "continuous" for joint in movers.values()], bool)
         self.prismatic: NDArray[np.bool_] = np.array([joint.kind == "prismatic" for joint in movers.values()], bool)
         """Mask of the joints that slide (d,)."""
         self._variables = tuple(variables)
@@ -147,9 +145,7 @@ class Chain:
             while len(_FUNCTIONS) >= MOST_CHAINS:
                 del _FUNCTIONS[next(iter(_FUNCTIONS))]
             symbolic = SymbolicChain.of(self._joints, self._variables, self.dof)
-            lower = np.where(self.continuous, -np.inf, self.lower)
-            upper = np.where(self.continuous, np.inf, self.upper)
-            known = _FUNCTIONS[self.digest] = ChainFunctions(symbolic, lower, upper)
+            known = _FUNCTIONS[self.digest] = ChainFunctions(symbolic, *self.bounds)
         return known
 
     def fk(self, q: ArrayLike) -> Array:
@@ -175,18 +171,6 @@ class Chain:
         """
         (rows,) = self.functions.jacobian(self._rows(q).T)
         return rows.T.reshape(rows.shape[1], 6, self.dof)
-
-    def within(self, q: ArrayLike, tolerance: float = 0.0) -> NDArray[np.bool_]:
-        """Return which configurations (n, d) keep all limits; continuous joints have none."""
-        rows = self._rows(q)
-        inside = (rows >= self.lower - tolerance) & (rows <= self.upper + tolerance)
-        return np.asarray((inside | self.continuous).all(axis=1))
-
-    def near(self, q: ArrayLike, reference: ArrayLike) -> Array:
-        """Return the same configurations (..., d) with continuous joints within half a turn of the reference."""
-        given, other = np.asarray(q, float), np.asarray(reference, float)
-        turns = np.where(self.continuous, np.round((other - given) / (2 * np.pi)), 0.0)
-        return np.asarray(given + 2 * np.pi * turns)
 
     def may_reach(self, targets: ArrayLike) -> NDArray[np.bool_]:
         """Return which targets (m, 4, 4) in the base are not too far away for the tip in every configuration."""
@@ -214,7 +198,7 @@ class Chain:
         return origins[0], radius, rotated(tip[:3, :3].T, origins[-1] - tip[:3, 3])
 
     def sample(self, rng: np.random.Generator, shape: int | tuple[int, ...]) -> Array:
-        """Uniform configurations (*shape, d) within the limits."""
+        """Return uniform configurations (*shape, d) within the limits."""
         sizes = (shape,) if isinstance(shape, int) else shape
         return rng.uniform(self.lower, self.upper, (*sizes, self.dof))
 
@@ -326,7 +310,7 @@ class InverseKinematics:
 
 
 def _master(joint: Joint, every: Mapping[str, Joint]) -> tuple[str, float, float]:
-    """Whom a joint follows in the end, and how: (name, multiplier, offset)."""
+    """Return whom a joint follows in the end, and how: (name, multiplier, offset)."""
     multiplier, offset, seen = 1.0, 0.0, {joint.name}
     while joint.mimic is not None and joint.mimic.joint in every and joint.mimic.joint not in seen:
         offset += multiplier * joint.mimic.offset

@@ -30,6 +30,10 @@ BLOCKS = ((256, 97), (32, 7), (1, 0))
 """Rows of a call, and from how many rows on that are left it is made: where it begins to be the cheapest."""
 
 
+WORTH = 500
+"""Rows after which a function is written down on vectors: that takes as long as to apply it to so many one by one."""
+
+
 class RowFunction:
     """A function of vectors, applied to each column of its arguments (rows of a batch lie along the last axis).
 
@@ -39,14 +43,16 @@ class RowFunction:
     def __init__(self, function: Any) -> None:
         """Wrap ``function``, of casadi's scalar expressions (SX), with dense vectors as arguments and results."""
         self._function = function
+        self._rows = 0
         self._blocks: dict[int, tuple[list[Array], list[Array], Any, Any]] = {}
 
     def __call__(self, *arguments: Array) -> list[Array]:
         """Return results (width, n) of arguments (width, n)."""
         count, parts = arguments[0].shape[1], list[list[Array]]()
         first = 0
+        self._rows += count
         while first < count or not parts:
-            size = next(size for size, least in BLOCKS if count - first >= least)
+            size = next(size for size, least in BLOCKS if count - first >= least) if self._rows > WORTH else 1
             inputs, outputs, evaluate, _ = self._blocks.get(size) or self._block(size)
             last = min(first + size, count)
             for held, given in zip(inputs, arguments, strict=True):

@@ -1,4 +1,4 @@
-"""From waypoints to trajectories: straight lines of the tip (an approach, a lift, a retreat), and timing.
+"""Trajectories from waypoints: straight lines of the tip (an approach, a lift, a retreat), and timing.
 
 Waypoints are timed by one-DoF ruckig along the path, so that a motion never leaves the line that was checked.
 
@@ -121,7 +121,7 @@ def _in_steps(
 
 
 def _between(start: Array, goal: Array, steps: int) -> Array:
-    """Poses (steps, 4, 4) after the start up to the goal, evenly moved and turned."""
+    """Return poses (steps, 4, 4) after the start up to the goal, evenly moved and turned."""
     shares = np.arange(1, steps + 1) / steps
     poses = np.repeat(start[None], steps, axis=0)
     poses[:, :3, 3] += shares[:, None] * (goal[:3, 3] - start[:3, 3])
@@ -228,7 +228,7 @@ def time_curve(
 def _checked(
     names: Sequence[str], waypoints: ArrayLike, limits: tuple[ArrayLike, ArrayLike, ArrayLike], rate: int
 ) -> tuple[Array, tuple[Array, Array, Array]]:
-    """Waypoints without repetitions, and the limits (d,) of velocity, acceleration and jerk."""
+    """Return waypoints without repetitions, and the limits (d,) of velocity, acceleration and jerk."""
     points = np.array(waypoints, float)
     if points.ndim != 2 or not len(points) or points.shape[1] != len(names) or not np.isfinite(points).all():
         raise ValueError(f"expected finite waypoints (n, {len(names)}) of {tuple(names)}, got shape {points.shape}")
@@ -241,7 +241,7 @@ def _checked(
 
 
 def _bends(points: Array, lengths: Array) -> Array:
-    """Second derivatives (n, d) of the natural cubic spline at its waypoints."""
+    """Return the second derivatives (n, d) of the natural cubic spline at its waypoints."""
     count = len(points)
     matrix, right = np.eye(count), np.zeros_like(points)
     slopes = np.diff(points, axis=0) / lengths[:, None]
@@ -286,7 +286,7 @@ def _limits(what: str, value: ArrayLike, names: Sequence[str]) -> Array:
 
 
 def _profile(length: float, velocity: float, acceleration: float, jerk: float, rate: int) -> Array:
-    """Positions (n,) from 0 (left out) to length, at rest at both ends, slowed down to whole samples."""
+    """Return positions (n,) from 0 (left out) to length, at rest at both ends, slowed down to whole samples."""
     given = ruckig.InputParameter(1)
     given.max_velocity, given.max_acceleration, given.max_jerk = [velocity], [acceleration], [jerk]
     given.current_position, given.target_position = [0.0], [length]

@@ -108,7 +108,7 @@ class FloorPlan:
         resolution: Resolution,
         colours: Mapping[str, Colour],
     ) -> None:
-        """``scale``: pixels for one metre."""
+        """Begin an empty sheet with ``scale`` pixels for one metre."""
         x_min, y_min, x_max, y_max = view
         self.view, self.scale, self.colours = view, scale * FINE, colours
         self.scenery, self.resolution = scenery, resolution
@@ -158,7 +158,7 @@ class FloorPlan:
         self._refused()
 
     def _scores(self) -> None:
-        """Spots of the candidates, the best on top."""
+        """Draw spots of the candidates, the best on top."""
         found = [(bases, scores) for bases, scores in self.resolution.scored if len(scores) and scores.max() > 0]
         if not found:
             return
@@ -237,7 +237,7 @@ class FloorPlan:
         self.pen.polygon([self._at(*tip), *sides], fill=colour)
 
     def _names(self) -> None:
-        """Names of bodies, each where it covers no other: inside of large ones, else below."""
+        """Draw names of bodies, each where it covers no other: inside of large ones, else below."""
         taken: list[tuple[float, float, float, float]] = []
         width, height = self.sheet.image.size
         for body in sorted(self.scenery.bodies, key=lambda body: (body.kind != "meant", body.name)):
@@ -345,7 +345,7 @@ def save_picture(path: Path, scenery: Scenery, resolution: Resolution) -> None:
 
 
 def picture(scenery: Scenery, resolution: Resolution) -> Image.Image:
-    """Title, map and legend, and a close view where the places are near to each other."""
+    """Return title, map and legend, and a close view where the places are near to each other."""
     of = colours([*resolution.counts, *(one.reason for one in resolution.validated), *dict(resolution.refused), ""])
     x_min, y_min, x_max, y_max = scenery.bounds
     scale = min(WIDTH / max(x_max - x_min, 1e-3), TALLEST / max(y_max - y_min, 1e-3))
@@ -395,60 +395,71 @@ def colours(reasons: Sequence[str]) -> dict[str, Colour]:
     }
 
 
-def _legend(scenery: Scenery, resolution: Resolution, of: Mapping[str, Colour]) -> tuple[Image.Image, int]:
-    """Return the legend on a sheet that is tall enough, and how much of it is used [pixels of the sheet]."""
-    sheet = Sheet(LEGEND, 2400)
-    row = 0
+class _Legend:
+    """The legend on a sheet that is tall enough, written from the top."""
 
-    def entry(
-        text: str, *, size: int = 14, mark: Colour | None = None, outline: bool = False, faint: bool = False
-    ) -> None:
-        nonlocal row
-        if mark is not None and outline:
-            sheet.pen.line((0, row + 9 * FINE, 12 * FINE, row + 9 * FINE), fill=mark, width=2 * FINE)
-        elif mark is not None:
-            sheet.disc((5 * FINE, row + 9 * FINE), 5 * FINE, fill=mark)
-        shift = 18 * FINE if mark is not None else 0
-        for part in wrapped(text, size, (LEGEND - MARGIN) * FINE - shift):
-            sheet.text((shift, row), part, size, FAINT if faint else INK)
-            row += LINE * FINE
+    def __init__(self) -> None:
+        self.sheet, self.used = Sheet(LEGEND, 2400), 0
+        """The sheet, and how much of it is used [pixels of the sheet]."""
 
-    def gap() -> None:
-        nonlocal row
-        row += LINE * FINE // 2
+    def places(self, places: Sequence[BasePose], details: Sequence[str]) -> None:
+        """List places, best first."""
+        self._entry(f"{len(places)} place{'' if len(places) == 1 else 's'}, best first" if places else "no place", 16)
+        for number, (x, y, yaw) in enumerate(places[:MOST_LISTED]):
+            stated = details[number] if number < len(details) else ""
+            self._entry(f"{number + 1}:  x {x:.3f}  y {y:.3f}  yaw {yaw + 0.0:.2f}  {stated}".rstrip())
 
-    places = resolution.places
-    entry(f"{len(places)} place{'' if len(places) == 1 else 's'}, best first" if places else "no place", size=16)
-    for number, (x, y, yaw) in enumerate(places[:MOST_LISTED], 1):
-        stated = resolution.details[number - 1] if number <= len(resolution.details) else ""
-        entry(f"{number}:  x {x:.3f}  y {y:.3f}  yaw {yaw + 0.0:.2f}  {stated}".rstrip())
-    gap()
-    entry("candidates, by what became of them", size=16)
-    taken = sum(one.reason == "" for one in resolution.validated)
-    if taken > len(places):
-        entry(f"accepted: {taken}, others beside these places", mark=ACCEPTED)
-    else:
-        entry(f"accepted: {len(places)}", mark=ACCEPTED)
-    for reason, number in Counter(resolution.counts).most_common():
-        entry(f"{reason}: {number}", mark=of[reason])
-    if resolution.blocking:
-        gap()
-        entry("in the way", size=16)
+    def candidates(self, resolution: Resolution, of: Mapping[str, Colour]) -> None:
+        """Count candidates by what became of them, and what was in their way."""
+        self._head("candidates, by what became of them")
+        shown, taken = len(resolution.places), sum(one.reason == "" for one in resolution.validated)
+        others = f"{taken}, others beside these places" if taken > shown else str(shown)
+        self._entry(f"accepted: {others}", mark=ACCEPTED)
+        for reason, number in Counter(resolution.counts).most_common():
+            self._entry(f"{reason}: {number}", mark=of[reason])
+        if resolution.blocking:
+            self._head("in the way")
         for body, number in list(resolution.blocking.items())[:MOST_LISTED]:
-            entry(f"{body}: {number}")
-    if scenery.regions:
-        gap()
-        entry("outlines: where a conjunct holds", size=16)
-        for number, region in enumerate(scenery.regions):
-            entry(region.words, mark=REGIONS[number % len(REGIONS)], outline=True)
-    gap()
-    entry("score of a candidate", size=16)
-    sheet.scale((0, row), (160 * FINE, 12 * FINE), SCORES)
-    row += 16 * FINE
-    entry("low ... high; where there is none: no candidate", size=12, faint=True)
-    entry(
-        "ring: outline of what is placed, arrow: its heading; yellow: what is meant; a line for each metre",
-        size=12,
-        faint=True,
-    )
-    return sheet.image, row
+            self._entry(f"{body}: {number}")
+
+    def regions(self, regions: Sequence[Region]) -> None:
+        """Name the outlines of regions."""
+        if regions:
+            self._head("outlines: where a conjunct holds")
+        for number, region in enumerate(regions):
+            colour = REGIONS[number % len(REGIONS)]
+            self.sheet.pen.line((0, self.used + 9 * FINE, 12 * FINE, self.used + 9 * FINE), fill=colour, width=2 * FINE)
+            self._write(region.words, shift=18 * FINE)
+
+    def scores(self) -> None:
+        """Show which colour means which score, and explain the marks of the map."""
+        self._head("score of a candidate")
+        self.sheet.scale((0, self.used), (160 * FINE, 12 * FINE), SCORES)
+        self.used += 16 * FINE
+        marks = "ring: outline of what is placed, arrow: its heading; yellow: what is meant; a line for each metre"
+        for text in ("low ... high; where there is none: no candidate", marks):
+            self._write(text, 12, FAINT)
+
+    def _head(self, text: str) -> None:
+        self.used += LINE * FINE // 2
+        self._entry(text, 16)
+
+    def _entry(self, text: str, size: int = 14, mark: Colour | None = None) -> None:
+        if mark is not None:
+            self.sheet.disc((5 * FINE, self.used + 9 * FINE), 5 * FINE, fill=mark)
+        self._write(text, size, shift=0 if mark is None else 18 * FINE)
+
+    def _write(self, text: str, size: int = 14, colour: Colour = INK, shift: int = 0) -> None:
+        for part in wrapped(text, size, (LEGEND - MARGIN) * FINE - shift):
+            self.sheet.text((shift, self.used), part, size, colour)
+            self.used += LINE * FINE
+
+
+def _legend(scenery: Scenery, resolution: Resolution, of: Mapping[str, Colour]) -> tuple[Image.Image, int]:
+    """Return the legend, and how much of its sheet is used [pixels of the sheet]."""
+    legend = _Legend()
+    legend.places(resolution.places, resolution.details)
+    legend.candidates(resolution, of)
+    legend.regions(scenery.regions)
+    legend.scores()
+    return legend.sheet.image, legend.used

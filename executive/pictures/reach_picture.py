@@ -139,7 +139,7 @@ class _Panel:
             self.sheet.pen.rectangle((*box, *end), fill=blended(SCALE, (count - 1) / (YAWS - 1)))
 
     def axes(self, across: str, up: str) -> None:
-        """Lines and numbers every half metre, and what the axes are."""
+        """Draw lines and numbers every half metre, and what the axes are."""
         pen = self.sheet.pen
         for step in range(math.ceil(2 * self.across[0]), math.floor(2 * self.across[1]) + 1):
             u, v = self.at(step / 2, self.up[0])

@@ -110,7 +110,7 @@ class Recording:
     """
 
     def __init__(self, rate: int, drawn: Sequence[Drawn], *, title: str = "planlang run") -> None:
-        """``rate``: world steps per second; ``drawn``: what is looked at in every frame.
+        """Begin a recording with ``rate`` world steps per second; ``drawn`` is what is looked at in every frame.
 
         Raises BadInput when the package rerun-sdk is not installed.
         """
@@ -190,7 +190,7 @@ def placed(stream: rerun.RecordingStream, thing: Drawn, *, still: bool = True) -
 
 
 def _drawings(entity: str, shapes: Sequence[Shape]) -> list[tuple[str, Any]]:
-    """One drawing per kind of primitive, each under its own entity below the one that moves."""
+    """Return one drawing per kind of primitive, each under its own entity below the one that moves."""
     import rerun
 
     drawings: list[tuple[str, Any]] = []

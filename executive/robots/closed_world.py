@@ -27,6 +27,7 @@ class ClosedWorld:
     def __init__(self, ontologies: Iterable[Ontology]) -> None:
         self.ontologies: Sequence[Ontology] = tuple({id(one): one for one in ontologies}.values())
         self._above: dict[str, frozenset[str]] = {}
+        self._classes: dict[Term, frozenset[str]] = {}
         self._types: dict[Term, tuple[str, ...]] = {}
         self._defined: dict[str, tuple[Sequence[Expression], bool]] = {}
 
@@ -36,11 +37,14 @@ class ClosedWorld:
 
     def is_below(self, cls: str, upper: str) -> bool:
         """Return True if a class is another one or below it, by any of the ontologies."""
-        above = self._above.get(cls)
-        if above is None:
+        return upper in (self._above.get(cls) or self.above((cls,)))
+
+    def above(self, classes: Iterable[str]) -> frozenset[str]:
+        """Return classes and all that are above any of them, by any of the ontologies."""
+        for cls in (cls for cls in classes if cls not in self._above):
             found = (one.taxonomy.ancestors(cls) for one in self.ontologies)
-            above = self._above[cls] = frozenset((cls,)).union(*found)
-        return upper in above
+            self._above[cls] = frozenset((cls,)).union(*found)
+        return frozenset().union(*(self._above[cls] for cls in classes))
 
     def types(self, thing: Term) -> tuple[str, ...]:
         """Return the classes that an individual is stated to be of."""
@@ -110,7 +114,9 @@ class ClosedWorld:
             return cls == OWL.Thing
         if not isinstance(cls, str):
             return None
-        if any(self.is_below(kind, cls) for kind in self.types(thing)):
+        if thing not in self._classes:
+            self._classes[thing] = self.above(self.types(thing))
+        if cls in self._classes[thing]:
             return True
         definitions, known = self._definitions(cls)
         if definitions:

@@ -12,7 +12,7 @@ import numpy as np
 from executive.robots.mechanism import Mechanism, Naming
 from executive.robots.robot import Arm, Axis, Composition, Gripper, SelfModel, side_of
 from executive.robots.robot_file import ArmNumbers, GripperNumbers, RobotFile
-from planlang.designators import local_name
+from planlang.designators import local_name, unused_name
 from planlang.diagnostics import Diagnostic, error, note, warning
 from planlang.geometry import Array
 from planlang.geometry.matrices import inverse, moved, product, rotated
@@ -243,8 +243,5 @@ def renamed(arms: Sequence[Arm]) -> tuple[Arm, ...]:
     """Return the same arms with unique names."""
     names: list[str] = []
     for arm in arms:
-        name, number = arm.name, 2
-        while name in names:
-            name, number = f"{arm.name}_{number}", number + 1
-        names.append(name)
+        names.append(unused_name(arm.name, names))
     return tuple(replace(arm, name=name) for arm, name in zip(arms, names, strict=True))

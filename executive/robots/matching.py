@@ -5,7 +5,7 @@ Three answers: available, missing, and unknown, when neither the self-model nor 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from executive.robots.closed_world import ClosedWorld, compared, conjunction, disjunction, negation
@@ -122,6 +122,8 @@ class Matcher:
         self.ontology = ontology
         self.robot = robot
         self.world = ClosedWorld([ontology, *([robot.model.ontology] if robot.model else [])])
+        self._classes = [self.world.above(part.classes) for part in robot.parts]
+        """The classes of each part, with those above them."""
         self._known: dict[str, Finding] = {}
         self._open: dict[str, None] = {}
 
@@ -171,7 +173,8 @@ class Matcher:
     def component(self, needed: Requirement) -> Finding:
         """Return whether parts of the robot are what is required, and as many."""
         text, name = needed.text, needed.name
-        answers = [self._fits(part, needed) for part in self.robot.parts]
+        parts = zip(self.robot.parts, self._classes, strict=True)
+        answers = [self._fits(part, classes, needed) for part, classes in parts]
         kind = needed.quantifier if needed.quantifier in ("min", "max", "exactly") else "min"
         enough = compared(kind, needed.number, answers)
         found = [part for part, answer in zip(self.robot.parts, answers, strict=True) if answer]
@@ -209,22 +212,19 @@ class Matcher:
         del self._open[key]
         return found
 
-    def _fits(self, part: Part, needed: Requirement) -> bool | None:
-        name = needed.name
-        if name is not None and (part.iri == name or name in part.classes):
-            return True
-        if name is not None and any(self.world.is_below(cls, name) for cls in part.classes):
+    def _fits(self, part: Part, classes: Collection[str], needed: Requirement) -> bool | None:
+        if needed.name is not None and (part.iri == needed.name or needed.name in classes):
             return True
         if part.iri is None:
-            return self._by_classes(part, needed.expression)
+            return self._by_classes(classes, needed.expression)
         return self.world.satisfies(part.iri, needed.expression)
 
-    def _by_classes(self, part: Part, expression: Expression) -> bool | None:
-        """Return whether a part of which only classes are known satisfies an expression."""
-        answers = [self._by_classes(part, one) for one in expression.parts]
+    def _by_classes(self, classes: Collection[str], expression: Expression) -> bool | None:
+        """Return whether a part of which only classes are known, with those above, satisfies an expression."""
+        answers = [self._by_classes(classes, one) for one in expression.parts]
         match expression.kind:
             case "name":
-                return any(self.world.is_below(cls, str(expression.term)) for cls in part.classes)
+                return str(expression.term) in classes
             case "and":
                 return conjunction(answers)
             case "or":

@@ -98,7 +98,7 @@ def _robot(ontology: Ontology) -> str | None:
 
 
 def _urdf_names(ontology: Ontology) -> dict[str, str]:
-    """IRI -> name in the URDF, of everything that has one."""
+    """Return IRI -> name in the URDF, of everything that has one."""
     found = {}
     for triple in ontology.triples(None, expand("srdl2-comp:urdfName")):
         if isinstance(triple.subject, str) and isinstance(triple.object, Literal):
@@ -396,7 +396,7 @@ def trusting_map(robot: Robot) -> Robot:
 
 
 def side_of(*names: str) -> str | None:
-    """ "left" or "right" if the names say one of them and not the other."""
+    """Return "left" or "right" if the names say one of them and not the other."""
     sides = {word.lower() for name in names for word in re.findall(r"(?<![Uu]p)(?:[Ll]eft|[Rr]ight)|LEFT|RIGHT", name)}
     return sides.pop() if len(sides) == 1 else None
 

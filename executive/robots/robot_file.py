@@ -159,7 +159,7 @@ def read_robot(content: bytes, path: Path) -> RobotFile:
 
 
 def _lines_of(text: str) -> dict[str, int]:
-    """Dotted key -> line (from 1) of every table header and key."""
+    """Return dotted key -> line (from 1) of every table header and key."""
     lines: dict[str, int] = {}
     table = ""
     for number, line in enumerate(text.splitlines(), 1):

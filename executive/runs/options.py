@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 from pathlib import Path
 
-from executive.runs.tilts import Tilts
+from executive.runs.final_state import Tilts
 from planlang.diagnostics import Diagnostic
 from planlang.runs import RecordedRun
 from sim import PyBulletWorld

@@ -65,7 +65,7 @@ BUDGET, PER_STEP = 600.0, 60.0
 
 @dataclass(frozen=True, slots=True)
 class _Asked:
-    """What a plan is about: the map, its bodies, the parameters, what actions make, and the actions that it needs."""
+    """The subject of a plan: the map, its bodies, the parameters, what actions make, and the actions that it needs."""
 
     map: SemanticMap
     scene: Scene

@@ -1,4 +1,4 @@
-"""What a run writes beside its trace, and who looks on for that while it goes on."""
+"""Files that a run writes beside its trace, and those that look on for that while it goes on."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from pathlib import Path
 
 from executive.belief import Belief
 from executive.modules.platform import Platform
+from executive.runs.final_state import Tilts
 from executive.runs.options import RunOptions
 from executive.runs.parameters import Bound, things_of
-from executive.runs.tilts import Tilts
 from executive.runs.traces import Record, lines_of
 from planlang import PlanFailure
 from planlang.diagnostics import Diagnostic
@@ -22,7 +22,7 @@ class Written:
     """Files that the options of a run ask for; ``listeners`` hear its events, ``watchers`` see the true world."""
 
     def __init__(self, options: RunOptions, platform: Platform, truth: PyBulletWorld) -> None:
-        """Nothing is written; the progress is told, and tilts are measured."""
+        """Tell the progress and measure tilts; nothing is written yet."""
         self._options, self._belief, self._truth = options, platform.belief, truth
         self._files: list[tuple[Path, Callable[[Path], object]]] = []
         self.tilts = Tilts(platform.leaning)

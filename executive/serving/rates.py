@@ -28,7 +28,7 @@ class Rates:
     """The requests of each asker, as the time at which all of them would have come at the permitted rate."""
 
     def __init__(self, each_second: float = USUAL, clock: Callable[[], float] = time.monotonic) -> None:
-        """``each_second``: requests of one asker; 0 for any number."""
+        """Permit ``each_second`` requests of one asker, with 0 any number."""
         self._each_second, self._clock = each_second, clock
         self._until: dict[str, float] = {}
         self._authors: dict[str, str] = {}

@@ -16,7 +16,7 @@ class Remembered(Generic[T]):
     """Results by keys of fixed size; which was not asked for longest is forgotten first. Threads may share it."""
 
     def __init__(self, most: int) -> None:
-        """``most``: bytes that are remembered."""
+        """Remember ``most`` bytes."""
         self._most, self._bytes = most, 0
         self._known: dict[bytes, tuple[T, int]] = {}
         self._lock = threading.Lock()

@@ -51,7 +51,7 @@ _ENDED = frozenset(("lost", "late", "memory"))
 
 
 class Busy(Exception):
-    """So many wait for their turn that another one would wait for long; ``seconds``: after which to come back."""
+    """The refusal of a call while so many wait for their turn; ``seconds`` says after how long to come back."""
 
     def __init__(self, seconds: float, what: str = "checked") -> None:
         super().__init__(f"too much is being {what} at the moment; try again later")
@@ -59,14 +59,14 @@ class Busy(Exception):
 
 
 class Failed(Exception):
-    """A worker came upon a mistake in planlang, or ended with it; the text says which."""
+    """The failure of a worker that came upon a mistake in planlang, or ended with it; the text says which."""
 
 
 class Source:
     """The process that workers are forked from; it is started when the first is needed. Threads may share it."""
 
     def __init__(self, folders: Sequence[Path]) -> None:
-        """``folders``: those of the vocabulary."""
+        """Let workers read the vocabulary in ``folders``, beside the bundled one."""
         self._folders = folders
         self._lock = threading.Lock()
         self._process: subprocess.Popen[bytes] | None = None
@@ -120,7 +120,7 @@ class Workers:
     """Some workers of one source, and the queue of those who need them. Threads may share it."""
 
     def __init__(self, source: Source, number: int, limits: Limits, longest_wait: float = LONGEST_WAIT) -> None:
-        """``longest_wait``: whoever is expected to wait longer is refused [s]."""
+        """Refuse whoever is expected to wait longer than ``longest_wait`` [s]."""
         self._source, self._number, self._limits, self._longest = source, number, limits, longest_wait
         self._lock = threading.Lock()
         self._free: list[_Worker | None] = [None] * number  # None: one that has still to be forked
@@ -129,7 +129,7 @@ class Workers:
 
     @property
     def are_free(self) -> bool:
-        """True if a call would be done at once."""
+        """Whether a call would be done at once."""
         return bool(self._free)
 
     @property
@@ -246,7 +246,7 @@ class Staff:
     """The workers of a server: those who check, those who let somebody read, and one for what can wait."""
 
     def __init__(self, folders: Sequence[Path] = (), limits: Limits = LIMITS) -> None:
-        """``folders``: those of the vocabulary."""
+        """Employ workers who read the vocabulary in ``folders``, beside the bundled one."""
         self._source = Source(folders)
         self.checking = Workers(self._source, AT_A_TIME, limits)
         self.reading = Workers(self._source, AT_A_TIME, limits)

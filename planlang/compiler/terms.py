@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from keyword import kwlist
 
 from planlang.compiler.tree import ActionTerm, Described, Kept, Passed, PlaceUse, Resting, Value
-from planlang.designators import local_name, snake_case
+from planlang.designators import local_name, snake_case, unused_name
 from planlang.ontology import Ontology, shorten
 from planlang.recipe.actions import Actions
 from planlang.recipe.fillers import is_of_unknown_kind
@@ -351,12 +351,7 @@ def _device(fillers: Iterable[Filler]) -> Thing | None:
 
 def _unclashed(key: str, taken: Iterable[str]) -> str:
     """Return a keyword argument of ``action`` for a property: no keyword of Python, nor a parameter of ``action``."""
-    used = {*taken, "type", "name", "below", *kwlist}
-    number, name = 1, key
-    while name in used:
-        number += 1
-        name = f"{key}_{number}"
-    return name
+    return unused_name(key, {*taken, "type", "name", "below", *kwlist})
 
 
 ROLES = ("base", "torso", "arm", "gripper", "head")

@@ -329,7 +329,7 @@ class _Checker:
         return roots[0]
 
     def _check_roots(self, links: Mapping[str, Element], above: Mapping[str, str], roots: Sequence[str]) -> None:
-        """Exactly one root, from which everything hangs."""
+        """Look for exactly one root, from which everything hangs."""
         if len(roots) > 1:
             message = f"the robot falls into {len(roots)} pieces, which begin at {', '.join(roots[:_SHOWN])}"
             self._bad(message, links[roots[1]])
@@ -398,7 +398,7 @@ def extents_of(shape: ElementTree.Element) -> list[str]:
 
 
 def numbers(text: str) -> tuple[float, ...]:
-    """Finite numbers in an attribute; empty if any of them is none."""
+    """Return the finite numbers in an attribute; none if any of them is not finite."""
     try:
         values = tuple(float(word) for word in text.split())
     except ValueError:

@@ -171,7 +171,7 @@ class BaseScope(Node):
     crash: BaseException | None
 
     def stir(self) -> None:
-        """Have it decide after this round."""
+        """Let it decide after this round."""
         if not self.dirty:
             self.dirty = True
             heappush(self.scheduler.dirty, (-self.depth, self.birth, self))

@@ -186,7 +186,7 @@ class WorldFluent(Fluent[T]):
         scheduler.vital_waits += self.vital
 
     def unwatch(self, wait: Wait) -> None:
-        """No longer tell ``wait``."""
+        """Tell ``wait`` no longer."""
         super().unwatch(wait)
         scheduler = serving()
         waits = scheduler.world_waits

@@ -68,7 +68,7 @@ class Timer:
         heapq.heappush(queue.deadlines if self.deadline else queue.alarms, (self.due, self.ticket, self))
 
     def drop(self) -> None:
-        """Never fire."""
+        """Stop for good: it never fires."""
         assert self.task.timers is not None
         self.task.timers.remove(self)
         if self.due is not None:
@@ -189,7 +189,7 @@ class VirtualHost:
         self.watchdog = watchdog
 
     def advance(self, steps: int) -> None:
-        """Nothing has to be done."""
+        """Do nothing: no world has to be stepped."""
 
 
 class SimulationHost:
@@ -324,7 +324,7 @@ class RealTimeHost:
         self._passed = 0
 
     def post(self, function: Callable[..., object], *arguments: Any) -> None:
-        """Have ``function(*arguments)`` called in the plan's thread, between two steps of its tasks.
+        """Let ``function(*arguments)`` be called in the plan's thread, between two steps of its tasks.
 
         May be called from any thread. What the function raises ends the run.
         """

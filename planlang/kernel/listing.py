@@ -8,9 +8,9 @@ import sys
 from collections.abc import Callable, Iterable
 from types import CodeType, FrameType
 
-from planlang.failures import PlanFailure, Where
 from planlang.kernel.core import Task
 from planlang.kernel.tree import Node
+from planlang.plan_failure import PlanFailure, Where
 
 _PACKAGE = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 _OWN = tuple(os.path.join(_PACKAGE, part) for part in ("kernel/", "language/", "runs/", "recoveries.py"))
@@ -24,7 +24,7 @@ def is_own(filename: str) -> bool:
 
 
 def place_in(frame: FrameType) -> str:
-    """File and line that a frame is at."""
+    """Return the file and line that a frame is at."""
     return f"{os.path.basename(frame.f_code.co_filename)}:{frame.f_lineno}"
 
 

@@ -46,7 +46,7 @@ async def pause(steps: int, reason: object = None) -> None:
 
 
 def now() -> float:
-    """Plan time since the start of the run [s]."""
+    """Return the plan time since the start of the run [s]."""
     scheduler = serving()
     return scheduler.now / scheduler.rate
 

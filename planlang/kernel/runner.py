@@ -214,7 +214,7 @@ class Watch:
             ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(self._thread), ctypes.py_object(kind))
 
     def answer(self, frame: FrameType | None) -> bool:
-        """In the signal handler: False if the signal is a Ctrl-C; else raise what was meant, if it still applies."""
+        """Return False if the signal that is handled is a Ctrl-C; else raise what was meant, if it still applies."""
         if self._summons is None:
             return False
         (kind, mark), self._summons = self._summons, None
@@ -251,7 +251,7 @@ def _debugged(frame: FrameType | None) -> bool:
 
 
 def where(traceback: TracebackType | None) -> str:
-    """``file.py:12`` of the innermost line that is not ours."""
+    """Return ``file.py:12`` of the innermost line that is not ours."""
     place = "an unknown line"
     while traceback is not None:
         code = traceback.tb_frame.f_code
@@ -359,7 +359,7 @@ def _spoil(scheduler: Scheduler, error: BaseException) -> None:
 
 
 def _interrupt(scheduler: Scheduler, watch: Watch, frame: FrameType | None) -> None:
-    """Ctrl-C, called between byte codes: only takes note. The watchdog insists where the plan does not react."""
+    """Take note of a Ctrl-C between byte codes; the watchdog insists where the plan does not react."""
     if not watch.answer(frame):
         scheduler.interrupts += 1
         scheduler.inbox.put(None)

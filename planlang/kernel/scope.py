@@ -6,13 +6,14 @@ from collections.abc import Callable
 from operator import attrgetter
 from typing import Any
 
-from planlang.failures import BranchEvaporated, PlanFailure, attach_cleanup
+from planlang.failures import BranchEvaporated
 from planlang.kernel.cancel import checkpoint, deliver, delivery, evaporate
 from planlang.kernel.core import BaseScope, Task, here, park
 from planlang.kernel.errors import Evaporated, PlanStructureError
 from planlang.kernel.listing import place_of
 from planlang.kernel.primitives import in_node
 from planlang.kernel.tree import SUCCEEDED, Node, name_of
+from planlang.plan_failure import PlanFailure, attach_cleanup
 
 MAX_DEPTH = 10_000
 """Constructs inside of each other: more than any plan that was written, and less than what fills the memory."""
@@ -236,7 +237,7 @@ def failure_of(task: Task) -> PlanFailure:
 
 
 def _innermost(task: Task) -> str:
-    """Names and lines of the innermost tasks, each once."""
+    """Return names and lines of the innermost tasks, each once."""
     found: dict[str, None] = {}
     current: Task | None = task
     for _ in range(20):

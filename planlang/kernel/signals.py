@@ -148,7 +148,7 @@ class BaseFluent(Signal[T]):
         self._waits[wait] = None
 
     def unwatch(self, wait: Wait) -> None:
-        """No longer tell ``wait``."""
+        """Tell ``wait`` no longer."""
         self._waits.pop(wait, None)
 
     def notify(self) -> None:

@@ -66,7 +66,7 @@ class Call(Wait):
         return self.waiting and not self.task.doomed
 
     def _arrive(self) -> None:
-        """In the run's thread: the call has returned."""
+        """Hand the result of the call over, in the run's thread."""
         self.returned = True
         if inspect.iscoroutine(self._value):
             self._value.close()
@@ -177,7 +177,7 @@ class Calls:
             call.hand_over()
 
     def collect(self, scheduler: Scheduler) -> bool:
-        """In simulation: wait until all calls have returned, then let their callers go on; False if there are none.
+        """Wait in simulation until all calls have returned, then let their callers go on; False if there are none.
 
         Comes back early after Ctrl-C.
         """

@@ -20,7 +20,7 @@ THING, NOTHING = str(OWL.Thing), str(OWL.Nothing)
 
 @dataclass(frozen=True, slots=True)
 class Some:
-    """``property some filler``."""
+    """An existential restriction: ``property some filler``."""
 
     property: str
     filler: Concept
@@ -28,7 +28,7 @@ class Some:
 
 @dataclass(frozen=True, slots=True)
 class And:
-    """Both at once."""
+    """A conjunction of two concepts."""
 
     left: Concept
     right: Concept

@@ -40,7 +40,7 @@ class Completion:
     """Nodes of concepts under some axioms; more are made as they are asked for."""
 
     def __init__(self, axioms: Axioms, own: Axioms | None = None, *, most: int | None = None) -> None:
-        """``own``: axioms of one entry, beside those of the vocabulary; ``most``: nodes that are made at most."""
+        """Begin with the axioms of the vocabulary and an entry's ``own``; ``most`` nodes are made at most."""
         self.nodes: list[Node] = []
         self._most = most
         self._facts = 0

@@ -13,7 +13,7 @@ from planlang.knowledge.descriptions import Described, Description
 
 Numbers = NDArray[np.int32]
 LABEL = -1
-"""In the place of a property: the fact is a label."""
+"""The number in the place of a property where the fact is a label."""
 _STORED = np.dtype("<i4")
 
 
@@ -53,7 +53,7 @@ def packed(description: Description) -> bytes:
 
 @dataclass(frozen=True, slots=True)
 class Unpacked:
-    """What :func:`packed` wrote."""
+    """A description as :func:`packed` wrote it."""
 
     facts: Facts
     words: tuple[str, ...]

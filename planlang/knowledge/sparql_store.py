@@ -83,7 +83,7 @@ class SparqlStore:
     def __init__(
         self, url: str, contents: str | ObjectStore, *, revisions_kept: int = REVISIONS_KEPT, key: str | None = None
     ) -> None:
-        """``url``: that below which the endpoint has ``query`` and ``update``; ``contents``: an address of obstore.
+        """Use the endpoint with ``query`` and ``update`` below ``url``, and ``contents``, an address of obstore.
 
         ``key``: a Bearer token for the endpoint. Raises ValueError for an address that is none.
         """

@@ -88,7 +88,7 @@ class SqliteStore:
     """
 
     def __init__(self, path: Path, *, revisions_kept: int = REVISIONS_KEPT) -> None:
-        """``revisions_kept``: earlier revisions of an entry that stay beside the last one."""
+        """Open the file; ``revisions_kept`` earlier revisions of an entry stay beside the last one."""
         self._path = path
         self._kept = revisions_kept
         self._local = threading.local()

@@ -50,7 +50,7 @@ class Request:
 
 @dataclass(frozen=True, slots=True)
 class Described:
-    """What an entry is found by: fields of the entry, and its description as it was given."""
+    """The fields of an entry, and its description as it was given, by which it is found."""
 
     uid: str
     kind: Kind
@@ -78,13 +78,13 @@ class Store(Protocol):
         """Return the revisions that are kept, last first. Raises NoSuchEntry."""
 
     def descriptions(self) -> Iterator[Described]:
-        """Yield what every entry is found by, by identifier."""
+        """Yield the fields and descriptions of all entries, by identifier."""
 
     def description(self, uid: str) -> bytes:
         """Return the description of an entry's last revision. Raises NoSuchEntry."""
 
     def describe(self, uid: str, description: bytes, expected: str) -> None:
-        """Keep another description of the same content. Raises NoSuchEntry, Changed. No change that is news."""
+        """Keep another description of the same content, which is no news. Raises NoSuchEntry, Changed."""
 
     def create(self, content: Content, author: str, now: str, request: Request | None = None) -> Entry:
         """Keep a new entry, and with it by which request. Raises EntryExists; ValueError for a name without letters."""
@@ -111,7 +111,7 @@ class Store(Protocol):
         """Return a new key of an author (256 random bits); only its SHA-256 is kept. Earlier keys stay valid."""
 
     def drop_keys(self, author: str) -> int:
-        """Let no key of an author be valid any more; returns how many there were."""
+        """Let no key of an author be valid any more; return how many there were."""
 
     def author_of(self, key: str) -> str | None:
         """Return whose key this is, None for nobody's."""

@@ -8,7 +8,7 @@ from functools import partial
 from typing import Any, TypeVar
 
 from planlang.designators import Condition, Location, Object, located
-from planlang.failures import GoalNotAchieved, PlanFailure, PolicyViolated, attach_cleanup
+from planlang.failures import GoalNotAchieved, PolicyViolated
 from planlang.kernel import (
     All,
     Evaporated,
@@ -31,6 +31,7 @@ from planlang.language.branches import Branch
 from planlang.language.executive import executive_for
 from planlang.language.recovery import Recovery, Return, check_further, recovering
 from planlang.misuse import Usage, WrongType, contrast, written
+from planlang.plan_failure import PlanFailure, attach_cleanup
 
 V = TypeVar("V")
 

@@ -39,7 +39,7 @@ class ProcessModule(Protocol):
         """Failure classes that it may raise; any other exception is a programming error."""
 
     def resources(self, action: Action) -> tuple[str, ...]:
-        """Names of what the action needs exclusively: "base", "head", "torso", "right_arm", ..."""
+        """Return names of what the action needs exclusively: "base", "head", "torso", "right_arm", ..."""
 
     async def execute(self, action: Action) -> Any:
         """Perform the action; on evaporation stop the robot."""

@@ -180,7 +180,7 @@ def _by_parameter(rank: dict[str, int]) -> dict[str, int]:
 
 
 def _inputs(own: int, step: str, branch: Step, rank: dict[str, int], before: list[list[int]]) -> list[tuple[str, int]]:
-    """Parameters of a step that are filled with results of steps before it, and these steps."""
+    """Return the parameters of a step that are filled with results of steps before it, and these steps."""
     try:
         parameters = inspect.signature(branch).parameters.values()
     except (TypeError, ValueError):

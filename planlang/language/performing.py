@@ -134,7 +134,7 @@ async def perform(
     until: Goal | None = None,
     recoveries: Iterable[Recovery] = (),
 ) -> Any:
-    """Have a process module perform an action; returns what the module returns.
+    """Let a process module perform an action; return what the module returns.
 
     ``once``: nothing is known of what the action changes. From its beginning on, a scope around it
     (:func:`at_location`) tries no other place, and ends with the failure of its body.

@@ -333,7 +333,7 @@ def evaporate(handle: Handle) -> bool:
 
 @asynccontextmanager
 async def task_suspended(handle: Handle) -> AsyncIterator[Handle]:
-    """``async with task_suspended(h):`` holds the task while the block runs, and always wakes it up."""
+    """Hold the task while the block of ``async with task_suspended(h):`` runs, and always wake it up."""
     _check_handle("async with task_suspended", handle)
     # What is held is the task that the handle stands for, or the first that it will stand for. One that is tagged so
     # later is not, and may be held by somebody else.
@@ -348,7 +348,7 @@ async def task_suspended(handle: Handle) -> AsyncIterator[Handle]:
 
 @asynccontextmanager
 async def on_suspension(function: Callable[[], object]) -> AsyncIterator[None]:
-    """``async with on_suspension(f):`` calls the plain function whenever the task gets held inside the block."""
+    """Call the plain function whenever the task gets held inside the block of ``async with on_suspension(f):``."""
     _ON_SUSPENSION.plain("function", function, "a plain function, which is called at once by the suspender")
     owner = here()[1]
     if owner.hooks is None:

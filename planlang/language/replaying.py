@@ -220,7 +220,7 @@ def _leased(line: Line) -> tuple[str | None, tuple[str, ...]]:
 
 
 def _request(trace: ReplayCheck, path: str) -> tuple[list[int], int | None]:
-    """Places of the records inside of a request that begins here, and of its end; None if that is not recorded."""
+    """Return the places of the records in a request that begins here, and of its end; None if it is not recorded."""
     inside: list[int] = []
     below = f"{path}/"
     held = 0

@@ -44,7 +44,7 @@ class Lease(Wait):
         self.task = task
 
     def recheck(self) -> None:
-        """No longer held: it may be this one's turn."""
+        """Take the turn, if it is this one's and it is no longer held."""
         self._arbiter.grant()
 
     def __str__(self) -> str:

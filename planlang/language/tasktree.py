@@ -139,7 +139,7 @@ class TaskTree:
             node.parameters.update(details(event))
 
     def __iter__(self) -> Iterator[TaskNode]:
-        """Nodes from the root, children in order of beginning."""
+        """Yield the nodes from the root, children in order of beginning."""
         stack = list(reversed(self.roots))
         while stack:
             node = stack.pop()
@@ -147,7 +147,7 @@ class TaskTree:
             stack.extend(reversed(node.children))
 
     def json_lines(self) -> str:
-        """One JSON object per node, parents first: path, parent, kind, name, status, start, end [s], and more."""
+        """Return a JSON object per node, parents first: path, parent, kind, name, status, start, end [s], and more."""
         return "".join(json.dumps(node.record(), ensure_ascii=False) + "\n" for node in self)
 
     def dot(self) -> str:
@@ -191,7 +191,7 @@ def _dot_text(text: str) -> str:
 
 
 def _mermaid_text(text: str) -> str:
-    """Everything but letters, digits, and some signs that have no meaning in Mermaid, as its numeric entities."""
+    """Return a text with numeric entities for all but letters, digits, and signs without meaning in Mermaid."""
     return "".join(
         one if one.isalnum() or one in " _-.,:/()" else "<br>" if one == "\n" else f"#{ord(one)};" for one in text
     )

@@ -42,7 +42,7 @@ class Graph:
                     self._annotated.setdefault(key, []).append(subject)
 
     def subjects(self) -> tuple[str | BNode, ...]:
-        """Everything that something is said of, in order."""
+        """Return everything that something is said of, in order."""
         return tuple(self._about)
 
     def about(self, subject: str | BNode, predicate: str | None = None) -> list[Triple]:
@@ -333,7 +333,7 @@ class Names:
         self._found: dict[str, tuple[str, str] | None] = {}
 
     def split(self, iri: str) -> tuple[str, str] | None:
-        """Prefix and local name of an IRI; None if it has to be written in full."""
+        """Return prefix and local name of an IRI; None if it has to be written in full."""
         if iri not in self._found:
             self._found[iri] = next(self._splits(iri), None)
         found = self._found[iri]
@@ -347,7 +347,7 @@ class Names:
                 yield name, local
 
     def known(self) -> list[tuple[str, str]]:
-        """All prefixes with their namespaces, sorted."""
+        """Return all prefixes with their namespaces, sorted."""
         return sorted((name, space) for space, name in self._spaces.items())
 
     def used(self) -> list[tuple[str, str]]:

@@ -233,7 +233,7 @@ _FORMS = {
 
 
 def malformed(triples: Triples) -> list[Diagnostic]:
-    """Warnings about restrictions that say nothing, lists that do not end, and values that their datatype lacks."""
+    """Return warnings about restrictions that say nothing, lists that do not end, and values not of their datatype."""
     kinds = (_restrictions(triples), _lists(triples), _values(triples))
     return [found for kind in kinds for found in _bounded(kind)]
 

@@ -223,7 +223,7 @@ def items(triples: Triples, cell: int) -> Iterator[int]:
 
 
 def edges(triples: Triples) -> Iterator[tuple[str, str]]:
-    """Pairs (class, superclass) of named classes, in document order; equivalent names are below each other."""
+    """Yield pairs (class, superclass) of named classes in document order; equivalent names are below each other."""
     intersection, equivalent = triples.find(OWL.intersectionOf), triples.find(OWL.equivalentClass)
     for row in triples.by(*_SUPERCLASS_FORMS):
         lower, value = triples.name(triples.subjects[row]), triples.objects[row]
@@ -270,6 +270,6 @@ def namesakes(undefined: Iterable[str], classes: Iterable[str]) -> dict[str, str
 
 
 def twin(name: str) -> str | None:
-    """KnowRob's name for a term that RoboEarth calls the same; None for anything else."""
+    """Return KnowRob's name for a term that RoboEarth calls the same; None for anything else."""
     local = name.removeprefix(ROBOEARTH)
     return KNOWROB + local if local and local != name else None

@@ -45,7 +45,7 @@ _MANCHESTER = re.compile(
 _URDF = re.compile(r"(?:\s|<\?[^>]*\?>|<!--.*?-->|<!DOCTYPE[^>\[]*(?:\[[^\]]*\]\s*)?>)*+<robot\b", re.DOTALL)
 _GRID = re.compile(r"(?:image|resolution|origin|negate|occupied_thresh|free_thresh|mode)[ \t]*:[ \t\r\n]")
 _SENSED = (b"# Oc", b"# .P", b"VERS", b"ply\n", b"ply\r")
-"""How files of octrees and points begin."""
+"""The beginnings of files of octrees and points."""
 _NOTHING_SAID = re.compile(r"(?:[^\S\r\n]*(?:#[^\r\n]*)?(?:\r\n?|\n))*(?:[^\S\r\n]*#[^\r\n]*\Z)?")
 _TURTLE = re.compile(
     r"""@prefix\b|@base\b|(?i:prefix|base)\s
@@ -170,7 +170,7 @@ def _read(path: Path, content: bytes) -> Reading:
 
 @cache
 def _reader_digest() -> str:
-    """Digest of the source of everything that shapes the triples."""
+    """Return a digest of the source of everything that shapes the triples."""
     here = Path(__file__).parent
     digest = hashlib.sha256()
     for path in sorted([*here.glob("*.py"), *here.glob("*.lark")]):
@@ -426,7 +426,7 @@ def _vocabulary(address: str, path: tuple[str, ...], remote: bool) -> str:
 
 @cache
 def _vocabulary_addresses() -> dict[str, str]:
-    """Every address under which a vocabulary was ever published -> its name."""
+    """Return every address under which a vocabulary was ever published -> its name."""
     known = {f"{host}{name}.owl": name for host in _HOSTS for name in VOCABULARY_FILES}
     return known | {namespace.rstrip("#"): name for name, namespace in VOCABULARIES.items()}
 

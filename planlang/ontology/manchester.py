@@ -47,7 +47,7 @@ _WORD = re.compile(r'"|\S+')
 
 
 def where(problem: UnexpectedInput, text: str) -> int:
-    """Offset of the first character that does not fit; behind the last word if there should be more."""
+    """Return the offset of the first character that does not fit; behind the last word if there should be more."""
     if not _is_at_end(problem):
         return problem.pos_in_stream if problem.pos_in_stream is not None else len(text)
     lines = text.split("\n")

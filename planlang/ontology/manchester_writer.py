@@ -103,7 +103,7 @@ class _Writer:
     # annotations
 
     def _annotation(self, triple: Triple, kind: str = ANNOTATION) -> list[str]:
-        """``property value``, once for each annotation that it has in turn, or once without."""
+        """Yield ``property value``, once for each annotation that it has in turn, or once without."""
         words = f"{self._words.name(triple.predicate)} {self._words.term(triple.object)}"
         return [note + words for note in self._notes(triple, kind)] or [words]
 
@@ -111,7 +111,7 @@ class _Writer:
         return "\0".join(self._annotation(triple))
 
     def _notes(self, triple: Triple, kind: str = AXIOM) -> list[str]:
-        """``Annotations: ...`` for each node that annotates a triple."""
+        """Yield ``Annotations: ...`` for each node that annotates a triple."""
         found = []
         for node in self._graph.annotations(triple):
             said, frame = self._graph.notes(node)
@@ -121,7 +121,7 @@ class _Writer:
         return found
 
     def _noted(self, notes: list[Triple]) -> str:
-        """``Annotations: ...`` and a blank; nothing if there are none."""
+        """Return ``Annotations: ...`` and a blank; nothing if there are none."""
         texts = [text for note in notes for text in self._annotation(note)]
         return f"Annotations: {', '.join(texts)} " if texts else ""
 

@@ -65,7 +65,7 @@ class _TurtleWriter:
         self._inside = self._nested(self._subjects.once)
 
     def _nested(self, once: frozenset[BNode]) -> frozenset[BNode]:
-        """Nodes that are written where they are used: reached from a subject of their own, not too deep, no circle."""
+        """Return nodes written where they are used: reached from a subject of their own, not too deep, no circle."""
         nested: set[BNode] = set()
         level = [subject for subject in self._about if subject not in once]
         for _ in range(DEEPEST_IN_TURTLE):
@@ -84,7 +84,7 @@ class _TurtleWriter:
                 yield f"{self._term(subject)} {self._said(said, 1)} .\n"
 
     def _said(self, said: list[Triple], depth: int) -> str:
-        """``property value, value ; property value``: rdf:type first, then by property."""
+        """Return ``property value, value ; property value``: rdf:type first, then by property."""
         values: dict[str, list[str]] = {}
         for triple in sorted(said, key=lambda one: (one.predicate != RDF.type, one.predicate)):
             values.setdefault(triple.predicate, []).append(self._value(triple.object, depth))

@@ -239,7 +239,7 @@ class Ontology:
         return frozenset(found.union(self._of_kinds(self._class_kinds)))
 
     def class_names(self) -> tuple[str, ...]:
-        """All classes that are declared, in document order."""
+        """Return all classes that are declared, in document order."""
         return self._class_names
 
     @cached_property
@@ -270,7 +270,7 @@ class Ontology:
         return number is not None and any(predicates[row] in self._defining for row in self.store.about(number))
 
     def _number_of_thing(self, iri: str) -> int | None:
-        """Its number; of one of RoboEarth's about which no document says anything that of KnowRob's class."""
+        """Return its number; of one of RoboEarth's about which no document says anything that of KnowRob's class."""
         iri = iri if iri.startswith(ABSOLUTE) else expand(iri)
         number = self.store.numbers.get(iri)
         if iri.startswith(ROBOEARTH) and (number is None or self.store.first_about(number) < 0):
@@ -311,7 +311,7 @@ class Ontology:
         return None if first is None else self.store.span(first)
 
     def label(self, iri: str) -> str | None:
-        """Its label: one in English or without language before others."""
+        """Return its label: one in English or without language before others."""
         labels = [value for value in self.values(iri, RDFS.label) if isinstance(value, Literal)]
         labels.sort(key=lambda label: not (label.language or "en").startswith("en"))
         return labels[0].value.strip() if labels else None
@@ -408,7 +408,7 @@ class Ontology:
         )
 
     def valid_properties(self, action: str) -> tuple[str, ...]:
-        """IRIs of the properties that the vocabulary lists (``hasParameter``) for an action class or an ancestor.
+        """Return IRIs of properties that the vocabulary lists (``hasParameter``) for an action class or an ancestor.
 
         Sub-properties of those are valid too.
         """

@@ -338,7 +338,7 @@ class _Handler:
     # nodes and properties
 
     def _attributes(self, attributes: list[str], parent: _Frame) -> tuple[dict[str, str], str, str | None]:
-        """Attributes by IRI, and the base and language that hold from here on."""
+        """Return attributes by IRI, and the base and language that hold from here on."""
         given: dict[str, str] = {}
         base, language = parent.base, parent.language
         pairs = iter(attributes)

@@ -191,7 +191,7 @@ def _other_names() -> dict[str, str]:
 
 @cache
 def _headings() -> tuple[frozenset[str], dict[str, str]]:
-    """KnowRob's names, and bare name -> IRI for what the bundled vocabulary defines in other namespaces.
+    """Return KnowRob's names, and bare name -> IRI for what the bundled vocabulary defines in other namespaces.
 
     Read from the headings of the bundled files, without parsing them.
     """

@@ -116,7 +116,7 @@ class Triples(Sequence[Triple]):
         self.add(self.number(subject), self.number(predicate), self.number(value), span.line, span.column)
 
     def repeat(self, rows: Iterable[int], predicate: int, value: int) -> None:
-        """Behind each of these rows say this of its subject, too, as if it stood there."""
+        """Say this of its subject behind each of these rows, too, as if it stood there."""
         repeated = frozenset(rows)
         order = array("i", [row for row in range(len(self)) for _ in range(2 if row in repeated else 1)])
         for column in (*self._terms_of_rows(), self.lines, self.columns):

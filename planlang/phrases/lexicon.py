@@ -157,12 +157,12 @@ def _add(classes: dict[str, Object], worded: Iterable[tuple[str, Object]], used:
 
 
 def _whole(name: str) -> str:
-    """ "drinking bottle" of DrinkingBottle."""
+    """Return "drinking bottle" for DrinkingBottle."""
     return " ".join(_PIECES.findall(local_name(name))).lower()
 
 
 def _head(name: str) -> str:
-    """ "bed" of Bed-PieceOfFurniture."""
+    """Return "bed" for Bed-PieceOfFurniture."""
     return _whole(local_name(name).partition("-")[0])
 
 

@@ -34,13 +34,14 @@ from planlang.designators import (
     Relation,
     Situation,
 )
-from planlang.failures import CompositeFailure, PlanFailure, Where, attach_cleanup
+from planlang.failures import CompositeFailure
 from planlang.misuse import PlanStructureError
+from planlang.plan_failure import PlanFailure, Where, attach_cleanup
 
 DEEPEST = 50
 """Lists and objects nested deeper do not survive: far from where Python's own recursion ends."""
 SCHEMA = 3
-"""Of a trace: 2 had the state of a random stream as ``numbers`` where 3 has the count of its ``draws``."""
+"""Version of traces: 2 had the state of a random stream as ``numbers`` where 3 has the count of its ``draws``."""
 PLAIN = frozenset({str, int, bool, type(None)})
 """Classes of values that stand for themselves in JSON."""
 LONGEST = 256
@@ -169,7 +170,7 @@ def _member(path: str, name: str) -> Enum:
 
 
 def _subclasses(kind: type[Any]) -> Iterator[type[Any]]:
-    """All classes below one, the newest first: a plan that is imported again defines its classes again."""
+    """Return all classes below one, the newest first: a plan that is imported again defines its classes again."""
     for below in reversed(kind.__subclasses__()):
         yield below
         yield from _subclasses(below)
@@ -190,7 +191,7 @@ _MODULES = (
 
 @cache
 def _checks() -> dict[type[Any], Callable[[Any], bool]]:
-    """Value types -> whether the fields are of the types that they should be."""
+    """Return value types -> whether the fields are of the types that they should be."""
     from planlang.geometry import Pose
     from planlang.protocols import Configuration, Solution  # which need NumPy, as most plans do not
 
@@ -371,7 +372,7 @@ def _encode_object(value: object, depth: int) -> Any:
 
 
 def _encode_failure(error: BaseException) -> dict[str, Any]:
-    """Type, message, place, members and the chain of causes."""
+    """Return type, message, place, members and the chain of causes."""
     links = list(error.chain()) if isinstance(error, PlanFailure) else [error]
     outer: dict[str, Any] | None = None
     for link in reversed(links):

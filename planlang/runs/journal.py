@@ -134,7 +134,7 @@ class Journal:
                 opened.fluents[fluent] = None
 
     def charged(self, kind: str, part: str, number: int) -> None:
-        """Something is charged to budgets: ``kind`` is "spent" [world steps] or "used" [attempts]."""
+        """Record a charge to budgets: ``kind`` is "spent" [world steps] or "used" [attempts]."""
         for opened in self._around(here()[1].node):
             counts = opened.spent if kind == "spent" else opened.used
             counts[part] = counts.get(part, 0) + number
@@ -334,7 +334,7 @@ class Journal:
         return done.value
 
     def _go_on(self) -> None:
-        """From here on the plan runs."""
+        """Let the plan run from here on."""
         past, ahead = self._past, self._ahead
         assert past is not None
         assert ahead is not None
@@ -392,7 +392,7 @@ def _noted(value: object, error: BaseException | None = None) -> dict[str, Any]:
 
 
 def _moved(task: Task) -> tuple[int, float | None]:
-    """Another value after whatever was drawn: ``gauss`` gives every other number without a draw."""
+    """Return another value after whatever was drawn: ``gauss`` gives every other number without a draw."""
     stream = task.stream
     return (stream.moved, stream.gauss_next) if isinstance(stream, CountedRandom) else (0, None)
 

@@ -273,7 +273,7 @@ class Past:
         return found
 
     def answers(self) -> dict[str, Any]:
-        """Question -> how it was answered last, as :func:`outcome_of` tells it."""
+        """Return question -> how it was answered last, as :func:`outcome_of` tells it."""
         asked = (line.record for line in self.kept if line.event == "answer")
         return {str(record.get("asked")): outcome_of(record) for record in asked}
 

@@ -236,13 +236,13 @@ class Trace:
         return "".join(map(_line, self.events))
 
     def changed(self, fluent: BaseFluent[Any]) -> None:
-        """Not recorded by itself: what a plan does with a fluent is."""
+        """Record nothing: what a plan does with a fluent is recorded."""
 
     def charged(self, kind: str, part: str, number: int) -> None:
-        """Not recorded by itself."""
+        """Record nothing."""
 
     def sync(self) -> None:
-        """Have what was written so far survive a crash of the machine, if it is in a file of our own."""
+        """Let what was written so far survive a crash of the machine, if it is in a file of our own."""
         if isinstance(self._file, io.FileIO):
             with suppress(OSError):  # a pipe or a device has no disk to be written to
                 os.fsync(self._file.fileno())
@@ -349,7 +349,7 @@ class ResumedTrace(Trace):
         self._inner.end()
 
     def sync(self) -> None:
-        """Have what was written so far survive a crash of the machine."""
+        """Let what was written so far survive a crash of the machine."""
         self._inner.sync()
 
 

@@ -271,7 +271,7 @@ class _Explorer(Generic[V]):
     """Runs of one plan under one schedule after the other, beside the usual one: first come, first served."""
 
     def __init__(self, run: Callable[[ChoiceSource], PlanRun[V]], check: Check | None) -> None:
-        """Raises what the usual run does, and ValueError if it is another the second time."""
+        """Run as usual; raises what that does, and ValueError if it does another thing the second time."""
         self._run, self._check = run, check
         self.usual, self._first = self.run(None)
         made.append(self.usual)
@@ -287,7 +287,7 @@ class _Explorer(Generic[V]):
             )
         self.expected = outcome_of(self.usual)
         self.seen = Counter({trimmed(self._first.choices): 1})
-        """How often each list of choices was made."""
+        """The number of times that each list of choices was made."""
         self.complete = False
         """True once all schedules were tried."""
 

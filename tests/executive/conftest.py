@@ -134,15 +134,15 @@ def stand(stage: Stage, base: tuple[float, float, float]) -> None:
     stage.platform.sync()
 
 
-def hold_bottle(stage: Stage, arm: str = "right", turned: float = 0.0) -> None:
-    """Put the bottle into a hand, upright with the hand in the carrying posture, and let the belief know."""
+def hold_bottle(stage: Stage, arm: str = "right", turned: float = 0.0, name: str = "bottle") -> None:
+    """Put a bottle into a hand, upright with the hand in the carrying posture, and let the belief know."""
     tip = stage.platform.robot.arm(arm).tip
     there = stage.truth.link_pose(tip)
-    stage.truth.set_pose("bottle", Pose.planar(there.position[0], there.position[1], turned, there.position[2]))
+    stage.truth.set_pose(name, Pose.planar(there.position[0], there.position[1], turned, there.position[2]))
     _close(stage, arm)
-    stage.truth.attach(tip, "bottle")
-    offset = there.inverse() @ stage.truth.pose("bottle")
-    stage.belief.grasped("bottle", arm, tip, offset)
+    stage.truth.attach(tip, name)
+    offset = there.inverse() @ stage.truth.pose(name)
+    stage.belief.grasped(name, arm, tip, offset)
     stage.platform.sync()
 
 

@@ -22,6 +22,7 @@ NEW = RunOptions(
 )
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not CORPUS.is_dir(), reason="the corpus of real OWL files is not beside this checkout")
 def test_a_recipe_without_orders_runs_and_is_replayed_with_those_that_were_accepted(tmp_path: Path) -> None:
     trace = tmp_path / "run.jsonl"

@@ -15,6 +15,7 @@ TOWELS = Path(__file__).resolve().parents[2] / "docs" / "examples" / "damp_towel
 needs_reasoner = pytest.mark.skipif(missing() is not None, reason=str(missing()))
 
 
+@pytest.mark.long
 @needs_reasoner
 def test_contradictions_end_the_command_with_bad_input() -> None:
     ended = CliRunner().invoke(app, ["check", str(TOWELS), "--reason", "--reasoner", "pellet", "--json"])

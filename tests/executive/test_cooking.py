@@ -32,6 +32,7 @@ def cook(corpus: Path) -> tuple[Any, ...]:
     return (recipe, "--robot", "amigo", "--environment", KITCHEN, "--modules", MODULE, "--modules", POURING)
 
 
+@pytest.mark.long
 def test_the_recipe_runs_although_dough_and_pancake_are_not_in_the_map(cook: tuple[Any, ...], tmp_path: Path) -> None:
     trace = tmp_path / "run.jsonl"
     found = answer("run", *cook, "--trace", trace)
@@ -42,6 +43,7 @@ def test_the_recipe_runs_although_dough_and_pancake_are_not_in_the_map(cook: tup
     assert answer("replay", trace, cook[0], "--modules", MODULE, "--modules", POURING)["equal"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("lines", some([50, 30, 62]))
 def test_a_run_that_was_cut_goes_on_with_what_is_changed_already(
     cook: tuple[Any, ...], tmp_path: Path, lines: int

@@ -45,6 +45,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.long
 def test_a_real_run_is_exported_with_its_failures_resolutions_and_poses(run: Path) -> None:
     found = planlang("export", run / "run.jsonl", "--to", "neem", "-o", run / "neem", "--began", "2026-11-23T14:00:00Z")
     assert set(found["recovered"]) == set(found["failed"]) == {"ManipulationGoalInCollision"}
@@ -136,6 +137,7 @@ QUESTIONS = (
 )
 
 
+@pytest.mark.long
 def test_a_run_that_was_pushed_is_found_by_what_was_recovered_in_it(run: Path, tmp_path: Path) -> None:
     pytest.importorskip("fastapi", reason="the server is in the extra serve")
     from fastapi.testclient import TestClient

@@ -127,6 +127,7 @@ def test_an_arm_on_a_box_drives_to_where_it_reaches_the_bottle(panda: Path, tmp_
     assert found["failure"] == ["GraspMissed"], "all goes well until the gripper closes on nothing"
 
 
+@pytest.mark.long
 def test_an_arm_without_camera_lacks_what_the_recipe_needs(panda: Path) -> None:
     recipe = bundled("recipes") / "serve_a_drink.omn"
     found = run(recipe, "--robot", panda, "--environment", ROOM)

@@ -114,6 +114,7 @@ def test_a_run_killed_after_each_step_ends_as_if_it_had_not_been_killed(
         assert answer("replay", part, plan)["equal"]
 
 
+@pytest.mark.long
 def test_a_bundled_run_needs_nothing_but_its_trace(whole: Path, tmp_path: Path) -> None:
     part = killed(whole, tmp_path / "run.jsonl", completions(whole)[0] + 7, torn='{"step": 99, "ev')
     before = part.read_bytes()
@@ -126,6 +127,7 @@ def test_a_bundled_run_needs_nothing_but_its_trace(whole: Path, tmp_path: Path) 
     assert codes(answer("run", "--resume", part)) == ["X021"]
 
 
+@pytest.mark.long
 def test_no_older_trace_is_lost_when_a_run_is_resumed_twice(whole: Path, tmp_path: Path) -> None:
     first = killed(whole, tmp_path / "run.jsonl", completions(whole)[0] + 2).read_bytes()
     answer("run", "--resume", tmp_path / "run.jsonl")
@@ -144,6 +146,7 @@ def test_a_trace_named_otherwise_leaves_the_one_that_is_resumed_alone(whole: Pat
     assert lines(tmp_path / "on.jsonl") == lines(whole)
 
 
+@pytest.mark.long
 def test_a_run_killed_before_any_step_has_completed_begins_anew(whole: Path, tmp_path: Path) -> None:
     part = killed(whole, tmp_path / "run.jsonl", 9)
     assert answer("run", "--resume", part)["exit_code"] == 0
@@ -190,6 +193,7 @@ def test_a_plan_of_ones_own_has_to_be_named(stepwise: tuple[Path, Path], tmp_pat
         assert "planlang run FILE --resume" in refused["diagnostics"][0]["help"]
 
 
+@pytest.mark.long
 def test_a_result_that_does_not_survive_is_told_when_it_is_recorded_and_when_the_run_is_resumed(tmp_path: Path) -> None:
     plan = tmp_path / "serve.py"
     plan.write_text(PLAN.format(odd="object()"))
@@ -205,6 +209,7 @@ def test_a_result_that_does_not_survive_is_told_when_it_is_recorded_and_when_the
     assert lines(part) == lines(tmp_path / "run.jsonl")
 
 
+@pytest.mark.long
 def test_a_world_that_no_trace_tells_has_to_be_vouched_for(stepwise: tuple[Path, Path], tmp_path: Path) -> None:
     plan, trace = stepwise
     part = tmp_path / "run.jsonl"

@@ -20,9 +20,9 @@ from typing import Any, cast
 import pytest
 
 from executive.belief import read_map, scene_of
+from executive.runs.final_state import Tilts
 from executive.runs.options import Outcome, RunOptions, RunResult
 from executive.runs.plan_run import run_plan_file
-from executive.runs.tilts import Tilts
 from executive.runs.traces import ListenedTrace, line_of, lines_of
 from planlang import VirtualHost, a_constraint, a_feature, run, sleep
 from planlang.designators import action, an_object
@@ -81,6 +81,7 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> tuple[RunResult, Path, l
     return run_plan_file(options), folder, lines
 
 
+@pytest.mark.long
 def test_the_bundled_recipe_ends_with_the_bottle_in_the_patients_hand(
     served: tuple[RunResult, Path, list[str]],
 ) -> None:

@@ -170,6 +170,7 @@ def test_modules_that_are_imported_on_demand_are_what_is_stated_of_them(module: 
     assert (cls.name, cls.actions, cls.failures) == (module.name, module.actions, module.failures)
 
 
+@pytest.mark.long
 def test_a_plan_whose_bottle_may_be_anywhere_looks_for_it_first() -> None:
     found = answer("run", "serve_a_drink", "--unknown", "bottle1")
     assert (found["exit_code"], found["final_state"]) == (0, ["bottle1: held by patient1"]), found
@@ -180,6 +181,7 @@ def test_an_unknown_thing_that_the_map_does_not_have_is_refused() -> None:
     assert (found["exit_code"], found["diagnostics"][0]["code"]) == (2, "X005")
 
 
+@pytest.mark.long
 def test_the_map_that_is_uploaded_is_read_again_and_never_replaces_a_file_of_others(
     corpus: Path, tmp_path: Path
 ) -> None:

@@ -58,6 +58,7 @@ def test_what_a_hand_without_camera_misses_where_the_map_has_it_is_not_found() -
     assert found["final_state"] == ["bottle1: at rest on table1"]
 
 
+@pytest.mark.long
 def test_a_robot_with_a_camera_looks_unless_it_trusts_the_map(tmp_path: Path) -> None:
     looking, trusting = tmp_path / "looking.jsonl", tmp_path / "trusting.jsonl"
     for trace, options in ((looking, ()), (trusting, ("--trust-map",))):
@@ -75,6 +76,7 @@ def test_the_pr2_passes_the_drink_without_moving_its_base(tmp_path: Path) -> Non
     assert not any("Translation" in one for one in performed(trace))
 
 
+@pytest.mark.long
 def test_an_arm_that_is_fixed_at_the_table_passes_the_drink_by_a_robot_file_made_from_its_urdf(tmp_path: Path) -> None:
     urdf, file = Path(pybullet_data.getDataPath()) / "franka_panda" / "panda.urdf", tmp_path / "arm.toml"
     made = CliRunner().invoke(app, ["robot", "make", str(urdf), "-o", str(file)], prog_name="planlang")
@@ -88,6 +90,7 @@ def test_an_arm_that_is_fixed_at_the_table_passes_the_drink_by_a_robot_file_made
     assert stuck["exit_code"] == 1, "the base stays, and the bottle is out of reach"
 
 
+@pytest.mark.long
 def test_a_run_that_trusted_the_map_is_resumed_so(tmp_path: Path) -> None:
     trace = tmp_path / "run.jsonl"
     run("pass_a_drink", "--robot", "panda", "--trust-map", "--trace", trace)

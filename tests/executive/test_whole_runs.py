@@ -136,6 +136,7 @@ def test_a_bottle_on_another_table_is_nowhere_to_be_found(run_in: Run) -> None:
     assert len({tuple(record["base"]) for record in looked}) >= 3, "it was looked for from several places"
 
 
+@pytest.mark.long
 def test_without_the_patient_the_bottle_stays_in_the_gripper_while_they_are_looked_for(run_in: Run) -> None:
     result, _ = run_in(lambda scene: without(scene, "patient1"))
     assert (result.outcome, result.final_state) == (Outcome.FAILED, ("bottle1: held by robot",))
@@ -166,6 +167,7 @@ def test_a_chair_pushed_into_the_way_is_driven_around(run_in: Run) -> None:
     assert felt_or_seen, "the robot knows where the chair is"
 
 
+@pytest.mark.long
 def test_a_low_frame_around_the_bottle_that_no_map_shows_is_named(run_in: Run) -> None:
     def framed(scene: Scene) -> Scene:
         x, y, _ = scene.body("bottle1").pose.position
@@ -183,6 +185,7 @@ def test_a_low_frame_around_the_bottle_that_no_map_shows_is_named(run_in: Run) -
     assert result.final_state == ("bottle1: at rest on cabinet1",)
 
 
+@pytest.mark.long
 def test_a_barrier_across_the_room_that_no_map_shows_is_named(run_in: Run) -> None:
     result, _ = run_in(lambda scene: with_body(scene, "barrier", Pose((-1.2, 0.0, 0.5)), (0.05, 5.0, 1.0)))
     assert result.outcome is Outcome.FAILED

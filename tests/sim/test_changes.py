@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from planlang.geometry import Pose
 from sim import Body, PyBulletWorld, Scene
-from sim.facts import amount_of, came_to_be, is_baked, origins_of
+from sim.changes import amount_of, came_to_be, is_baked, origins_of
 from sim.matter import Heating, Matter, Portion, Rules
 from tests.sim.conftest import AMIGO
 

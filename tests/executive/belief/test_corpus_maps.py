@@ -123,6 +123,7 @@ def placed(name: str, text: str) -> tuple[SemanticMap, set[str], list[Diagnostic
     return semantic_map, {thing.iri for thing in semantic_map.objects if thing.pose}, found
 
 
+@pytest.mark.long
 @settings(max_examples=40, deadline=None)
 @given(data=st.data(), bad=st.sampled_from(BAD))
 def test_a_bad_number_costs_one_thing_and_a_warning_never_the_map(data: st.DataObject, bad: str) -> None:

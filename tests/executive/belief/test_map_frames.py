@@ -133,6 +133,7 @@ def test_frames_may_be_stated_relative_to_one_place(merged: Merge, mapped: Mappe
     assert place(semantic_map, "table1") == pytest.approx(PLACES["table1"])
 
 
+@pytest.mark.long
 @settings(
     max_examples=20,
     deadline=None,

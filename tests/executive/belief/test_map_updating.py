@@ -263,6 +263,7 @@ def test_a_kitchen_of_two_files_is_left_behind_as_one_with_the_same_things_and_j
     assert all(joints[1][leaf] == pytest.approx(joints[0][leaf], abs=1e-6) for leaf in joints[0])
 
 
+@pytest.mark.long
 def test_the_map_of_a_run_lets_the_next_run_begin_where_things_were_seen(tmp_path: Path) -> None:
     run = ["run", "serve_a_drink", "--seed", "3", "--update-map", str(tmp_path / "seen.omn")]
     assert CliRunner().invoke(app, run).exit_code == 0

@@ -117,6 +117,7 @@ def individual(name: str, cls: str, facts: list[str]) -> str:
     return f"Individual: {name}\n    Types: knowrob:{cls}\n    Facts: {', '.join(facts)}\n"
 
 
+@pytest.mark.long
 @settings(max_examples=60, deadline=None, phases=[Phase.explicit, Phase.reuse, Phase.generate])
 @given(text=maps(), target=st.sampled_from([*Target]))
 def test_a_generated_map_is_the_same_world_when_exported(

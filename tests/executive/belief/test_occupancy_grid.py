@@ -195,6 +195,7 @@ def test_files_of_real_maps_are_told_of_and_never_fetched(corpus: Path, kind: st
     assert [(one.code, "not fetched" in one.message) for one in found] == [("M025", True)]
 
 
+@pytest.mark.long
 def test_a_robot_drives_around_what_only_the_grid_has(around: Around, tmp_path: Path) -> None:
     picture = empty()
     picture[45:65, 58:72] = OCCUPIED

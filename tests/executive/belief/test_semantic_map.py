@@ -88,6 +88,7 @@ def test_a_pose_that_is_none_costs_its_thing_and_every_one_is_told(map_of: Read,
     assert [d.message.split()[0] for d in found if d.code == "M012"] == ["bad", "worse", "inside"]
 
 
+@pytest.mark.long
 def test_poses_that_are_relative_in_a_row_without_end_cost_their_things(
     map_of: Read, thing: Write, seen: Write
 ) -> None:

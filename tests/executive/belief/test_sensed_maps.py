@@ -259,6 +259,7 @@ def test_the_floor_what_is_over_any_robot_and_what_the_map_knows_are_no_obstacle
     assert covers(boxes, points).tolist() == [False] * len(none) + [True, True]
 
 
+@pytest.mark.long
 def test_a_robot_drives_around_what_only_an_octree_has(tmp_path: Path) -> None:
     path = tmp_path / "crate.bt"
     crate = [(x, y, z) for x in range(-6, 6) for y in range(-8, 8) for z in range(12)]

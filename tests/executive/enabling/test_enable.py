@@ -84,6 +84,7 @@ def test_whatever_one_piece_is_not_there_is_named_and_nothing_is_taken(tmp_path:
     assert not (tmp_path / "amigo").exists()
 
 
+@pytest.mark.long
 def test_what_was_taken_is_not_taken_again(tmp_path: Path) -> None:
     hospital(tmp_path / "kb.sqlite").close()
     enable(tmp_path / "kb.sqlite", tmp_path / "amigo")
@@ -108,6 +109,7 @@ def test_a_content_that_is_not_what_its_entry_states_is_refused(tmp_path: Path) 
     assert not (tmp_path / "amigo").exists()
 
 
+@pytest.mark.long
 def test_a_task_is_found_by_its_class_its_label_and_a_class_above_it(tmp_path: Path) -> None:
     hospital(tmp_path / "kb.sqlite").close()
     for name in ("ServeADrink", "serve a drink", "serveadrink.ward", "ServingFoodOrDrink"):
@@ -139,6 +141,7 @@ def test_what_the_robot_has_no_model_of_it_does_not_recognise(tmp_path: Path) ->
     assert "no recognition model of DrinkingBottle" in found["outcome"]
 
 
+@pytest.mark.long
 def test_a_model_that_is_taken_also_makes_the_robots_recognition_work(tmp_path: Path) -> None:
     """A robot whose self-model has no recognition model at all lacks a component, which the bottle's model is."""
     folder = Bundled.ROBOT.folder

@@ -46,6 +46,7 @@ def test_what_is_kept_is_renewed_when_the_knowledge_base_has_a_newer_revision(tm
     assert enable(tmp_path / "kb.sqlite", tmp_path / "amigo")[1]["renewed"] == []
 
 
+@pytest.mark.long
 def test_what_is_kept_stays_where_its_newer_revision_needs_what_is_missing(tmp_path: Path) -> None:
     store = hospital(tmp_path / "kb.sqlite")
     enable(tmp_path / "kb.sqlite", tmp_path / "amigo")
@@ -66,6 +67,7 @@ def test_what_is_not_complete_any_more_is_taken_again(tmp_path: Path) -> None:
     assert files(tmp_path / "amigo") == before
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("is_writable", [True, False])
 def test_entries_that_an_earlier_version_described_are_found_by_all_that_is_in_them(
     tmp_path: Path, is_writable: bool

@@ -58,6 +58,7 @@ def test_every_bundled_robot_has_maps_and_no_other_files_are_there() -> None:
     assert {path.name for path in MAPS.iterdir()} == expected, "run: make maps"
 
 
+@pytest.mark.long
 def test_a_map_that_is_built_here_is_the_bundled_one(tmp_path: Path) -> None:
     with arms_of("amigo") as (arm, *_):
         built = build_map(arm, GraspClass.TOP)

@@ -225,6 +225,7 @@ def test_only_a_joint_that_slides_straight_up_is_a_lift(arm: ArmModel) -> None:
     assert lift_of(chain, None) is None
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("joints", "shared"), [(JOINTS, True), (SCARA, False)])
 def test_the_files_of_maps_hold_their_rows(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, joints: Sequence[tuple[str, ...]], shared: bool

@@ -108,6 +108,7 @@ offsets = st.floats(-1.5, 1.5)
 PROPERTY = settings(max_examples=6, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("location", LOCATIONS, ids=str)
 @PROPERTY
 @given(x=offsets, y=offsets, yaw=st.floats(-math.pi, math.pi))

@@ -150,6 +150,7 @@ def test_places_keep_what_conjunctions_about_the_floor_say() -> None:
     assert sum(solved for _, solved in checked) > 5
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [0, pytest.param(5, marks=pytest.mark.long)])
 def test_places_keep_what_conjunctions_with_reach_and_sight_say(seed: int) -> None:
     room, robot = room_of("normal", seed), robot_of("amigo")
@@ -220,6 +221,7 @@ def test_a_question_that_was_interrupted_is_answered_as_if_it_had_never_been_ask
             stage.close()
 
 
+@pytest.mark.long
 def test_resolving_again_and_again_takes_no_more_memory() -> None:
     room, robot = room_of("normal", 1), robot_of("amigo")
     stage = Stage(room, robot)

@@ -34,6 +34,7 @@ def ways(amigo: Robot) -> Iterator[Callable[..., Ways]]:
         oracle.close()
 
 
+@pytest.mark.long
 def test_a_corner_that_is_walled_off_has_no_way(ways: Callable[..., Ways]) -> None:
     walled = ways(*WALLS)
     assert not walled.lead_to(CORNER)

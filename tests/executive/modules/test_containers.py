@@ -53,6 +53,7 @@ def test_a_leaf_is_opened_and_closed_again_by_its_handle(stack: ExitStack, robot
     assert stage.executive.holds(Condition("closed", (stage.designator("case"),)))
 
 
+@pytest.mark.long
 def test_a_low_upright_handle_is_taken_from_above(stack: ExitStack) -> None:
     back = (0.0, 0.0, 1.0, 0.0)
     grip = thing("grip", "Handle", Pose((0.5425, 0.25, 0.43), back), (0.015, 0.015, 0.3))
@@ -63,6 +64,7 @@ def test_a_low_upright_handle_is_taken_from_above(stack: ExitStack) -> None:
     assert stage.platform.belief.joints["leaf"].is_open(stage.truth.joint("leaf"))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [DOOR, DRAWER])
 def test_the_way_of_a_leaf_begins_as_the_arm_comes_straight_to_its_handle(stack: ExitStack, seed: int) -> None:
     stage = room(stack, drawn(seed))

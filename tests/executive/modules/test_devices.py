@@ -11,6 +11,7 @@ from executive.belief import MapObject, SemanticMap, scene_of
 from planlang.designators import Condition
 from planlang.failures import ActionUnresolvable, HandleNotReachable
 from planlang.geometry import Pose
+from tests.support.examples import some
 from tests.support.extras import HAS_PR2
 from tests.support.leaves import room, thing, vocabulary
 
@@ -33,7 +34,7 @@ def stack() -> Iterator[ExitStack]:
         yield stack
 
 
-@pytest.mark.parametrize("robot", ["amigo", "panda"])
+@pytest.mark.parametrize("robot", some(["amigo", "panda"]))
 def test_a_device_is_turned_on_and_off_by_its_button(stack: ExitStack, robot: str) -> None:
     stage = room(stack, (TABLE, MAKER, button()), robot)
     device = stage.designator("maker")
@@ -62,6 +63,7 @@ def test_a_button_that_no_map_has_is_pushed_where_the_device_would_have_it(stack
     assert stage.truth.changes.matter.is_on("maker")
 
 
+@pytest.mark.long
 def test_a_device_stays_off_whose_button_the_hand_did_not_meet(stack: ExitStack) -> None:
     bare = thing("maker", "PancakeMaker", *_at())
     stage = room(stack, (TABLE, MAKER, button()), truth=(TABLE, bare))

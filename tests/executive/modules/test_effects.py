@@ -42,7 +42,7 @@ from planlang.failures import ActionUnresolvable, GoalNotAchieved, ObjectNotTurn
 from planlang.ontology import load
 from planlang.testing import compiled
 from sim import PlanningWorld, PyBulletWorld
-from sim.facts import amount_of, came_to_be, is_baked, origins_of
+from sim.changes import amount_of, came_to_be, is_baked, origins_of
 from tests.support.kitchen import THINGS, kitchen_map
 
 KITCHEN = "http://example.org/kitchen.owl#"

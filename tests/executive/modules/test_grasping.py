@@ -130,6 +130,7 @@ def test_closing_on_nothing_misses_and_holds_nothing(before_bottle: Stage) -> No
     assert at_rest_on(stage.truth, "bottle") == "cabinet"
 
 
+@pytest.mark.long
 def test_a_missed_grasp_is_cured_by_looking_and_grasping_again(before_bottle: Stage) -> None:
     """The bottle is moved by somebody after it was seen, across the fingers; the recovery of grasping finds it."""
     stage, tries, moved = before_bottle, [], list[Pose]()

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from planlang import perform, timeout
 from planlang.designators import action, an_object
-from planlang.failures import Timeout
+from planlang.failures import ObjectNotFound, Timeout
 from planlang.geometry import Pose
 from planlang.motion_constraints import a_constraint, a_feature
 from sim import Body
 from tests.executive.conftest import PLACE, MakeStage
 
 TABLE = Body("table", Pose((1.3, 0.0, 0.37)), (0.8, 1.4, 0.74), type="KitchenTable")
+SHORTER = replace(TABLE, name="shorter", pose=Pose((1.05, 0.0, 0.37)), size=(0.3, 1.4, 0.74))
+"""Ends where the table of the map goes on, and is not recognised as it."""
 BOX = Body("box", Pose((1.15, -0.1, 0.8)), (0.1, 0.1, 0.12), type="FoodOrDrink", movable=True)
 TOP = Body("top", Pose((1.15, -0.1, 0.89)), (0.06, 0.06, 0.06), type="FoodOrDrink", movable=True)
 THE_BOX = an_object("FoodOrDrink", PLACE + "box")
@@ -23,6 +27,7 @@ DOWN = a_constraint("PERPENDICULARITY", AXIS, BOTTOM, lower=-1.2, upper=-0.5, na
 PUSH = action("PushingMotion", object_acted_on=THE_BOX, distance_translated=0.15, constrained_by=(LOW, DOWN))
 
 
+@pytest.mark.long
 def test_a_thing_is_believed_to_be_where_the_hand_is_when_its_push_is_interrupted(make_stage: MakeStage) -> None:
     stage = make_stage(TABLE, BOX, TOP)
 
@@ -35,3 +40,15 @@ def test_a_thing_is_believed_to_be_where_the_hand_is_when_its_push_is_interrupte
     assert 0.02 < gone < 0.13
     assert abs(stage.belief.pose("box").distance(BOX.pose) - gone) < 0.03
     assert abs(stage.belief.pose("top").distance(TOP.pose) - gone) < 0.03
+
+
+def test_a_thing_that_was_pushed_off_and_is_not_seen_any_more_is_looked_for(make_stage: MakeStage) -> None:
+    stage = make_stage(TABLE, BOX, truth=(SHORTER, BOX))
+
+    async def push() -> None:
+        await perform(PUSH)
+
+    with pytest.raises(ObjectNotFound) as caught:
+        stage.run(push)
+    assert caught.value.what == "box"
+    assert stage.truth.support("box") != "shorter"

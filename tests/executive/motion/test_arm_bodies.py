@@ -165,6 +165,7 @@ def test_held_things_move_along_with_the_hand(reacher: Reacher) -> None:
     assert hits
 
 
+@pytest.mark.long
 def test_what_was_learnt_keeps_the_two_apart_and_the_ends_stay_free(reacher: Reacher) -> None:
     ends = [q for q, _, touched, _ in _checked(reacher, 400) if not touched][:2]
     quick = reacher.quick()

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from constraint_problems import arms_of, at
+from constraint_problems import Arms, arms_of, at
 
+from executive.motion.constrained_ends import MotionProblem
 from executive.motion.errors import ConstraintsContradict
 from executive.motion.strokes import solve_stroke
 from planlang.designators import an_object
@@ -18,6 +21,7 @@ TOP = a_feature("PLANE", of=TABLE, position=(0.0, 0.0, 0.0), direction=(0.0, 0.0
 UPRIGHT = a_constraint("PERPENDICULARITY", AXIS, TOP, lower=0.97, upper=1.2, name="upright")
 LOW = a_constraint("HEIGHT", CENTRE, TOP, lower=0.0, upper=0.01, name="low")
 STRAY = 0.006
+TURNS = np.linspace(0.0, 2 * np.pi, 12, endpoint=False)
 
 
 def at_place(x: float, y: float) -> tuple[MotionConstraint, ...]:
@@ -26,24 +30,28 @@ def at_place(x: float, y: float) -> tuple[MotionConstraint, ...]:
     return (UPRIGHT, LOW, a_constraint("DISTANCE", CENTRE, here, upper=STRAY, name="place"))
 
 
-@pytest.mark.parametrize("is_closed", [True, False], ids=["circle", "arc"])
-@pytest.mark.parametrize("name", ["amigo", "panda"])
-def test_a_stroke_goes_through_all_places_and_keeps_what_holds_at_each(name: str, is_closed: bool) -> None:
+def holding_a_cup(name: str) -> tuple[Arms, MotionProblem]:
+    """A robot whose first hand holds a cup upright, before a table."""
     robot = arms_of(name)
     arm = robot.robot.arms[0]
     x, z = np.array(arm.approach), np.array(arm.closing)
     cup = at(0.0, 0.0, 0.0, np.column_stack([x, z, np.cross(x, z)]))
-    problem = robot.problem({CUP: (0, cup)}, {TABLE: at(0.5, -0.1, 0.8)})
+    return robot, robot.problem({CUP: (0, cup)}, {TABLE: at(0.5, -0.1, 0.8)})
+
+
+@pytest.mark.parametrize("is_closed", [True, False], ids=["circle", "arc"])
+@pytest.mark.parametrize("name", ["amigo", "panda"])
+def test_a_stroke_goes_through_all_places_and_keeps_what_holds_at_each(name: str, is_closed: bool) -> None:
+    robot, problem = holding_a_cup(name)
     start = np.mean(robot.group.bounds, axis=0)
-    turns = np.linspace(0.0, 2 * np.pi, 12, endpoint=False)
-    places = [at_place(0.06 * np.cos(turn), 0.06 * np.sin(turn)) for turn in turns]
+    places = [at_place(0.06 * np.cos(turn), 0.06 * np.sin(turn)) for turn in TURNS]
     first, lap = solve_stroke(problem, problem, start, places, [UPRIGHT, LOW], closed=is_closed)
     assert np.array_equal(first.positions[0], start)
     assert np.array_equal(first.positions[-1], lap.positions[0])
     assert np.array_equal(lap.positions[0], lap.positions[-1]) == is_closed
     assert max(robot.worst(problem, [UPRIGHT, LOW], row) for row in lap.positions[::6]) <= 1.0
     way = np.array([robot.tip(row, 0)[:2, 3] for row in lap.positions]) - (0.5, -0.1)
-    for turn in turns:
+    for turn in TURNS:
         there = 0.06 * np.array([np.cos(turn), np.sin(turn)])
         assert np.linalg.norm(way - there, axis=1).min() <= STRAY + 0.001
 
@@ -54,3 +62,12 @@ def test_a_stroke_beyond_reach_is_refused() -> None:
     start = np.mean(robot.group.bounds, axis=0)
     with pytest.raises(ConstraintsContradict):
         solve_stroke(problem, problem, start, [at_place(0.0, 0.0), at_place(3.0, 0.0)], [UPRIGHT], closed=False)
+
+
+def test_a_joint_far_slower_than_others_keeps_still_in_a_stroke_that_goes_round() -> None:
+    robot, problem = holding_a_cup("amigo")
+    rates = replace(problem.rates, velocity=np.append(0.01, problem.rates.velocity[1:]))
+    places = [at_place(0.06 * np.cos(turn), 0.06 * np.sin(turn)) for turn in TURNS]
+    slow, start = replace(problem, rates=rates), np.mean(robot.group.bounds, axis=0)
+    _, lap = solve_stroke(slow, slow, start, places, [UPRIGHT, LOW], closed=True)
+    assert np.ptp(lap.positions[:, 0]) < 0.005

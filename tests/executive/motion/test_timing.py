@@ -169,6 +169,7 @@ def test_wrong_arguments_are_refused_with_the_reason(changed: dict[str, object],
         time_path(NAMES, **arguments)  # type: ignore[arg-type]
 
 
+@pytest.mark.long
 def test_waypoints_are_never_handed_to_ruckig() -> None:
     # ruckig's intermediate_positions asks a service on the network
     folder = Path(executive.motion.__file__).parents[1]

@@ -43,6 +43,7 @@ def test_projection_leaves_what_is_upright_and_mostly_rights_what_is_not(
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("robot", ["amigo", "panda"])
 @settings(max_examples=examples(100))
 @given(seed=SEEDS)
@@ -57,6 +58,7 @@ def test_a_path_that_is_found_between_upright_postures_keeps_upright_all_the_way
     assert constraint.tilts(fine).max() < math.radians(15.0)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("robot", ["amigo", "panda"])
 def test_between_nearly_any_two_upright_postures_a_path_is_found(chain_of: Callable[[str], Chain], robot: str) -> None:
     found = [a_path(chain_of(robot), seed)[-1] is not None for seed in range(50)]

@@ -254,6 +254,7 @@ def test_legs_and_heads_are_no_arms(tmp_path: Path) -> None:
         assert bind_robot(tmp_path / "walker.urdf").arms == ()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("file", ["plane_implicit.urdf", "samurai.urdf", "laikago/laikago.urdf", "r2d2.urdf"])
 def test_what_is_hardly_a_robot_gives_a_robot_file_as_well(file: str) -> None:
     assert made(ARMS / file)["base"]["radius"] > 0

@@ -99,6 +99,7 @@ def test_every_task_of_a_recipe_is_matched_as_by_the_original(files: Corpus, rec
     assert files.compare(files.load(path), stated_tasks(Actions(load(path))))
 
 
+@pytest.mark.long
 def test_every_task_of_the_vocabularies_is_matched_as_by_the_original(files: Corpus) -> None:
     assert files.compare(files.load()) > 10
 

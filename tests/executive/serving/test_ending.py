@@ -41,6 +41,7 @@ def served(store: Path) -> Iterator[tuple[str, subprocess.Popen[str]]]:
             process.kill()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("ending", some([signal.SIGTERM, signal.SIGINT]))
 def test_a_server_that_is_ended_answers_what_was_asked_and_its_successor_knows_it(
     tmp_path: Path, ending: signal.Signals

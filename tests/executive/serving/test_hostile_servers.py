@@ -104,6 +104,7 @@ def command(serve: Callable[[httpx.Request], httpx.Response], *words: str) -> Re
         return CliRunner().invoke(app, list(words), prog_name="planlang")
 
 
+@pytest.mark.long
 @settings(suppress_health_check=[HealthCheck.too_slow])
 @given(st.sampled_from(COMMANDS), st.lists(st.tuples(STATUSES, bodies()), min_size=1, max_size=3))
 def test_whatever_a_server_says_a_command_ends_in_order(

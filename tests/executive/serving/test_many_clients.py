@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
 from many_clients import traffic
 
 from tests.support.servers import running_server
 
 
+@pytest.mark.long
 def test_many_clients_are_answered_and_what_was_accepted_is_readable(tmp_path: Path) -> None:
     with running_server(tmp_path / "kb.sqlite") as server:
         found = traffic(server.url, server.key("ada"), clients=12, seconds=2.0)

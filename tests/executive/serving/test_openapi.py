@@ -20,6 +20,7 @@ schemathesis.serializer("application/sparql-query")(lambda _, value: str(value).
 RECIPE = Bundled.RECIPE.find("serve_a_drink").read_bytes()
 
 
+@pytest.mark.long
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 @pytest.mark.parametrize("mode", some(schemathesis.GenerationMode), ids=lambda mode: mode.value)
 def test_no_request_makes_the_server_fail(app: FastAPI, store: SqliteStore, client: TestClient, mode: Any) -> None:

@@ -159,6 +159,7 @@ def test_a_map_is_shown_from_above_and_its_things_tell_what_they_are(browser: An
     assert watched.said == []
 
 
+@pytest.mark.long
 def test_scripts_in_labels_and_steps_do_nothing(browser: Any, server: RunningServer) -> None:
     hostile = RECIPE.read_text()
     for label in ("serve a drink", "drive to where the bottle is in reach"):

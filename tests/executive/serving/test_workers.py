@@ -162,6 +162,7 @@ def test_calls_are_answered_in_the_order_in_which_they_came(source: Source) -> N
     workers.close()
 
 
+@pytest.mark.long
 def test_an_upload_that_takes_too_long_is_refused_with_the_limit(tmp_path: Path) -> None:
     store, staff = SqliteStore(tmp_path / "kb.sqlite"), Staff((), SMALL_LIMITS)
     app = application(store, staff=staff)
@@ -175,6 +176,7 @@ def test_an_upload_that_takes_too_long_is_refused_with_the_limit(tmp_path: Path)
     store.close()
 
 
+@pytest.mark.long
 def test_readers_do_not_wait_while_hostile_uploads_are_checked(tmp_path: Path) -> None:
     with running_server(tmp_path / "kb.sqlite", SMALL_LIMITS) as server:
         headers, statuses = {"Authorization": f"Bearer {server.key('ada')}"}, list[int]()

@@ -26,8 +26,9 @@ from planlang.designators import (
     an_object,
     holding,
 )
-from planlang.failures import CompositeFailure, GraspMissed, LocationUnresolvable, ObjectNotFound, PlanFailure, Where
+from planlang.failures import CompositeFailure, GraspMissed, LocationUnresolvable, ObjectNotFound, PlanFailure
 from planlang.geometry import Pose
+from planlang.plan_failure import Where
 from planlang.protocols import Configuration, Solution
 from planlang.runs import DamagedTrace, Past, RecordedRun, with_paths
 from planlang.runs.codec import SCHEMA, Lost, dump, dump_failure, load, load_failure

@@ -17,7 +17,7 @@ from planlang.designators import Device
 from planlang.motion_constraints import a_feature
 from planlang.protocols import MotionState
 from planlang.testing import Script, run_plan
-from sim.facts import amount_of
+from sim.changes import amount_of
 from sim.world import held_by
 from tests.support.constraint_evaluation import beyond, value_of
 from tests.support.scenarios import CORPUS, Scenario, Watched, tilt

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from sim.facts import amount_of, came_to_be, origins_of
+from sim.changes import amount_of, came_to_be, origins_of
 from sim.leaves import inside
 from tests.support.scenarios import Scenario, Watched
 

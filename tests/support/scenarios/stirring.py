@@ -11,8 +11,8 @@ from sim.world import held_by
 from tests.support.scenarios import Scenario, Watched
 
 POT, SPOON = "pot1", "spoon1"
-SECONDS = 20.0
-"""How long the recipe says that the soup is stirred."""
+SECONDS, CIRCLES = 20.0, 5
+"""How long and how often round the recipe says that the soup is stirred."""
 
 
 def watch_the_tip(watched: Watched) -> None:
@@ -31,13 +31,13 @@ def watch_the_tip(watched: Watched) -> None:
 
 
 def stirred(watched: Watched) -> Iterator[str]:
-    """The tip went round in the pot for as long as it should, the pot stands where it stood, and nothing is spilled."""
+    """The tip went round as long and as often as it should, the pot stands where it stood, and nothing is spilled."""
     way = np.array(watched.notes.get("way", []))
     if len(way) < SECONDS * watched.world.rate:
         yield f"the spoon was in the pot for {len(way) / watched.world.rate:.1f} s"
     else:
         turns = np.ptp(np.unwrap(np.arctan2(way[:, 1], way[:, 0]))) / (2 * np.pi)
-        if turns < 3.0:
+        if turns < CIRCLES - 0.05:
             yield f"the spoon went round {turns:.1f} times"
     moved = math.dist(watched.world.pose(POT).position, watched.start[POT].position)
     if moved > 0.005:

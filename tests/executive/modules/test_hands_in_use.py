@@ -1,0 +1,83 @@
+"""Both hands hold something: what is refused then, and what the robot's own body keeps them from."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+
+import numpy as np
+import pytest
+
+from executive.modules.pair_paths import PairPaths
+from executive.robots.arm_pair import ArmPair
+from planlang import perform
+from planlang.designators import Device, action, an_object
+from planlang.failures import ActionUnresolvable, HandleNotReachable
+from planlang.geometry import Pose
+from planlang.motion_constraints import a_constraint, a_feature
+from sim import Body
+from tests.executive.conftest import BOTTLE, PLACE, MakeStage, Stage, hold_bottle
+from tests.support.leaves import drawn, room, thing
+
+TABLE = Body("table", Pose((1.3, 0.0, 0.37)), (0.6, 1.4, 0.74), type="KitchenTable")
+TRAY = Body("tray", Pose((1.2, 0.0, 0.755)), (0.3, 0.4, 0.03), type="Tray", movable=True, hands=2)
+DRAWER = 2
+"""Seed of a drawer."""
+
+
+@pytest.fixture
+def stage(make_stage: MakeStage) -> Stage:
+    """Amigo with a tray between its hands, before a table."""
+    stage = make_stage(TABLE, TRAY)
+    tips = {arm.name: stage.platform.robot.arm(arm.name).tip for arm in stage.platform.scene.arms.all}
+    x, y, z = np.mean([stage.truth.link_pose(tip).position for tip in tips.values()], axis=0).tolist()
+    stage.truth.set_pose("tray", Pose((x, y, z)))
+    for arm, tip in tips.items():
+        stage.truth.attach(tip, "tray")
+        stage.belief.grasped("tray", arm, tip, stage.truth.link_pose(tip).inverse() @ stage.truth.pose("tray"))
+    stage.platform.sync()
+    return stage
+
+
+@pytest.mark.parametrize("tool", ["hand", "tray"])
+def test_an_arm_that_holds_something_with_another_does_not_move_alone_under_constraints(
+    stage: Stage, tool: str
+) -> None:
+    left = stage.platform.robot.arm("left").iri
+    of = Device("Hand", left) if tool == "hand" else an_object("Tray", PLACE + "tray")
+    mine = a_feature("LINE", of=of, position=(0.0, 0.0, 0.0), direction=(0.0, 0.0, 1.0))
+    table = an_object("KitchenTable", PLACE + "table")
+    top = a_feature("PLANE", of=table, position=(0.0, 0.0, 0.37), direction=(0.0, 0.0, 1.0))
+    over = action("ITaSCMotion", constrained_by=(a_constraint("HEIGHT", mine, top, lower=0.1, name="over"),))
+    before = stage.truth.configuration().joints
+    with pytest.raises(ActionUnresolvable, match="the arms hold something together: neither moves alone"):
+        stage.run(lambda: perform(over))
+    arms = [joint for arm in stage.platform.scene.arms.all for joint in arm.joints]
+    assert [stage.truth.configuration().joints[one] for one in arms] == [before[one] for one in arms]
+
+
+def test_places_at_which_the_robot_would_touch_itself_are_counted_by_this_reason(stage: Stage) -> None:
+    platform = stage.platform
+    one, other = platform.scene.arms.all
+    paths = PairPaths(platform, ArmPair((one, other), platform.world.configuration().joints))
+    nearer = Pose((-0.1, 0.0, 0.0)) @ stage.truth.pose("tray")
+    assert list(paths.places("tray", [nearer], lambda pose: [platform.base()])) == [None]
+    assert paths.counts["touches itself"] > 0
+    assert not paths.blocking
+
+
+@pytest.mark.parametrize("kind", ["OpeningAContainerArtifact", "ClosingAContainerArtifact", "PushingMotion"])
+def test_a_leaf_is_neither_led_nor_pushed_while_no_hand_is_free(kind: str) -> None:
+    bottles = [thing(name, "DrinkingBottle", Pose((-2.0, y, 0.1)), BOTTLE.size) for name, y in (("one", 1), ("two", 2))]
+    with ExitStack() as stack:
+        furnished = room(stack, (*drawn(DRAWER), *bottles))
+        stage = Stage(furnished.truth, furnished.platform, furnished.executive)
+        value = 0.0 if kind.startswith("Opening") else 0.2
+        stage.truth.set_joint("leaf", value)
+        stage.belief.moved("leaf", value)
+        hold_bottle(stage, "right", name="one")
+        hold_bottle(stage, "left", name="two")
+        with pytest.raises(HandleNotReachable, match="no hand is free") as caught:
+            furnished.do(kind, "leaf")
+        assert caught.value.what == "leaf"
+        assert stage.truth.joint("leaf") == pytest.approx(value)
+        assert set(stage.belief.held) == {"one", "two"}
