@@ -11,8 +11,8 @@ from executive.belief.class_names import is_kind
 from executive.belief.measures import read_size
 from executive.belief.semantic_map import MapObject, SemanticMap
 from planlang.diagnostics import BadInput, Diagnostic, Severity
+from planlang.effects import effects_of, heat_effects, number_of_class, number_of_individual
 from planlang.ontology import Ontology, expand, shorten
-from planlang.recipe.effects import effects_of, heat_effects, number_of_class, number_of_individual
 from sim import Body
 from sim.matter import ON, Heating, Portion, Rules, Size
 

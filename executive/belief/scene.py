@@ -16,11 +16,11 @@ from executive.belief.in_hand import STOWED, is_in_hand
 from executive.belief.object_models import Blade
 from executive.belief.semantic_map import OPENINGS, MapObject, SemanticMap
 from planlang.diagnostics import Diagnostic, Span, note, warning
+from planlang.effects import number_of_class
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import rotated
 from planlang.geometry.shapes import corners, footprint, inside
 from planlang.ontology import expand, shorten
-from planlang.recipe.effects import number_of_class
 from sim import Body, Scene
 from sim.joints import Articulation
 from sim.scene import GRASPABLE_WIDTH, THIN, BodyShape, Cavity, Handle

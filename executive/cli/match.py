@@ -9,9 +9,10 @@ from executive.cli.arguments import MatchArguments
 from executive.cli.console import Answer, ExitCode
 from executive.cli.inputs import check_files, check_trusted, chosen, programs, read_recipe_file, refuse
 from executive.modules.bundled import performed_by
-from executive.robots import Semantics, bind_robot, match, possessions_of
+from executive.robots import Semantics, bind_robot, possessions_of
 from executive.robots.matching import Possessions
 from executive.robots.robot import claims_of, parts_of, read_self_model
+from executive.robots.tasks import match
 from planlang.diagnostics import BadInput, Diagnostic, Span, has_errors, note
 from planlang.files import Bundled
 from planlang.ontology import Ontology, expand, load

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
+from planlang.effects import effects_of, heat_effects
 from planlang.ontology import Ontology, expand
 from planlang.recipe import Actions, Kind, Place, RecipeSet, Step, Thing
 from planlang.recipe.actions import gone_to
-from planlang.recipe.effects import effects_of, heat_effects
 from planlang.recipe.model import Constraint, Filler, Part
 from planlang.recipe.readers import OUTPUTS
 

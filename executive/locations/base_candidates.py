@@ -23,7 +23,6 @@ from executive.locations.columns import Columns
 from executive.locations.grasp_candidates import CLASSES, GraspCandidates, Hand
 from executive.locations.reachability import CELL, YAWS, GraspClass, ReachabilityMap, carried, exact_places, is_bound
 from executive.locations.reachability_maps import reachability_map
-from executive.locations.rejections import NO_ROOM, NOT_VISIBLE
 from executive.robots.arms import ArmModel
 from planlang.geometry import Array
 
@@ -252,26 +251,25 @@ def last_rank(numbers: Indices, most: int) -> int:
 
 @dataclass(slots=True, eq=False)
 class Inversion:
-    """The inversion of maps for some hands, and what it refused on the way."""
+    """The inversion of maps for some hands, whatever has to be seen, and what it refused on the way."""
 
     room: Field
     conjuncts: Sequence[Conjunct]
     """Conjuncts of a location about the base, without the reach."""
-    misses: Misses | None
-    """Base poses from where the robot would not see what it has to."""
-    each: int
-    """Base poses of one grasp candidate that are kept: those with the best score, well spread."""
-    most: int
-    """Base poses that are wanted in all: more are kept only of the rank of the last, among those of its candidate."""
     refused: Counter[str] = field(default_factory=Counter)
     """Base poses that will not do, by reason: up to :data:`COUNTED` for each reason and grasp candidate."""
+    without_room: int = 0
+    """Base poses without room, counted likewise."""
+    _parts: list[_Part] = field(default_factory=list)
+    _known: dict[tuple[int, int], BaseCandidates] = field(default_factory=dict)
+    """Results of :meth:`best` where nothing that has to be seen is missed."""
     _crowded: list[tuple[int, int, float, Array]] = field(default_factory=list)
 
     def crowded(self) -> list[tuple[float, Array]]:
         """Return the score and the base pose of the best row of each grasp candidate without any that has room."""
         return [(score, base) for *_, score, base in sorted(self._crowded, key=lambda place: place[:2])]
 
-    def of(
+    def invert(
         self,
         hands: Sequence[Hand],
         inverse: InverseMaps,
@@ -279,13 +277,12 @@ class Inversion:
         *,
         least: float,
         rows: int,
-    ) -> BaseCandidates:
-        """Return base poses for arms and their grasp candidates, in the order of these.
+    ) -> None:
+        """Look at base poses for arms and their grasp candidates.
 
         ``lifted`` tells where the torso may be with the rest of the robot as it is. ``least`` and ``rows`` bound the
         rows of the maps by score, and by number for each torso position.
         """
-        parts: list[_Part] = []
         for number, (arm, candidates, _) in enumerate(hands):
             # those of one class, roll and height use the same rows of a map
             alike: dict[tuple[float, int, int], list[int]] = {}
@@ -298,16 +295,25 @@ class Inversion:
                 chosen = chosen.of(lifted(arm, chosen.torsos))
                 for some in blocks(len(mine), max(1, AT_ONCE // max(len(chosen.row), 1))) if len(chosen.row) else ():
                     index = np.array(mine[some], np.intp)
-                    parts.append(self._looked_up(number, candidates, index, chosen))
-        if not parts:
-            return BaseCandidates()
-        sizes = np.minimum(np.concatenate([part.sizes() for part in parts]), self.each)
-        last = last_rank(len(sizes) - np.cumsum(np.bincount(sizes, minlength=1)), self.most)
-        found = BaseCandidates.joined([part.best(self.each, last) for part in parts])
-        return found.chosen(np.lexsort((found.candidates, found.arms)))
+                    self._look_up(number, candidates, index, chosen)
 
-    def _looked_up(self, number: int, candidates: GraspCandidates, index: Indices, chosen: Rows) -> _Part:
-        """Return how good all rows (n) are for those of some candidates that have room, looked up at once."""
+    def best(self, each: int, most: int, misses: Misses | None) -> tuple[BaseCandidates, int]:
+        """Return base poses in the order of arms and grasp candidates, and how many were refused as ``misses`` tells.
+
+        Of a grasp candidate ``each`` are kept, those with the best score, well spread. ``most`` are wanted in all: more
+        are kept only of the rank of the last, among those of its candidate.
+        """
+        if misses is not None:
+            parts = [replace(part, factors=part.factors.copy()) for part in self._parts]
+            unseen = sum(part.weigh(lambda bases: (~misses(bases)).astype(float)) for part in parts)
+            if unseen:
+                return _best(parts, each, most), unseen
+        if (each, most) not in self._known:
+            self._known[each, most] = _best(self._parts, each, most)
+        return self._known[each, most], 0
+
+    def _look_up(self, number: int, candidates: GraspCandidates, index: Indices, chosen: Rows) -> None:
+        """Look up at once how good all rows (n) are for some candidates, and keep those that have room."""
         places = chosen.places
         v = chosen.v[places.first]
         near = self.room.has_room(candidates.points[index, :2], *places.away)
@@ -315,34 +321,16 @@ class Inversion:
         looked = self.room.looked_up(candidates.points[some, :2], candidates.headings[some], v)
         free = np.zeros(len(index), np.intp)
         free[near] = (looked > 0).astype(np.float64) @ places.sizes
-        self.refused[NO_ROOM] += int(np.minimum(len(chosen.row) - free, COUNTED).sum())
+        self.without_room += int(np.minimum(len(chosen.row) - free, COUNTED).sum())
         for candidate in index[free == 0].tolist():
             score = float(candidates.weights[candidate]) * float(chosen.score[0])
             base = _bases(candidates, np.array([candidate]), chosen, np.zeros(1, int))[0]
             self._crowded.append((number, candidate, score, base))
-        factors = looked[free[near] > 0]
-        index = index[free > 0]
-        if len(index):
-            self._weigh(factors, candidates, index, chosen)
-        return _Part(number, candidates, index, chosen, factors)
-
-    def _weigh(self, factors: Array, candidates: GraspCandidates, index: Indices, chosen: Rows) -> None:
-        """Multiply factors (w, u) of places by what conjuncts and sight say of them, and count what these refuse."""
-        tests: list[tuple[str, Weigh]] = list(self.conjuncts)
-        if (misses := self.misses) is not None:
-            tests.append((NOT_VISIBLE, lambda bases: (~misses(bases)).astype(float)))
-        places = chosen.places
-        for reason, weigh in tests:
-            candidate, place = _entries(factors)
-            weight = weigh(_bases(candidates, index[candidate], chosen, places.first[place]))
-            factors[candidate, place] *= weight
-            refused = weight <= 0
-            self.refused[reason] += _counted(candidate[refused], places.sizes[place[refused]])
-
-
-def _counted(candidates: Indices, numbers: Indices) -> int:
-    """Return how many base poses are counted, of each of which candidates (m,) have so many (m,)."""
-    return int(np.minimum(np.bincount(candidates, numbers), COUNTED).sum())
+        if free.any():
+            part = _Part(number, candidates, index[free > 0], chosen, looked[free[near] > 0])
+            for reason, weigh in self.conjuncts:
+                self.refused[reason] += part.weigh(weigh)
+            self._parts.append(part)
 
 
 def _bases(candidates: GraspCandidates, index: Indices, chosen: Rows, row: Indices) -> Array:
@@ -371,6 +359,15 @@ class _Part:
     def sizes(self) -> Indices:
         """Return how many base poses each candidate has (w,)."""
         return ((self.factors > 0).astype(np.float64) @ self.rows.places.sizes).astype(np.intp)
+
+    def weigh(self, weigh: Weigh) -> int:
+        """Multiply factors by what is said of bases, and return how many base poses are refused, as counted."""
+        places = self.rows.places
+        candidate, place = _entries(self.factors)
+        weight = weigh(_bases(self.candidates, self.index[candidate], self.rows, places.first[place]))
+        self.factors[candidate, place] *= weight
+        refused = weight <= 0
+        return int(np.minimum(np.bincount(candidate[refused], places.sizes[place[refused]]), COUNTED).sum())
 
     def best(self, each: int, last: int) -> BaseCandidates:
         """Return those of the best of ``each`` candidate, well spread, that are no worse than the ``last`` rank."""
@@ -412,6 +409,16 @@ class _Part:
         entry, row = places.rows_at(place)
         factors, candidate = self.factors[candidate, place][entry], candidate[entry]
         return candidate, row, factors * self.rows.score[row] * weights[candidate]
+
+
+def _best(parts: Sequence[_Part], each: int, most: int) -> BaseCandidates:
+    """Return the best base poses of some parts, as :meth:`Inversion.best` does."""
+    if not parts:
+        return BaseCandidates()
+    sizes = np.minimum(np.concatenate([part.sizes() for part in parts]), each)
+    last = last_rank(len(sizes) - np.cumsum(np.bincount(sizes, minlength=1)), most)
+    found = BaseCandidates.joined([part.best(each, last) for part in parts])
+    return found.chosen(np.lexsort((found.candidates, found.arms)))
 
 
 def _entries(scores: Array) -> tuple[Indices, Indices]:

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 from executive.belief.scene_collisions import BasePose
+from executive.locations.base_candidates import Inversion
 from executive.locations.grasp_candidates import Hand
 from planlang.failures import LocationUnresolvable
 from planlang.geometry import Array
@@ -70,6 +71,8 @@ class Findings:
     """Base poses, and what an arm in its present posture is inside of there, None if nothing."""
     hands: dict[int, FreeHands] = field(default_factory=dict)
     """By the stage of a search."""
+    inversions: dict[tuple[int, float, int, bool], Inversion] = field(default_factory=dict)
+    """By the stage of a search, the bounds of rows, and whether ways were asked for."""
 
 
 @dataclass(slots=True)

@@ -98,6 +98,7 @@ class Resolver:
             yield self._after({name: view for name, view in (here or views).items() if name in left}, solution)
         if not found and log.counts[NOT_VISIBLE]:
             yield from self._after_a_look(demand, wanted, log, found)
+        log.findings.inversions.clear()  # else the traceback would keep them
         raise log.failure(location, after=len(found))
 
     def _after_a_look(
@@ -185,6 +186,7 @@ class Resolver:
         for solution in chain.from_iterable(searches()):
             if not is_taken(solution.base):
                 found.append(solution.base)
+                log.findings.inversions.clear()  # large, and mostly not needed any more
                 yield solution
 
     def _check_parts(self, location: Location, demand: BaseDemand) -> None:

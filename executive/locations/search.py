@@ -11,19 +11,30 @@ import numpy as np
 
 from executive.belief.scene_collisions import BasePose
 from executive.locations.areas import Facing
-from executive.locations.base_candidates import Conjunct, Inversion, Misses, moved_to_room
+from executive.locations.base_candidates import BaseCandidates, Conjunct, Inversion, Misses, moved_to_room
 from executive.locations.budgets import SearchBudget
 from executive.locations.candidate_search import CandidateSearch, Sought, as_told
 from executive.locations.demands import BaseDemand, Reach
-from executive.locations.grasp_candidates import CLASSES
+from executive.locations.grasp_candidates import CLASSES, Hand
 from executive.locations.hand_predicates import Stage, candidates_of
 from executive.locations.hand_solutions import HandHits, unblocked
 from executive.locations.looking_once import numbered
-from executive.locations.rejections import NO_WAY, NOT_LOOKED_AT, NOT_VISIBLE, OUT_OF_REACH, FreeHands, Rejections
+from executive.locations.rejections import (
+    NO_ROOM,
+    NO_WAY,
+    NOT_LOOKED_AT,
+    NOT_VISIBLE,
+    OUT_OF_REACH,
+    FreeHands,
+    Rejections,
+)
 from executive.locations.validation import BaseValidator, scored, unmet
 from executive.robots.arms import ArmModel
 from planlang.geometry import Array
 from planlang.protocols import Solution
+
+Band = tuple[tuple[float, float], float, float]
+"""Middle, and the least and greatest distance from it of base poses [m]."""
 
 
 class ReachSearch:
@@ -57,30 +68,14 @@ class ReachSearch:
             return
         middle = np.mean([hand.candidates.points.mean(axis=0) for hand in hands], axis=0)
         aside = [np.linalg.norm(hand.candidates.points[:, :2] - middle[:2], axis=1).max() for hand in hands]
+        within = float(max(aside)) + reach
         bands = [(reach.body, validator.band(reach, self.arms)) for reach in self.wanted[1:]]
-        log.hopeless = self._is_hopeless(middle[:2], float(max(aside)) + reach, bands)
+        log.hopeless = self._is_hopeless(middle[:2], within, bands)
         before = log.counts[NOT_VISIBLE]
-        floor, block = scene.collisions.floor(), scene.bodies.block(self.wanted[0].body)
-        room = floor.field((float(middle[0]), float(middle[1])), block.yaw, float(max(aside)) + reach)
-        conjuncts: list[Conjunct] = [(f"not in reach of {body}", partial(_within, *band)) for body, band in bands]
-        conjuncts += [(unmet(term), partial(scored, term)) for term in self.demand.areas]
-        if log.findings.walled:
-            drivable = scene.collisions.drivable()
-            if not drivable.comes_near(middle[:2], float(max(aside)) + reach):
-                log.add(NO_WAY, sum(len(hand.candidates) for hand in hands))
-                return
-            conjuncts.append((NO_WAY, lambda bases: drivable(bases).astype(float)))
-        inversion = Inversion(room, conjuncts, self._unseen() if budget.fine else None, budget.each, budget.most)
-        lifted = scene.collisions.lifted
-        found = inversion.of(hands, self.inverse, lifted, least=budget.least, rows=budget.rows)
-        log.scored.append((found.bases, found.scores))
-        for reason, number in inversion.refused.items():
-            log.add(reason, number)
-        if not len(found) and not inversion.refused.total():
-            log.add(OUT_OF_REACH.text, sum(len(hand.candidates) for hand in hands))
-        self.crowded = inversion.crowded()
-        if log.explained:
-            validator.name_crowding(self.crowded, log)
+        if log.findings.walled and not scene.collisions.drivable().comes_near(middle[:2], within):
+            log.add(NO_WAY, sum(len(hand.candidates) for hand in hands))
+            return
+        found = self._inverted(hands, middle[:2], within, bands)
         if len(found):
             self.inverted = True
             some, stance = False, scene.collisions.stance_check(near)
@@ -90,12 +85,45 @@ class ReachSearch:
             if budget.then is not None and not some and self.sought.is_taken is None:
                 roomy = self.sought.rooms(numbered(as_told(found.bases)))(np.arange(len(found)))
                 crowded = found.chosen(~np.array(roomy, bool))
-                moved = moved_to_room(crowded, floor, middle[:2], room.yaw, budget.most)
+                floor, yaw = scene.collisions.floor(), scene.bodies.block(self.wanted[0].body).yaw
+                moved = moved_to_room(crowded, floor, middle[:2], yaw, budget.most)
                 then = replace(self.sought, budget=budget.then, log=log.uncounted())
                 if len(moved):
                     yield from CandidateSearch(then, moved, hands, middle, stance, self._unseen()).solutions()
                 log.findings.unseen |= then.log.counts[NOT_VISIBLE] + then.log.counts[NOT_LOOKED_AT] > 0
         log.findings.unseen |= log.counts[NOT_VISIBLE] > before or log.counts[NOT_LOOKED_AT] > 0
+
+    def _inverted(
+        self, hands: Sequence[Hand], middle: Array, within: float, bands: Sequence[tuple[str, Band]]
+    ) -> BaseCandidates:
+        """Return base poses by the maps within a distance of a place (2,), and count others.
+
+        Maps are inverted once for all searches that differ in how many base poses they look at, and in what is seen.
+        """
+        scene, budget, log = self.scene, self.budget, self.log
+        known, key = log.findings.inversions, (budget.stage, budget.least, budget.rows, log.findings.walled)
+        if key not in known:
+            x, y = middle.tolist()
+            room = scene.collisions.floor().field((x, y), scene.bodies.block(self.wanted[0].body).yaw, within)
+            conjuncts: list[Conjunct] = [(f"not in reach of {body}", partial(_within, *band)) for body, band in bands]
+            conjuncts += [(unmet(term), partial(scored, term)) for term in self.demand.areas]
+            if log.findings.walled:
+                drivable = scene.collisions.drivable()
+                conjuncts.append((NO_WAY, lambda bases: drivable(bases).astype(float)))
+            known[key] = Inversion(room, conjuncts)
+            known[key].invert(hands, self.inverse, scene.collisions.lifted, least=budget.least, rows=budget.rows)
+        inversion = known[key]
+        found, unseen = inversion.best(budget.each, budget.most, self._unseen() if budget.fine else None)
+        log.scored.append((found.bases, found.scores))
+        refused = {NO_ROOM: inversion.without_room, **inversion.refused, NOT_VISIBLE: unseen}
+        for reason, number in refused.items():
+            log.add(reason, number)
+        if not len(found) and not any(refused.values()):
+            log.add(OUT_OF_REACH.text, sum(len(hand.candidates) for hand in hands))
+        self.crowded = inversion.crowded()
+        if log.explained:
+            self.validator.name_crowding(self.crowded, log)
+        return found
 
     def _free_hands(self) -> FreeHands:
         """Return the grasp candidates of the first reach in which the hand itself is inside nothing; count others."""
@@ -120,9 +148,7 @@ class ReachSearch:
         hands = [hand for some in each for hand in some]
         return FreeHands(hands, reach, near, counted)
 
-    def _is_hopeless(
-        self, middle: Array, radius: float, bands: Sequence[tuple[str, tuple[tuple[float, float], float, float]]]
-    ) -> bool:
+    def _is_hopeless(self, middle: Array, radius: float, bands: Sequence[tuple[str, Band]]) -> bool:
         """Return whether a conjunct about the base holds nowhere within a radius [m] of a place (2,)."""
         areas = (term for term in self.demand.areas if not isinstance(term, Facing))
         apart = any(math.dist(middle, centre) > radius + most for _, (centre, _, most) in bands)

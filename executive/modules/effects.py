@@ -20,13 +20,13 @@ from executive.modules.platform import Platform
 from executive.modules.turning_over import check_turned
 from planlang import sleep
 from planlang.designators import Action, Location, Object, local_name
+from planlang.effects import Effects, effects_of, narrowest, number_of_class
 from planlang.failures import ObjectNotTurned, ObjectUnresolvable
 from planlang.geometry import Pose
 from planlang.kernel import PlanStructureError, now
 from planlang.language.executive import ProcessModule, WrappedModule
 from planlang.language.performing import actions_around
 from planlang.ontology import expand, shorten
-from planlang.recipe.effects import Effects, effects_of, narrowest, number_of_class
 from sim import PyBulletWorld
 from sim.changes import Changes, origins_of
 from sim.matter import PUDDLE, Portion, merged

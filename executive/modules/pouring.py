@@ -15,11 +15,11 @@ from executive.motion.arm_group import ArmGroup
 from executive.robots.arms import ArmModel
 from planlang import now
 from planlang.designators import Action, Object
+from planlang.effects import effects_of
 from planlang.geometry import Array, Pose
 from planlang.language.performing import actions_around
 from planlang.ontology import expand
 from planlang.protocols import Trajectory
-from planlang.recipe.effects import effects_of
 
 
 @dataclass(frozen=True, slots=True, eq=False)

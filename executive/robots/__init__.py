@@ -1,17 +1,17 @@
 """Robots: a self-model bound to a URDF, and what a task requires of it.
 
 General layout: ``binding`` is the entrance; ``robot`` reads SRDL, ``robot_file`` the numbers beside it and
-``mechanism`` the URDF, ``limbs`` brings them together. ``requirements`` reads what classes of actions
-and capabilities require, ``matching`` compares that with a robot, ``tasks`` does so for a whole recipe. ``arms`` is the
-robot as planning asks it. ``draft`` makes a robot file from a URDF: ``anatomy`` finds arms and hands in its tree,
-``hand_shape`` measures hands, ``srdf`` reads what stands beside it.
+``mechanism`` the URDF, ``limbs`` brings them together. ``requirements`` reads what classes of actions and
+capabilities require, ``matching`` compares that with a robot, ``tasks`` does so for a whole recipe; it is asked for
+by name, as the rest does without recipes. ``arms`` is the robot as planning asks it. ``draft`` makes a robot file
+from a URDF: ``anatomy`` finds arms and hands in its tree, ``hand_shape`` measures hands, ``srdf`` reads what stands
+beside it.
 """
 
 from executive.robots.binding import bind_draft, bind_robot, robots
 from executive.robots.matching import Missing, missing_capabilities, possessions_of
 from executive.robots.requirements import Availability, Finding, FindingKind, Semantics, requirements
 from executive.robots.robot import CARRYING, Arm, BaseDrive, Gripper, JointLimits, Robot, trusting_map
-from executive.robots.tasks import match
 
 __all__ = [
     "CARRYING",
@@ -27,7 +27,6 @@ __all__ = [
     "Semantics",
     "bind_draft",
     "bind_robot",
-    "match",
     "missing_capabilities",
     "possessions_of",
     "requirements",

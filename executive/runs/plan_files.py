@@ -13,7 +13,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from executive.robots import Availability, FindingKind, Missing, Robot, match, possessions_of
+from executive.robots import Availability, FindingKind, Missing, Robot, possessions_of
+from executive.robots.tasks import match
 from planlang.action_classes import ancestors_of, nearest_unstated
 from planlang.designators import action_class, local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning

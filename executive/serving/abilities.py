@@ -9,10 +9,11 @@ from functools import cache
 from typing import Any, cast
 
 from executive.modules.bundled import bundled_registry
-from executive.robots import Availability, match
+from executive.robots import Availability
 from executive.robots.matching import Matcher, Missing, Possessions, missing_in
 from executive.robots.requirements import together
 from executive.robots.robot import claims_of, parts_of, read_self_model
+from executive.robots.tasks import match
 from executive.serving.remembered import Remembered, digest
 from executive.serving.uploads import load_upload
 from executive.serving.vocabulary import Vocabulary

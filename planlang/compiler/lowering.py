@@ -29,6 +29,7 @@ from planlang.compiler.tree import (
 )
 from planlang.designators import snake_case
 from planlang.diagnostics import Diagnostic, error, note, warning
+from planlang.effects import effects_of
 from planlang.failures import ObjectUndeliverable, ObjectUnreachable, PlanFailure
 from planlang.language.location import CURABLE
 from planlang.ontology import Ontology, shorten
@@ -36,7 +37,6 @@ from planlang.ontology.terms import OWL
 from planlang.recipe.actions import Actions, RecoveryRule, gone_to, recoveries_of
 from planlang.recipe.checks import check
 from planlang.recipe.checks.orderings import ordering_to_write
-from planlang.recipe.effects import effects_of
 from planlang.recipe.fillers import action_class, is_vocabulary_class
 from planlang.recipe.model import Kind, Place, Recipe, RecipeSet, Step, Thing
 from planlang.recipe.order import Precedence, Unit, callees_first, recipe_order, scopes_of, single_steps

@@ -28,6 +28,7 @@ BREACHES = {
     "phrases know designators and ontologies only": ("planlang/phrases", "import planlang.failures"),
     "the language does not know recipes": ("planlang/language", "import planlang.recipe"),
     "only tests use planlang.testing": ("executive/cli", "import planlang.testing"),
+    "belief and places know no recipes": ("executive/belief", "import planlang.recipe"),
     "the executive imports one way": ("executive/robots", "import executive.belief"),
 }
 """Contract -> a package, or a file, and an import that it must not contain."""

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import pytest
 
-from executive.robots import Availability, FindingKind, Semantics, match
+from executive.robots import Availability, FindingKind, Semantics
 from executive.robots.matching import Possessions
 from executive.robots.robot import claims_of, parts_of, read_self_model
-from executive.robots.tasks import Match
+from executive.robots.tasks import Match, match
 from planlang.ontology import Ontology, load
 from planlang.recipe import Actions
 from planlang.recipe.reading import stated_tasks

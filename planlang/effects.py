@@ -112,7 +112,7 @@ def number_of_individual(ontology: Ontology, individual: str, name: str) -> floa
 
 def _declared(ontology: Ontology) -> dict[str, list[Effects]]:
     """Return what is declared for each class of actions; it is read once."""
-    key = "planlang.recipe.effects"
+    key = "planlang.effects"
     if key not in ontology.kept:
         table: dict[str, list[Effects]] = {}
         for individual in ontology.individuals(expand("ObjectChange")):

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from planlang.diagnostics import BadInput
+from planlang.effects import Effects, effects_of, heat_effects, number_of_class
 from planlang.ontology import Ontology, expand, load, shorten
-from planlang.recipe.effects import Effects, effects_of, heat_effects, number_of_class
 
 HEADER = """
 Prefix: : <http://example.org/tea.owl#>
