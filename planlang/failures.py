@@ -12,6 +12,7 @@ from typing import ClassVar
 
 from planlang.designators import Object
 from planlang.plan_failure import PlanFailure as PlanFailure
+from planlang.plan_failure import Where as Where
 from planlang.plan_failure import in_words
 
 

@@ -71,6 +71,9 @@ class PlanFailure(Exception):
         return raised
 
 
+PlanFailure.__module__ = "planlang.failures"  # where plans import it from, and as what traces name it
+
+
 def in_words(details: Mapping[str, Any]) -> str:
     """Return fields of a failure as a message states them."""
     return ", ".join(f"{name.replace('_', ' ')} {_plain(value)}" for name, value in details.items())

@@ -132,7 +132,9 @@ class ConstrainedMotions(PlatformModule):
         if isinstance(problem, NavigationFailure):
             raise problem
         if problem is None:
-            return motion, await apart(partial(self._way, grounding, motion, phase))
+            with suppress(ConstraintsUnsatisfied):
+                return motion, await apart(partial(self._way, grounding, motion, phase))
+        await self._look(grounding, asked, phase)
         motion = grounding.grounded(asked, phase)
         return motion, await apart(partial(self._just, grounding, motion, phase, explains=True))
 

@@ -65,7 +65,7 @@ def stances(
     doubtful = (away.min(axis=1) < (SHARES[0] - HAIR) * reach) | (away.max(axis=1) > (SHARES[-1] + HAIR) * reach)
     free = scene.collisions.floor().holds(bases) & scene.collisions.drivable()(bases)
     offered = 0
-    for row in np.lexsort((price, doubtful)):
+    for row in np.lexsort((price.round(9), doubtful)):  # noise of the last bits decides nothing
         base = tuple(map(float, bases[row]))
         if offered < MOST and free[row] and not scene.collisions.contacts((base[0], base[1], base[2])):
             offered += 1

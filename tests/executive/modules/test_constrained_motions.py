@@ -4,15 +4,19 @@ import pytest
 
 from executive.modules.constrained_motions import constraints_of
 from executive.modules.phases import Phases
-from planlang.designators import a_location, action, an_object
+from planlang import perform
+from planlang.designators import Device, a_location, action, an_object
 from planlang.failures import ActionUnresolvable
 from planlang.geometry import Pose
-from planlang.motion_constraints import MotionConstraint, a_constraint, a_feature
+from planlang.motion_constraints import ConstraintsUnsatisfied, MotionConstraint, a_constraint, a_feature
+from sim import Body
+from tests.executive.conftest import PLACE, MakeStage, stand
 
 CUP, PAN = an_object("Cup"), an_object("FryingPan")
 MOUTH = a_feature(of=an_object("ObjectActedOn"), path=("MouthOfVessel",))
 TOP = a_feature(of=an_object("TargetOfMotion"), path=("TopSide",))
 ABOVE = a_constraint("HEIGHT", MOUTH, TOP, lower=0.1)
+TABLE = Body("table", Pose((1.3, 0.0, 0.37)), (0.6, 1.4, 0.74), type="KitchenTable")
 
 
 @pytest.mark.parametrize("target", [PAN, a_location(on=PAN)])
@@ -34,3 +38,27 @@ def test_a_resumed_run_knows_where_things_were_and_what_held_before() -> None:
     phase.poured["Tilt cup1"] = 41.5
     again.restore(phases.snapshot())
     assert again.current() == phase
+
+
+def test_constraints_that_contradict_each_other_are_named_and_no_others(make_stage: MakeStage) -> None:
+    """Not from where the base is, and no place to which it could drive is any better."""
+    stage = make_stage(TABLE)
+    stand(stage, (-1.5, 0.0, 0.0))
+    hand = a_feature(
+        "LINE",
+        of=Device("Hand", stage.platform.robot.arm("left").iri),
+        position=(0.0, 0.0, 0.0),
+        direction=(0.0, 0.0, 1.0),
+    )
+    top = a_feature(
+        "PLANE", of=an_object("KitchenTable", PLACE + "table"), position=(0.0, 0.0, 0.37), direction=(0.0, 0.0, 1.0)
+    )
+    asked = (
+        a_constraint("HEIGHT", hand, top, lower=0.2, name="over"),
+        a_constraint("HEIGHT", hand, top, upper=0.1, name="low"),
+        a_constraint("DISTANCE", hand, top, upper=4.0, name="near"),
+        a_constraint("PERPENDICULARITY", hand, top, lower=-1.2, upper=1.2, name="any"),
+    )
+    with pytest.raises(ConstraintsUnsatisfied, match="contradict") as caught:
+        stage.run(lambda: perform(action("ITaSCMotion", constrained_by=asked)))
+    assert set(caught.value.constraints) == {"over", "low"}
