@@ -168,10 +168,11 @@ class Resolver:
                 yield FloorSearch(validator, demand, log).places()
                 return
             before, again, nothing, search = log.copy(), False, None, None
+            puts = any(reach.kind is ReachKind.PLACE for reach in wanted)
             for budget in BUDGETS:
                 if nothing == (budget.stage, budget.least, budget.rows):
                     continue  # the same base poses, of which more would be kept
-                if not log.counts[COLLISION]:  # nothing that a few degrees would help with
+                if not puts and not log.counts[COLLISION]:  # nothing that a few degrees would help with
                     budget = replace(budget, stage=min(budget.stage, Stage.ALL))
                 log.begin_again(before)
                 search = ReachSearch(validator, wanted, demand, arms, budget, log, is_taken if again else None)
