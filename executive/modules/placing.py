@@ -54,11 +54,11 @@ class Lowering(Reaching):
         with suppress(PerceptionFailure, LookingFailure):
             await super()._look_first(location)
 
-    async def _go(self, solution: HandSolution, location: Location) -> None:
+    async def _go(self, solution: HandSolution, location: Location, iterations: int) -> None:
         """Go above the place, into a compartment straight through where it is open, then straight down."""
         outside = self._outside(solution) if solution.reach.inside else None
         first = solution.joints[0] if outside is None else outside
-        await self._joint_path(solution.arm, first, None, solution.plan.label, iterations=FEW)
+        await self._joint_path(solution.arm, first, None, solution.plan.label, iterations=min(FEW, iterations))
         if outside is not None:
             await self._line(solution, solution.plan.poses[0], solution.joints[0])
         await self._straight(solution, solution.joints[1:2])

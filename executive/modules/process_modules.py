@@ -151,6 +151,8 @@ FEW = 300
 """Branches of a search after which the base backs off."""
 MOST_SOLUTIONS = 6
 """Hand poses of one location for which a path is planned: further ones differ little and fail alike."""
+FURTHER = ITERATIONS // (MOST_SOLUTIONS - 1)
+"""Branches of a search for each hand pose after one that has no path: in all no more than for that one."""
 
 
 @process_module
@@ -287,11 +289,14 @@ class Reaching(PlatformModule):
     async def _reach(self, arm: ArmModel, location: Location) -> None:
         """Try hand poses that satisfy the location until one has a path."""
         problem: ManipulationPoseUnreachable | None = None
+        iterations = ITERATIONS
         for solution in islice(self._solutions(arm, location), MOST_SOLUTIONS):
             try:
-                await self._go(solution, location)
+                await self._go(solution, location, iterations)
             except ManipulationPoseUnreachable as failure:
                 problem = problem or failure
+                if isinstance(failure.__cause__, NoPath):
+                    iterations = FURTHER
                 await checkpoint()
                 continue
             self.platform.arms.use(arm, solution)
@@ -305,18 +310,19 @@ class Reaching(PlatformModule):
             yield begun
         yield from self.platform.resolver.hands(location, arm, self.platform.arm_joints(arm))
 
-    async def _go(self, solution: HandSolution, location: Location) -> None:
+    async def _go(self, solution: HandSolution, location: Location, iterations: int) -> None:
         grasps = asks_for(location, "hand", Sense.GRASP_POINT)
-        await self.platform.hands.shape(solution.arm, solution.plan.fingers, widen=grasps)
+        arm, first, label = solution.arm, solution.joints[0], solution.plan.label
+        await self.platform.hands.shape(arm, solution.plan.fingers, widen=grasps)
         match solution.reach.kind:
             case ReachKind.RETREAT:
                 await self._straight(solution, solution.joints)
             case ReachKind.GRASP if grasps:
-                if not self.platform.arms.is_at(solution.arm, solution.joints[0]):
-                    await self._joint_path(solution.arm, solution.joints[0], None, solution.plan.label)
+                if not self.platform.arms.is_at(arm, first):
+                    await self._joint_path(arm, first, None, label, iterations=iterations)
                 await self._straight(solution, solution.joints[1:2])
             case _:
-                await self._joint_path(solution.arm, solution.joints[0], None, solution.plan.label)
+                await self._joint_path(arm, first, None, label, iterations=iterations)
 
     async def _joint_path(
         self,

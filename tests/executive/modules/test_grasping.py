@@ -8,6 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from executive.modules.platform import ITERATIONS
+from executive.motion import NoPath
+from executive.robots.arms import ArmModel
 from planlang import Recovery, look_and_repeat, par, perform, pursue, sleep, timeout, with_failure_handling
 from planlang.designators import Action, Location, a_device, a_location, a_person, a_posture, action, an_object, holding
 from planlang.failures import (
@@ -20,7 +23,7 @@ from planlang.failures import (
     ObjectNotFound,
     Timeout,
 )
-from planlang.geometry import Pose
+from planlang.geometry import Array, Pose
 from planlang.protocols import Detection
 from sim import Body
 from sim.world import at_rest_on, held_by
@@ -387,3 +390,18 @@ def test_what_a_person_has_taken_is_out_of_the_planning_world(ward: Stage) -> No
     hand_over(ward)
     ward.platform.sync()
     assert "bottle" not in ward.planning.names()
+
+
+def test_hand_poses_after_one_without_a_path_are_searched_for_no_longer_in_all(
+    before_bottle: Stage, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[int] = []
+
+    def path(arm: ArmModel, goal: Array, touches: str | None, iterations: int, others: object) -> None:
+        asked.append(iterations)
+        raise NoPath(goal.tolist(), goal.tolist(), {})
+
+    monkeypatch.setattr(before_bottle.platform.arms, "path", path)
+    with pytest.raises(ManipulationPoseUnreachable):
+        do(before_bottle, reach(BEFORE, device_used=RIGHT))
+    assert ITERATIONS < sum(asked) <= 2 * ITERATIONS
