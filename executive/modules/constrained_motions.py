@@ -131,12 +131,12 @@ class ConstrainedMotions(PlatformModule):
                 break
         if isinstance(problem, NavigationFailure):
             raise problem
-        if problem is None:
-            with suppress(ConstraintsUnsatisfied):
-                return motion, await apart(partial(self._way, grounding, motion, phase))
-        await self._look(grounding, asked, phase)
-        motion = grounding.grounded(asked, phase)
-        return motion, await apart(partial(self._just, grounding, motion, phase, explains=True))
+        if tried:
+            await self._look(grounding, asked, phase)
+            motion = grounding.grounded(asked, phase)
+        # Ends of places hold all constraints: if there is none, the motion was not tried yet without lighter ones.
+        last = self._way if problem is None else self._just
+        return motion, await apart(partial(last, grounding, motion, phase, explains=True))
 
     async def _get_ready(self, grounding: Grounding, motion: GroundedMotion, end: Array) -> None:
         """Bring the arms, one after another, to where they will be before the base goes there: here is more room."""
@@ -225,7 +225,9 @@ class ConstrainedMotions(PlatformModule):
 
     # The motion
 
-    def _way(self, grounding: Grounding, motion: GroundedMotion, phase: Phase) -> PhaseMotion:
+    def _way(
+        self, grounding: Grounding, motion: GroundedMotion, phase: Phase, *, explains: bool = False
+    ) -> PhaseMotion:
         """Return the motion of the phase, as far inside of its limits as it gets; raises ConstraintsUnsatisfied."""
         self.platform.sync()
         before = grounding.grounded(phase.before, phase).constraints if phase.before else ()
@@ -238,7 +240,7 @@ class ConstrainedMotions(PlatformModule):
                 phase_asked, kept = (*asked, *upright), (*before, *upright)
                 (found,) = solve_motion(problem, start, [phase_asked], kept, wishes=wished, explains=False)
                 return found
-        return self._just(grounding, motion, phase)
+        return self._just(grounding, motion, phase, explains=explains)
 
     def _just(
         self, grounding: Grounding, motion: GroundedMotion, phase: Phase, *, explains: bool = False
