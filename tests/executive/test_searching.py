@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
@@ -17,18 +16,15 @@ from executive.belief import Belief, read_map
 from executive.cli.app import app
 from executive.locations.likely_places import LOOKING
 from executive.modules.bundled import ON_DEMAND
-from executive.motion import Gaze
-from executive.robots import Robot
-from executive.robots.arms import ArmModel
 from planlang import perform
 from planlang.designators import Object, a_posture, action, an_object
 from planlang.failures import ObjectNotFound, ObjectNowhereToBeFound, PerceptionFailure
 from planlang.files import bundled
 from planlang.geometry import Pose
 from planlang.modules import OnDemand
-from planlang.ontology import Ontology, load
+from planlang.ontology import load
 from sim import Body
-from tests.executive.conftest import PLACE, MakeStage, Stage, furnisher
+from tests.executive.conftest import PLACE, MakeStage, Stage
 
 TABLE = Body("table", Pose((2.5, 0.0, 0.37)), (0.8, 1.2, 0.74), type="Table-PieceOfFurniture")
 COUNTER = Body("counter", Pose((-2.5, 0.0, 0.45)), (0.6, 1.2, 0.9), type="CounterTop")
@@ -53,14 +49,6 @@ def stage(make_stage: MakeStage) -> Stage:
     forget(made.belief, "bottle")
     made.platform.sync()
     return made
-
-
-@pytest.fixture
-def make_blind(
-    amigo: Robot, vocabulary: Ontology, limbs: tuple[tuple[ArmModel, ...], Gaze | None]
-) -> Iterator[MakeStage]:
-    """Furnishes rooms for a robot without camera."""
-    yield from furnisher(replace(amigo, camera=None), vocabulary, (limbs[0], None))
 
 
 def forget(belief: Belief, name: str) -> None:
