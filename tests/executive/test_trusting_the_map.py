@@ -36,8 +36,9 @@ def header(trace: Path) -> dict[str, Any]:
     return found
 
 
-def test_a_robot_without_camera_is_refused_with_what_lets_it_work() -> None:
-    found = run("pass_a_drink", "--robot", "panda")
+@pytest.mark.parametrize("words", [("pass_a_drink",), ("push_the_cup", "--environment", "soup_kitchen")])
+def test_a_robot_without_camera_is_refused_with_what_lets_it_work(words: tuple[str, ...]) -> None:
+    found = run(*words, "--robot", "panda")
     assert (found["exit_code"], found["failure"]) == (3, ["MissingCapability"])
     (advice,) = (one for one in found["diagnostics"] if one["code"] == "X013")
     assert "--trust-map" in advice["help"]
