@@ -33,6 +33,7 @@ from planlang.failures import (
     ManipulationFailure,
     ManipulationGoalNotReached,
     NavigationFailure,
+    ObjectNowhereToBeFound,
     PerceptionFailure,
 )
 from planlang.geometry import Array, Pose
@@ -142,7 +143,7 @@ class Pushing(Strokes):
 
     name = "pushing"
     actions = ("PushingMotion",)
-    failures = (EnvironmentManipulationFailure, *Strokes.failures)
+    failures = (EnvironmentManipulationFailure, *Strokes.failures, ObjectNowhereToBeFound)
 
     def resources(self, action: Action) -> tuple[str, ...]:
         """Return the whole robot."""
