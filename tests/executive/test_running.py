@@ -276,6 +276,7 @@ def test_an_interrupt_in_any_step_of_the_world_ends_the_run_with_a_complete_trac
     assert (tmp_path / "scene.png").is_file()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("line", [1, 9])
 def test_an_interrupt_while_progress_is_told_ends_the_run_with_a_complete_trace(line: int, tmp_path: Path) -> None:
     result = run_plan_file(replace(BUNDLED, trace=tmp_path / "run.jsonl", progress=_After(line)))

@@ -98,6 +98,7 @@ def thing(name: str) -> Object:
     return an_object("Table-PieceOfFurniture", PLACE + name)
 
 
+@pytest.mark.long
 def test_of_something_that_is_at_no_place_the_search_says_where_it_looked(make_stage: MakeStage) -> None:
     stage = make_stage(TABLE, COUNTER)
     with pytest.raises(ObjectNowhereToBeFound, match="table"):
@@ -136,6 +137,7 @@ def test_a_check_looks_from_here_alone_and_answers(make_stage: MakeStage) -> Non
     assert stage.platform.base() == (0.0, 0.0, np.pi / 2)
 
 
+@pytest.mark.long
 def test_a_name_that_a_step_made_means_another_place_at_each_use(stage: Stage) -> None:
     place = a_posture("nextBestPose")
     infer = action("InferLikelyObjectLocations", object_acted_on=A_BOTTLE, outputs_created=place)
@@ -164,6 +166,7 @@ def test_with_vision_stopped_nothing_is_seen_until_it_runs_again(stage: Stage) -
     stage.run(plan)
 
 
+@pytest.mark.long
 def test_without_a_model_of_its_class_a_thing_is_not_recognised(stage: Stage) -> None:
     stage.belief.recognition.classes = ()
     looking = action("Perceiving", object_acted_on=A_BOTTLE)

@@ -48,6 +48,7 @@ def test_a_thing_is_believed_to_be_where_the_hand_is_when_its_push_is_interrupte
     assert abs(stage.belief.pose("top").distance(TOP.pose) - gone) < 0.03
 
 
+@pytest.mark.long
 def test_a_thing_that_was_pushed_off_and_is_not_seen_any_more_is_looked_for(make_stage: MakeStage) -> None:
     stage = make_stage(TABLE, BOX, truth=(SHORTER, BOX))
 
