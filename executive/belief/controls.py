@@ -1,7 +1,8 @@
 """The buttons and knobs by which devices are turned on and off: those of a map, else where a device would have one.
 
 A device without one is taken to have a button in the middle of its front, near the upper edge; one that is so low that
-no hand comes to its front has it on top, near the front edge. Its front is where the x axis of its box points.
+no hand comes to its front has it on top, near the front edge. Its front is where the x axis of its box points. A tool
+for the hand has none, though KnowRob calls knives and scissors powered.
 """
 
 from __future__ import annotations
@@ -21,6 +22,8 @@ from sim.scene import BodyShape
 
 CONTROLS = ("PushButton", "ControlKnob")
 """Classes of parts by which they are."""
+UNPOWERED = ("NonPoweredDevice",)
+"""Classes of devices that have a control only if the map states it."""
 LOW = 0.15
 """Height below which the front of a device is too low for a hand [m]."""
 FROM_EDGE = 0.03
@@ -44,7 +47,10 @@ def controls_of(
         device = next((one.iri for one in _around(thing, semantic_map) if one.iri in found), None)
         if device is not None:
             found[device].append(_on(by_iri[device], body, turns=body.name in leaves))
-    return tuple(one for iri, controls in found.items() for one in controls or [_derived(by_iri[iri])])
+    for thing in semantic_map.objects:
+        if thing.iri in found and not found[thing.iri] and not _is_a(thing, semantic_map, UNPOWERED):
+            found[thing.iri].append(_derived(by_iri[thing.iri]))
+    return tuple(one for controls in found.values() for one in controls)
 
 
 def _on(device: Body, body: Body, *, turns: bool) -> Control:

@@ -31,7 +31,7 @@ from executive.motion.constraint_functions import Bound, ConstraintFunctions
 from executive.motion.errors import ConstraintsContradict, NoConstrainedPath
 from executive.robots.arms import ArmModel
 from planlang import checkpoint, in_thread, perform
-from planlang.designators import Action, Location, Object, action
+from planlang.designators import Action, Location, Object, action, snake_case
 from planlang.failures import (
     ActionUnresolvable,
     DesignatorFailure,
@@ -43,7 +43,7 @@ from planlang.failures import (
 )
 from planlang.geometry import Array
 from planlang.modules import process_module
-from planlang.motion_constraints import ConstraintsUnsatisfied, Feature, MotionConstraint
+from planlang.motion_constraints import STANDING_FOR, ConstraintsUnsatisfied, Feature, MotionConstraint
 from planlang.protocols import MotionState, Trajectory
 
 INSIDE = 1 / 3
@@ -340,15 +340,11 @@ def constraints_of(action: Action) -> tuple[MotionConstraint, ...]:
     )
 
 
-ROLES = {"ObjectActedOn": "object_acted_on", "TargetOfMotion": "to_location", "DeviceUsed": "device_used"}
-"""Class that stands for what a motion is about -> the property of the action that says what that is."""
-
-
 def _about(feature: Feature, action: Action) -> Feature:
     """Return a feature of the thing that the action names, if the feature's thing stands for that."""
-    role = ROLES.get(feature.of.type)
-    if role is None:
+    if feature.of.type not in STANDING_FOR:
         return feature
+    role = snake_case(STANDING_FOR[feature.of.type])
     filler = action.get(role)
     parts = (one.reference for one in filler.relations) if isinstance(filler, Location) else (filler,)
     what = next((one for one in parts if isinstance(one, Object)), None)
