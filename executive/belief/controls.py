@@ -1,8 +1,8 @@
 """The buttons and knobs by which devices are turned on and off: those of a map, else where a device would have one.
 
 A device without one is taken to have a button in the middle of its front, near the upper edge; one that is so low that
-no hand comes to its front has it on top, near the front edge. Its front is where the x axis of its box points. A tool
-for the hand has none, though KnowRob calls knives and scissors powered.
+no hand comes to its front has it on top, near the front edge. Its front is where the x axis of its box points. Tools
+for the hand have none (``presumedButtons``), though KnowRob calls knives and scissors powered.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import numpy as np
 
 from executive.belief.articulation import DEVICES
 from executive.belief.semantic_map import MapObject, SemanticMap
+from planlang.effects import number_of_class
 from planlang.geometry.matrices import rotated
 from planlang.ontology import expand
 from sim import Body
@@ -22,8 +23,6 @@ from sim.scene import BodyShape
 
 CONTROLS = ("PushButton", "ControlKnob")
 """Classes of parts by which they are."""
-UNPOWERED = ("NonPoweredDevice",)
-"""Classes of devices that have a control only if the map states it."""
 LOW = 0.15
 """Height below which the front of a device is too low for a hand [m]."""
 FROM_EDGE = 0.03
@@ -48,7 +47,9 @@ def controls_of(
         if device is not None:
             found[device].append(_on(by_iri[device], body, turns=body.name in leaves))
     for thing in semantic_map.objects:
-        if thing.iri in found and not found[thing.iri] and not _is_a(thing, semantic_map, UNPOWERED):
+        if thing.iri not in found or found[thing.iri]:
+            continue
+        if number_of_class(semantic_map.ontology, thing.types, "presumedButtons") != 0:
             found[thing.iri].append(_derived(by_iri[thing.iri]))
     return tuple(one for controls in found.values() for one in controls)
 
