@@ -223,6 +223,8 @@ class ConstraintsUnsatisfied(ManipulationFailure):
     text: ClassVar[str] = "constraints of the motion do not hold"
 
 
+STANDING_FOR = {"ObjectActedOn": "objectActedOn", "TargetOfMotion": "toLocation", "DeviceUsed": "deviceUsed"}
+"""Class that stands for what a motion is about -> the property of the motion that says what that is."""
 LEAST_LENGTH = 1e-6
 """Shorter directions have none."""
 

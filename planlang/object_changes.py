@@ -5,9 +5,10 @@ As goals they are looked up in the executive's belief, as :func:`planlang.holdin
 
 from __future__ import annotations
 
-from planlang.designators import Condition, Object
+from planlang.designators import Condition, Object, local_name
 from planlang.misuse import Usage, WrongValue, amount
 
+_DEVICES = {"DeviceStateOn": "on", "DeviceStateOff": "off"}
 _CONTAINS = Usage("contains", {"what": "bowl", "substance": "milk"}, {"at_least": "50.0"})
 _BAKED = Usage("baked", {"what": "dough"}, {"seconds": "180.0"})
 _SWITCHED_ON = Usage("switched_on", {"device": "stove"})
@@ -33,6 +34,11 @@ def switched_on(device: Object) -> Condition:
     """Return the condition that a device is on."""
     _SWITCHED_ON.instance("device", device, Object, "an object")
     return Condition("switched_on", (device,))
+
+
+def state_word(state: str) -> str:
+    """Return what people call a state in which an action puts a thing: on, off, else its name (Clean)."""
+    return _DEVICES.get(local_name(state), local_name(state))
 
 
 def destroyed(what: Object) -> Condition:

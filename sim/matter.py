@@ -100,7 +100,7 @@ class Matter:
         self.heated: dict[str, tuple[float, float]] = {}
         """Thing -> how long its lower side, along its own z axis, and its upper side were over heat [s]."""
         self.states: dict[str, str] = {}
-        """Device -> state."""
+        """Device, or what was mixed or cleaned -> state."""
         self.types: dict[str, tuple[str, ...]] = {}
         """Thing -> the classes that heat has given it, the last one first, then what it was before."""
         self.origins: dict[str, tuple[str, ...]] = {}

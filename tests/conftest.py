@@ -95,5 +95,4 @@ def own_garbage(request: pytest.FixtureRequest) -> None:
     if request.path.is_relative_to(TESTS / "planlang") and request.path.parent.name in WHOLE_HEAP:
         gc.unfreeze()
     elif not gc.get_freeze_count():
-        gc.collect()
         gc.freeze()

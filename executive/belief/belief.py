@@ -179,7 +179,7 @@ class Belief(KnownThings):
         self._changed("turned over", name=name, pose=pose)
 
     def switched(self, name: str, state: str) -> None:
-        """Record that a device is in a state."""
+        """Record that a device, or what was mixed or cleaned, is in a state."""
         self._changed("switched", name=name, state=state)
 
     def poured(self, source: str, target: str, amount: float) -> None:

@@ -1,7 +1,8 @@
 """The buttons and knobs by which devices are turned on and off: those of a map, else where a device would have one.
 
 A device without one is taken to have a button in the middle of its front, near the upper edge; one that is so low that
-no hand comes to its front has it on top, near the front edge. Its front is where the x axis of its box points.
+no hand comes to its front has it on top, near the front edge. Its front is where the x axis of its box points. Tools
+for the hand have none (``presumedButtons``), though KnowRob calls knives and scissors powered.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import numpy as np
 
 from executive.belief.articulation import DEVICES
 from executive.belief.semantic_map import MapObject, SemanticMap
+from planlang.effects import number_of_class
 from planlang.geometry.matrices import rotated
 from planlang.ontology import expand
 from sim import Body
@@ -44,7 +46,12 @@ def controls_of(
         device = next((one.iri for one in _around(thing, semantic_map) if one.iri in found), None)
         if device is not None:
             found[device].append(_on(by_iri[device], body, turns=body.name in leaves))
-    return tuple(one for iri, controls in found.items() for one in controls or [_derived(by_iri[iri])])
+    for thing in semantic_map.objects:
+        if thing.iri not in found or found[thing.iri]:
+            continue
+        if number_of_class(semantic_map.ontology, thing.types, "presumedButtons") != 0:
+            found[thing.iri].append(_derived(by_iri[thing.iri]))
+    return tuple(one for controls in found.values() for one in controls)
 
 
 def _on(device: Body, body: Body, *, turns: bool) -> Control:

@@ -28,7 +28,7 @@ WHOLES = ("physicalPartOf", "properPhysicalPartOf", "partOf")
 UPWARDS = 0.9
 """Least cosine between up and the normal of a plane that things stand on."""
 IN_THE_MIDDLE = 0.01
-"""Distance from a tool's middle up to which it is held there [m]: then the front end of its box is its front."""
+"""Distance from a tool's middle up to which its grip, or the palm, is on neither side of it [m]."""
 _DEEPEST = 20
 
 
@@ -43,6 +43,8 @@ class Thing:
     """Thickness of the walls of what is hollow and open above; 0 for what is solid [m]."""
     grip: Array | None = None
     """The place in its own frame (3,) at which a hand holds it."""
+    palm: Array | None = None
+    """The place of that hand's palm (3,), behind its grip."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -182,10 +184,13 @@ class ObjectModels:
         return replace(top, position=-top.position)
 
     def _flat_side(self, of: Found, thing: Thing) -> Found:
-        """Return the largest side of the box that looks away from the hand, else down, with its normal outwards."""
+        """Return the largest side of the box that looks away from the palm, else down, with its normal outwards.
+
+        The grip does not tell: it is often in the middle, whichever side the hand came from.
+        """
         size = np.ones(3) if thing.size is None else np.array(thing.size)
         axis = int(np.argsort(size, kind="stable")[0])
-        above = thing.up if thing.grip is None or abs(thing.grip[axis]) <= IN_THE_MIDDLE else thing.grip
+        above = thing.up if thing.palm is None or abs(thing.palm[axis]) <= IN_THE_MIDDLE else thing.palm
         normal = (-1.0 if above[axis] >= 0 else 1.0) * np.eye(3)[axis]
         return Found(None, normal * size[axis] / 2, normal, FeatureKind.PLANE)
 

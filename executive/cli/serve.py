@@ -49,7 +49,7 @@ def _serve(store: Store, arguments: ServeArguments) -> Answer:
     tell = silent if arguments.json else say
     with closing(Staff(folders, Limits(arguments.check_seconds))) as staff:
         staff.start()  # beside the index, which is made meanwhile
-        app = application(store, folders, staff=staff, rates=Rates(arguments.rate))
+        app = application(store, staff, rates=Rates(arguments.rate))
         serving = app.state.serving
         show(serving.vocabulary.diagnostics)
         with closing(serving):

@@ -19,6 +19,7 @@ from planlang.failures import (
     LookingFailure,
     ManipulationFailure,
     NavigationFailure,
+    ObjectNowhereToBeFound,
     PerceptionFailure,
 )
 from planlang.modules import ModuleRegistry, OnDemand, Rank
@@ -118,6 +119,7 @@ ON_DEMAND = (
             PerceptionFailure,
             LookingFailure,
             DesignatorFailure,
+            ObjectNowhereToBeFound,
         ),
     ),
     _on_demand("mapping:Mapping", "mapping", "UploadMapToRoboEarth"),

@@ -31,7 +31,7 @@ from executive.motion.constraint_functions import Bound, ConstraintFunctions
 from executive.motion.errors import ConstraintsContradict, NoConstrainedPath
 from executive.robots.arms import ArmModel
 from planlang import checkpoint, in_thread, perform
-from planlang.designators import Action, Location, Object, action
+from planlang.designators import Action, Location, Object, action, snake_case
 from planlang.failures import (
     ActionUnresolvable,
     DesignatorFailure,
@@ -43,7 +43,7 @@ from planlang.failures import (
 )
 from planlang.geometry import Array
 from planlang.modules import process_module
-from planlang.motion_constraints import ConstraintsUnsatisfied, Feature, MotionConstraint
+from planlang.motion_constraints import STANDING_FOR, ConstraintsUnsatisfied, Feature, MotionConstraint
 from planlang.protocols import MotionState, Trajectory
 
 INSIDE = 1 / 3
@@ -131,12 +131,12 @@ class ConstrainedMotions(PlatformModule):
                 break
         if isinstance(problem, NavigationFailure):
             raise problem
-        if problem is None:
-            with suppress(ConstraintsUnsatisfied):
-                return motion, await apart(partial(self._way, grounding, motion, phase))
-        await self._look(grounding, asked, phase)
-        motion = grounding.grounded(asked, phase)
-        return motion, await apart(partial(self._just, grounding, motion, phase, explains=True))
+        if tried:
+            await self._look(grounding, asked, phase)
+            motion = grounding.grounded(asked, phase)
+        # Ends of places hold all constraints: if there is none, the motion was not tried yet without lighter ones.
+        last = self._way if problem is None else self._just
+        return motion, await apart(partial(last, grounding, motion, phase, explains=True))
 
     async def _get_ready(self, grounding: Grounding, motion: GroundedMotion, end: Array) -> None:
         """Bring the arms, one after another, to where they will be before the base goes there: here is more room."""
@@ -225,7 +225,9 @@ class ConstrainedMotions(PlatformModule):
 
     # The motion
 
-    def _way(self, grounding: Grounding, motion: GroundedMotion, phase: Phase) -> PhaseMotion:
+    def _way(
+        self, grounding: Grounding, motion: GroundedMotion, phase: Phase, *, explains: bool = False
+    ) -> PhaseMotion:
         """Return the motion of the phase, as far inside of its limits as it gets; raises ConstraintsUnsatisfied."""
         self.platform.sync()
         before = grounding.grounded(phase.before, phase).constraints if phase.before else ()
@@ -238,7 +240,7 @@ class ConstrainedMotions(PlatformModule):
                 phase_asked, kept = (*asked, *upright), (*before, *upright)
                 (found,) = solve_motion(problem, start, [phase_asked], kept, wishes=wished, explains=False)
                 return found
-        return self._just(grounding, motion, phase)
+        return self._just(grounding, motion, phase, explains=explains)
 
     def _just(
         self, grounding: Grounding, motion: GroundedMotion, phase: Phase, *, explains: bool = False
@@ -338,15 +340,11 @@ def constraints_of(action: Action) -> tuple[MotionConstraint, ...]:
     )
 
 
-ROLES = {"ObjectActedOn": "object_acted_on", "TargetOfMotion": "to_location", "DeviceUsed": "device_used"}
-"""Class that stands for what a motion is about -> the property of the action that says what that is."""
-
-
 def _about(feature: Feature, action: Action) -> Feature:
     """Return a feature of the thing that the action names, if the feature's thing stands for that."""
-    role = ROLES.get(feature.of.type)
-    if role is None:
+    if feature.of.type not in STANDING_FOR:
         return feature
+    role = snake_case(STANDING_FOR[feature.of.type])
     filler = action.get(role)
     parts = (one.reference for one in filler.relations) if isinstance(filler, Location) else (filler,)
     what = next((one for one in parts if isinstance(one, Object)), None)

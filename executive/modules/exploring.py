@@ -37,6 +37,8 @@ class Exploring(PlatformModule):
         await checkpoint()
         if not self.platform.belief.recognition.runs(EXPLORATION):
             raise PerceptionFailure("what builds a map and chooses views is stopped")
+        if self.platform.robot.camera is None:
+            raise PerceptionFailure("a robot without camera explores nothing")
         names = [_named(action.get(one)) for one in ("to_location", "outputs_created")]
         await look_around(self.platform, [name for name in names if name is not None])
         return {} if names[0] is None else {names[0]: a_posture(names[0])}

@@ -20,8 +20,11 @@ from executive.robots.arms import ArmModel
 from planlang.designators import Device, Object
 from planlang.failures import ActionUnresolvable, ObjectUnresolvable
 from planlang.geometry import Array, Pose
-from planlang.geometry.matrices import product
+from planlang.geometry.matrices import moved, product
 from planlang.motion_constraints import ConstraintKind, Feature, FeatureKind, MotionConstraint, a_constraint, a_feature
+
+PALM = 0.1
+"""Distance of the palm of a hand behind its grip [m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -131,9 +134,12 @@ class Grounding:
         """Return a feature of a thing, with a designator that means this thing alone; raises ActionUnresolvable."""
         thing = next(one for one in self._platform.belief.things if one.name == name)
         world, grip = self._platform.scene.world, self._platform.belief.held.get(name)
-        hand = None if grip is None else np.array(grip.offset.inverse().position)
+        hand = palm = None
+        if grip is not None:
+            back = -PALM * np.array(self._platform.robot.arm(grip.arm).approach)
+            hand, palm = moved(grip.offset.inverse().matrix(), np.stack([np.zeros(3), back]))
         wall = world.scene.body(name).wall
-        described = Thing(thing.iri, world.size(name), world.pose(name).rotation[2], wall, hand)
+        described = Thing(thing.iri, world.size(name), world.pose(name).rotation[2], wall, hand, palm)
         found = self._models.grounded(feature, described)
         if found is None:
             raise ActionUnresolvable(

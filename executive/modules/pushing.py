@@ -1,7 +1,8 @@
 """The process module that pushes a thing along what it stands on, with a closed hand, until it is where it should be.
 
 The hand goes down behind the thing, straight ahead, back and up again: a stroke under the constraints of the motion.
-The robot looks where the thing has come to, and pushes again if that is not near enough.
+The robot looks where the thing has come to, and pushes again if that is not near enough. Where the hand feels nothing
+ahead of it in the end, the thing has not gone there.
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ from planlang.failures import (
     ManipulationFailure,
     ManipulationGoalNotReached,
     NavigationFailure,
+    ObjectNowhereToBeFound,
     PerceptionFailure,
 )
 from planlang.geometry import Array, Pose
@@ -41,6 +43,7 @@ from planlang.geometry.shapes import corners
 from planlang.language.performing import actions_around
 from planlang.modules import process_module
 from planlang.motion_constraints import MotionConstraint, a_constraint, a_feature
+from planlang.protocols import Trajectory
 from sim import BodyShape
 
 NEAR = 0.02
@@ -71,6 +74,8 @@ ACROSS = (-0.15, 0.15)
 """Cosines of the line along which fingers close with the way and with up: side by side they keep the thing ahead."""
 ASIDE = 0.02
 """Room beside the way of a thing [m]."""
+AHEAD = 0.3
+"""Share along the way of a hand from which on what presses against it is ahead."""
 LOWER = 0.01
 """Difference of heights below which a thing is on the same level [m]."""
 
@@ -142,7 +147,7 @@ class Pushing(Strokes):
 
     name = "pushing"
     actions = ("PushingMotion",)
-    failures = (EnvironmentManipulationFailure, *Strokes.failures)
+    failures = (EnvironmentManipulationFailure, *Strokes.failures, ObjectNowhereToBeFound)
 
     def resources(self, action: Action) -> tuple[str, ...]:
         """Return the whole robot."""
@@ -269,12 +274,15 @@ class Pushing(Strokes):
         places = np.column_stack([moved(inverse(before.matrix()), points[:, :3]), points[:, 3]])
         lap = await self.stroke(grounding, phase, asked, plane, places, closed=False)
         link, length = platform.robot.arm(arm.name).tip, float(np.hypot(*way))
+        gone = arm.solver.chain.fk(lap.positions)[:, :2, 3] @ _ahead(heading - platform.base()[2])
+        end = int(gone.argmax())
         poses = {one: platform.belief.pose(one) for one in moving}
         far: float | None = None
         platform.world.set_pushing(link, pushing=True)
         try:
-            await self.gone(motion, lap)
-            far = length
+            await self.gone(motion, Trajectory(lap.names, lap.positions[: end + 1]))
+            far = length if self._feels(arm, heading) else 0.0
+            await self.gone(motion, Trajectory(lap.names, lap.positions[end:]))
         finally:
             platform.world.set_pushing(link, pushing=False)
             if far is None:  # the hand was stopped, or what moves it: the thing is ahead of it, if it came that far
@@ -282,9 +290,18 @@ class Pushing(Strokes):
                 far = float(np.clip(behind @ _ahead(heading) + reach + lead, 0.0, length))
             self._believe(poses, far * _ahead(heading))
         await HandWork(platform).tuck(platform.arms.untucked())
-        await HandWork(platform).look(name)
+        if far:
+            await HandWork(platform).look(name)
+        else:
+            platform.sensing.not_seen(name)
+            await perform(look_for("LookingForSomething", object_acted_on=platform.scene.bodies.designator(name)))
         came = np.array(platform.belief.pose(name).position[:2]) - points[-3, :2]
         return max(0.0, float(came @ _ahead(heading)) - reach)
+
+    def _feels(self, arm: ArmModel, heading: float) -> bool:
+        """Return whether a hand feels something ahead of it: what it has pushed is still there."""
+        touches = self.platform.world.touches(arm.hand_links)
+        return any(-np.array(touch.normal[:2]) @ _ahead(heading) > AHEAD for touch in touches)
 
     def _hand(
         self, asked: Sequence[MotionConstraint], device: Device, arm: ArmModel, pose: Pose, heading: float

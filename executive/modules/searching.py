@@ -24,6 +24,7 @@ from planlang.failures import (
     PerceptionFailure,
 )
 from planlang.geometry import Array
+from planlang.kernel import now
 from planlang.modules import process_module
 
 ABOUT = 2.0
@@ -129,7 +130,7 @@ class Checking(PlatformModule):
 async def found_in_places(platform: Platform, wanted: Action, what: Object) -> str:
     """Go from place to place where something is likely until it is seen; return its name.
 
-    Where the map lacks things, what it lacks is explored once no place is left.
+    Where the map lacks things, a robot with a camera explores what it lacks once no place is left.
     """
     search = platform.searches.begin(str(what), what, _searched(wanted))
     while (name := await _seen_or_gone_on(platform, search)) is None:
@@ -142,7 +143,7 @@ async def _seen_or_gone_on(platform: Platform, search: Search) -> str | None:
     try:
         place = platform.searches.next(search)
     except ObjectNowhereToBeFound:
-        if not platform.belief.unknown or search.within is not None:
+        if not platform.belief.unknown or search.within is not None or platform.robot.camera is None:
             raise
         await look_around(platform)
         if (name := _seen(platform, search.what)) is not None:
@@ -150,7 +151,8 @@ async def _seen_or_gone_on(platform: Platform, search: Search) -> str | None:
         goal = platform.exploration.goal
         if goal is None:
             raise
-        if not await _drives(goal):
+        before = now()
+        if not await _drives(goal) or now() == before:  # nothing new is seen from where the robot is already
             platform.exploration.missed()
         return None
     if place.seconds:

@@ -21,6 +21,7 @@ from executive.modules.motion_grounding import GroundedMotion, Grounding
 from executive.modules.phases import Phase
 from executive.modules.stances import stances
 from executive.motion import MotionError
+from executive.motion.constrained_ends import BEGINNINGS
 from executive.motion.errors import OutOfEffort
 from executive.motion.strokes import Place, ends_at, solve_stroke
 from planlang.designators import Action, Object
@@ -51,7 +52,9 @@ ASIDE = 0.015
 STRAY = 0.006
 """Largest distance of the tool from a place [m]."""
 PLACES = 12
-"""Places of the base from which a stroke is tried."""
+"""Places of the base, within reach, from which a stroke is tried."""
+FEW = 4
+"""Beginnings from which it is looked whether a stroke is within reach of a place, whatever is in the way."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -204,10 +207,15 @@ class Strokes(ConstrainedMotions):
         there = moved(motion.things[plane.thing], points[:, :3])
         near = stances(self.platform, there[:, :2], motion.arms) if self._is_mobile() else ()
         places = [plane.at(point, motion.constraints) for point in points]
-        for base in islice(near, PLACES):
+
+        def is_reaching(base: BasePose, most: int = BEGINNINGS, *, blocked: bool = True) -> bool:
+            problem = grounding.problem(motion, base, blocked=blocked)
             with suppress(OutOfEffort):
-                if next(ends_at(grounding.problem(motion, base), self._start(motion), places).along(), None):
-                    yield base
+                return next(ends_at(problem, self._start(motion), places).along(most), None) is not None
+            return False
+
+        within = (base for base in near if is_reaching(base, FEW, blocked=False))
+        yield from (base for base in islice(within, PLACES) if is_reaching(base))
 
 
 def slowed(trajectory: Trajectory, factor: float) -> Trajectory:

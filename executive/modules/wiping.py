@@ -50,6 +50,7 @@ class Wiping(Strokes):
         """Wipe; return (): no constraint is given up. Raises ConstraintsUnsatisfied if too little was wiped."""
         grounding, phase, asked, motion = await self.begun(action)
         plane = Plane.of(motion, action)
+        due = sum(len(lane) - 2 for lane in self._lanes(plane, motion))
         wiped, missed, problem = 0, 0, None
         for lane in self._lanes(plane, motion):
             try:
@@ -58,10 +59,14 @@ class Wiping(Strokes):
                 wiped += len(lane) - 2
             except (ConstraintsUnsatisfied, NavigationFailure) as failure:
                 missed, problem = missed + len(lane) - 2, problem or failure
-        share = wiped / max(1, wiped + missed)
+                if missed > (1 - ENOUGH) * due:
+                    break  # it cannot become enough any more: what is out of reach takes longest
+        else:
+            due = wiped + missed  # things that were seen meanwhile may stand on the rest
+        share = wiped / max(1, due)
         if share < ENOUGH:
             name = self.platform.scene.bodies.bind(plane.thing)
-            raise ConstraintsUnsatisfied(f"{share:.0%} of {name} were wiped", arm=motion.arms[0].name) from problem
+            raise ConstraintsUnsatisfied(f"{share:.0%} of {name} was wiped", arm=motion.arms[0].name) from problem
         return ()
 
     def _lanes(self, plane: Plane, motion: GroundedMotion) -> Iterator[Array]:

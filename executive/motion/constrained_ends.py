@@ -206,10 +206,10 @@ class Ends:
             optimum = self._optimum(alone, list(self.phases.items()))
             yield self._by_phase(optimum.q if optimum.holds else alone)
 
-    def along(self) -> Iterator[dict[int, Array]]:
+    def along(self, most: int = BEGINNINGS) -> Iterator[dict[int, Array]]:
         """Yield ends (n,) of phases, by their numbers, each found from the one before: phases are near each other."""
         every = list(self.phases.items())
-        for beginning in self._beginnings(1):
+        for beginning in self._beginnings(1, most):
             rows = beginning
             for one in every:
                 optimum = self._optimum(rows[-1:], [one])

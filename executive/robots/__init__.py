@@ -2,10 +2,9 @@
 
 General layout: ``binding`` is the entrance; ``robot`` reads SRDL, ``robot_file`` the numbers beside it and
 ``mechanism`` the URDF, ``limbs`` brings them together. ``requirements`` reads what classes of actions and
-capabilities require, ``matching`` compares that with a robot, ``tasks`` does so for a whole recipe; it is asked for
-by name, as the rest does without recipes. ``arms`` is the robot as planning asks it. ``draft`` makes a robot file
-from a URDF: ``anatomy`` finds arms and hands in its tree, ``hand_shape`` measures hands, ``srdf`` reads what stands
-beside it.
+capabilities require, ``matching`` compares that with a robot, ``tasks`` does so for a whole recipe: import ``match``
+from there, the rest needs no recipes. ``arms`` is the robot as planning asks it. ``draft`` makes a robot file from a
+URDF: ``anatomy`` finds arms and hands in its tree, ``hand_shape`` measures hands, ``srdf`` reads what stands beside it.
 """
 
 from executive.robots.binding import bind_draft, bind_robot, robots

@@ -6,13 +6,14 @@ import math
 from collections.abc import Collection, Iterable, Iterator
 
 from planlang.designators import local_name
+from planlang.object_changes import state_word
 from sim import PyBulletWorld
 from sim.joints import Articulation, JointKind
 from sim.world import at_rest_on, held_by
 
 
 def state_lines(truth: PyBulletWorld, names: Iterable[str]) -> Iterator[str]:
-    """Yield a line for each thing of the plan: where it is, whether it is open or on, and what is in it."""
+    """Yield lines for each thing of the plan: where it is, whether it is open, its state (on, Clean), what is in it."""
     scene = truth.scene
     for name in dict.fromkeys(names):
         if scene.body(name).graspable:
@@ -24,9 +25,8 @@ def state_lines(truth: PyBulletWorld, names: Iterable[str]) -> Iterator[str]:
         for joint in scene.joints:
             if not joint.is_knob and name in (joint.leaf, joint.holder):
                 yield f"{joint.leaf}: {_opening(truth.joint(joint.leaf), joint)}"
-        is_on = truth.changes.matter.is_on(name)
-        if is_on or scene.body(name).is_on:  # that a refrigerator without a switch is not on says nothing
-            yield f"{name}: {'on' if is_on else 'off'}"
+        if (state := truth.changes.matter.states.get(name)) is not None:
+            yield f"{name}: {state_word(state)}"
         content = truth.changes.matter.contents.get(name, {}).values()
         if content:
             yield f"{name}: holds {', '.join(f'{one.amount:.0f} ml of {local_name(one.type)}' for one in content)}"

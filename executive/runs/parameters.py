@@ -21,6 +21,8 @@ from planlang.ontology import expand, shorten
 
 ON_WHAT_STAYS = ("OpeningSomething", "ClosingSomething", "TurningOnPoweredDevice", "TurningOffPoweredDevice")
 """Classes of actions on furniture and devices."""
+ON_WHAT_IS_TAKEN = ("HoldingAnObject", "PickingUpAnObject", "TakingSomething", "FetchingAnObject")
+"""Classes of actions after which a hand has what they act on."""
 MOST_NAMES = 20
 """Things of a map that one message lists."""
 
@@ -45,16 +47,18 @@ class PlanParameter:
     def likely(self, semantic_map: SemanticMap, names: Sequence[str]) -> list[str]:
         """Return on which of the things that fit the step may act: what can be grasped, unless it opens or switches.
 
-        Where the name of the step says on what it acts, it is that. If nothing is likely, all are.
+        Where the name of the step says on what it acts, it is that. If nothing is likely, all are, unless a hand is to
+        take it.
         """
         if not self.actions:
             return [*names]
         if meant := _named_by_step(self, semantic_map):
             return [thing.name for thing in meant]
         above = {cls for one in self.actions for cls in semantic_map.ontology.ancestors(one)}
-        stays = any(expand(cls) in above for cls in ON_WHAT_STAYS)
+        stays, taken = (any(expand(cls) in above for cls in those) for those in (ON_WHAT_STAYS, ON_WHAT_IS_TAKEN))
         handled = {body.name for body in scene_of(semantic_map, []).bodies if body.graspable}
-        return [name for name in names if (name in handled) != stays] or [*names]
+        likely = [name for name in names if (name in handled) != stays]
+        return likely if likely or taken else [*names]
 
     @property
     def takes_places(self) -> bool:
@@ -292,17 +296,20 @@ def _is_alike(semantic_map: SemanticMap, thing: MapObject, default: Object) -> b
 
 
 def _fitting(parameter: PlanParameter, semantic_map: SemanticMap, absent: str | None = None) -> str:
-    """Return to what a parameter may be bound: the things with a place that fit; if there are none, all.
+    """Return to what a parameter may be bound: the things with a place that fit; if there are none, all but joints.
 
     ``absent``, a thing that the map lacks: also what may have been meant by it, and where there is such a thing.
     """
-    placed = {thing.name: thing for thing in semantic_map.objects if thing.pose is not None}
-    fitting = parameter.likely(
-        semantic_map, [name for name, one in placed.items() if parameter.fits(semantic_map, one)]
-    )
+    joint = expand("Joint-Physical")
+    things = (one for one in semantic_map.objects if one.pose is not None and not _is(semantic_map, one, joint))
+    placed = {thing.name: thing for thing in things}
+    right = [name for name, one in placed.items() if parameter.fits(semantic_map, one)]
+    fitting = parameter.likely(semantic_map, right)
     said = f"nothing in the map is a {_wanted(parameter)}; things with a place: {_listed(list(placed))}"
     if fitting:
         said = f"{parameter.setting} may be {_listed(fitting)}"
+    elif right:
+        said = "the map has nothing that a hand could take; add one that has: --environment MAP"
     if absent is None:
         return said
     short = local_name(absent)

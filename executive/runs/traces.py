@@ -16,6 +16,7 @@ from planlang.designators import Location, Object, local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
 from planlang.files import Bundled
 from planlang.kernel.tree import Node
+from planlang.object_changes import state_word
 from planlang.runs import DamagedTrace, Past, RecordedRun, differences
 from planlang.runs.codec import load
 
@@ -78,6 +79,8 @@ def line_of(record: Record) -> str | None:
             return f"cannot be resumed behind this step: {lost}"
         case {"event": "resumed"}:
             return "resumed"
+        case {"event": "belief", "change": "switched", "name": name, "state": state}:
+            return f"  belief: {name} {state_word(state)}"
         case {"event": "belief", "change": change, "name": name}:
             return f"  belief: {name} {change}"
     return None

@@ -15,7 +15,6 @@ import logging
 import threading
 from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager
-from pathlib import Path
 from typing import Any
 
 from anyio import to_thread
@@ -30,7 +29,6 @@ from executive.serving.pages import add_pages
 from executive.serving.problems import RESPONSES, add_handlers
 from executive.serving.rates import Paced, Rates
 from executive.serving.serving import Served, Serving
-from executive.serving.vocabulary import read_vocabulary
 from executive.serving.workers import Staff
 from planlang.knowledge.stores import Store
 
@@ -86,18 +84,17 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
 
 def application(
     store: Store,
-    folders: Sequence[Path] = (),
+    staff: Staff | None = None,
     *,
     routers: Sequence[APIRouter] = ROUTERS,
-    staff: Staff | None = None,
     rates: Rates | None = None,
 ) -> FastAPI:
-    """Return the application that serves a store. Imports of uploads are looked for in ``folders``.
+    """Return the application that serves a store.
 
-    ``staff``: workers that know the same folders, where several applications share them.
+    ``staff``: its workers, in whose folders imports of uploads are looked for; several applications may share them.
     """
-    staff, rates = staff or Staff(folders), rates or Rates()
-    vocabulary = read_vocabulary(folders)
+    staff, rates = staff or Staff(), rates or Rates()
+    vocabulary = staff.vocabulary
     app = FastAPI(
         title="planlang knowledge base",
         version="1",

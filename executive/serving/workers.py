@@ -19,9 +19,11 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
+from executive.serving.vocabulary import Vocabulary, read_vocabulary
 from planlang.diagnostics import BadInput, Diagnostic, error
 
 T = TypeVar("T")
@@ -247,10 +249,16 @@ class Staff:
 
     def __init__(self, folders: Sequence[Path] = (), limits: Limits = LIMITS) -> None:
         """Employ workers who read the vocabulary in ``folders``, beside the bundled one."""
+        self._folders = tuple(folders)
         self._source = Source(folders)
         self.checking = Workers(self._source, AT_A_TIME, limits)
         self.reading = Workers(self._source, AT_A_TIME, limits)
         self.behind = Workers(self._source, 1, limits, math.inf)
+
+    @cached_property
+    def vocabulary(self) -> Vocabulary:
+        """The vocabulary that its workers know."""
+        return read_vocabulary(self._folders)
 
     def start(self) -> None:
         """Let the process be started that workers are forked from."""

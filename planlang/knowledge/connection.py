@@ -30,6 +30,7 @@ FIRST_PAUSE, LONGEST_PAUSE = 0.5, 60.0
 """Seconds before a request is sent again: the first time, and the longest that a server may ask for."""
 _AGAIN = (429, 502, 503, 504)
 _UNANSWERED = (502, 503, 504)
+_BARE = "an address has neither user, password, query nor fragment"
 _TIMEOUT = httpx.Timeout(30.0, connect=10.0)
 
 
@@ -154,11 +155,11 @@ def checked_url(url: str) -> str:
         parts = urlsplit(url)
         httpx.URL(url).host.encode("idna")
     except (httpx.InvalidURL, UnicodeError) as problem:
-        raise ValueError(str(problem)) from None
+        raise ValueError(_BARE if "@" in url else str(problem)) from None  # which may cite a password
     if parts.scheme not in ("http", "https") or not parts.hostname or not url.isprintable() or " " in url:
-        raise ValueError("it begins with http:// or https:// and a host")
+        raise ValueError("an address begins with http:// or https:// and a host")
     if parts.username is not None or parts.query or parts.fragment:
-        raise ValueError("it has neither user, password, query nor fragment")
+        raise ValueError(_BARE)
     return url.rstrip("/")
 
 

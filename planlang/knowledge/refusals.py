@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from planlang.diagnostics import BadInput, Diagnostic, error, has_errors, warning
-from planlang.knowledge.answers import Declined, KeyNeeded, NoAnswer, NotAsAgreed
+from planlang.knowledge.answers import Declined, KeyNeeded, NoAnswer, NotAsAgreed, printed
 from planlang.knowledge.client import Client
 from planlang.knowledge.connection import kept_answers
 from planlang.knowledge.stores import Changed, EntryExists, NoSuchEntry, NotTheAuthor, Refused
@@ -11,6 +11,7 @@ from planlang.knowledge.stores import Changed, EntryExists, NoSuchEntry, NotTheA
 KEY = "PLANLANG_KEY"
 """Environment variable of the author's key."""
 HOW_TO_MAKE_A_KEY = "planlang serve --store FILE --new-key AUTHOR makes one where the server runs"
+_NO_ADDRESS = "this asks a server at an address; planlang serve --store FILE is one for the store in a file"
 _SILENT = "does planlang serve run there, and is the address right?"
 _ADVICE: dict[type[Refused], str] = {
     KeyNeeded: f"--key-file FILE, or {KEY}, gives your key; {HOW_TO_MAKE_A_KEY}",
@@ -26,7 +27,14 @@ def client_of(url: str, key: str | None = None) -> Client:
     try:
         return Client(url, key, kept_answers())
     except ValueError as problem:
-        raise BadInput([error("K030", f"the server's address cannot be used: {problem}")]) from None
+        message = f"the server's address {_without_user(url)} cannot be used: {problem}"
+        raise BadInput([error("K030", message, help=_NO_ADDRESS)]) from None
+
+
+def _without_user(url: str) -> str:
+    """Return an address to print, without a user name and password that it may hold."""
+    _, at, host = url.rpartition("@")
+    return printed(f"...@{host}" if at else url)
 
 
 def diagnostics_of(url: str, problem: NoAnswer | NotAsAgreed | Refused) -> tuple[Diagnostic, ...]:

@@ -59,6 +59,8 @@ class Lexicon:
     present: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     """Last words of several classes of things -> words of those classes: "bottle" for drinking and wine bottles."""
     _written: Mapping[Object, str] = field(default_factory=dict)
+    _there: frozenset[str] = frozenset()
+    """Classes, above those of things too, that things belong to."""
 
     @staticmethod
     def of(ontology: Ontology, things: Mapping[str, Object] | None = None) -> Lexicon:
@@ -117,7 +119,7 @@ class Lexicon:
         for name, thing in sorted(things.items(), reverse=True):
             if _WORD.fullmatch(name) and plain(name) not in (*ENDS, *ARTICLES):
                 written[thing] = name
-        return Lexicon(things, classes, present, written)
+        return Lexicon(things, classes, present, written, frozenset((*there, *used)))
 
     def meaning(self, words: str, *, named: bool) -> Object | tuple[str, ...]:
         """Return what a noun means; the words of all that it could mean if that is not exactly one.
@@ -135,8 +137,9 @@ class Lexicon:
         return self._written.get(what)
 
     def similar(self, words: str) -> str | None:
-        """Return the known noun that looks most like words that are none."""
-        names = {plain(name): name for name in (*self.classes, *self.present, *self.things)}
+        """Return the known noun that looks most like words that are none: of a map one for something in it."""
+        classes = (name for name, what in self.classes.items() if not self.things or what.type in self._there)
+        names = {plain(name): name for name in (*classes, *self.present, *self.things)}
         close = get_close_matches(plain(words), list(names), n=1, cutoff=0.7)
         return names[close[0]] if close else None
 

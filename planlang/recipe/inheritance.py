@@ -13,7 +13,7 @@ from planlang.recipe.checks import check, listing
 from planlang.recipe.fillers import fillings
 from planlang.recipe.model import Absence, Filler, Parameter, Place, Recipe, RecipeSet, Slot, Step, Thing
 from planlang.recipe.order import callees_first
-from planlang.recipe.slots import in_words, offered, parameter_for
+from planlang.recipe.slots import in_words, needed, offered, parameter_for
 
 
 @check("R061", "R062", unless=("R022", "R023"))
@@ -56,7 +56,7 @@ class _Supply:
                     continue
                 if slot.is_shared and (around := offered(self._ontology, recipe, slot)):
                     more += [replace(one, is_inherited=True) for one in around]
-                elif slot.absence is not Absence.ALLOWED:
+                elif needed(step, slot):
                     more += self._filled(recipe, step, slot)
         for callee in step.recipes:
             for slot, inner, needing in self._asked[callee].values():

@@ -94,6 +94,8 @@ class Absence(Enum):
     ERROR = "mustState"
     PARAMETER = "requires"
     """The filler is a parameter of the plan."""
+    CONSTRAINED = "requiresIfConstrained"
+    """It is a parameter of the plan if a constraint of the motion is about it."""
     ALLOWED = "accepts"
 
 

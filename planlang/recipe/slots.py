@@ -9,9 +9,23 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from planlang.diagnostics import Diagnostic, error
+from planlang.motion_constraints import STANDING_FOR
 from planlang.ontology import Literal, Ontology, Triple, expand
-from planlang.recipe.fillers import is_of_unknown_kind
-from planlang.recipe.model import Absence, Filler, Kind, Name, Parameter, Part, Place, Recipe, Slot, Step, Thing
+from planlang.recipe.fillers import CONSTRAINED_BY, is_of_unknown_kind
+from planlang.recipe.model import (
+    Absence,
+    Constraint,
+    Filler,
+    Kind,
+    Name,
+    Parameter,
+    Part,
+    Place,
+    Recipe,
+    Slot,
+    Step,
+    Thing,
+)
 
 
 def parameter_for(slot: Slot, owner: str) -> Thing:
@@ -43,6 +57,15 @@ def takes(ontology: Ontology, slot: Slot, filler: Filler) -> bool:
             return Kind.NUMBER in slot.kinds
         case _:
             return False
+
+
+def needed(step: Step, slot: Slot) -> bool:
+    """Return True if a step does not do without a filler of a slot."""
+    if slot.absence is not Absence.CONSTRAINED:
+        return slot.absence is not Absence.ALLOWED
+    constraints = (one for one in step.fillers(CONSTRAINED_BY) if isinstance(one, Constraint))
+    wholes = (part.of.type for one in constraints for part in (one.tool, one.world))
+    return any(STANDING_FOR.get(cls) == slot.property for cls in wholes)
 
 
 def offered(ontology: Ontology, owner: Step | Recipe, slot: Slot) -> list[Parameter]:

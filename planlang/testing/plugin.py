@@ -50,15 +50,16 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 
 
 @pytest.hookimpl(hookwrapper=True)
-def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, Any, None]:
+def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) -> Generator[None, Any, None]:
     """Hide planlang's own frames in the report of a failing test, and add the task trees.
 
     Between a line of a plan and the line that awaits it stand a dozen frames of the kernel. ``pytest --full-trace``
     shows them.
     """
-    for name, module in tuple(sys.modules.items()):
-        if name.startswith(PLUMBING):
-            vars(module)["__tracebackhide__"] = _is_no_fault_of_ours
+    if call.excinfo is not None:
+        for name, module in tuple(sys.modules.items()):
+            if name.startswith(PLUMBING):
+                vars(module)["__tracebackhide__"] = _is_no_fault_of_ours
     outcome = yield
     report: pytest.TestReport = outcome.get_result()
     if report.when == "call" and report.failed and item.config.getoption("--plan-trace"):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -119,6 +119,14 @@ def make_stage(
 ) -> Iterator[MakeStage]:
     """Furnishes rooms for one test."""
     yield from furnisher(amigo, vocabulary, limbs)
+
+
+@pytest.fixture
+def make_blind(
+    amigo: Robot, vocabulary: Ontology, limbs: tuple[tuple[ArmModel, ...], Gaze | None]
+) -> Iterator[MakeStage]:
+    """Furnishes rooms for a robot without camera."""
+    yield from furnisher(replace(amigo, camera=None), vocabulary, (limbs[0], None))
 
 
 @pytest.fixture

@@ -142,6 +142,7 @@ def told(result: RunResult) -> list[tuple[str, str, int]]:
     ]
 
 
+@pytest.mark.long
 def test_an_alternative_that_the_robot_cannot_do_is_told_and_the_plan_runs(options: RunOptions) -> None:
     result = run_plan_file(options)
     assert told(result) == [("note", PLAN.name, 29)]

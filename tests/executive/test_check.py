@@ -276,6 +276,7 @@ def test_a_map_in_a_folder_of_recipes_is_no_recipe_that_is_refused(tmp_path: Pat
     assert row["map"].startswith("7 things, 1 that a hand takes")
 
 
+@pytest.mark.long
 def test_maps_are_told_alike_whether_they_or_their_folder_are_named(corpus: Path) -> None:
     def answer(path: Path) -> dict[str, Any]:
         found: dict[str, Any] = json.loads(CliRunner().invoke(app, ["check", str(path), "--json"]).stdout)

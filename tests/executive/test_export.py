@@ -65,6 +65,7 @@ def test_a_real_run_is_exported_with_its_failures_resolutions_and_poses(run: Pat
     assert (run / "neem" / "poses.jsonl").read_text().count("2026-11-23T14:00:") > len(poses) / 2
 
 
+@pytest.mark.long
 def test_what_a_crash_left_of_a_real_trace_comes_back_at_every_tenth_record(run: Path) -> None:
     records, _ = read_records(run / "run.jsonl")
     for end in range(1, len(records), 10):

@@ -8,7 +8,7 @@ from planlang.files import bundled
 from planlang.geometry import Pose
 from sim import Body, PyBulletWorld, Scene
 from sim.joints import Articulation, JointKind
-from sim.matter import ON, Portion
+from sim.matter import OFF, ON, Portion
 
 UP = (0.0, 0.0, 1.0)
 DOOR = Articulation("door", JointKind.HINGED, (2.0, 0.3, 0.5), UP, 0.0, 1.57, "oven", ("handle",), "handle")
@@ -34,5 +34,10 @@ def test_containers_devices_and_vessels_are_told_of_beside_where_things_are() ->
         world.changes.matter.put("cup", Portion("http://example.org/x#Milk", 50.0, ()))
         told = ["cup: at rest on oven", "cup: holds 50 ml of Milk", "door: open by 57 degrees", "oven: on"]
         assert list(state_lines(world, names)) == told
+        world.changes.matter.states |= {"oven": OFF, "cup": "Clean"}
+        assert [line for line in state_lines(world, names) if line in ("oven: off", "cup: Clean")] == [
+            "cup: Clean",
+            "oven: off",
+        ]
     finally:
         world.close()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -17,7 +18,7 @@ from planlang.designators import Location, Object
 from planlang.diagnostics import BadInput, Diagnostic
 from planlang.files import bundled
 from planlang.language.plans import Plan
-from planlang.ontology import load
+from planlang.ontology import expand, load
 
 ROOM = bundled("ontologies") / "environments" / "hospital_room.omn"
 AMIGO = bundled("ontologies") / "robots" / "amigo.omn"
@@ -211,6 +212,25 @@ def test_what_can_be_grasped_is_proposed_to_steps_that_handle_it(
     with pytest.raises(BadInput) as caught:
         bound_parameters(main_plan(import_plan(tmp_path / "open.py"), None), {}, room, [])
     assert [one.help for one in caught.value.diagnostics] == [f"{step}.objectActedOn may be {things}"]
+
+
+@pytest.mark.parametrize(
+    ("step", "advice"),
+    [
+        ("PickingUpAnObject", "the map has nothing that a hand could take; add one that has: --environment MAP"),
+        ("LookingForSomething", "LookingForSomething.objectActedOn may be bed1, cabinet1"),
+    ],
+)
+def test_what_is_to_be_taken_is_no_furniture_and_nothing_is_done_to_joints(
+    tmp_path: Path, room: SemanticMap, step: str, advice: str
+) -> None:
+    furniture = [one for one in room.objects if one.name in ("bed1", "cabinet1")]
+    hinge = replace(furniture[0], iri="http://test#hinge", name="hinge", types=(expand("HingedJoint"),), size=None)
+    (tmp_path / "open.py").write_text(NAMED.format(step=step), encoding="utf-8")
+    opening = main_plan(import_plan(tmp_path / "open.py"), None)
+    with pytest.raises(BadInput) as caught:
+        bound_parameters(opening, {}, replace(room, objects=(*furniture, hinge)), [])
+    assert [one.help for one in caught.value.diagnostics] == [advice]
 
 
 @pytest.mark.parametrize(

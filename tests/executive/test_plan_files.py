@@ -390,6 +390,7 @@ def compiled(recipe: Path, text: str) -> Path:
     return plan
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("cls", ["Search", "Look"], ids=["of the task", "of a step"])
 def test_a_plan_edited_or_not_is_refused_like_its_recipe_for_what_only_that_says(cls: str, tmp_path: Path) -> None:
     recipe = tmp_path / "looking.omn"

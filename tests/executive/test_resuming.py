@@ -138,6 +138,7 @@ def test_no_older_trace_is_lost_when_a_run_is_resumed_twice(whole: Path, tmp_pat
     assert lines(tmp_path / "run.jsonl") == lines(whole)
 
 
+@pytest.mark.long
 def test_a_trace_named_otherwise_leaves_the_one_that_is_resumed_alone(whole: Path, tmp_path: Path) -> None:
     part = killed(whole, tmp_path / "run.jsonl", completions(whole)[0])
     before = part.read_bytes()
@@ -171,6 +172,7 @@ def test_what_must_agree_is_told_when_it_differs(
     assert part.read_bytes() == killed(whole, tmp_path / "same.jsonl", completions(whole)[0]).read_bytes()
 
 
+@pytest.mark.long
 def test_another_plan_is_refused_and_other_versions_are_warned_of(stepwise: tuple[Path, Path], tmp_path: Path) -> None:
     plan, trace = stepwise
     part = killed(trace, tmp_path / "run.jsonl", completions(trace)[0])
@@ -224,6 +226,7 @@ def test_a_world_that_no_trace_tells_has_to_be_vouched_for(stepwise: tuple[Path,
     assert ended["exit_code"] == 0, "the robot has only looked around so far"
 
 
+@pytest.mark.long
 def test_a_plan_that_does_not_do_again_what_it_did_is_told_with_the_line(tmp_path: Path) -> None:
     plan = tmp_path / "serve.py"
     text = PLAN.format(odd=17).replace("partial(sleep, 1.0)", "partial(sleep, 1.0), name=(BASE / 'name').read_text()")

@@ -307,6 +307,7 @@ def test_a_map_that_does_not_fit_the_recipe_ends_in_a_typed_failure(text: str, f
     assert "serve_a_drink" in found["outcome"], "the failure says where in the plan it arose"
 
 
+@pytest.mark.long
 def test_a_bottle_of_size_0_has_the_default_size_of_its_class(tmp_path: Path) -> None:
     path = tmp_path / "map.omn"
     start = MAP.index("Individual: bottle1")

@@ -276,6 +276,7 @@ def test_an_interrupt_in_any_step_of_the_world_ends_the_run_with_a_complete_trac
     assert (tmp_path / "scene.png").is_file()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("line", [1, 9])
 def test_an_interrupt_while_progress_is_told_ends_the_run_with_a_complete_trace(line: int, tmp_path: Path) -> None:
     result = run_plan_file(replace(BUNDLED, trace=tmp_path / "run.jsonl", progress=_After(line)))
@@ -344,6 +345,8 @@ def test_a_run_ends_with_what_a_listener_raises_and_the_others_are_told_on() -> 
         ({"event": "ended", "node": PERFORMED, "status": "succeeded"}, None),
         ({"event": "recovery", "node": PLAN, "decision": "retry"}, "recovery: retry"),
         ({"event": "belief", "change": "seen", "name": "bottle1"}, "  belief: bottle1 seen"),
+        ({"event": "belief", "change": "switched", "name": "table1", "state": "Clean"}, "  belief: table1 Clean"),
+        ({"event": "belief", "change": "switched", "name": "maker1", "state": "DeviceStateOn"}, "  belief: maker1 on"),
     ],
 )
 def test_people_are_told_what_begins_fails_and_is_learnt(record: dict[str, object], line: str | None) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -97,10 +98,35 @@ def thing(name: str) -> Object:
     return an_object("Table-PieceOfFurniture", PLACE + name)
 
 
+@pytest.mark.long
 def test_of_something_that_is_at_no_place_the_search_says_where_it_looked(make_stage: MakeStage) -> None:
     stage = make_stage(TABLE, COUNTER)
     with pytest.raises(ObjectNowhereToBeFound, match="table"):
         stage.run(lambda: perform(LOOK))
+
+
+def test_a_robot_without_camera_does_not_explore_for_what_it_cannot_see(make_blind: MakeStage) -> None:
+    stage = make_blind(BOTTLE)
+    forget(stage.belief, "bottle")
+    with pytest.raises(ObjectNowhereToBeFound):
+        stage.run(lambda: perform(LOOK), steps=10)
+    with pytest.raises(PerceptionFailure, match="without camera"):
+        stage.run(lambda: perform(action("EnvironmentExploration")))
+
+
+def test_a_next_view_from_where_the_robot_stands_is_given_up(
+    make_stage: MakeStage, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stage = make_stage(replace(BOTTLE, pose=Pose((-4.0, 0.0, 0.1))))
+    forget(stage.belief, "bottle")
+    exploration, here, missed = stage.platform.exploration, stage.platform.base(), list[Any]()
+    goals = iter([here] * 3)
+    monkeypatch.setattr(exploration, "gazes", lambda: iter(()))
+    monkeypatch.setattr(exploration, "plan", lambda: setattr(exploration, "goal", None if missed else next(goals)))
+    monkeypatch.setattr(exploration, "missed", lambda: missed.append(exploration.goal))
+    with pytest.raises(ObjectNowhereToBeFound):
+        stage.run(lambda: perform(LOOK))
+    assert missed == [here]
 
 
 def test_a_check_looks_from_here_alone_and_answers(make_stage: MakeStage) -> None:
@@ -111,6 +137,7 @@ def test_a_check_looks_from_here_alone_and_answers(make_stage: MakeStage) -> Non
     assert stage.platform.base() == (0.0, 0.0, np.pi / 2)
 
 
+@pytest.mark.long
 def test_a_name_that_a_step_made_means_another_place_at_each_use(stage: Stage) -> None:
     place = a_posture("nextBestPose")
     infer = action("InferLikelyObjectLocations", object_acted_on=A_BOTTLE, outputs_created=place)
@@ -139,6 +166,7 @@ def test_with_vision_stopped_nothing_is_seen_until_it_runs_again(stage: Stage) -
     stage.run(plan)
 
 
+@pytest.mark.long
 def test_without_a_model_of_its_class_a_thing_is_not_recognised(stage: Stage) -> None:
     stage.belief.recognition.classes = ()
     looking = action("Perceiving", object_acted_on=A_BOTTLE)

@@ -33,6 +33,7 @@ def rest(folder: Path, *arguments: str) -> dict[str, Any]:
     return found
 
 
+@pytest.mark.long
 def test_a_run_that_waits_longer_than_its_budget_is_not_given_up(tmp_path: Path) -> None:
     (tmp_path / "rest.set").write_text("# how long\n\nNap.duration = 1300\n", encoding="utf-8")
     found = rest(tmp_path, "--set", f"@{tmp_path / 'rest.set'}")

@@ -11,6 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from executive.cli.app import app
+from tests.support.examples import some
 from tests.support.extras import HAS_PR2
 
 
@@ -35,14 +36,15 @@ def header(trace: Path) -> dict[str, Any]:
     return found
 
 
-def test_a_robot_without_camera_is_refused_with_what_lets_it_work() -> None:
-    found = run("pass_a_drink", "--robot", "panda")
+@pytest.mark.parametrize("words", [("pass_a_drink",), ("push_the_cup", "--environment", "soup_kitchen")])
+def test_a_robot_without_camera_is_refused_with_what_lets_it_work(words: tuple[str, ...]) -> None:
+    found = run(*words, "--robot", "panda")
     assert (found["exit_code"], found["failure"]) == (3, ["MissingCapability"])
     (advice,) = (one for one in found["diagnostics"] if one["code"] == "X013")
     assert "--trust-map" in advice["help"]
 
 
-@pytest.mark.parametrize(("recipe", "holder"), [("serve_a_drink", "patient1"), ("pass_a_drink", "guest1")])
+@pytest.mark.parametrize(("recipe", "holder"), some([("serve_a_drink", "patient1"), ("pass_a_drink", "guest1")]))
 def test_a_robot_without_camera_that_trusts_the_map_hands_the_bottle_over(
     tmp_path: Path, recipe: str, holder: str
 ) -> None:

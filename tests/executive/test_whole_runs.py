@@ -29,6 +29,7 @@ from planlang.protocols import Detection, Solution
 from sim import Body, Scene
 from tests.executive.conftest import THE_BOTTLE, WARD, MakeStage, Stage, stand
 from tests.executive.modules.test_navigation import to
+from tests.support.examples import some
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 
@@ -68,7 +69,7 @@ def test_a_recipe_and_its_plan_serve_the_drink_alike_and_leave_their_files(
 
 @pytest.mark.parametrize(
     ("number", "code"),
-    [(signal.SIGINT, 130), (signal.SIGTERM, 143), pytest.param(signal.SIGHUP, 129, marks=pytest.mark.long)],
+    some([(signal.SIGTERM, 143), (signal.SIGINT, 130), (signal.SIGHUP, 129)]),
 )
 def test_a_signal_ends_a_run_with_cleanup_a_complete_trace_and_valid_files(
     number: int, code: int, tmp_path: Path
@@ -126,6 +127,7 @@ def with_body(scene: Scene, name: str, pose: Pose, size: tuple[float, float, flo
     return replace(scene, bodies=(*scene.bodies, Body(name, pose, size)))
 
 
+@pytest.mark.long
 def test_a_bottle_on_another_table_is_nowhere_to_be_found(run_in: Run) -> None:
     on_the_bedside_table = {"bottle1": Pose((2.7, 1.335, 0.7))}
     result, trace = run_in(lambda scene: scene.with_poses(on_the_bedside_table))
@@ -196,6 +198,7 @@ def test_a_barrier_across_the_room_that_no_map_shows_is_named(run_in: Run) -> No
 THE_CABINET, THE_BED = an_object("Cabinet-PieceOfFurniture"), an_object("Bed-PieceOfFurniture")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "location",
     [

@@ -108,6 +108,7 @@ def test_a_module_in_a_file_performs_the_steps_of_a_recipe(kitchen: Path) -> Non
     assert without["diagnostics"][0]["help"] == "add --modules stirring.py"
 
 
+@pytest.mark.long
 def test_a_run_is_resumed_only_with_the_same_modules(kitchen: Path) -> None:
     plan, trace = kitchen / "stir.py", kitchen / "run.jsonl"
     modules = ("--modules", kitchen / "stirring.py")

@@ -83,6 +83,7 @@ def test_a_strategy_that_nobody_registers_is_an_error_that_says_so(package: Path
     assert "names an unknown strategy WaitAMoment" in refused.stderr
 
 
+@pytest.mark.long
 def test_a_package_that_cannot_be_imported_is_named(package: Path) -> None:
     (package / "my_robot" / "recoveries.py").write_text("import a_module_that_is_not_there\n")
     refused = python(package, "-m", "executive", "compile", "recipe.omn")

@@ -8,12 +8,16 @@ import pytest
 
 
 def examples(number: int) -> int:
-    """Return how many random examples are tried where the long form tries ``number``: a tenth; ten at least."""
-    return max(min(number, 10), number * int(os.environ.get("PLANLANG_EXAMPLES", "500")) // 5000)
+    """Return how many random examples are tried where the long form tries ``number``: a twentieth; ten at least."""
+    return max(min(number, 10), number * int(os.environ.get("PLANLANG_EXAMPLES", "250")) // 5000)
 
 
 def some(cases: Iterable[Any], every: int = 3) -> list[Any]:
-    """Return cases for ``parametrize`` of which the first of ``every`` so many is in the suite, and the others long."""
+    """Return cases for ``parametrize`` of which the first of ``every`` so many is in the suite, and the others long.
+
+    A tuple is values for several arguments.
+    """
     return [
-        one if number % every == 0 else pytest.param(one, marks=pytest.mark.long) for number, one in enumerate(cases)
+        pytest.param(*(one if isinstance(one, tuple) else (one,)), marks=pytest.mark.long if number % every else ())
+        for number, one in enumerate(cases)
     ]

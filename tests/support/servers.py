@@ -29,7 +29,7 @@ class RunningServer:
         from planlang.knowledge.sqlite_store import SqliteStore
 
         self.store = SqliteStore(file)
-        self._app = application(self.store, folders, staff=Staff(tuple(folders), limits or Limits()))
+        self._app = application(self.store, Staff(tuple(folders), limits or Limits()))
         self._port = 0
         self.start()
 

@@ -14,7 +14,7 @@ import networkx as nx
 
 from planlang.designators import local_name, told_apart
 from planlang.diagnostics import Diagnostic, Rename, Span, error, note, warning
-from planlang.ontology import BNode, Ontology, Restriction, expand
+from planlang.ontology import BNode, Ontology, Restriction, expand, shorten
 from planlang.recipe.actions import Actions
 from planlang.recipe.checks import CheckedFile, CheckedRecipe, check, listing
 from planlang.recipe.checks.misspellings import guess
@@ -146,12 +146,16 @@ def _instead(ontology: Ontology, statements: Statements, undefined: str) -> tupl
 
 
 def _performers_to_add(checked: CheckedRecipe, cls: str) -> str:
-    """Return what would perform a class (IRI): a process module, a recipe, a class nearby that is performed."""
+    """Return what would perform a class (IRI): a process module, a recipe, a class nearby that is performed.
+
+    A class nearby is one of the vocabulary, or one that a primitive or the library performs: no step of its recipes.
+    """
     ontology, actions = checked.ontology, checked.actions
     if len(ontology.ancestors(cls)) == 1:
         return f"`{local_name(cls)}` has no known superclass: import the ontology that defines it"
     others = (one for one in ontology.subclasses(expand("Action")) if one not in checked.file.recipes.recipes)
-    performed = (one for one in others if any(recipes_for(actions, one)))
+    public = (one for one in others if shorten(one) != one or one in actions.primitives or one in actions.library)
+    performed = (one for one in public if any(recipes_for(actions, one)))
     near = guess(cls, performed, least=_LIKE, telling=_without_number)
     below = f", or place it below `{local_name(near.meant)}`" if near else ""
     above = [f"`{local_name(one)}`" for one in ontology.ancestors(cls)[1:] if not actions.is_any(one)][:MOST_ABOVE]

@@ -226,6 +226,7 @@ def test_parts_that_follow_from_a_class_follow_from_it_again(
     assert not [d for d in updated.diagnostics if d.code != "M026"]
 
 
+@pytest.mark.long
 def test_doors_whose_hinges_have_poses_of_their_own_open_the_same_way_in_the_next_run(left: Left, corpus: Path) -> None:
     semantic_map = read_map(load(corpus / "environments" / "ias_semantic_map@hydro.owl"))
     joints = {joint.leaf: joint for joint in scene_of(semantic_map).joints}

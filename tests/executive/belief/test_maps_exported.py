@@ -13,6 +13,7 @@ from planlang.files import bundled
 from planlang.ontology import load
 from planlang.ontology.convert import Target, convert
 from sim import Body, Scene
+from tests.support.examples import some
 
 CORPUS = Path(__file__).parents[4] / "shared" / "corpus"
 REAL = tuple(
@@ -65,12 +66,12 @@ def check_export(path: Path, folder: Path, target: Target = Target.MANCHESTER) -
         assert before == after == ["M009"]
 
 
-@pytest.mark.parametrize("name", REAL or ["none"])
+@pytest.mark.parametrize("name", some(REAL or ["none"]))
 def test_a_real_map_or_model_is_the_same_world_when_exported(corpus: Path, name: str, tmp_path: Path) -> None:
     check_export(corpus / name, tmp_path)
 
 
-@pytest.mark.parametrize("name", BUNDLED)
+@pytest.mark.parametrize("name", some(BUNDLED))
 def test_a_bundled_map_is_the_same_world_when_exported(name: str, tmp_path: Path) -> None:
     check_export(bundled("ontologies") / "environments" / name, tmp_path)
 

@@ -64,6 +64,18 @@ def test_what_has_no_model_has_the_features_of_its_box(corpus: Path) -> None:
     assert placed(spatulas, "http://example.org/cup1", "Handle") is None
 
 
+@pytest.mark.parametrize(("palm", "side"), [(0.1, -1.0), (-0.1, 1.0)])
+@pytest.mark.parametrize("up", [LEVEL, -LEVEL])
+def test_the_flat_side_of_what_is_held_in_its_middle_looks_away_from_the_palm_however_it_is_turned(
+    corpus: Path, palm: float, side: float, up: np.ndarray
+) -> None:
+    models, flat = ObjectModels(model(corpus, "spatula-features")), a_feature(of=an_object("Thing"), path=("FlatSide",))
+    sponge = Thing("http://example.org/sponge1", (0.1, 0.065, 0.045), up, 0.0, np.zeros(3), palm * LEVEL)
+    found = models.grounded(flat, sponge)
+    assert found is not None
+    assert found.direction == (0.0, 0.0, side)
+
+
 def test_the_box_of_a_tool_ends_at_the_front_of_its_blade(corpus: Path) -> None:
     blade = Blade.of(model(corpus, "spatula-features"), f"{SPATULAS}Spatula_LvaYsvy6")
     assert blade is not None

@@ -96,6 +96,7 @@ def test_the_map_that_needs_no_laser_that_the_robot_lacks_is_chosen(tmp_path: Pa
     assert "robot has none; that is hardware" in "\n".join(nothing.tree().lines())
 
 
+@pytest.mark.long
 def test_the_last_of_many_recipes_is_found_unless_a_limit_is_set_which_is_said(
     tmp_path: Path, store: SqliteStore
 ) -> None:
@@ -122,6 +123,7 @@ def test_what_is_missing_on_both_sides_is_said_of_both(tmp_path: Path, store: Sq
     assert [line for line in found.tree().lines() if line.endswith(both)]
 
 
+@pytest.mark.long
 def test_a_recognition_system_needs_a_model_and_a_camera(tmp_path: Path, store: SqliteStore) -> None:
     put_task(store, "LookAtCups", "roboearth:RoboEarthObjRecSystem")
     put(store, Kind.OBJECT, "ada", recognition_model("Cup"))
@@ -200,6 +202,7 @@ def test_a_map_is_of_the_room_that_was_asked_for(tmp_path: Path, store: SqliteSt
     assert [one.uid for one in found.maps()] == ["hospital_room.ada"]
 
 
+@pytest.mark.long
 def test_a_recipe_that_cannot_be_compiled_any_more_is_refused(tmp_path: Path, store: SqliteStore) -> None:
     put_task(store, "GoToTheLab", "comp:EnvironmentMap")
     wrong = (Path(__file__).parents[2] / "diagnostics" / "R012_cycle.omn").read_bytes()

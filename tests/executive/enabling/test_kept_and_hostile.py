@@ -31,6 +31,7 @@ def change(store: SqliteStore, uid: str, data: str) -> None:
     store.change(uid, upload.content, "ada", entry.etag, NOW)
 
 
+@pytest.mark.long
 def test_what_is_kept_is_renewed_when_the_knowledge_base_has_a_newer_revision(tmp_path: Path) -> None:
     store = hospital(tmp_path / "kb.sqlite")
     enable(tmp_path / "kb.sqlite", tmp_path / "amigo")
@@ -87,6 +88,7 @@ def test_entries_that_an_earlier_version_described_are_found_by_all_that_is_in_t
         assert store.description(BOTTLE).startswith(b"1 earlier") is not is_writable
 
 
+@pytest.mark.long
 def test_a_recognition_model_without_its_file_is_refused_by_name_and_recognises_nothing(tmp_path: Path) -> None:
     store = hospital(tmp_path / "kb.sqlite", without=BOTTLE)
     model = recognition_model("DrinkingBottle") + LINKED

@@ -139,6 +139,7 @@ def test_what_is_held_stays_upright_in_every_way_that_is_tried(
         assert (ways.rotations @ upright)[:, 2, 2] == pytest.approx(1.0)
 
 
+@pytest.mark.long
 @given(angle)
 def test_what_is_offered_comes_to_where_the_person_takes_things(facing: float) -> None:
     held = Held("cup", Pose((0.05, 0.0, 0.0)), (0.07, 0.07, 0.1))

@@ -233,6 +233,7 @@ def test_a_patient_behind_a_wall_of_furniture_is_out_of_reach(refused: Refused) 
     assert set(failure.blocking) <= {"bed", "patient"}
 
 
+@pytest.mark.long
 def test_when_all_places_were_given_the_last_word_is_a_failure(make_stage: MakeStage) -> None:
     stage: Stage = make_stage(CABINET, BOTTLE)
     solutions = []

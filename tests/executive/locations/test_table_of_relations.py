@@ -40,6 +40,7 @@ from tests.executive.conftest import (
     stand,
 )
 from tests.executive.locations.conftest import MakeJudge
+from tests.support.examples import some
 from tests.support.locations.predicates import OF_A_BASE, OF_A_THING, keeps
 
 T = TypeVar("T")
@@ -144,7 +145,7 @@ def base_keeps(relation: Relation, base: tuple[float, float, float], viewer: tup
     return keeps(relation, body, RADIUS, base, viewer, OF_A_BASE)
 
 
-@pytest.mark.parametrize("name", sorted(BASES))
+@pytest.mark.parametrize("name", some(sorted(BASES), 2))
 @pytest.mark.parametrize("negated", [False, True], ids=["", "not"])
 def test_a_base_keeps_the_relation_and_then_it_holds(
     name: str, negated: bool, room: Stage, judge_of: MakeJudge
@@ -235,7 +236,7 @@ def hand_keeps(stage: Stage, relation: Relation, tip: Array, held: Array | None,
     return keeps(relation, BOTTLE, 0.0, place, asked_from, OF_A_THING)
 
 
-@pytest.mark.parametrize("name", sorted(HANDS))
+@pytest.mark.parametrize("name", some(sorted(HANDS), 2))
 def test_a_hand_keeps_the_relation_and_then_it_holds(name: str, make_stage: MakeStage, judge_of: MakeJudge) -> None:
     stage, location = make_stage(*ALL), HANDS[name]
     carries = name in ("on", "in_", "in_reach_of")

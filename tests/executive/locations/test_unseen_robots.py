@@ -30,6 +30,7 @@ from tests.executive.conftest import (
     stand,
 )
 from tests.executive.locations.conftest import Judge, MakeJudge
+from tests.support.examples import some
 
 NUMBERS = """name = "{name}"
 urdf = "{name}.urdf"
@@ -193,7 +194,7 @@ def arm_for(stage: Stage, location: Location) -> str:
     return str(next(stage.resolver.bases(location)).detail["arm"])
 
 
-@pytest.mark.parametrize(("full", "free", "y"), [("right", "left", 0.9), ("left", "right", -0.9)])
+@pytest.mark.parametrize(("full", "free", "y"), some([("right", "left", 0.9), ("left", "right", -0.9)]))
 def test_a_thing_is_taken_with_the_free_hand_while_what_is_held_is_offered_and_put_down(
     full: str, free: str, y: float, make_stage: MakeStage, judge_of: MakeJudge
 ) -> None:

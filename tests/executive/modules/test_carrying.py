@@ -16,6 +16,7 @@ from planlang.failures import ManipulationPoseUnreachable
 from planlang.geometry import Pose
 from planlang.protocols import Configuration
 from tests.executive.conftest import BOTTLE, MakeStage, Stage, hold_bottle
+from tests.support.examples import some
 
 LIMIT = math.radians(15.0)
 FULL = replace(BOTTLE, largest_tilt=LIMIT)
@@ -43,7 +44,7 @@ def room(make_stage: MakeStage) -> Stage:
     return make_stage(FULL)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", some(range(6), 2))
 def test_each_way_to_the_carrying_posture_keeps_the_bottle_upright(room: Stage, seed: int) -> None:
     rng = np.random.default_rng(seed)
     while not hold(

@@ -20,6 +20,7 @@ from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import inverse, product
 from planlang.protocols import Trajectory
 from tests.benchmarks.doors import opened
+from tests.support.examples import some
 from tests.support.leaves import drawn, room, thing
 
 OPEN, CLOSE = "OpeningAContainerArtifact", "ClosingAContainerArtifact"
@@ -36,7 +37,7 @@ def stack() -> Iterator[ExitStack]:
 
 @pytest.mark.parametrize(
     ("robot", "seed"),
-    [("panda", DOOR), ("panda", DRAWER), ("amigo", DRAWER), pytest.param("amigo", DOOR, marks=pytest.mark.long)],
+    some([("panda", DOOR), ("panda", DRAWER), ("amigo", DOOR), ("amigo", DRAWER)]),
 )
 def test_a_leaf_is_opened_and_closed_again_by_its_handle(stack: ExitStack, robot: str, seed: int) -> None:
     stage = room(stack, drawn(seed), robot)
@@ -84,6 +85,7 @@ def test_the_hand_moves_a_leaf_that_is_ajar_from_where_it_is(stack: ExitStack) -
     assert stage.platform.belief.joints["leaf"].is_open(stage.truth.joint("leaf"))
 
 
+@pytest.mark.long
 def test_a_hand_that_cannot_go_back_all_its_way_goes_back_as_far_as_it_can(
     stack: ExitStack, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -57,6 +57,17 @@ def test_a_device_without_control_has_a_button_on_top_if_it_is_low_else_at_its_f
     assert (high.device, high.normal, high.point) == ("oven", (1.0, 0.0, 0.0), pytest.approx((0.3, 0.0, 0.37)))
 
 
+@pytest.mark.parametrize("cls", ["TableKnife", "Knife", "Scissors", "BladeOfADevice"])
+def test_what_cuts_has_no_button_unless_the_map_states_one(cls: str) -> None:
+    pose, size = Pose((0.6, 0.3, 0.76)), (0.2, 0.03, 0.01)
+    maker = thing("maker", "PancakeMaker", *_at())
+    scene = scene_of(SemanticMap(None, vocabulary(), (TABLE, maker, thing("blade", cls, pose, size)), ()))
+    assert [one.device for one in scene.controls] == ["maker"]
+    electric = thing("blade", cls, pose, size, "button")
+    (control,) = scene_of(SemanticMap(None, vocabulary(), (TABLE, electric, button()), ())).controls
+    assert (control.device, control.body) == ("blade", "button")
+
+
 def test_a_button_that_no_map_has_is_pushed_where_the_device_would_have_it(stack: ExitStack) -> None:
     stage = room(stack, (TABLE, thing("maker", "PancakeMaker", *_at())))
     stage.do(ON, "maker")

@@ -231,6 +231,7 @@ def test_dough_on_a_pancake_maker_bakes_while_the_robot_waits_and_is_baked_when_
     assert seconds[0] == pytest.approx(seconds[1], abs=1.5)
 
 
+@pytest.mark.long
 def test_the_real_recipe_for_pancakes_reaches_its_goal(kitchen: Make, corpus: Path) -> None:
     cook = kitchen(Waiter, Cooking)
     make = compiled(corpus / "recipes" / "pancake-making@hydro.owl")

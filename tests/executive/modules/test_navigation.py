@@ -232,6 +232,7 @@ def test_a_bottle_behind_another_thing_is_found_from_another_place(make_stage: M
     assert stage.truth.configuration().base != (0.3, 0.25, 0.0)
 
 
+@pytest.mark.long
 def test_a_class_that_is_not_in_the_map_is_looked_for_where_it_is_likely(ward: Stage) -> None:
     with pytest.raises(ObjectNowhereToBeFound, match=r"looked at: \w+"):
         look(ward, an_object("Refrigerator"))

@@ -31,6 +31,7 @@ from tests.executive.conftest import (
     hold_bottle,
     stand,
 )
+from tests.support.examples import some
 
 MAT = Body("mat", Pose((2.0, 0.0, 0.782)), (0.3, 0.4, 0.004), type="TableCloth", movable=True)
 TABLE = Body("table", Pose((2.0, 0.0, 0.39)), (0.6, 1.2, 0.78), type="Table-PieceOfFurniture")
@@ -54,7 +55,7 @@ def put_down(stage: Stage, where: Location) -> None:
     stage.run(plan)
 
 
-@pytest.mark.parametrize("side", ["left_of", "right_of"])
+@pytest.mark.parametrize("side", some(["left_of", "right_of"]))
 def test_the_bottle_stands_where_the_relations_want_it_and_touches_nothing(make_stage: MakeStage, side: str) -> None:
     stage = make_stage(BED, BOTTLE, CABINET, TABLE, CUP, MAT)
     hold_bottle(stage)

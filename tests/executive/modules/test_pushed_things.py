@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
+import numpy as np
 import pytest
 
+from executive.modules.motion_grounding import Grounding
+from executive.modules.phases import Phase
+from executive.modules.pushing import Pushing
 from planlang import perform, timeout
 from planlang.designators import action, an_object
 from planlang.failures import ObjectNotFound, Timeout
 from planlang.geometry import Pose
 from planlang.motion_constraints import a_constraint, a_feature
+from planlang.protocols import Trajectory
 from sim import Body
 from tests.executive.conftest import PLACE, MakeStage
 
@@ -42,6 +48,7 @@ def test_a_thing_is_believed_to_be_where_the_hand_is_when_its_push_is_interrupte
     assert abs(stage.belief.pose("top").distance(TOP.pose) - gone) < 0.03
 
 
+@pytest.mark.long
 def test_a_thing_that_was_pushed_off_and_is_not_seen_any_more_is_looked_for(make_stage: MakeStage) -> None:
     stage = make_stage(TABLE, BOX, truth=(SHORTER, BOX))
 
@@ -52,3 +59,20 @@ def test_a_thing_that_was_pushed_off_and_is_not_seen_any_more_is_looked_for(make
         stage.run(push)
     assert caught.value.what == "box"
     assert stage.truth.support("box") != "shorter"
+
+
+def test_without_a_camera_a_thing_that_a_hand_does_not_feel_is_not_believed_to_be_pushed(
+    make_blind: MakeStage, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stage = make_blind(TABLE, BOX, truth=(TABLE, replace(BOX, pose=Pose((1.15, 0.5, 0.8)))))
+    stage.belief.trusts_map = True
+
+    async def stroke(_: Pushing, grounding: Grounding, phase: Phase, asked: Any, *__: Any, **___: Any) -> Trajectory:
+        (arm,) = grounding.grounded(asked, phase).arms
+        return Trajectory(arm.joints, np.stack([stage.platform.arm_joints(arm)] * 2))
+
+    monkeypatch.setattr(Pushing, "stroke", stroke)
+    with pytest.raises(ObjectNotFound) as caught:
+        stage.run(lambda: perform(PUSH))
+    assert caught.value.what == "box"
+    assert stage.belief.pose("box") == BOX.pose

@@ -40,6 +40,7 @@ def test_what_cannot_be_pushed_is_refused(stack: ExitStack) -> None:
         stage.do("PushingMotion", "case")
 
 
+@pytest.mark.long
 def test_a_drawer_that_jams_is_believed_to_be_as_far_open_as_it_is(
     stack: ExitStack, monkeypatch: pytest.MonkeyPatch
 ) -> None:

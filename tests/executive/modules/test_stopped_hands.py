@@ -37,6 +37,7 @@ def test_two_hands_lift_a_tray_with_the_cup_on_it(make_stage: MakeStage) -> None
     assert stage.truth.height_above_support("tray") > 0.05
 
 
+@pytest.mark.long
 def test_a_tray_that_something_stops_when_it_is_lifted_stays_in_the_hands(make_stage: MakeStage) -> None:
     stage = make_stage(TABLE, TRAY, CUP, truth=(TABLE, TRAY, CUP, LAMP))
     with pytest.raises(ManipulationGoalInCollision) as caught:

@@ -143,6 +143,7 @@ def _chosen(reacher: Reacher, wanted: Callable[[str, set[frozenset[str]]], bool]
     return next(q for q, answer, touched, _ in _checked(reacher, 4000) if wanted(answer, touched))
 
 
+@pytest.mark.long
 def test_held_things_move_along_with_the_hand(reacher: Reacher) -> None:
     before, place = reacher.world.configuration(), reacher.world.pose("bottle")
     free = _chosen(reacher, lambda answer, touched: answer != "hit" and not touched)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from executive.motion.arm_path import CHECKS, JointSpace, plan_path
 from executive.motion.errors import GoalInCollision, NoPath, OutsideLimits, StartInCollision
 from planlang.geometry import Array
+from tests.support.examples import some
 
 LOW, HIGH = np.zeros(2), np.ones(2) * 4
 SQUARE = JointSpace.of(LOW, HIGH, resolution=0.02)
@@ -73,7 +74,7 @@ def crosses(path: Array, is_free: IsFree) -> bool:
     )
 
 
-@pytest.mark.parametrize("seed", [*range(4), *(pytest.param(seed, marks=pytest.mark.long) for seed in range(4, 10))])
+@pytest.mark.parametrize("seed", some(range(10), 5))
 @pytest.mark.parametrize("shaved", [0.0, 0.1, -0.1])
 def test_path_through_a_random_maze_never_crosses_a_wall_however_rough_the_quick_check_is(
     seed: int, shaved: float

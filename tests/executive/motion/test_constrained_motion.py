@@ -22,6 +22,7 @@ from planlang.designators import an_object
 from planlang.diagnostics import BadInput
 from planlang.geometry import Array
 from planlang.motion_constraints import MotionConstraint, Speed, a_constraint, a_feature
+from tests.support.examples import some
 
 ROBOTS = [("amigo", 1), ("amigo", 2), ("panda", 1), ("pr2", 2)]
 
@@ -48,7 +49,7 @@ def test_functions_and_gradients_are_those_of_plain_formulas(name: str, count: i
         np.testing.assert_allclose(gradients, moved.T / (2 * step), atol=1e-5)
 
 
-@pytest.mark.parametrize(("name", "count"), [*ROBOTS[:3], pytest.param("pr2", 2, marks=pytest.mark.long)])
+@pytest.mark.parametrize(("name", "count"), some(ROBOTS, 2))
 def test_random_feasible_problems_are_solved_without_a_violation(name: str, count: int) -> None:
     # 200 of them: python tests/benchmarks/constraints.py
     robot = arms(name, count)

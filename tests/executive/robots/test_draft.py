@@ -260,6 +260,7 @@ def test_what_is_hardly_a_robot_gives_a_robot_file_as_well(file: str) -> None:
     assert made(ARMS / file)["base"]["radius"] > 0
 
 
+@pytest.mark.long
 @given(st.text(min_size=1, max_size=20))
 def test_any_text_can_be_a_key_and_a_value_of_the_file(text: str) -> None:
     assert tomllib.loads(f"{toml(text, is_key=True)} = {toml(text)}") == {text: text}

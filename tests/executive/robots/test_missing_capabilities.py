@@ -52,7 +52,8 @@ def test_claims_do_not_replace_an_arm(vocabulary: Ontology, amigo: Robot) -> Non
 
 def test_a_claim_without_its_components_does_not_count(vocabulary: Ontology, amigo: Robot) -> None:
     blind = replace(amigo, parts=tuple(p for p in amigo.parts if not any("Recognition" in cls for cls in p.classes)))
-    assert "ObjectRecognitionCapability" in names(vocabulary, blind, LOOKING)
+    for action in (LOOKING, "PushingAnObject", "PushingMotion"):
+        assert "ObjectRecognitionCapability" in names(vocabulary, blind, action)
 
 
 def test_what_nobody_claims_or_explains_is_unknown(vocabulary: Ontology, amigo: Robot) -> None:

@@ -78,6 +78,7 @@ def files(corpus: Path, tmp_path_factory: pytest.TempPathFactory) -> Corpus:
     return Corpus(corpus, tmp_path_factory.mktemp("corpus"))
 
 
+@pytest.mark.long
 def test_the_oracle_gives_the_known_answers_for_serving_a_drink(files: Corpus) -> None:
     rows = json.loads((files.corpus / "truth" / "srdl_expected_serve_drink.json").read_text(encoding="utf-8"))
     recipes = {"serve_drink_hydro": RECIPES[-3], "serve_drink_re_stack": RECIPES[-2]}

@@ -32,7 +32,7 @@ def staff() -> Iterator[Staff]:
 
 @pytest.fixture
 def app(store: SqliteStore, staff: Staff) -> Iterator[FastAPI]:
-    served = application(store, staff=staff)
+    served = application(store, staff)
     yield served
     served.state.serving.mirror.close()
 

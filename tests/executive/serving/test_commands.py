@@ -279,9 +279,18 @@ def test_without_the_server_what_was_pulled_is_there_and_said_to_be_old(
         server.start()
 
 
-@pytest.mark.parametrize("url", ["", "serveadrink", "http://ada:secret@127.0.0.1"])
+@pytest.mark.parametrize(
+    "url", ["", "serveadrink", "http://ada:secret@127.0.0.1", "http://ada:secret/1@127.0.0.1", "ada:secret@127.0.0.1"]
+)
 def test_an_address_that_is_none_is_bad_input(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("PLANLANG_SERVER")
     refused = invoke("search", *(["--from", url] if url else []))
     assert (refused.exit_code, codes(refused)) == (2, ["K030"])
     assert "secret" not in refused.output
+    assert "ada" not in refused.output
+
+
+def test_the_file_of_a_store_in_place_of_an_address_is_named_with_what_serves_it() -> None:
+    refused = invoke("search", "--from", "nothing.sqlite")
+    assert "nothing.sqlite" in refused.output
+    assert "planlang serve --store FILE" in refused.output

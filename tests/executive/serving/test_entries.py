@@ -11,6 +11,7 @@ import pytest
 from fastapi.testclient import TestClient
 
 from executive.serving.app import application
+from executive.serving.workers import Staff
 from planlang.files import Bundled
 from planlang.knowledge.sqlite_store import SqliteStore
 from planlang.ontology import load
@@ -102,13 +103,14 @@ def test_classes_have_names_in_any_script_however_these_are_written(client: Test
     assert client.get(f"/objects/{entry['uid']}").status_code == HTTPStatus.OK
 
 
+@pytest.mark.long
 def test_what_is_wrong_in_the_servers_own_files_is_told_without_their_folder(
     tmp_path: Path, store: SqliteStore
 ) -> None:
     folder = tmp_path / "private"
     folder.mkdir()
     (folder / "broken.omn").write_text("Ontology: <http://example.org/broken.owl>\nClas: x\n")
-    app = application(store, [folder])
+    app = application(store, Staff([folder]))
     client = TestClient(app, headers={"Authorization": f"Bearer {store.new_key('eve', '2026-01-01T00:00:00Z')}"})
     importing = b"Ontology: <urn:o> Import: <package://ours/broken.omn>\nClass: <urn:o#Mug>"
     importing += b" SubClassOf: <http://knowrob.org/kb/knowrob.owl#Cup>"

@@ -51,7 +51,7 @@ def key(store: SqliteStore) -> str:
 
 @pytest.fixture
 def client(store: SqliteStore, staff: Staff) -> TestClient:
-    return TestClient(application(store, staff=staff))
+    return TestClient(application(store, staff))
 
 
 def upload(client: TestClient, key: str, text: str = RECIPE, **fields: str) -> str:

@@ -145,6 +145,7 @@ def test_everything_is_read_and_rated_without_scripts(browser: Any, server: Runn
     page.get_by_text("1 rating").wait_for()
 
 
+@pytest.mark.long
 def test_a_map_is_shown_from_above_and_its_things_tell_what_they_are(browser: Any, server: RunningServer) -> None:
     fill(server)
     watched = Watched(browser, server.url)

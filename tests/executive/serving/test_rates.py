@@ -57,7 +57,7 @@ def test_as_many_askers_as_there_are_addresses_are_not_all_remembered() -> None:
 def test_a_server_tells_when_to_come_back_and_an_author_is_not_held_up_by_strangers(
     store: SqliteStore, staff: Staff
 ) -> None:
-    app = application(store, staff=staff, rates=Rates(0.1, lambda: 0.0))
+    app = application(store, staff, rates=Rates(0.1, lambda: 0.0))
     author = TestClient(app, headers={"Authorization": f"Bearer {store.new_key('ada', NOW)}"})
     assert author.get("/v1/subscriptions").status_code == HTTPStatus.OK
     stranger = TestClient(app)
@@ -69,7 +69,7 @@ def test_a_server_tells_when_to_come_back_and_an_author_is_not_held_up_by_strang
 
 
 def test_a_dropped_key_is_counted_as_a_strangers_once_it_is_refused(store: SqliteStore, staff: Staff) -> None:
-    app = application(store, staff=staff, rates=Rates(0.1, lambda: 0.0))
+    app = application(store, staff, rates=Rates(0.1, lambda: 0.0))
     author = TestClient(app, headers={"Authorization": f"Bearer {store.new_key('ada', NOW)}"})
     assert author.get("/v1/subscriptions").status_code == HTTPStatus.OK
     store.drop_keys("ada")
@@ -82,7 +82,7 @@ def test_a_dropped_key_is_counted_as_a_strangers_once_it_is_refused(store: Sqlit
 def test_addresses_are_taken_from_proxies_on_the_same_machine_alone(
     store: SqliteStore, staff: Staff, proxy: str, held_up: list[int]
 ) -> None:
-    app = application(store, staff=staff, rates=Rates(0.05, lambda: 0.0))
+    app = application(store, staff, rates=Rates(0.05, lambda: 0.0))
     config = uvicorn.Config(app)
     config.load()
     client = TestClient(config.loaded_app, client=(proxy, 50000))

@@ -141,7 +141,7 @@ def test_changed_and_deleted_entries_are_found_no_more_as_they_were(client: Test
 def test_what_another_server_on_the_same_store_takes_is_found(
     client: TestClient, store: SqliteStore, staff: Staff
 ) -> None:
-    second = TestClient(application(store, staff=staff), headers=client.headers)
+    second = TestClient(application(store, staff), headers=client.headers)
     second.post("/v1/objects", params={"name": "second"}, content=CUP_MODEL)
     assert found(client, expression="providesModelFor some Cup") == [MODEL, "cupmodel.second"]
 
@@ -151,7 +151,7 @@ def test_descriptions_of_another_layout_are_made_anew_from_the_contents(
 ) -> None:
     for uid in (SERVING, MODEL):
         store.describe(uid, b"0 an older one", store.entry(uid).etag)
-    restarted = application(store, staff=staff)
+    restarted = application(store, staff)
     assert TestClient(restarted).get("/v1/health").json() == {"status": "ok", "entries": 4, "stale": 2}
     with TestClient(restarted) as later:
         while restarted.state.serving.catalogue.stale:
@@ -161,6 +161,7 @@ def test_descriptions_of_another_layout_are_made_anew_from_the_contents(
     assert not store.description(MODEL).startswith(b"0")
 
 
+@pytest.mark.long
 def test_descriptions_are_made_anew_though_the_store_could_not_be_used_in_between(
     client: TestClient, store: SqliteStore, staff: Staff, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -174,7 +175,7 @@ def test_descriptions_are_made_anew_though_the_store_could_not_be_used_in_betwee
         describe(uid, description, expected)
 
     monkeypatch.setattr(store, "describe", described)
-    restarted = application(store, staff=staff)
+    restarted = application(store, staff)
     with TestClient(restarted) as later:
         while restarted.state.serving.catalogue.stale:
             later.get("/v1/health")

@@ -31,7 +31,7 @@ COUNT = "SELECT (COUNT(*) AS ?n) { GRAPH <urn:entry:serveadrink.ward> { ?a ?b ?c
 @pytest.fixture
 def client(tmp_path: Path, staff: Staff) -> Iterator[TestClient]:
     with closing(SqliteStore(tmp_path / "kb.sqlite")) as store:
-        app = application(store, staff=staff)
+        app = application(store, staff)
         with closing(app.state.serving.mirror):
             yield TestClient(app, headers={"Authorization": f"Bearer {store.new_key('ada', NOW)}"})
 
@@ -125,7 +125,7 @@ def test_a_server_of_too_many_questions_says_when_to_come_back(
 ) -> None:
     monkeypatch.setattr("executive.serving.mirror.MOST_QUESTIONS", 0)
     with closing(SqliteStore(tmp_path / "kb.sqlite")) as store:
-        refused = TestClient(application(store, staff=staff)).get("/v1/sparql", params={"query": COUNT})
+        refused = TestClient(application(store, staff)).get("/v1/sparql", params={"query": COUNT})
     assert (refused.status_code, refused.headers["Retry-After"]) == (429, "1")
 
 

@@ -20,6 +20,7 @@ def invoke(*arguments: object) -> Result:
     return CliRunner().invoke(app, [str(argument) for argument in arguments], prog_name="planlang")
 
 
+@pytest.mark.long
 def test_a_port_that_is_taken_is_told_with_another_one_to_take(tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]

@@ -81,6 +81,7 @@ def test_a_call_ends_at_its_limits_and_the_next_one_is_answered(source: Source) 
     workers.close()
 
 
+@pytest.mark.long
 def test_files_of_the_folder_in_which_it_is_started_are_not_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -140,6 +141,7 @@ def test_nobody_waits_for_long_behind_what_takes_longer_than_expected(source: So
     workers.close()
 
 
+@pytest.mark.long
 def test_calls_are_answered_in_the_order_in_which_they_came(source: Source) -> None:
     workers, order = Workers(source, 1, SMALL_LIMITS, math.inf), list[int]()
     threads: list[threading.Thread] = []
@@ -165,7 +167,7 @@ def test_calls_are_answered_in_the_order_in_which_they_came(source: Source) -> N
 @pytest.mark.long
 def test_an_upload_that_takes_too_long_is_refused_with_the_limit(tmp_path: Path) -> None:
     store, staff = SqliteStore(tmp_path / "kb.sqlite"), Staff((), SMALL_LIMITS)
-    app = application(store, staff=staff)
+    app = application(store, staff)
     client = TestClient(app, headers={"Authorization": f"Bearer {store.new_key('ada', NOW)}"})
     answer = client.post("/v1/objects?name=large", content=LARGE)
     assert answer.status_code == HTTPStatus.UNPROCESSABLE_ENTITY, answer.text

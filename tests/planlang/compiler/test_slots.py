@@ -140,6 +140,27 @@ def test_of_several_things_around_a_step_none_is_chosen(compiled: Any) -> None:
     assert advice.endswith("--set Clear.PickUp.objectActedOn=X")
 
 
+@pytest.mark.parametrize(
+    ("motion", "more", "open"),
+    [
+        ("k:ITaSCMotion", "", ["object_acted_on", "device_used"]),
+        ("k:ITaSCMotion", ", k:deviceUsed value gripper", ["object_acted_on"]),
+        ("k:CirclingMotion", ", k:objectActedOn value cup1", ["device_used"]),
+        ("k:PushingMotion", ", k:objectActedOn value cup1", []),  # its process module pushes with a free hand
+    ],
+)
+def test_a_motion_needs_what_its_constraints_are_about(compiled: Any, motion: str, more: str, open: list[str]) -> None:
+    mc = "http://knowrob.org/kb/motion-constraints.owl#"
+    low = f"<{mc}HeightConstraint>, <{mc}constrUpperLimit> value 0.1"
+    for feature, whole in (("tool", "DeviceUsed"), ("world", "ObjectActedOn")):
+        low += f", <{mc}{feature}Feature> some (k:ObjectMainAxis and (k:physicalPartOf some k:{whole}))"
+    plan = compiled(Serve=steps("Move"), Move=f"{motion}, k:constrainedBy some Low{more}", Low=low)
+    asked = [name for name, default in parameters(plan).items() if default is inspect.Parameter.empty]
+    assert asked == [f"move_{name}" for name in open]
+    assert len(found(plan, "R062")) == len(open)
+    assert not found(compiled(Serve=steps("Move"), Move=motion + ", k:objectActedOn value cup1"), "R062")
+
+
 @pytest.mark.parametrize("motion", ["k:Translation-LocationChange", "k:Reaching"])
 def test_a_motion_without_target_is_an_error_where_the_step_is_defined(compiled: Any, motion: str) -> None:
     with pytest.raises(BadInput) as caught:

@@ -42,6 +42,13 @@ def test_the_warning_names_the_module_the_recipe_and_the_class_nearby(compiled: 
     assert said["Reaching2"].endswith("or add sub-actions, or place it below `Reaching`")
 
 
+def test_no_step_within_a_recipe_of_the_library_is_a_class_to_place_it_below(compiled: Any) -> None:
+    plan = compiled({"TiltBack": "k:PurposefulAction", "TakeVessel2": "k:PurposefulAction"})
+    said = {one.message.split("`")[1]: one.help or "" for one in plan.diagnostics if one.code == "R021"}
+    assert set(said) == {"TiltBack", "TakeVessel2"}
+    assert all(help.endswith("or add sub-actions") for help in said.values())
+
+
 def test_unordered_steps_that_may_need_anything_take_turns(compiled: Any) -> None:
     plan = compiled({"Look": "k:LookingForSomething", "Stir": "k:PurposefulAction"})
     assert plan.source.count('async with using("base", "torso", "arm", "gripper", "head")') == 1

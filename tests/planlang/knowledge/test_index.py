@@ -21,6 +21,7 @@ from planlang.knowledge.questions import names_in, read_question
 from planlang.ontology import load
 from planlang.ontology.convert import Target, convert
 from planlang.ontology.expressions import Expression
+from tests.support.examples import some
 
 
 def ask_elk(whole: str, entries: Iterable[str], questions: int, folder: Path) -> list[set[str]]:
@@ -56,7 +57,7 @@ def ask_hermit(drawn: Drawn, folder: Path) -> list[set[str]]:
     return [{uid for uid in drawn.entries if uid in found} for found in answers]
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2, 4, 5, 6, 7, 8])
+@pytest.mark.parametrize("seed", some([0, 1, 2, 4, 5, 6, 7, 8]))
 def test_answers_to_two_hundred_questions_are_those_of_elk(seed: int, tmp_path: Path) -> None:
     """Left out is what pyelk-reasoner 0.2 does not answer as HermiT does: ranges, chains, individuals, and seed 3."""
     drawn = Draw(seed).ontology(entries=8, questions=25)
@@ -161,6 +162,7 @@ def test_answers_are_the_same_however_entries_came_and_went(changes: list[tuple[
         assert changed.answers(question) == anew.answers(question), text
 
 
+@pytest.mark.long
 def test_room_of_removed_entries_is_used_again() -> None:
     index = Index(VOCABULARY)
     description = Description((Described(("urn:C",), (("urn:q", 1), ("urn:p", "urn:B"))), Described(("urn:D",))))

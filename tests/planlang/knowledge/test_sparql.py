@@ -91,6 +91,7 @@ def test_a_name_that_no_graph_can_have_is_refused_and_the_next_question_is_answe
     assert endpoint.ask("ASK { <urn:r7> ?p ?o }")["boolean"] is True
 
 
+@pytest.mark.long
 def test_every_identifier_names_a_graph() -> None:
     letters = [one for one in map(chr, range(sys.maxunicode + 1)) if is_uid(f"a{one}.b")]
     assert len(letters) > 100_000
@@ -104,6 +105,7 @@ def test_a_question_that_needs_too_much_memory_is_ended(endpoint: Endpoint) -> N
     assert endpoint.ask("ASK { <urn:r7> ?p ?o }")["boolean"] is True
 
 
+@pytest.mark.long
 def test_files_of_the_folder_in_which_it_is_started_are_not_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -23,6 +23,7 @@ def corpus_files(corpus: Path) -> Iterator[Path]:
         yield from sorted((corpus / folder).glob("*.owl*"))
 
 
+@pytest.mark.long
 @pytest.mark.filterwarnings("ignore")
 def test_every_corpus_file_has_the_triples_that_rdflib_finds(corpus: Path) -> None:
     compared = 0

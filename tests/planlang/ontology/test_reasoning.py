@@ -61,7 +61,8 @@ def test_contradictions_are_found_where_they_are_written_and_explained(tmp_path:
 
 
 @needs_reasoner
-@pytest.mark.parametrize("reasoner", some(Reasoner))
+@pytest.mark.long
+@pytest.mark.parametrize("reasoner", Reasoner)
 def test_units_do_not_end_the_reasoner_and_what_they_say_is_not_invented(tmp_path: Path, reasoner: Reasoner) -> None:
     text = """Class: Thick
     EquivalentTo: Wet and (thickness value "2"^^unit:Centimeter)
@@ -82,6 +83,7 @@ Class: Short2
     assert found.individuals == 1
 
 
+@pytest.mark.long
 @needs_reasoner
 def test_what_a_reasoner_cannot_take_is_left_out_or_told(tmp_path: Path) -> None:
     text = """Datatype: Small

@@ -287,6 +287,15 @@ def test_a_noun_that_several_classes_of_the_map_end_with_is_not_guessed() -> Non
     assert "wine bottle, drinking bottle" in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("noun", "guess"), [("milk1", None), ("the patiant", "patient"), ("the piece of furnitur", "piece")]
+)
+def test_of_a_map_only_what_is_in_it_is_guessed(noun: str, guess: str | None) -> None:
+    help = only(f"in reach of {noun}").help or ""
+    assert help.startswith(f"did you mean '{guess}" if guess else "there are: patient1, bottle1")
+    assert Lexicon.from_classes({"Milk": Object}).similar("milk1") == "milk"
+
+
 def test_all_mistakes_of_a_phrase_are_told_in_one_go() -> None:
     with pytest.raises(BadInput) as caught:
         read_location("within 1 parsec of the bed and near the unicorn with the tail", LEXICON)

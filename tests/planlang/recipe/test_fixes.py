@@ -296,18 +296,20 @@ IN_XML = ("R034_only_individual", "R039_unused", "R051_unlisted_state",
 
 @pytest.mark.parametrize(
     ("name", "syntax"),
-    [
-        *(
-            (name, Target.MANCHESTER)
-            for name in (
-                *("R010_ordered_stranger", "R011_incomplete_ordering", "R014_redundant_ordering"),
-                *("R020_undefined_step", "R036_hand_without_place", "R040_unordered_base_motions", "R045_one_head"),
-                *("R046_undefined_capability", "R050_misnamed_state"),
-                *IN_XML,
-            )
-        ),
-        *((name, Target.RDFXML) for name in IN_XML),
-    ],
+    some(
+        [
+            *(
+                (name, Target.MANCHESTER)
+                for name in (
+                    *("R010_ordered_stranger", "R011_incomplete_ordering", "R014_redundant_ordering"),
+                    *("R020_undefined_step", "R036_hand_without_place", "R040_unordered_base_motions", "R045_one_head"),
+                    *("R046_undefined_capability", "R050_misnamed_state"),
+                    *IN_XML,
+                )
+            ),
+            *((name, Target.RDFXML) for name in IN_XML),
+        ]
+    ),
 )
 def test_what_is_fixed_is_not_said_again_and_nothing_gets_worse(folder: Path, name: str, syntax: Target) -> None:
     path = DIAGNOSTICS / f"{name}.omn"

@@ -149,6 +149,12 @@ def test_what_was_never_written_is_a_value_error(written: Any) -> None:
         load(written)
 
 
+def test_the_root_of_failures_has_the_name_by_which_plans_and_older_traces_know_it() -> None:
+    written = dump_failure(PlanFailure("the plan stopped"))
+    assert written["type"] == "planlang.failures.PlanFailure"
+    assert type(load_failure(written)) is PlanFailure
+
+
 def test_a_failure_comes_back_with_its_fields_place_members_attachments_and_causes() -> None:
     failure = CompositeFailure(
         failures=(ObjectNotFound(what="cup"), LocationUnresolvable(designator="x", counts={"out of reach": 3})),

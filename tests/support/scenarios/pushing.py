@@ -98,6 +98,6 @@ SCENARIOS = [
         ("docs/examples/push_the_door_shut.omn", "--robot", "amigo", "--environment", "kitchenette"),
         door_is_shut,
         (watch_the_door,),
-        seconds=4.0,
+        seconds=8.0,
     ),
 ]

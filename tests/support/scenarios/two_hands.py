@@ -58,6 +58,6 @@ SCENARIOS = [
         ("carry_the_tray", "--robot", "amigo", "--environment", "tea_room", "--set", "tray=tray2"),
         served("tray2", "tea_table1", "cup3"),
         (hands_on("tray2"),),
-        seconds=6.0,
+        seconds=7.0,
     ),
 ]
