@@ -13,6 +13,7 @@ from planlang.failures import (
     DesignatorFailure,
     LookingFailure,
     ManipulationFailure,
+    ManipulationGoalInCollision,
     NavigationFailure,
     PerceptionFailure,
 )
@@ -57,7 +58,7 @@ class Wiping(Strokes):
                 lap = await self.stroke(grounding, phase, asked, plane, lane, closed=False)
                 await self.gone(motion, lap)
                 wiped += len(lane) - 2
-            except (ConstraintsUnsatisfied, NavigationFailure) as failure:
+            except (ConstraintsUnsatisfied, ManipulationGoalInCollision, NavigationFailure) as failure:
                 missed, problem = missed + len(lane) - 2, problem or failure
                 if missed > (1 - ENOUGH) * due:
                     break  # it cannot become enough any more: what is out of reach takes longest

@@ -6,10 +6,16 @@ Where a page shows what the command prints, the goal is asked of the same run by
 from __future__ import annotations
 
 import shlex
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from executive.modules.motion_grounding import GroundedMotion
+from executive.modules.wiping import Wiping
+from executive.runs.options import Outcome
+from planlang.failures import ManipulationGoalInCollision
+from planlang.protocols import Trajectory
 from tests.repository.test_documentation import shown_outputs
 from tests.support.extras import skip_without_pr2
 from tests.support.scenarios import CORPUS, Scenario, judged, scenarios
@@ -42,3 +48,20 @@ def test_a_pancake_that_the_spatula_did_not_take_along_is_not_flipped(
     monkeypatch.setattr("sim.processes.NEAR_BLADE", -1.0)
     found = judged(scenarios()["flipping"])
     assert found.result.failure[0] == "ObjectNotTurned"
+
+
+@pytest.mark.long
+def test_a_lane_in_which_something_stops_the_hand_does_not_end_the_wiping(monkeypatch: pytest.MonkeyPatch) -> None:
+    going, gone = Wiping.gone, []
+
+    async def gone_but_once(self: Wiping, motion: GroundedMotion, trajectory: Trajectory) -> None:
+        gone.append(trajectory)
+        if len(gone) == 2:
+            raise ManipulationGoalInCollision(arm=motion.arms[0].name, blocked_by="cup1")
+        await going(self, motion, trajectory)
+
+    monkeypatch.setattr(Wiping, "gone", gone_but_once)
+    one = scenarios()["wipe_table"]
+    found = judged(replace(one, arguments=tuple("amigo" if word == "pr2" else word for word in one.arguments)))
+    assert found.result.outcome is Outcome.DONE, found.result.message
+    assert len(gone) > 2
