@@ -99,6 +99,7 @@ def killed(trace: Path, to: Path, records: int, *, torn: str = "") -> Path:
     return to
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("every", [3, pytest.param(1, marks=pytest.mark.long)])
 def test_a_run_killed_after_each_step_ends_as_if_it_had_not_been_killed(
     every: int, stepwise: tuple[Path, Path], tmp_path: Path

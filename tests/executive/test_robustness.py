@@ -125,6 +125,7 @@ def test_a_robot_file_without_end_is_read_as_far_as_its_bound(tmp_path: Path) ->
     assert (result.exit_code, "error B001 the file is larger than 16 MB" in result.stderr) == (2, True), result.stderr
 
 
+@pytest.mark.long
 def test_the_end_of_a_full_disk_is_told_and_devices_are_not_read(tmp_path: Path) -> None:
     told = planlang("compile serve_a_drink > /dev/full", tmp_path)
     assert (told.returncode, "stdout cannot be written: No space left" in told.stderr) == (2, True), told.stderr

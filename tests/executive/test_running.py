@@ -33,6 +33,7 @@ from planlang.kernel.core import Task
 from planlang.kernel.tree import Node
 from planlang.ontology import load
 from sim import PlanningWorld, PyBulletWorld
+from tests.support.examples import some
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 RECIPE = bundled("recipes") / "serve_a_drink.omn"
@@ -236,6 +237,7 @@ def test_a_bottle_outside_the_room_cannot_be_reached(tmp_path: Path) -> None:
     assert "bottle1" in result.message
 
 
+@pytest.mark.long
 def test_a_bottle_on_top_of_a_tower_cannot_be_reached(tmp_path: Path) -> None:
     path = changed_map(tmp_path, ("knowrob:m23 0.9,", "knowrob:m23 2.3,"))
     result = run_plan_file(replace(BUNDLED, environment=path))
@@ -257,7 +259,7 @@ class _After:
             raise KeyboardInterrupt
 
 
-@pytest.mark.parametrize("step", [1, 425])
+@pytest.mark.parametrize("step", some([425, 1]))
 def test_an_interrupt_in_any_step_of_the_world_ends_the_run_with_a_complete_trace(
     step: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -155,6 +155,7 @@ def test_a_name_that_a_step_made_means_another_place_at_each_use(stage: Stage) -
     assert len(bases) == 3
 
 
+@pytest.mark.long
 def test_with_vision_stopped_nothing_is_seen_until_it_runs_again(stage: Stage) -> None:
     async def plan() -> None:
         await perform(action("StopVisionModules"))

@@ -54,6 +54,7 @@ def test_a_robot_without_camera_that_trusts_the_map_hands_the_bottle_over(
     assert header(trace)["trusts_map"] is True
 
 
+@pytest.mark.long
 def test_what_a_hand_without_camera_misses_where_the_map_has_it_is_not_found() -> None:
     found = run("pass_a_drink", "--robot", "panda", "--trust-map", "--seed", "2")
     assert (found["exit_code"], found["failure"]) == (1, ["ObjectNotFound", "GraspMissed"])

@@ -45,6 +45,7 @@ def planlang(*arguments: str | Path, folder: Path) -> dict[str, Any]:
     return answer
 
 
+@pytest.mark.long
 def test_a_recipe_and_its_plan_serve_the_drink_alike_and_leave_their_files(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -161,6 +162,7 @@ def test_a_patient_who_does_not_take_it_leaves_the_bottle_in_the_gripper(run_in:
     assert "what bottle1, recipient patient1" in result.message
 
 
+@pytest.mark.long
 def test_a_chair_pushed_into_the_way_is_driven_around(run_in: Run) -> None:
     pushed = {"chair1": Pose((-1.0, -0.4, 0.425))}
     result, trace = run_in(lambda scene: scene.with_poses(pushed))
@@ -247,6 +249,7 @@ def test_a_thing_that_is_seen_elsewhere_is_no_longer_where_it_was(ward: Stage) -
     assert log[1][0] == pytest.approx(1.5, abs=0.1)
 
 
+@pytest.mark.long
 def test_a_hand_that_is_taken_away_is_no_longer_over_the_bed(make_stage: MakeStage) -> None:
     stage = make_stage(*WARD)
     over = a_location(above=THE_BED)

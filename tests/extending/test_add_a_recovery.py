@@ -65,6 +65,7 @@ def package(tmp_path: Path) -> Path:
     return tmp_path
 
 
+@pytest.mark.long
 def test_a_strategy_of_a_package_is_written_into_the_plan_and_used(package: Path) -> None:
     compiled = python(package, "-m", "executive", "compile", "recipe.omn")
     assert compiled.returncode == 0, compiled.stderr

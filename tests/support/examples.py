@@ -8,8 +8,8 @@ import pytest
 
 
 def examples(number: int) -> int:
-    """Return how many random examples are tried where the long form tries ``number``: a twentieth; ten at least."""
-    return max(min(number, 10), number * int(os.environ.get("PLANLANG_EXAMPLES", "250")) // 5000)
+    """Return how many random examples are tried where the long form tries ``number``: a fiftieth; ten at least."""
+    return max(min(number, 10), number * int(os.environ.get("PLANLANG_EXAMPLES", "100")) // 5000)
 
 
 def some(cases: Iterable[Any], every: int = 3) -> list[Any]:

@@ -17,6 +17,7 @@ from executive.cli.app import app
 from planlang.diagnostics import Diagnostic
 from planlang.geometry import Pose
 from sim import Scene
+from tests.support.examples import some
 
 Write = Callable[..., str]
 Read = Callable[..., SemanticMap]
@@ -61,6 +62,7 @@ def test_rooms_of_which_nothing_says_that_they_connect_have_walls_all_around(roo
     assert found == []
 
 
+@pytest.mark.long
 @settings(
     max_examples=25,
     deadline=None,
@@ -113,7 +115,7 @@ def test_where_a_grid_has_something_in_the_doorway_that_is_in_the_way(rooms: Roo
     assert box.size[1] >= WIDTH - 0.1
 
 
-@pytest.mark.parametrize("connected", [True, False])
+@pytest.mark.parametrize("connected", some([True, False]))
 def test_a_search_goes_on_in_the_next_room_if_that_is_connected(
     rooms: Rooms, thing: Write, seen: Write, corpus: Path, tmp_path: Path, connected: bool
 ) -> None:

@@ -76,6 +76,7 @@ def explained(tmp_path: Path, who: Possessions, task: str, limit: int = MOST_REA
     return found
 
 
+@pytest.mark.long
 def test_the_map_that_needs_no_laser_that_the_robot_lacks_is_chosen(tmp_path: Path, store: SqliteStore) -> None:
     """Figure 7 of the paper: the 3-D map needs a tilting laser, the 2-D map is chosen."""
     put_task(store, "GoToTheLab", "comp:EnvironmentMap")
@@ -138,6 +139,7 @@ def test_a_recognition_system_needs_a_model_and_a_camera(tmp_path: Path, store: 
     assert blind.unmet() == ("component RoboEarthObjRecSystem",)
 
 
+@pytest.mark.long
 def test_a_recipe_of_a_step_that_nothing_performs_is_taken_too(tmp_path: Path, store: SqliteStore) -> None:
     put(store, Kind.RECIPE, "night", ontology("patrol", PATROL), "Patrol")
     assert explained(tmp_path, robot(), "Patrol").unmet() == ("recipe Scouting",)

@@ -59,6 +59,7 @@ def test_what_is_kept_stays_where_its_newer_revision_needs_what_is_missing(tmp_p
     assert told in json.dumps(found["explanation"])
 
 
+@pytest.mark.long
 def test_what_is_not_complete_any_more_is_taken_again(tmp_path: Path) -> None:
     hospital(tmp_path / "kb.sqlite").close()
     enable(tmp_path / "kb.sqlite", tmp_path / "amigo")

@@ -150,6 +150,7 @@ def test_each_place_is_counted_once(refused: Refused) -> None:
     assert failure.counts == {"no room for the base": 2 * 32 * 4 * 48}
 
 
+@pytest.mark.long
 def test_places_that_another_conjunct_refuses_are_counted_by_its_own_words(refused: Refused) -> None:
     bed, patient = an_object("Bed-PieceOfFurniture"), a_person("Patient")
     far = a_location(in_reach_of=(THE_BOTTLE, patient), facing=bed, not_=a_location(next_to=bed))
@@ -226,6 +227,7 @@ def test_a_hand_location_has_to_say_what_the_hand_is_at(location: Location, said
         next(stage.resolver.hands(location, arm, stage.platform.arm_joints(arm)))
 
 
+@pytest.mark.long
 def test_a_patient_behind_a_wall_of_furniture_is_out_of_reach(refused: Refused) -> None:
     bed = replace(BED, size=(2.6, 3.4, 0.55))
     failure = refused(a_location(in_reach_of=a_person("Patient")), bed, PATIENT)

@@ -213,7 +213,7 @@ CHANGES: dict[str, Callable[[Stage], None]] = {
 }
 
 
-@pytest.mark.parametrize("change", CHANGES)
+@pytest.mark.parametrize("change", some(CHANGES, 2))
 def test_they_are_searched_for_anew_when(change: str, ward: Stage, searched: list[Location]) -> None:
     ask(ward)
     CHANGES[change](ward)

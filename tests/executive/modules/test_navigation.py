@@ -191,6 +191,7 @@ def test_a_bottle_that_is_not_there_is_not_found(make_stage: MakeStage) -> None:
     assert stage.belief.pose("bottle") == BOTTLE.pose, "where it is instead is not known"
 
 
+@pytest.mark.long
 def test_a_bottle_hidden_from_everywhere_is_nowhere_to_be_found_after_three_recoveries(make_stage: MakeStage) -> None:
     stage = make_stage(*WARD, truth=[CABINET, elsewhere(-1.0, 4.0, 0.1), *WARD[2:]], start=CLOSE)
     places = []

@@ -23,6 +23,7 @@ def stack() -> Iterator[ExitStack]:
         yield stack
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("seed", "value"), [(DRAWER, 0.2), pytest.param(DOOR, 1.2, marks=pytest.mark.long)])
 def test_an_open_leaf_is_pushed_shut(stack: ExitStack, seed: int, value: float) -> None:
     stage = room(stack, drawn(seed))

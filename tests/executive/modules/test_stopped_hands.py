@@ -30,6 +30,7 @@ def taken(stage: Stage) -> None:
     stage.run(take)
 
 
+@pytest.mark.long
 def test_two_hands_lift_a_tray_with_the_cup_on_it(make_stage: MakeStage) -> None:
     stage = make_stage(TABLE, TRAY, CUP)
     taken(stage)

@@ -45,6 +45,7 @@ def place(x: float, y: float, z: float) -> list[MotionConstraint]:
     return [UPRIGHT, *(a_constraint(kind, CENTRE, TOP, lower=v - 0.01, upper=v + 0.01) for kind, v in ways)]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", some(["amigo", "panda"]))
 def test_a_cup_is_carried_upright_around_a_post(name: str) -> None:
     robot = arms_of(name)

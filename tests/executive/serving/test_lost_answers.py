@@ -59,6 +59,7 @@ def test_what_is_sent_again_is_done_once(server: RunningServer) -> None:
         assert created == [made.uid]
 
 
+@pytest.mark.long
 def test_questions_in_sparql_have_tables_and_graphs_as_answers(server: RunningServer) -> None:
     with Client(server.url, server.key("ada")) as client:
         client.create(Kind.RECIPE, "asked", RECIPE)

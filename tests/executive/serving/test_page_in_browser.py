@@ -106,6 +106,7 @@ def test_a_recipe_is_uploaded_mended_found_and_rated(browser: Any, server: Runni
 LIGHT, DARK = ("light", 1280), ("dark", 360)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("scheme", "width"), [pytest.param(*LIGHT, marks=pytest.mark.long), DARK])
 def test_every_page_is_accessible(browser: Any, server: RunningServer, scheme: str, width: int) -> None:
     fill(server)

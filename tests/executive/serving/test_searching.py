@@ -146,6 +146,7 @@ def test_what_another_server_on_the_same_store_takes_is_found(
     assert found(client, expression="providesModelFor some Cup") == [MODEL, "cupmodel.second"]
 
 
+@pytest.mark.long
 def test_descriptions_of_another_layout_are_made_anew_from_the_contents(
     client: TestClient, store: SqliteStore, staff: Staff
 ) -> None:

@@ -20,6 +20,7 @@ from planlang.kernel.cancel import MAX_DELIVERIES
 from planlang.kernel.errors import CutShort
 from planlang.testing import Belief, Script
 from planlang.testing.scripted import ScriptedExecutive
+from tests.support.examples import some
 
 
 @pytest.fixture
@@ -485,7 +486,7 @@ def test_recursion_without_end_by_await_is_an_error_that_names_the_function_and_
     assert log == ["cleaned"]
 
 
-@pytest.mark.parametrize("endless", [endless_by_par, endless_by_pursue_and_timeout])
+@pytest.mark.parametrize("endless", some([endless_by_par, endless_by_pursue_and_timeout]))
 def test_recursion_without_end_by_constructs_is_an_error_that_names_the_functions(endless: Any) -> None:
     with pytest.raises(
         PlanStructureError, match=f"more than 10000 constructs nested.*: {endless.__name__} at test_bad_plans"

@@ -52,6 +52,7 @@ def test_what_the_vocabulary_knows_is_named_and_not_repeated() -> None:
     assert ("urn:on", "urn:Bottle") in node.links
 
 
+@pytest.mark.long
 def test_what_reaches_too_much_is_refused_in_time() -> None:
     own = Axioms(chains=[("urn:part",) * 3])
     for number in range(30_000):

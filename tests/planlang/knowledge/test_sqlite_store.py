@@ -78,6 +78,7 @@ for number in range(int(sys.argv[2]), 10**9):
 """
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("times", [5, pytest.param(100, marks=pytest.mark.long)])
 def test_after_kill_minus_nine_everything_accepted_is_there(tmp_path: Path, times: int) -> None:
     path, accepted = tmp_path / "kb.sqlite", list[str]()

@@ -41,6 +41,7 @@ def written(folder: Path, text: str) -> Path:
     return path
 
 
+@pytest.mark.long
 @needs_reasoner
 @pytest.mark.parametrize("reasoner", some(Reasoner))
 def test_contradictions_are_found_where_they_are_written_and_explained(tmp_path: Path, reasoner: Reasoner) -> None:

@@ -73,6 +73,7 @@ def test_our_ontologies_survive_manchester_syntax(path: Path) -> None:
     assert write(again.triples, Target.MANCHESTER, again.prefixes)[0] == text
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("target", some(RDF_TARGETS))
 def test_our_ontologies_survive_every_syntax_of_rdf_and_come_back_to_the_same_text(target: Target) -> None:
     for path in OURS:

@@ -153,6 +153,7 @@ INSIDE = """
 """
 
 
+@pytest.mark.long
 def test_tracebacks_show_the_lines_of_plan_and_test_only(pytester: pytest.Pytester) -> None:
     pytester.makepyfile(INSIDE)
     shown = pytester.runpytest_inprocess("--tb=short").stdout.str()
