@@ -69,6 +69,9 @@ demo: $(VENV)/.run-stamp
 	    | tee $(VENV)/demo.txt
 	@grep -q '^bottle1: held by patient1$$' $(VENV)/demo.txt
 
+# As many processes as cores: threads of theirs would only get in each other's way.
+test test-long: export OPENBLAS_NUM_THREADS = 1
+
 test: $(VENV)/.dev-stamp
 	$(BIN)/python -m pytest --numprocesses auto --dist loadfile $(PYTEST_ARGS)
 
