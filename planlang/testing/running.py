@@ -15,6 +15,7 @@ from planlang.failures import PlanFailure
 from planlang.files import bundled
 from planlang.kernel import VirtualHost
 from planlang.kernel.schedule import Schedule
+from planlang.kernel.tracebacks import without_internals
 from planlang.kernel.tree import name_of
 from planlang.language.plans import Plan
 from planlang.language.replaying import Replay
@@ -58,7 +59,7 @@ class PlanRun(History, Generic[V]):
         """The result of the plan; raises its failure if it failed."""
         raised = self.failure or self.error
         if raised is not None:
-            raise raised
+            raise without_internals(raised)
         return self._value  # type: ignore[return-value]
 
     @property
@@ -125,7 +126,7 @@ def run_plan(
     )
     made.append(ended)
     if ended.error is not None:
-        raise ended.error
+        raise without_internals(ended.error)
     return ended
 
 
