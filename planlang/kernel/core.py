@@ -354,9 +354,9 @@ def here() -> tuple[Scheduler, Task]:
     if scheduler is None or scheduler.current is None:
         raise PlanStructureError(
             contrast(
-                "no plan is running here; what plans are made of works inside of planlang.run() only, in its thread",
-                "asyncio.run(serve())    or a thread of your own",
-                "run(serve, host=VirtualHost())",
+                "no plan is running in this thread; the plan language works only inside planlang.run()",
+                "asyncio.run(serve()), in_thread(serve), or a thread of your own",
+                "run(serve, host=VirtualHost())    or, inside a plan, await serve()",
             )
         )
     return scheduler, scheduler.current

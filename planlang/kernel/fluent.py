@@ -13,7 +13,7 @@ from planlang.kernel.core import Scheduler, Task, here, park, running, serving
 from planlang.kernel.errors import PlanStructureError
 from planlang.kernel.signals import BaseFluent, Signal, Wait, same
 from planlang.kernel.tree import Node
-from planlang.misuse import Usage, contrast
+from planlang.misuse import Usage, WrongType, contrast, written
 
 T = TypeVar("T")
 _FLUENT = Usage("Fluent", {"value": "False"}, {"name": '"door_open"', "read": "world.door_is_open"})
@@ -156,7 +156,8 @@ class WorldFluent(Fluent[T]):
 
     def set(self, value: T) -> None:
         """Refused: the world sets it."""
-        raise TypeError(f"{self} is read from the world and cannot be set")
+        message = f"{self} is read from the world and cannot be set"
+        raise WrongType(contrast(message, f"{self}.set({written(value)})", "Fluent(False) is one that plans set"))
 
     def sample(self, step: int) -> bool:
         """Read the world; True if those who wait should look."""
@@ -229,8 +230,8 @@ class FluentWait(Wait):
 
 _LATE = object()
 _WAIT_FOR = Usage("await wait_for", {"signal": "door_open"}, {"timeout": "5"})
-SIGNAL = "a fluent or an expression over fluents, which can become true"
-"""Expected argument in the message; the usual mistake is to give its value, which does not change."""
+SIGNAL = "a fluent or an expression over fluents (the fluent itself: its .value is one value that does not change)"
+"""Expected argument in the message."""
 
 
 async def wait_for(signal: Signal[T], timeout: float | None = None) -> T | None:

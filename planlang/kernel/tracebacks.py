@@ -10,10 +10,8 @@ from planlang.plan_failure import PlanFailure
 
 VARIABLE = "PLANLANG_INTERNALS"
 """Environment variable: if it is set, tracebacks keep all frames."""
-_PACKAGE = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
-_INTERNAL = tuple(
-    os.path.join(_PACKAGE, part) for part in ("kernel/", "language/", "runs/", "testing/", "recoveries.py", "misuse.py")
-)
+_INTERNAL = tuple(f"planlang.{part}" for part in ("kernel", "language", "runs", "testing", "recoveries", "misuse"))
+"""Modules whose frames say nothing about a plan."""
 _MEANT = (PlanFailure, PlanStructureError, RunError, CleanupOverrun, AssertionError, KeyboardInterrupt)
 """Exceptions that planlang raises for authors of plans to see."""
 
@@ -53,4 +51,4 @@ def _trimmed(error: BaseException) -> TracebackType | None:
 
 
 def _is_internal(link: TracebackType) -> bool:
-    return link.tb_frame.f_code.co_filename.startswith(_INTERNAL)
+    return str(link.tb_frame.f_globals.get("__name__")).startswith(_INTERNAL)

@@ -55,7 +55,8 @@ def _for_plan_authors(function: Callable[P, V]) -> Callable[P, V]:
                 raise WrongType(contrast(message, f"run({plan})", f"run({plan}, host=VirtualHost())"))
             return function(*arguments, **named)
         except BaseException as error:
-            raise without_internals(error)
+            without_internals(error)
+            raise
 
     return run
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -11,6 +10,7 @@ from typing import Any
 from planlang.designators import local_name
 from planlang.failures import PlanFailure
 from planlang.language.tasktree import TaskNode
+from planlang.misuse import did_you_mean
 from planlang.runs import with_paths
 
 
@@ -321,8 +321,7 @@ class NoSuchStep(AssertionError):
 
     def __init__(self, step: str, names: Iterable[str]) -> None:
         known = list(dict.fromkeys(names))
-        close = difflib.get_close_matches(step, known, 1, 0.7)
-        hint = f"; did you mean {close[0]!r}?" if close else f"; steps that did: {', '.join(known)}"
+        hint = did_you_mean(step, known) or f"; steps that did: {', '.join(known)}"
         super().__init__(f"no step {step!r} ran{hint}")
 
 

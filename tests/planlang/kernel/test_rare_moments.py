@@ -61,7 +61,7 @@ def test_a_collector_threshold_that_is_higher_already_is_left_as_it_is() -> None
 
 
 def test_plan_time_outside_of_a_plan_is_refused() -> None:
-    with pytest.raises(PlanStructureError, match="no plan is running here"):
+    with pytest.raises(PlanStructureError, match="no plan is running in this thread"):
         now()
 
 
