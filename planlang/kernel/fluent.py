@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from functools import partial
-from typing import Any, TypeVar
+from typing import Any, TypeVar, overload
 from weakref import WeakValueDictionary
 
 from planlang.kernel.cancel import checkpoint, deliver
@@ -234,8 +234,16 @@ SIGNAL = "a fluent or an expression over fluents (the fluent itself: its .value 
 """Expected argument in the message."""
 
 
+@overload
+async def wait_for(signal: Signal[T], timeout: None = None) -> T: ...
+@overload
+async def wait_for(signal: Signal[T], timeout: float | None) -> T | None: ...
 async def wait_for(signal: Signal[T], timeout: float | None = None) -> T | None:
-    """Wait until a fluent or expression is true; returns the first true value, or None when ``timeout`` [s] is over."""
+    """Wait until a fluent or expression is true; returns the first true value.
+
+    When ``timeout`` [s] is over it returns None, which is no true value: a wait that may end without one is no failure.
+    Where it is one, ``timeout(seconds, partial(wait_for, signal))`` raises Timeout.
+    """
     scheduler, task = here()
     if not isinstance(signal, Signal):
         raise _WAIT_FOR.wrong("signal", signal, SIGNAL)

@@ -284,7 +284,7 @@ async def _recover(failure: PlanFailure, entries: list[_Entry], keywords: dict[s
 def _asked(recovery: Recovery, failure: PlanFailure) -> Awaitable[RecoveryResult]:
     asked = recovery.do(failure)
     if hasattr(asked, "__await__"):
-        return asked  # type: ignore[no-any-return]
+        return asked
     name = type(failure).__name__
     code = asked.name if isinstance(asked, _Decision) else written(asked)
     message = f"do of the Recovery for {name} returned {code} at once; do is a function written with async def"

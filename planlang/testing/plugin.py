@@ -58,6 +58,7 @@ def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) ->
     """Hide planlang's own frames in the report of a failing test, and add the task trees."""
     if call.excinfo is not None:
         shown = without_internals(call.excinfo.value).__traceback__
+        assert shown is not None  # of the test, at least
         call.excinfo.traceback = type(call.excinfo.traceback)(shown)
     outcome = yield
     report: pytest.TestReport = outcome.get_result()

@@ -173,7 +173,13 @@ class ScriptedExecutive:
         """Return the belief, and how often rules have applied, as JSON; what of them does not survive JSON as text."""
         belief = self.belief
         state: dict[str, Any] = {"holding": belief.holding, "at": belief.at, "facts": belief.facts, "base": belief.base}
-        state |= {"around": belief.around, "revision": self.revision(), "left": self._left, "used": self._used}
+        state |= {
+            "around": belief.around,
+            "lowered": belief.lowered,
+            "revision": self.revision(),
+            "left": self._left,
+            "used": self._used,
+        }
         state |= {"made_up": belief.made_up, "contents": belief.contents, "heated": belief.heated}
         state |= {"made": belief.made, "gone": belief.gone, "on": belief.on}
         return {key: dump(value) for key, value in state.items()}

@@ -454,4 +454,4 @@ def test_in_simulation_what_a_call_in_a_thread_sets_is_set_before_its_caller_goe
         await wait_for(door)
         return "open"
 
-    assert run(partial(par, waits, opens), host=VirtualHost()) == ["open", True]
+    assert run(partial(par, waits, opens), host=VirtualHost()) == ("open", True)

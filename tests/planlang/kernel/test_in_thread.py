@@ -191,7 +191,7 @@ def test_more_calls_than_threads_are_all_made() -> None:
     async def plan() -> Any:
         return await par(*[partial(in_thread, abs, -number) for number in range(600)])
 
-    assert go(plan) == list(range(600))
+    assert go(plan) == tuple(range(600))
 
 
 def test_the_trace_of_calls_is_the_same_in_every_run() -> None:

@@ -425,4 +425,4 @@ def test_steps_one_after_another_in_a_resumable_run_need_no_trace_of_the_caller(
     async def top() -> list[Any]:
         return await seq(partial(sleep, 1), partial(sleep, 0))
 
-    assert go(top, resumable=True) == [None, None]
+    assert go(top, resumable=True) == (None, None)

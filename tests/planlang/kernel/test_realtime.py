@@ -327,7 +327,7 @@ def test_a_run_in_real_time_is_resumed_where_it_was_left_and_not_replayed() -> N
     past = RecordedRun.of(whole.events[:cut])
     clock, again = Clock(), Trace([])
     asked.clear()
-    assert run(top, host=clock.host(), trace=again, resumable=True, resume=Past(past)) == [None, 5, None, 5]
+    assert run(top, host=clock.host(), trace=again, resumable=True, resume=Past(past)) == (None, 5, None, 5)
     assert asked == [3.0]
     assert clock.now < 1001, "what is taken over takes no time"
     with pytest.raises(ValueError, match="resumed, not replayed"):

@@ -460,7 +460,7 @@ def test_branches_are_whatever_gives_something_to_await() -> None:
         Nothing,
         AsyncMock(),
     ]
-    results = ["called", "a", "b", "a", "a", None]
+    results = ("called", "a", "b", "a", "a", None)
     for construct in (par, seq):
         assert went(functools.partial(construct, *branches))[:-1] == results
 

@@ -246,7 +246,7 @@ def test_a_result_that_does_not_survive_json_is_handed_on_as_it_was_told() -> No
         return await seq(partial(perform, action("Reaching")))
 
     run = run_plan(top, script=Script().on("Reaching", returns={1, 2}), resumable=True)
-    assert run.value == [{1, 2}]
+    assert run.value == ({1, 2},)
     assert replay(top, run).equal
 
 
