@@ -340,8 +340,21 @@ class Scheduler:
         return self.timers.now, self.resumptions, self.births, self.beats
 
 
+class Home:
+    """The run that goes on in a thread, to be looked up from other threads."""
+
+    scheduler: Scheduler | None = None
+
+
 class _Running(threading.local):
     scheduler: Scheduler | None = None
+
+    def __init__(self) -> None:
+        self.home = Home()  # another one in each thread
+
+    def begin(self, scheduler: Scheduler | None) -> None:
+        """Note the run of this thread; None: it has ended."""
+        self.scheduler = self.home.scheduler = scheduler
 
 
 running = _Running()

@@ -47,6 +47,7 @@ class Fluent(BaseFluent[T]):
         """Number of changes of the value so far."""
         self.born: Node | None = None
         """The node of the tree in which it was made, if the run is observed."""
+        self._home = running.home
         scheduler = self._run = running.scheduler
         if scheduler is not None and scheduler.observer is not None and scheduler.current is not None:
             self.born = scheduler.current.node
@@ -65,7 +66,8 @@ class Fluent(BaseFluent[T]):
 
         From another thread than that of the run, the value is handed over to the run, which sets it between two steps
         of its tasks: in real time at once, in simulation while a call in a thread is waited for. Otherwise nothing in
-        a simulated run may depend on a thread: PlanStructureError, here and in the run.
+        a simulated run may depend on a thread: PlanStructureError, here and in the run. Where no run goes on, before
+        and after runs, any thread may set it.
         """
         if self._handed_over(self.set, value):
             return
@@ -92,16 +94,19 @@ class Fluent(BaseFluent[T]):
     def _handed_over(self, change: Callable[..., None], *values: Any) -> bool:
         """Return True if the fluent belongs to a run in another thread, which will make the change.
 
-        A fluent belongs to the run in which it was made, or was waited for last.
+        A fluent belongs to the run in which it was made, or was waited for last; without such a run, or after it, to
+        the one that goes on in the thread in which it was made, whether that has come to the fluent or not.
         """
         scheduler = self._run
+        if scheduler is None or scheduler.over:
+            scheduler = self._home.scheduler
         if scheduler is None or scheduler is running.scheduler or scheduler.over:
             return False
         if scheduler.live is None and not scheduler.awaits_threads:
             error = PlanStructureError(
                 contrast(
-                    f"{self} is set from thread {threading.current_thread().name} while a simulated run waits for it; "
-                    "what threads do has no place in simulated time, unless it is a call in_thread",
+                    f"{self} is set from thread {threading.current_thread().name} during a simulated run; what threads "
+                    "do has no place in simulated time, unless it is a call in_thread",
                     f"on_door(lambda: {self}.set(True))    with a VirtualHost or SimulationHost",
                     f"{self}.set(await in_thread(wait_for_door))    or a RealTimeHost with host.source({str(self)!r})",
                 )
