@@ -250,8 +250,12 @@ class History:
         found = self.steps(what)
         if not found:
             assert isinstance(what, str)
-            raise NoSuchStep(what, [name for step in self.steps() for name in (step.name, step.action) if name])
+            raise NoSuchStep(what, self.names())
         return found
+
+    def names(self) -> list[str]:
+        """Return the names of the steps and the classes of the actions that were performed, in order of beginning."""
+        return list(dict.fromkeys(name for step in self.steps() for name in (step.name, step.action) if name))
 
     def _begun(self, what: What) -> list[Step]:
         found = [step for step in self._of(what) if step.start is not None]

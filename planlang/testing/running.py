@@ -6,7 +6,7 @@ import functools
 import linecache
 import os
 from collections import deque
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable, Iterable, Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
@@ -21,7 +21,7 @@ from planlang.language.plans import Plan
 from planlang.language.replaying import Replay
 from planlang.language.replaying import replay as replay_recorded
 from planlang.language.running import run
-from planlang.misuse import Usage
+from planlang.misuse import Usage, did_you_mean
 from planlang.runs import Past, RecordedRun, Trace, restore
 from planlang.testing.faults import Fault, Injector
 from planlang.testing.history import History
@@ -51,6 +51,8 @@ class PlanRun(History, Generic[V]):
         self.error: BaseException | None = None
         self.unused: tuple[str, ...] = ()
         """Rules and faults of the script that never applied: maybe they name no step of the plan."""
+        self.unmatched: tuple[str, ...] = ()
+        """Those of them whose step did not occur, each with the name that may be meant."""
         self._value: V | None = None
         self._belief: Belief | None = None
 
@@ -84,6 +86,14 @@ class PlanRun(History, Generic[V]):
         return f"<run of {self.name}: {how} after {self.seconds:g} s>"
 
 
+class UnusedRule(AssertionError):
+    """A script names steps that did not occur in a run, so that a misspelt rule does not pass for one that holds."""
+
+    def __init__(self, unmatched: Iterable[str], what: str) -> None:
+        lines = "\n  ".join(unmatched)
+        super().__init__(f"the script names steps that did not occur:\n  {lines}\n{what}; allow_unused=True permits it")
+
+
 _RUN_PLAN = Usage("run_plan", {"plan": "serve"})
 
 
@@ -99,13 +109,14 @@ def run_plan(
     within: float = 86_400.0,
     resumable: bool = False,
     resume: PlanRun[Any] | Trace | RecordedRun | None = None,
+    allow_unused: bool = False,
 ) -> PlanRun[V]:
     """Run a plan in virtual time and return how it went.
 
     ``script`` is what process modules do (an empty one without it), unless an ``executive`` is given. ``faults``
     are added to those of the script. ``schedule`` as in :func:`planlang.run`. A plan failure is part of the result;
     what else ends the run is raised: programming errors, DeadlockError, StepLimit after ``within`` seconds of plan
-    time, NoProgress.
+    time, NoProgress. A rule or a fault for a step that did not occur raises UnusedRule, unless ``allow_unused``.
 
     With ``resumable`` the trace notes which steps of the top-level plan have completed; see :func:`planlang.run`.
     ``resume`` is such a run, its trace, or one read from a file: steps that completed in it are not run again but give
@@ -127,6 +138,8 @@ def run_plan(
     made.append(ended)
     if ended.error is not None:
         raise without_internals(ended.error)
+    if ended.unmatched and not allow_unused and resume is None:
+        raise UnusedRule(ended.unmatched, repr(ended))
     return ended
 
 
@@ -176,6 +189,11 @@ def attempt(
         ended.failure = failure
     except Exception as error:
         ended.error = error
+    rules, performed = ((), ()) if scripted is None else (scripted.unmatched, scripted.performed)
+    ended.unmatched = (
+        *(f"rule {rule}{did_you_mean(rule.step, performed)}" for rule in rules),
+        *(f"fault {fault}{did_you_mean(fault.step, ended.names())}" for fault in injector.unmatched),
+    )
     rules = () if scripted is None else scripted.unused
     ended.unused = (*(f"rule {rule}" for rule in rules), *(f"fault {fault}" for fault in injector.unused))
     ended._belief = None if scripted is None else scripted.belief

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from planlang.designators import Action, Condition, Location, Object, Posture
+from planlang.misuse import Usage
 from planlang.testing.faults import Fault, Raises
 
 Base = tuple[float, float, float]
@@ -206,6 +207,7 @@ class Belief:
         return tuple(self.holding), repr(self.at), repr(self.facts), repr(changed)
 
 
+_ON = Usage("script.on", {"step": '"Reaching"'}, {"after": "1.5", "times": "2"})
 EFFECTIVE = frozenset(
     (
         *("Translation-LocationChange", "Reaching", "ClosingAGripper", "OpeningAGripper", "GraspingSomething"),
@@ -304,10 +306,10 @@ class Script:
         time ``since`` up to ``until`` [s]. Of several rules the first that applies counts. A class of actions that a
         rule names can be performed; see :meth:`performs`.
         """
-        if after is not None and not after >= 0:
-            raise ValueError(f"after is a number of seconds, at least 0, not {after!r}")
-        if times is not None and times < 1:
-            raise ValueError(f"times is a number of times, at least 1, not {times!r}")
+        if after is not None:
+            _ON.seconds("after", after)
+        if times is not None:
+            times = _ON.whole("times", times, 0, "times")
         self.rules.append(Rule(step, fails, returns, does, after, times, since, until))
         return self
 
