@@ -253,14 +253,14 @@ async def in_thread(function: Callable[..., Any], /, *arguments: Any, takes: flo
     call = calls.submit(scheduler, task, asynchronous or work, name)
     try:
         result = await park(call)
-    except Exception:
-        await _take(scheduler, steps, name)
-        raise
-    finally:
+    except BaseException as error:
         if call.waiting:
             calls.abandon(call)
             if asynchronous is not None:
                 asynchronous.cancel()
+        elif isinstance(error, Exception):
+            await _take(scheduler, steps, name)
+        raise
     await _take(scheduler, steps, name)
     return result
 
