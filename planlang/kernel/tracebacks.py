@@ -8,7 +8,7 @@ from types import TracebackType
 from planlang.kernel.errors import CleanupOverrun, PlanStructureError, RunError
 from planlang.plan_failure import PlanFailure
 
-VARIABLE = "PLANLANG_INTERNALS"
+VARIABLE = "PLANLANG_TRACEBACK"
 """Environment variable: if it is set, tracebacks keep all frames."""
 _INTERNAL = tuple(f"planlang.{part}" for part in ("kernel", "language", "runs", "testing", "recoveries", "misuse"))
 """Modules whose frames say nothing about a plan."""

@@ -75,5 +75,5 @@ def test_an_error_inside_planlang_keeps_all_frames(monkeypatch: pytest.MonkeyPat
 
 
 def test_all_frames_are_kept_where_the_environment_asks_for_them(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("PLANLANG_INTERNALS", "1")
+    monkeypatch.setenv("PLANLANG_TRACEBACK", "1")
     assert "event_loop.py" in files(raised(grasp))
