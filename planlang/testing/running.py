@@ -52,7 +52,8 @@ class PlanRun(History, Generic[V]):
         self.unused: tuple[str, ...] = ()
         """Rules and faults of the script that never applied: maybe they name no step of the plan."""
         self.unmatched: tuple[str, ...] = ()
-        """Those of them whose step did not occur, each with the name that may be meant."""
+        """Those of them whose step did not occur, each with the name that may be meant. Steps that a failed plan has
+        not come to are no reason, unless a step that occurred is called alike."""
         self._value: V | None = None
         self._belief: Belief | None = None
 
@@ -190,10 +191,10 @@ def attempt(
     except Exception as error:
         ended.error = error
     rules, performed = ((), ()) if scripted is None else (scripted.unmatched, scripted.performed)
-    ended.unmatched = (
-        *(f"rule {rule}{did_you_mean(rule.step, performed)}" for rule in rules),
-        *(f"fault {fault}{did_you_mean(fault.step, ended.names())}" for fault in injector.unmatched),
-    )
+    hints = {f"rule {rule}": did_you_mean(rule.step, performed) for rule in rules}
+    hints |= {f"fault {fault}": did_you_mean(fault.step, ended.names()) for fault in injector.unmatched}
+    # A plan that failed may not have come to all steps: there only what looks misspelt counts.
+    ended.unmatched = tuple(what + hint for what, hint in hints.items() if hint or ended.failure is None)
     rules = () if scripted is None else scripted.unused
     ended.unused = (*(f"rule {rule}" for rule in rules), *(f"fault {fault}" for fault in injector.unused))
     ended._belief = None if scripted is None else scripted.belief

@@ -290,6 +290,17 @@ def test_a_rule_for_a_step_that_does_not_occur_fails_the_test_with_the_name_that
     assert explore(reach, script=script, allow_unused=True).complete
 
 
+def test_a_rule_for_a_step_that_a_failing_plan_does_not_come_to_is_no_error_unless_it_looks_misspelt() -> None:
+    async def main() -> None:
+        await reach()
+        await close()
+
+    script = Script().on("Reaching", fails=ManipulationPoseUnreachable).on("ClosingAGripper", after=2)
+    assert isinstance(run_plan(main, script=script).failure, ManipulationPoseUnreachable)
+    with pytest.raises(UnusedRule, match="rule Reachingg; did you mean 'Reaching'"):
+        run_plan(main, script=script.on("Reachingg"))
+
+
 def test_a_rule_that_is_used_under_some_schedules_is_used() -> None:
     async def main() -> None:
         door = Fluent(False, "door")
