@@ -277,7 +277,7 @@ class _Explorer(Generic[V]):
     def __init__(self, run: Callable[[ChoiceSource], PlanRun[V]], check: Check | None) -> None:
         """Run as usual; raises what that does, and ValueError if it does another thing the second time."""
         self._run, self._check = run, check
-        self.unmatched: tuple[str, ...] | None = None
+        self.unmatched: Mapping[str, str] | None = None
         """Rules and faults of the script whose steps occurred in no run."""
         self.usual, self._first = self.run(None)
         made.append(self.usual)
@@ -303,7 +303,7 @@ class _Explorer(Generic[V]):
         ended = self._run(recorder)
         ended.schedule = trimmed(recorder.choices)
         known = ended.unmatched if self.unmatched is None else self.unmatched
-        self.unmatched = tuple(one for one in known if one in ended.unmatched)
+        self.unmatched = {rule: hint for rule, hint in known.items() if rule in ended.unmatched}
         return ended, recorder
 
     def wrong(self, run: PlanRun[V]) -> str | None:

@@ -6,7 +6,7 @@ import functools
 import linecache
 import os
 from collections import deque
-from collections.abc import Awaitable, Callable, Iterable, Sequence
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
@@ -29,6 +29,7 @@ from planlang.testing.history import History
 if TYPE_CHECKING:
     from planlang.language.executive import Executive
     from planlang.testing.script import Belief, Script
+    from planlang.testing.scripted import ScriptedExecutive
 
 V = TypeVar("V")
 
@@ -51,7 +52,7 @@ class PlanRun(History, Generic[V]):
         self.error: BaseException | None = None
         self.unused: tuple[str, ...] = ()
         """Rules and faults of the script that never applied: maybe they name no step of the plan."""
-        self.unmatched: tuple[str, ...] = ()
+        self.unmatched: Mapping[str, str] = {}
         """Those of them whose step did not occur, each with the name that may be meant. Steps that a failed plan has
         not come to are no reason, unless a step that occurred is called alike."""
         self._value: V | None = None
@@ -90,8 +91,8 @@ class PlanRun(History, Generic[V]):
 class UnusedRule(AssertionError):
     """A script names steps that did not occur in a run, so that a misspelt rule does not pass for one that holds."""
 
-    def __init__(self, unmatched: Iterable[str], what: str) -> None:
-        lines = "\n  ".join(unmatched)
+    def __init__(self, unmatched: Mapping[str, str], what: str) -> None:
+        lines = "\n  ".join(f"{rule}{hint}" for rule, hint in unmatched.items())
         super().__init__(f"the script names steps that did not occur:\n  {lines}\n{what}; allow_unused=True permits it")
 
 
@@ -190,15 +191,20 @@ def attempt(
         ended.failure = failure
     except Exception as error:
         ended.error = error
-    rules, performed = ((), ()) if scripted is None else (scripted.unmatched, scripted.performed)
-    hints = {f"rule {rule}": did_you_mean(rule.step, performed) for rule in rules}
-    hints |= {f"fault {fault}": did_you_mean(fault.step, ended.names()) for fault in injector.unmatched}
-    # A plan that failed may not have come to all steps: there only what looks misspelt counts.
-    ended.unmatched = tuple(what + hint for what, hint in hints.items() if hint or ended.failure is None)
-    rules = () if scripted is None else scripted.unused
-    ended.unused = (*(f"rule {rule}" for rule in rules), *(f"fault {fault}" for fault in injector.unused))
     ended._belief = None if scripted is None else scripted.belief
+    _note_unused(ended, scripted, injector)
     return ended
+
+
+def _note_unused(ended: PlanRun[Any], scripted: ScriptedExecutive | None, injector: Injector) -> None:
+    """Note which rules and faults of the script never applied, and which of these name no step that occurred."""
+    ended.unused = tuple(f"fault {fault}" for fault in injector.unused)
+    hints = {f"fault {fault}": did_you_mean(fault.step, ended.names()) for fault in injector.unmatched}
+    if scripted is not None:
+        ended.unused = (*(f"rule {rule}" for rule in scripted.unused), *ended.unused)
+        hints = {f"rule {rule}": did_you_mean(rule.step, scripted.performed) for rule in scripted.unmatched} | hints
+    # A plan that failed may not have come to all steps: there only what looks misspelt counts.
+    ended.unmatched = {what: hint for what, hint in hints.items() if hint or ended.failure is None}
 
 
 def recorded_run(source: PlanRun[Any] | Trace | RecordedRun) -> RecordedRun:
