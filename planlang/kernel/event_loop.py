@@ -37,10 +37,7 @@ MAX_RESUMPTIONS = 100_000
 than 10,000 tasks need that end in one step, and less than a second of computing."""
 ORIGINS = 2
 """Frames of its making that a coroutine remembers: the call of a ``@plan`` function passes through one of ours."""
-THREADS_HINT = (
-    "what another thread sets is waited for with a RealTimeHost only, as long as a source of it is open: "
-    'with host.source("door"): ...'
-)
+THREADS_HINT = 'if another thread sets it, use a RealTimeHost, and in the thread: with host.source("door"): ...'
 
 
 def loop(scheduler: Scheduler, root: Task) -> None:
@@ -168,7 +165,8 @@ def _target(scheduler: Scheduler, root: Task, repeats: bool) -> int:
     else:
         target = max(due, following)
     if scheduler.max_steps is not None and target > scheduler.max_steps:
-        raise StepLimit(listing(f"more than {scheduler.max_steps} world steps", blocked(root)))
+        plan_time = f"{scheduler.max_steps / scheduler.rate:g} s of plan time"
+        raise StepLimit(listing(f"more than {scheduler.max_steps} world steps, {plan_time}", blocked(root)))
     return target
 
 
