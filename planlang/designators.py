@@ -263,6 +263,11 @@ class Condition:
         _CONDITION.text("predicate", self.predicate)
         _CONDITION.instance("arguments", self.arguments, tuple, "a tuple of what the condition is about")
 
+    def __bool__(self) -> bool:
+        message = f"{self} is a condition, which is not true or false itself: holds() makes a fluent of it"
+        wrong, right = "holding(cup) and holding(plate)", "holds(holding(cup)) & holds(holding(plate))"
+        raise WrongType(contrast(message, wrong, right))
+
     def __str__(self) -> str:
         return f"{self.predicate}({', '.join(map(str, self.arguments))})"
 

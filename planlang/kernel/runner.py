@@ -318,7 +318,7 @@ def run_plan(scheduler: Scheduler, branch: Callable[[], Any]) -> Any:
 
 def _run(scheduler: Scheduler, root: Task) -> Any:
     observer = scheduler.observer
-    running.scheduler = scheduler
+    running.begin(scheduler)
     hooks = sys.get_asyncgen_hooks()
     sys.set_asyncgen_hooks(firstiter=partial(adopt, scheduler), finalizer=keep)
     try:
@@ -329,7 +329,7 @@ def _run(scheduler: Scheduler, root: Task) -> Any:
     finally:
         scheduler.over = True
         sys.set_asyncgen_hooks(*hooks)
-        running.scheduler = None
+        running.begin(None)
         if observer is not None:
             observer.end()
     return _outcome(scheduler, root)

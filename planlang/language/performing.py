@@ -22,7 +22,7 @@ from planlang.language.executive import current, executive_for, performs
 from planlang.language.plans import Handle, Plan, Restarting, join
 from planlang.language.recovery import Recovery, recoveries_of, recovering
 from planlang.language.resources import using
-from planlang.misuse import Usage, WrongType, contrast, written
+from planlang.misuse import Usage, WrongType, contrast, did_you_mean, written
 
 if TYPE_CHECKING:
     from planlang.designators import Action
@@ -166,7 +166,7 @@ async def _performed(action: Action, name: str | None, once: bool, otherwise: Br
     if executive is None or module is None:
         if otherwise is not None:
             return await _instead(action, path_element, partial(called, otherwise))
-        return await _instead(action, path_element, partial(_fail, ActionUnresolvable(designator=str(action))))
+        return await _instead(action, path_element, partial(_fail, _unresolvable(action, executive_for("perform"))))
     resources = tuple(module.resources(action))
     pose = held_pose.get()
     if pose is not None and pose.displaced and "base" not in resources:
@@ -182,6 +182,15 @@ async def _performed(action: Action, name: str | None, once: bool, otherwise: Br
     if pose is not None and releases:
         pose.released(action)
     return result
+
+
+def _unresolvable(action: Action, executive: Executive) -> ActionUnresolvable:
+    """Return the failure of an action that no module performs, with the class that may be meant if it is misspelt."""
+    failure = ActionUnresolvable(designator=str(action))
+    known = {cls for module in executive.modules for cls in module.actions}
+    if hint := did_you_mean(local_name(action.type), known, alike=0.8):
+        failure.message = f"{failure}{hint}"
+    return failure
 
 
 class _Instead(Node):

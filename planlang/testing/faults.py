@@ -59,6 +59,11 @@ class Injector:
         """Faults that did not happen."""
         return tuple(f for f, happened in zip(self._faults, self._happened, strict=True) if not happened)
 
+    @property
+    def unmatched(self) -> tuple[Fault, ...]:
+        """Faults of steps that did not begin."""
+        return tuple(fault for fault, begun in zip(self._faults, self._begun, strict=True) if not begun)
+
     def __call__(self, node: Node) -> None:
         """Let a node of the tree fail as it begins, in its task, or set an alarm for it."""
         mine = [number for number, fault in enumerate(self._faults) if _called(node, fault.step)]

@@ -86,7 +86,10 @@ class ScriptedExecutive:
         self.script = script
         self.belief: Belief = script.belief()
         self._left = [rule.times for rule in script.rules]
-        self._used = [False] * len(script.rules)
+        self._used = [rule.times == 0 for rule in script.rules]
+        self._matched = list(self._used)
+        self.performed: dict[str, None] = {}
+        """Names and classes of the actions that were performed."""
         self._write: Callable[[str, Mapping[str, Any]], None] | None = None
         self._reported = self.belief.revision
         known = {cls for classes in ORDINARY.values() for cls in classes}
@@ -102,9 +105,18 @@ class ScriptedExecutive:
         """Rules that never applied."""
         return tuple(rule for rule, used in zip(self.script.rules, self._used, strict=True) if not used)
 
+    @property
+    def unmatched(self) -> tuple[Rule, ...]:
+        """Rules for steps that were not performed, at whatever time."""
+        return tuple(rule for rule, matched in zip(self.script.rules, self._matched, strict=True) if not matched)
+
     def rule_for(self, action: Action, step: str | None) -> Rule | None:
         """Return the rule that applies to a step that begins now, and count its use."""
-        names = {step, action.name, *self.ancestors(action.type)}
+        names = {name: None for name in (step, action.name, *self.ancestors(action.type)) if name is not None}
+        self.performed |= names
+        self._matched = [
+            found or rule.step in names for found, rule in zip(self._matched, self.script.rules, strict=True)
+        ]
         for number, rule in enumerate(self.script.rules):
             left = self._left[number]
             if rule.step in names and rule.since <= now() < rule.until and left != 0:
@@ -173,7 +185,13 @@ class ScriptedExecutive:
         """Return the belief, and how often rules have applied, as JSON; what of them does not survive JSON as text."""
         belief = self.belief
         state: dict[str, Any] = {"holding": belief.holding, "at": belief.at, "facts": belief.facts, "base": belief.base}
-        state |= {"around": belief.around, "revision": self.revision(), "left": self._left, "used": self._used}
+        state |= {
+            "around": belief.around,
+            "lowered": belief.lowered,
+            "revision": self.revision(),
+            "left": self._left,
+            "used": self._used,
+        }
         state |= {"made_up": belief.made_up, "contents": belief.contents, "heated": belief.heated}
         state |= {"made": belief.made, "gone": belief.gone, "on": belief.on}
         return {key: dump(value) for key, value in state.items()}

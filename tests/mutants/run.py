@@ -55,6 +55,7 @@ FIRST = {  # these before them, where one of these files is broken
     "kernel/runner.py": f"tests/planlang/kernel/test_bad_plans.py {LANGUAGE}/test_failures.py",
     "runs/trace.py": "tests/planlang/runs/test_trace.py",
     "kernel/cancel.py": "tests/planlang/kernel/test_cancel.py",
+    "kernel/threads.py": "tests/planlang/kernel/test_in_thread.py",
     "runs/journal.py": f"{LANGUAGE}/test_resumption.py {LANGUAGE}/test_resumed_state.py",
     "runs/recorded_run.py": f"{LANGUAGE}/test_resumption.py {LANGUAGE}/test_resumed_state.py",
     "runs/codec.py": f"{LANGUAGE}/test_resumption.py {LANGUAGE}/test_resumed_state.py",
@@ -147,6 +148,9 @@ MUTANTS = [
     ("a suspension that fails leaves the task held", "kernel/cancel.py", "        wake_up(scheduler, task)\n        raise error", "        raise error"),
     ("failures of cleanups deep below are lost", "kernel/scope.py", "elif self.cleanup:", "elif False:"),
     ("what a thread sets is set in the thread", "kernel/fluent.py", "if self._handed_over(self.set, value):", "if False:"),
+    ("what a thread sets before the run has come to it is set in the thread", "kernel/fluent.py", "scheduler = self._home.scheduler", "return False"),
+    ("a call in a thread takes no plan time", "kernel/threads.py", "if steps and scheduler.live is None:", "if False:"),
+    ("an evaporated branch leaves its asyncio code behind", "kernel/threads.py", "                asynchronous.cancel()", "                pass"),
     ("draws of a stream are counted as one", "kernel/schedule.py", "self.moved += 2", "self.moved += 1"),
     ("a call without await is no error", "kernel/runner.py", "        raise first", "        pass"),
 ]  # fmt: skip

@@ -40,7 +40,7 @@ def test_a_deadlock_names_each_blocked_task_what_it_waits_for_and_the_line() -> 
     assert len(lines) == 4
     assert "par/waits waits for door open at test_shutdown.py:" in lines[1]
     assert "par/second" in lines[2]
-    assert "what another thread sets is waited for with a RealTimeHost only" in lines[3]
+    assert "if another thread sets it, use a RealTimeHost" in lines[3]
 
 
 def test_a_deadlocked_plan_is_drained_shields_or_not() -> None:
