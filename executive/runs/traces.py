@@ -16,6 +16,7 @@ from planlang.designators import Location, Object, local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
 from planlang.files import Bundled
 from planlang.kernel.tree import Node
+from planlang.language.performing import is_inner
 from planlang.object_changes import state_word
 from planlang.runs import DamagedTrace, Past, RecordedRun, differences
 from planlang.runs.codec import load
@@ -67,6 +68,8 @@ def lines_of(say: Callable[[int, str], None]) -> Callable[[Record], None]:
 def line_of(record: Record) -> str | None:
     """Return the line about a record of the trace; None for what people need not see."""
     match record:
+        case {"event": "started" | "ended", "node": Node(kind="perform") as node} if is_inner(node):
+            return None
         case {"event": "started", "node": Node(kind="perform"), "action": action}:
             return str(action)
         case {"event": "ended", "node": Node(kind="perform"), "failure": failure}:
