@@ -28,7 +28,9 @@ class Written:
         self.tilts = Tilts(platform.leaning)
         self.watchers: list[Callable[[PyBulletWorld], None]] = [self.tilts, *options.watchers]
         self.listeners: list[Callable[[Record], None]] = [
-            lines_of(lambda step, line: options.progress(f"{step / truth.rate:7.2f} s  {line}"))
+            lines_of(
+                lambda step, line: options.progress(f"{step / truth.rate:7.2f} s  {line}"), inner=options.inner_actions
+            )
         ]
 
     def ask(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Awaitable, Callable
 from functools import partial
 from typing import Any
@@ -97,10 +98,8 @@ def test_a_module_that_has_driven_itself_is_not_driven_back_by_its_own_look(exec
         raise NavigationGoalNotReached
 
     async def body() -> None:
-        try:
+        with contextlib.suppress(PlanFailure):
             await at_location(a_location(in_reach_of=an_object("Cup")), lost, attempts=1)
-        except PlanFailure:
-            pass
         await perform(action("Stirring"))
 
     go(lambda: at_location(a_location(in_reach_of=an_object("Cup")), body), executive)
