@@ -11,6 +11,7 @@ import pytest
 
 from planlang import *
 from planlang.failures import NavigationFailure, NavigationGoalNotReached
+from planlang.language.performing import is_inner
 from planlang.language.recovery import Recovery
 from planlang.runs import with_paths
 from planlang.testing import Script, replay, run_plan
@@ -43,6 +44,24 @@ def test_an_inner_action_is_a_record_below_the_one_around_it_and_takes_its_resou
     outer, inner = performed
     assert outer.endswith("OpeningADoor/door")
     assert inner == f"{outer}/Translation-LocationChange/navigation"
+
+
+class Told(Trace):
+    """A trace that keeps which performed actions are inside of another module's."""
+
+    inner: dict[str, bool]
+
+    def write(self, step: int, event: str, node: Any = None, /, **details: object) -> None:
+        super().write(step, event, node, **details)
+        if event == "started" and node.kind == "perform":
+            self.inner = {**getattr(self, "inner", {}), node.name: is_inner(node)}
+
+
+def test_who_hears_of_an_action_can_tell_that_it_is_inside_of_another_one(executive: Any, module: Any) -> None:
+    executive.extra.append(module("door", ("OpeningADoor",), opens))
+    told = Told()
+    run(partial(perform, OPEN), host=VirtualHost(), executive=executive, trace=told)
+    assert told.inner == {"OpeningADoor": False, "Translation-LocationChange": True}
 
 
 @pytest.mark.parametrize("others", [1, 3])
