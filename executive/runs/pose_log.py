@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from planlang.diagnostics import Diagnostic, Span, warning
+from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
 from planlang.experience.poses import IDENTITY, MAP, Transform, pose_lines, read_log, transform_lines
 from planlang.geometry import Pose
 from planlang.outputs import write_text
@@ -51,10 +51,10 @@ class PoseLog:
         self._count = len(earlier)
         known = {key: header.get(key) for key in IDENTITY}
         write_text(path, "".join(pose_lines(earlier, self._rate, None, **known)))
-        self._file = path.open("a", encoding="utf-8", newline="\n")
+        self._path, self._file = path, path.open("ab", buffering=0)
 
     def __call__(self, world: PyBulletWorld) -> None:
-        """Write what has moved."""
+        """Write what has moved; raises BadInput if that cannot be written."""
         if world.steps % max(1, world.rate // RATE):
             return
         found = []
@@ -64,9 +64,14 @@ class PoseLog:
                 self._last[name] = now
                 found.append(Transform(world.steps, frame, name, pose.position, pose.orientation, "log"))
         if found:
-            self._file.writelines(transform_lines(found, self._rate, None, self._count))
-            self._file.flush()
+            self._write("".join(transform_lines(found, self._rate, None, self._count)))
             self._count += len(found)
+
+    def _write(self, lines: str) -> None:
+        try:
+            self._file.write(lines.encode())
+        except OSError as problem:
+            raise BadInput([error("C004", f"{self._path} cannot be written: {problem.strerror}")]) from None
 
     def _placed(self, world: PyBulletWorld) -> Iterator[tuple[str, str, Pose]]:
         for name in world.names():

@@ -64,8 +64,8 @@ class Written:
             from executive.runs.pose_log import PoseLog, earlier_poses
 
             known = {**header, "seed": options.seed, "schedule": options.schedule, "rate": truth.rate}
-            goes_on = past is not None and past.last is not None
-            earlier = earlier_poses(options.poses, known, truth.steps, found) if goes_on else []
+            last = None if past is None else past.last
+            earlier = [] if last is None else earlier_poses(options.poses, known, last.step, found)
             self._poses = PoseLog(truth, options.poses, known, earlier)
             self.watchers.append(self._poses)
         if options.update_map is not None:
