@@ -257,14 +257,14 @@ class MatchArguments(TaskArguments):
 class RunArguments(TaskArguments, VerboseArguments):
     """Run a plan or a recipe in a simulated world.
 
-    An interrupted run is resumed by planlang run PLAN --resume TRACE. Seed, start and parameters are those of the
-    trace; so are plan, robot and environment if they are bundled.
+    planlang run --resume TRACE resumes an interrupted run; name plan, robot and environment unless they are bundled.
     """
 
     file: Annotated[
         str | None,
         typer.Argument(metavar="RECIPE|PLAN", help="A recipe's or plan's file, or a bundled recipe's name."),
     ] = None
+    verbose: Annotated[bool, typer.Option("--verbose", help="List all notes and inner actions of modules.")] = False
     robot: Robot = None
     urdf: Urdf = None
     accept: Accept = None

@@ -371,7 +371,7 @@ class ModuleWithEffects(WrappedModule):
         if (due := self._effects.due(action)) is not None:
             await sleep(due)
         before, lay = self._effects.there(), self._effects.lying(action) or {}
-        result = await self._module.execute(action)
+        result = await super().execute(action)
         self._effects.learn(before)
         self._effects.pass_time()
         if not self._effects.untouched():
@@ -379,13 +379,12 @@ class ModuleWithEffects(WrappedModule):
                 f"process module {self.name} has changed what there is, which only declared effects do: state an "
                 "ObjectChange by the class of its actions (docs/modules.md)"
             )
-        physical, by_hand = (bool(getattr(self._module, name, False)) for name in ("physical", "by_hand"))
         there = self._effects.lying(action)
-        self._effects.apply(action, physical=physical, by_hand=by_hand)
+        self._effects.apply(action, physical=self.physical, by_hand=self.by_hand)
         self._effects.restored()
         if there == {}:
             raise ObjectNotTurned(f"nothing is there that {local_name(action.type)} could turn over")
-        if physical and there:
+        if self.physical and there:
             await self._effects.check_turned(there | lay)
         return result
 

@@ -25,7 +25,8 @@ from executive.motion.upright import Upright
 from executive.robots import CARRYING
 from executive.robots.arms import ArmModel
 from executive.robots.openings import Fingers
-from planlang.designators import Action, FixedPose, Location, Object
+from planlang import perform
+from planlang.designators import Action, FixedPose, Location, Object, action
 from planlang.failures import ActionUnresolvable
 from planlang.geometry import Array, Pose, matrices
 from planlang.kernel import Task
@@ -460,3 +461,8 @@ class PlatformModule:
     def resources(self, action: Action) -> tuple[str, ...]:
         """Return the parts of the body that an action needs."""
         return ()
+
+    async def drive(self, base: BasePose) -> None:
+        """Ask whoever navigates to drive to a base pose; raises a NavigationFailure."""
+        x, y, yaw = map(float, base)
+        await perform(action("Translation-LocationChange", x=x, y=y, yaw=yaw))

@@ -79,7 +79,19 @@ class RowFunction:
 
 
 def _on_vectors(function: Any, size: int) -> Any:
-    """Return the same function with each number replaced by a vector of ``size`` rows."""
+    """Return the same function with each number replaced by a vector of ``size`` rows.
+
+    It rounds as the function does, so casadi must not simplify it: it would replace a - (a + b) by -b.
+    """
+    simplifies = casadi.GlobalOptions.getSimplificationOnTheFly()
+    casadi.GlobalOptions.setSimplificationOnTheFly(False)
+    try:
+        return _instructions_on_vectors(function, size)
+    finally:
+        casadi.GlobalOptions.setSimplificationOnTheFly(simplifies)
+
+
+def _instructions_on_vectors(function: Any, size: int) -> Any:
     arguments = [casadi.MX.sym(f"argument{i}", size, function.numel_in(i)) for i in range(function.n_in())]
     columns = [casadi.horzsplit(argument) for argument in arguments]
     results: list[list[Any]] = [[None] * function.numel_out(i) for i in range(function.n_out())]

@@ -69,6 +69,8 @@ class RunOptions:
     """The user states that the world is as that trace left it; else it is restored."""
     notes: tuple[Diagnostic, ...] = ()
     """Diagnostics of before."""
+    inner_actions: bool = False
+    """Tell the progress of actions that process modules perform inside of others, too."""
     progress: Callable[[str], None] = lambda line: None
     announce: Callable[[Sequence[Diagnostic]], None] = lambda found: None
     """Given the diagnostics once, before the plan runs."""

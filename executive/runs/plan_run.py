@@ -342,8 +342,10 @@ class Run:
         past: Past | None,
     ) -> RunResult:
         options = self.options
-        written = Written(options, executive.platform, truth)
-        written.ask(self.plan.name, bound, header, self.found)
+        written, count = Written(options, executive.platform.belief, executive.tilts, truth), len(self.found)
+        written.ask(self.plan.name, bound, header, self.found, past)
+        if new := self.found[count:]:
+            options.announce(new)
         trace = ListenedTrace.to(options.trace, header, tuple(written.listeners), past)
         world = WatchedWorld(truth, written.watchers)
         outcome, message, failures = Outcome.DONE, "done", tuple[str, ...]()
@@ -380,7 +382,9 @@ class Run:
             trace.close()
             written.save()
         state = tuple(state_lines(truth, bodies_of(bound, executive.platform.belief, truth)))
-        return RunResult(outcome, message, state, tuple(self.found), truth.steps / truth.rate, failures, written.tilts)
+        return RunResult(
+            outcome, message, state, tuple(self.found), truth.steps / truth.rate, failures, executive.tilts
+        )
 
     def _users_line(self, problem: Exception) -> str | None:
         """Return the line of the plan, or of a user's process module, that raised; None if planlang did, below it."""

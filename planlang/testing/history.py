@@ -28,6 +28,8 @@ class Step(TaskNode):
     last: int = sys.maxsize
     repeats: list[float] = field(default_factory=list)
     """Times at which a with_failure_handling ran its body [s]."""
+    is_request: bool = False
+    """True for the node of a process module that performs an action."""
 
     def _outward(self) -> Iterator[Step]:
         """Yield this step, the one around it, and so on."""
@@ -35,6 +37,13 @@ class Step(TaskNode):
         while step is not None:
             yield step
             step = step.parent
+
+    @property
+    def inner(self) -> bool:
+        """True for what a process module does inside of the action that the plan has asked it for."""
+        outward = self._outward()
+        next(outward)
+        return any(step.is_request for step in outward)
 
     def called(self, query: str) -> bool:
         """Return True if a name, ``parent/name``, or class of action means this step; ``#2``: the second."""
@@ -79,6 +88,8 @@ def read_steps(events: Iterable[Mapping[str, Any]], rate: int) -> list[Step]:
                 step.first = place
         elif what == "attempt":
             step.repeats.append(time)
+        elif what == "request":
+            step.is_request = True
     return steps
 
 
@@ -137,9 +148,12 @@ class History:
                     return Verdict(True, f"{_name(first)} ({_line(one)}), {_name(second)} ({_line(other)})")
         return Verdict(False, f"{_name(first)} ({_all(ones)}), {_name(second)} ({_all(others)})")
 
-    def attempts(self, what: What) -> Count:
-        """Count how often a step began; for with_failure_handling, how often it ran its body."""
-        steps = [step for step in self.steps(what) if step.start is not None]
+    def attempts(self, what: What, *, inner: bool = False) -> Count:
+        """Count how often a step of the plan began; for with_failure_handling, how often it ran its body.
+
+        With ``inner`` what process modules perform themselves inside of an action counts, too.
+        """
+        steps = [step for step in self.steps(what) if step.start is not None and (inner or not step.inner)]
         lines = [
             line
             for step in steps
