@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import unicodedata
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from enum import StrEnum
 from urllib.parse import unquote
 
@@ -94,8 +96,14 @@ class Entry:
 
     @property
     def etag(self) -> str:
-        """The tag that a change has to name: of the content, not of attachments and ratings."""
+        """The tag of the content, which a change has to name: files and ratings are not part of it."""
         return f'"{self.revision.number}-{self.revision.sha256[:16]}"'
+
+    @property
+    def record_etag(self) -> str:
+        """The tag of the whole record, files and ratings included. It begins with that of the content."""
+        stated = json.dumps(asdict(self), sort_keys=True).encode()
+        return f'{self.etag[:-1]}-{hashlib.sha256(stated).hexdigest()[:16]}"'
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,9 +17,12 @@ from typer.testing import CliRunner, Result
 
 from executive.cli.app import app
 from planlang.files import Bundled
+from planlang.knowledge.client import Client
+from planlang.knowledge.connection import kept_answers
 from tests.support.servers import RunningServer, running_server
 
 RECIPE = Bundled.RECIPE.find("serve_a_drink")
+BOTTLE = Path(__file__).resolve().parents[3] / "docs" / "examples" / "bottle_model.omn"
 DIAGNOSTICS = Path(__file__).resolve().parents[2] / "diagnostics"
 BARE_ROBOT = """Prefix: : <http://example.org/bare.owl#>
 Prefix: knowrob: <http://knowrob.org/kb/knowrob.owl#>
@@ -111,6 +114,26 @@ def test_what_is_pulled_is_what_was_pushed() -> None:
     assert Path("a/b/serveadrink.ben.omn").read_bytes() == RECIPE.read_bytes()
     checked = invoke("check", "a/b/serveadrink.ben.omn")
     assert checked.exit_code == 0, checked.output
+
+
+def test_an_improved_recognition_model_is_pulled_by_who_pulled_the_entry_before(server: RunningServer) -> None:
+    model = Path("bottle.model")
+    model.write_bytes(b"first")
+    pushed = invoke("push", BOTTLE, "--kind", "object", "--name", "seen")
+    assert pushed.exit_code == 0, pushed.output
+    assert invoke("pull", "bottlemodel.seen", "-o", "mine").exit_code == 0
+    update = ("push", BOTTLE, "--kind", "object", "--name", "bottlemodel.seen", "--update", "--attach", model)
+    for data in (b"first", b"improved"):
+        model.write_bytes(data)
+        assert "attached bottle.model" in invoke(*update).stdout
+        pulled = invoke("pull", "bottlemodel.seen", "-o", "mine")
+        assert (pulled.exit_code, Path("mine/bottle.model").read_bytes()) == (0, data), pulled.output
+    with Client(server.url, cache=kept_answers()) as reader, Client(server.url, server.key("eve")) as eve:
+        assert reader.entry("bottlemodel.seen").ratings == 0
+        eve.rate(reader.entry("bottlemodel.seen"), 9)
+        assert reader.entry("bottlemodel.seen").ratings == 1
+    with Client(server.url, server.key("ada")) as ada:
+        ada.delete(ada.entry("bottlemodel.seen"))
 
 
 def test_refusals_tell_what_else_there_is() -> None:

@@ -41,6 +41,29 @@ def test_a_recipe_is_kept_as_it_was_handed_in(client: TestClient, stranger: Test
     assert stranger.get("/v1/robots").json() == {"entries": [], "next": None}
 
 
+def test_a_records_tag_changes_with_files_and_ratings_and_names_its_revision(
+    client: TestClient, other: TestClient
+) -> None:
+    tags = [create(client)]
+    assert client.get(ENTRY, headers={"If-None-Match": tags[0]}).status_code == HTTPStatus.NOT_MODIFIED
+    for ask in (
+        lambda: client.put("/v1/binaries/serveadrink.ward/a.model", content=b"1"),
+        lambda: client.put("/v1/binaries/serveadrink.ward/a.model", content=b"2"),
+        lambda: other.put(f"{ENTRY}/rating", json={"rating": 7}),
+        lambda: client.delete("/v1/binaries/serveadrink.ward/a.model"),
+    ):
+        assert ask().is_success
+        answer = client.get(ENTRY, headers={"If-None-Match": tags[-1]})
+        assert answer.status_code == HTTPStatus.OK
+        tags.append(answer.headers["ETag"])
+    assert len(set(tags)) == len(tags)
+    changed = client.put(f"{ENTRY}/content", content=CHANGED, headers={"If-Match": tags[0]})
+    assert changed.status_code == HTTPStatus.OK, "a file is no other revision"
+    for tag in (tags[-1], '"1-"', '""'):
+        refused = client.put(f"{ENTRY}/content", content=RECIPE, headers={"If-Match": tag})
+        assert refused.status_code == HTTPStatus.PRECONDITION_FAILED
+
+
 def test_an_entry_of_another_kind_is_not_there(client: TestClient) -> None:
     create(client)
     for path in ("/v1/robots/serveadrink.ward", "/v1/robots/serveadrink.ward/content", "/v1/recipes/none.none"):
@@ -159,8 +182,9 @@ def test_a_change_stays_about_what_the_entry_is_about(client: TestClient) -> Non
 
 
 def test_what_is_known_already_is_not_sent_again(client: TestClient) -> None:
-    tag = create(client)
+    create(client)
     for path in (ENTRY, f"{ENTRY}/content"):
+        tag = client.get(path).headers["ETag"]
         known = client.get(path, headers={"If-None-Match": f'"x", {tag}'})
         assert (known.status_code, known.content) == (HTTPStatus.NOT_MODIFIED, b"")
         assert client.get(path, headers={"If-None-Match": '"x"'}).status_code == HTTPStatus.OK
