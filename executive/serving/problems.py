@@ -11,6 +11,7 @@ from fastapi import FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect
 
 from executive.serving.workers import Busy
 from planlang.diagnostics import BadInput, Diagnostic, Span
@@ -137,6 +138,10 @@ def add_handlers(app: FastAPI) -> None:
         found = problem_response(HTTPStatus(problem.status_code), str(problem.detail))
         found.headers.update(problem.headers or {})
         return found
+
+    @app.exception_handler(ClientDisconnect)
+    def gone(_: Request, __: ClientDisconnect) -> Response:
+        return problem_response(HTTPStatus.REQUEST_TIMEOUT, "the body did not come to its end")
 
     @app.exception_handler(sqlite3.OperationalError)
     def unable(_: Request, problem: sqlite3.OperationalError) -> Response:

@@ -14,7 +14,9 @@ from executive.serving.patience import LONG, LONGEST, Lanes, Patience
 from executive.serving.problems import Problem
 from executive.serving.workers import Busy
 
-QUESTION = {"expression": " or ".join(f"(subAction some {name})" for name in ("Reaching", "Event", "ServingFoodOrDrink"))}
+QUESTION = {
+    "expression": " or ".join(f"(subAction some {name})" for name in ("Reaching", "Event", "ServingFoodOrDrink"))
+}
 
 
 class Clock:
