@@ -17,7 +17,7 @@ from executive.serving.workers import Busy
 LONGEST = 5.0
 """Seconds after which a search is ended."""
 LONG = 0.02
-"""Seconds from which on a search needs one of the few places."""
+"""Seconds of CPU from which on a search needs one of the few places."""
 AT_A_TIME = 2
 """Long searches that go on at a time."""
 BREATH = 0.001
@@ -32,9 +32,9 @@ class Lanes:
     def __init__(self, number: int = AT_A_TIME) -> None:
         self._free = threading.Semaphore(number)
 
-    def take(self) -> None:
-        """Take a place. Raises Busy if there is none."""
-        if not self._free.acquire(blocking=False):
+    def take(self, seconds: float) -> None:
+        """Take a place. Raises Busy if none is free within some seconds."""
+        if not self._free.acquire(timeout=max(0.0, seconds)):
             raise Busy(1, "asked")
 
     def give_back(self) -> None:
@@ -49,27 +49,30 @@ class Patience:
         self,
         lanes: Lanes,
         is_gone: Callable[[], bool],
-        seconds: float = LONGEST,
         clock: Callable[[], float] = time.monotonic,
+        spent: Callable[[], float] = time.thread_time,
     ) -> None:
-        self._lanes, self._is_gone, self._clock = lanes, is_gone, clock
-        self._seconds = seconds
+        """``is_gone`` tells whether nobody waits any more; ``spent`` is the CPU time of this thread [s]."""
+        self._lanes, self._is_gone, self._clock, self._spent = lanes, is_gone, clock, spent
         self._began = self._looked = clock()
+        self._spent_before = 0.0
         self._has_place = False
 
     def __call__(self) -> None:
         """Let others go first if this takes long. Raises Problem at the limit and for nobody, Busy without a place."""
-        now = self._clock()
-        if now - self._began < LONG:
+        if self._spent() - self._spent_before < LONG:
             return
         if not self._has_place:
-            self._lanes.take()
+            self._lanes.take(self._left())
             self._has_place = True
-        if now - self._began > self._seconds:
-            detail = f"the search takes more than {self._seconds:g} s: ask for less at once"
+        if self._left() < 0:
+            detail = f"the search takes more than {LONGEST:g} s: ask for less at once"
             raise Problem(HTTPStatus.SERVICE_UNAVAILABLE, detail)
         self.look()
         time.sleep(BREATH)
+
+    def _left(self) -> float:
+        return self._began + LONGEST - self._clock()
 
     def look(self) -> None:
         """Raise Problem if nobody waits for the answer any more."""
@@ -81,7 +84,7 @@ class Patience:
     @contextmanager
     def searching(self) -> Iterator[None]:
         """Begin to count time; give the place back at the end of the block."""
-        self._began = self._clock()
+        self._began, self._spent_before = self._clock(), self._spent()
         try:
             yield
         finally:

@@ -74,7 +74,7 @@ def answered(
     """Return the records that fit a question. Raises BadInput for an expression that is none, Busy, and Problem."""
     catalogue, place = served.catalogue, {level: text for level in LEVELS if (text := getattr(question, level))}
     asked = question.expression
-    expression = None if asked is None else catalogue.question(asked, served.staff.reading)
+    expression = None if asked is None else catalogue.question(asked, served.staff.asking)
     try:
         with bounds.searching():
             found = catalogue.find(expression, question.kind, question.label, place, bounds)

@@ -30,7 +30,7 @@ class Clock:
 
 
 def bounds(lanes: Lanes, clock: Clock, *, is_gone: bool = False) -> Patience:
-    return Patience(lanes, lambda: is_gone, clock=clock)
+    return Patience(lanes, lambda: is_gone, clock, spent=clock)
 
 
 def test_a_search_of_the_usual_kind_takes_no_place_and_looks_for_nobody() -> None:
@@ -48,9 +48,9 @@ def test_a_long_search_takes_a_place_gives_it_back_and_ends_at_its_limit() -> No
     with long.searching(), other.searching():
         clock.now = 2 * LONG
         long()
+        clock.now = LONGEST + 1
         with pytest.raises(Busy):
             other()
-        clock.now = LONGEST + 1
         with pytest.raises(Problem, match="more than 5 s"):
             long()
     with other.searching():
