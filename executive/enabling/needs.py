@@ -205,7 +205,8 @@ class Enabling:
         classes = map(class_of, handled_by(actions, reading.recipes))
         models = (self.model(cls, ontology) for cls in classes if needs_model(ontology, [cls]))
         there = [one for one in things_of(actions, reading.recipes) if not is_anything(ontology, class_of(one))]
-        return tuple(dict.fromkeys([*self._of_finding(matched.tree), *models, self.map(there, ontology)]))
+        maps = [self.map(there, ontology)] if there or self.place or self.own_map is not None else []
+        return tuple(dict.fromkeys([*self._of_finding(matched.tree), *models, *maps]))
 
     def _of_finding(self, finding: Finding) -> Iterator[Need]:
         """Yield the needs that a tree of findings stands for, without what available alternatives make unneeded."""

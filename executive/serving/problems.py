@@ -15,7 +15,16 @@ from starlette.requests import ClientDisconnect
 
 from executive.serving.workers import Busy
 from planlang.diagnostics import BadInput, Diagnostic, Span
-from planlang.knowledge.stores import Changed, EntryExists, NoSuchEntry, NotTheAuthor, Refused, Unreachable
+from planlang.knowledge.stores import (
+    Changed,
+    EntryExists,
+    Full,
+    NoSuchEntry,
+    NotTheAuthor,
+    OwnEntry,
+    Refused,
+    Unreachable,
+)
 
 MEDIA_TYPE = "application/problem+json"
 
@@ -23,6 +32,7 @@ _REFUSALS: dict[type[Refused], HTTPStatus] = {
     NoSuchEntry: HTTPStatus.NOT_FOUND,
     EntryExists: HTTPStatus.CONFLICT,
     NotTheAuthor: HTTPStatus.FORBIDDEN,
+    OwnEntry: HTTPStatus.FORBIDDEN,
     Changed: HTTPStatus.PRECONDITION_FAILED,
 }
 
@@ -105,6 +115,8 @@ def refusal(problem: Refusal) -> tuple[HTTPStatus, str, tuple[Diagnostic, ...]]:
         return problem.status, problem.detail, problem.diagnostics
     if isinstance(problem, Refused):
         return _REFUSALS.get(type(problem), HTTPStatus.CONFLICT), str(problem), ()
+    if isinstance(problem, Full):
+        return HTTPStatus.INSUFFICIENT_STORAGE, str(problem), ()
     if isinstance(problem, Unreachable):
         return HTTPStatus.SERVICE_UNAVAILABLE, str(problem), ()
     if isinstance(problem, Busy):

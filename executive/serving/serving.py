@@ -67,6 +67,7 @@ def _asker(request: Request, given: Annotated[HTTPAuthorizationCredentials | Non
         served.rates.forget(request.headers["authorization"])
         raise Problem(HTTPStatus.UNAUTHORIZED, "this key is nobody's, or was dropped")
     served.rates.know(request.headers["authorization"], author)
+    request.state.author = author  # for the access log
     return author
 
 

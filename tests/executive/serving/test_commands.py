@@ -75,7 +75,7 @@ def at_work(server: RunningServer, tmp_path: Path, monkeypatch: pytest.MonkeyPat
     monkeypatch.setenv("PLANLANG_KEY", server.key("ada"))
 
 
-@pytest.mark.parametrize("command", ["search", "pull", "push", "rate", "watch"])
+@pytest.mark.parametrize("command", ["search", "pull", "push", "rate", "delete", "watch"])
 def test_help_ends_with_an_example(command: str) -> None:
     assert f"Example: planlang {command}" in invoke(command, "--help").stdout
 
@@ -238,7 +238,7 @@ def test_who_changes_something_needs_a_key_which_is_never_shown(
     assert codes(invoke("rate", "serveadrink.ada", "8", "--key-file", tmp_path / "odd")) == ["K034"]
     (tmp_path / "right").write_text(server.key("carl") + "\n")
     right = invoke("rate", "serveadrink.ada", "8", "--key-file", tmp_path / "right")
-    assert right.stdout == "serveadrink.ada: rated 8.0 by 1\n", right.output
+    assert right.stdout == "serveadrink.ada: your 8 is counted; rated 5.0 by 1\n", right.output
 
 
 def test_news_are_those_of_what_was_subscribed_to() -> None:
@@ -317,3 +317,25 @@ def test_the_file_of_a_store_in_place_of_an_address_is_named_with_what_serves_it
     refused = invoke("search", "--from", "nothing.sqlite")
     assert "nothing.sqlite" in refused.output
     assert "planlang serve --store FILE" in refused.output
+
+
+def test_an_entry_a_file_and_a_subscription_end_by_their_commands(
+    server: RunningServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PLANLANG_KEY", server.key("dora"))
+    for name in ("a.model", "b.model"):
+        Path(name).write_text(name)
+    words = ("--kind", "object", "--name", "old", "--attach", "a.model", "--attach", "b.model")
+    assert invoke("push", BOTTLE, *words).exit_code == 0
+    assert "watching bottlemodel.old" in invoke("watch", "bottlemodel.old", "--once").output
+    kept = invoke("watch", "bottlemodel.older", "--stop")
+    assert (kept.exit_code, codes(kept)) == (2, ["K047"])
+    assert invoke("watch", "bottlemodel.old", "--stop").exit_code == 0
+    assert "you have subscribed to nothing" in invoke("watch", "--once").output
+    assert invoke("delete", "bottlemodel.old", "--file", "a.model").stdout == "bottlemodel.old: deleted a.model\n"
+    assert [one.name for one in server.store.entry("bottlemodel.old").attachments] == ["b.model"]
+    for others in ("serveadrink.ben", "none.none"):
+        refused = invoke("delete", others)
+        assert refused.exit_code == 2, refused.output
+    assert invoke("delete", "bottlemodel.old").stdout == "bottlemodel.old: deleted all of it\n"
+    assert "bottlemodel.old" not in [one.uid for one in server.store.entries()]

@@ -8,11 +8,13 @@ from http import HTTPStatus
 from pathlib import Path
 
 import pytest
+from fastapi import FastAPI
 from fastapi.testclient import TestClient
 
 from executive.serving.app import application
 from executive.serving.workers import Staff
 from planlang.files import Bundled
+from planlang.knowledge.entries import rating_of
 from planlang.knowledge.sqlite_store import SqliteStore
 from planlang.ontology import load
 
@@ -204,14 +206,18 @@ def test_a_content_is_given_in_the_syntax_that_is_asked_for(
     assert client.get(f"{ENTRY}/content", headers={"Accept": "image/png"}).status_code == HTTPStatus.NOT_ACCEPTABLE
 
 
-def test_ratings_have_a_mean(client: TestClient, other: TestClient) -> None:
+def test_others_rate_an_entry_and_its_author_does_not(
+    client: TestClient, other: TestClient, app: FastAPI, store: SqliteStore
+) -> None:
     create(client)
-    client.put(f"{ENTRY}/rating", json={"rating": 4})
+    assert client.put(f"{ENTRY}/rating", json={"rating": 10}).status_code == HTTPStatus.FORBIDDEN
+    eve = {"Authorization": f"Bearer {store.new_key('eve', '2026-01-01T00:00:00Z')}"}
+    assert other.put(f"{ENTRY}/rating", json={"rating": 8}, headers=eve).is_success
     other.put(f"{ENTRY}/rating", json={"rating": 1})
     rated = other.put(f"{ENTRY}/rating", json={"rating": 9}).json()
-    assert (rated["rating"], rated["ratings"]) == (6.5, 2)
+    assert (rated["rating"], rated["ratings"]) == (rating_of([8, 9]), 2)
     for wrong in (11, -1, 2.5, "7", None):
-        assert client.put(f"{ENTRY}/rating", json={"rating": wrong}).status_code == HTTPStatus.UNPROCESSABLE_ENTITY
+        assert other.put(f"{ENTRY}/rating", json={"rating": wrong}).status_code == HTTPStatus.UNPROCESSABLE_ENTITY
 
 
 def test_files_belong_to_an_entry(client: TestClient, stranger: TestClient) -> None:
@@ -233,7 +239,7 @@ def test_news_tell_what_happened_to_what_an_author_subscribed_to(client: TestCli
     assert other.put("/v1/subscriptions/serveadrink.ward").status_code == HTTPStatus.NO_CONTENT
     assert other.put("/v1/subscriptions/none.none").status_code == HTTPStatus.NOT_FOUND
     assert other.get("/v1/subscriptions").json() == {"subscriptions": ["serveadrink.ward"]}
-    client.put(f"{ENTRY}/rating", json={"rating": 4})
+    other.put(f"{ENTRY}/rating", json={"rating": 4})
     everything = client.get("/v1/news").json()
     assert [one["change"] for one in everything["news"]] == ["created", "created", "rated"]
     assert client.get("/v1/news", params={"after": everything["next"]}).json()["news"] == []

@@ -133,21 +133,34 @@ def test_without_a_key_nothing_is_taken_or_rated(client: TestClient, key: str, g
     assert [entry.ratings for entry in store.entries()] == [0]
 
 
-def test_a_rating_is_kept_and_shown(client: TestClient, key: str) -> None:
+def test_a_rating_is_kept_and_shown(client: TestClient, key: str, store: SqliteStore) -> None:
     upload(client, key)
-    page = client.post("/recipes/serveadrink.ward/rating", data={"rating": "7", "key": key})
+    rating = {"rating": "7", "key": store.new_key("eve", NOW)}
+    page = client.post("/recipes/serveadrink.ward/rating", data=rating)
     assert str(page.url).endswith("/recipes/serveadrink.ward#rating")
-    assert "7.0<small> of 10, 1 rating</small>" in page.text
-    assert "Not done:" in client.post("/recipes/serveadrink.ward/rating", data={"rating": "11", "key": key}).text
+    assert "5.0<small> of 10, 1 rating</small>" in page.text
+    assert "Not done:" in client.post("/recipes/serveadrink.ward/rating", data=rating | {"rating": "11"}).text
 
 
-def test_an_author_watches_an_entry_and_is_told_what_happened_to_it(client: TestClient, key: str) -> None:
+def test_who_may_not_do_something_is_told_so_by_the_status_too(client: TestClient, key: str) -> None:
+    upload(client, key)
+    for sent, status in (("", 401), ("nobody", 401), (key, 403)):
+        page = client.post("/recipes/serveadrink.ward/rating", data={"rating": "7", "key": sent})
+        assert (page.status_code, "Not done:" in page.text) == (status, True)
+    assert client.post("/news", data={"key": "nobody"}).status_code == 401
+    assert client.post("/upload", data={"key": "nobody", "name": "x", "text": RECIPE}).status_code == 401
+
+
+def test_an_author_watches_an_entry_and_is_told_what_happened_to_it(
+    client: TestClient, key: str, store: SqliteStore
+) -> None:
     upload(client, key)
     watching = {"uid": "serveadrink.ward", "key": key}
     assert "What <bdi>ada</bdi> watches" in client.post("/news", data={**watching, "do": "watch"}).text
-    client.post("/recipes/serveadrink.ward/rating", data={"rating": "7", "key": key})
+    eve = store.new_key("eve", NOW)
+    client.post("/recipes/serveadrink.ward/rating", data={"rating": "7", "key": eve})
     told = client.post("/news", data={"key": key}).text
-    assert re.search(r"serveadrink\.ward</a> rated by <bdi>ada</bdi>", told)
+    assert re.search(r"serveadrink\.ward</a> rated by <bdi>eve</bdi>", told)
     assert told.index(" rated by ") < told.index(" uploaded by ")
     assert " rated by " not in client.post("/news", data={**watching, "do": "stop"}).text
 
