@@ -164,9 +164,23 @@ def test_a_pulled_recipe_needs_no_trust_and_a_pulled_plan_never_runs_without() -
     assert Path("was_here").exists()
 
 
+def test_a_pulled_plan_is_known_by_its_content_wherever_it_is_copied_to() -> None:
+    invoke("pull", "serveadrink.ada", "-o", "pulled")
+    Path("elsewhere").mkdir()
+    for copy in ("elsewhere/mine.py", "pulled/renamed.py"):
+        shutil.copy("pulled/hello.py", copy)
+        refused = invoke("run", copy, "--robot", "amigo", "--environment", "hospital_room")
+        assert (refused.exit_code, codes(refused)) == (2, ["K038"]), refused.output
+        assert "serveadrink.ada by ada" in refused.stderr
+    for edited, code in (("pulled/hello.py", 2), ("elsewhere/mine.py", 0)):
+        Path(edited).write_text(PLAN + "# edited\n")
+        ran = invoke("run", edited, "--robot", "amigo", "--environment", "hospital_room")
+        assert ran.exit_code == code, ran.output
+
+
 def test_a_plan_of_ones_own_beside_pulled_files_runs() -> None:
     invoke("pull", "serveadrink.ada")
-    Path("own.py").write_text(PLAN)
+    Path("own.py").write_text(PLAN + "# mine\n")
     ran = invoke("run", "own.py", "--robot", "amigo", "--environment", "hospital_room")
     assert ran.exit_code == 0, ran.output
 
