@@ -1,8 +1,8 @@
 """Files that were pulled into a folder, and the record beside them by which they are known as a stranger's.
 
 The record is written before the files: none of them is ever there without it. Ontologies are data; Python that was
-pulled runs only when its user says so. It is known by its place in such a folder, edited or not, and anywhere else by its
-content, which the user's cache remembers: a copy under another name is still the stranger's.
+pulled runs only when its user says so. It is known by its place in such a folder, edited or not, and anywhere else by
+its content, which the user's cache remembers: a copy under another name is still the stranger's.
 """
 
 from __future__ import annotations

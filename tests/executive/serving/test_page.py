@@ -321,3 +321,26 @@ def test_a_damaged_form_is_read_or_refused(start: int, length: int, written: byt
 def test_any_question_has_an_answer(client: TestClient, field: str, text: str) -> None:
     assert client.get("/search", params={"label": "a", field: text}).status_code == 200
     assert client.post("/search", data={"label": "a", field: text}).status_code == 200
+
+
+IMPOSSIBLE = """Prefix: : <http://example.org/damp.owl#>
+Prefix: owl: <http://www.w3.org/2002/07/owl#>
+Ontology: <http://example.org/damp.owl>
+Class: DampTowel
+    SubClassOf: :Dry, :Wet
+Class: Wet
+Class: Dry
+"""
+
+
+def test_an_entry_that_nothing_can_be_says_why(tmp_path: Path, store: SqliteStore, key: str) -> None:
+    words = "Ontology: <http://example.org/words.owl>\nClass: <{0}Dry>\n    DisjointWith: <{0}Wet>\nClass: <{0}Wet>\n"
+    (tmp_path / "words.omn").write_text(words.format("http://example.org/damp.owl#"))
+    staff = Staff([tmp_path])
+    client = TestClient(application(store, staff))
+    upload(client, key, IMPOSSIBLE, kind="objects", about="DampTowel")
+    page = client.get("/objects/damptowel.ward").text
+    assert "Nothing can be this" in page
+    assert "Dry and Wet exclude each other in this server&#39;s ontologies" in page
+    assert ">Nothing<" not in page
+    client.app.state.serving.close()  # type: ignore[attr-defined]
