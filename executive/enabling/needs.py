@@ -24,7 +24,7 @@ from executive.robots.tasks import HARDWARE, UNKNOWN_STEP, match
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Span, has_errors
 from planlang.knowledge.answers import Found, Links
-from planlang.knowledge.entries import Kind
+from planlang.knowledge.entries import UNRATED, Kind
 from planlang.ontology import Ontology, expand, load
 from planlang.ontology.expressions import Expression
 from planlang.ontology.terms import OWL
@@ -360,7 +360,11 @@ def _best_first(wanted: Wanted) -> list[Found]:
 
     def rank(found: Found) -> tuple[float, bool, float]:
         subjects = (found.entry.about, *(target for prop, target in found.links if local_name(prop) == MODELS))
-        return wanted.rank(found), wanted.iri not in subjects, -(found.entry.rating or 0.0)
+        return (
+            wanted.rank(found),
+            wanted.iri not in subjects,
+            -(UNRATED if found.entry.rating is None else found.entry.rating),
+        )
 
     return sorted(wanted.search(), key=rank)
 

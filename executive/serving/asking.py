@@ -80,7 +80,7 @@ def _search_page(
 def _found(served: Serving, bounds: Patience, asked: dict[str, str], model: str | None) -> dict[str, Any]:
     """Return what fits a question; with a self-model, what it can do of that. Raises BadInput, and Problem."""
     try:
-        question = Question.model_validate(asked)
+        question = Question.model_validate({"sort": "rating", **asked})
     except ValidationError as problem:
         reasons = "; ".join(f"{'.'.join(map(str, one['loc']))}: {one['msg']}" for one in problem.errors())
         raise Problem(HTTPStatus.UNPROCESSABLE_ENTITY, reasons) from None

@@ -22,7 +22,7 @@ from planlang.designators import local_name
 from planlang.diagnostics import BadInput
 from planlang.knowledge.answers import Links
 from planlang.knowledge.descriptions import Description
-from planlang.knowledge.entries import Change, Kind
+from planlang.knowledge.entries import UNRATED, Change, Kind
 from planlang.knowledge.facts import LABEL, Facts, Unpacked
 from planlang.knowledge.index import Index, go_on
 from planlang.knowledge.names import Names
@@ -74,6 +74,7 @@ class Catalogue:
         self._unread: set[str] = set()
         self._lock = threading.RLock()
         self._seen = store.last_news()
+        self._ratings = dict(store.ratings())
         self._add_all(store.descriptions())
 
     def __len__(self) -> int:
@@ -164,6 +165,12 @@ class Catalogue:
             found += (uid for uid, one in listed if one is not None and one.fits(kind, part, wanted))
         return tuple(found)
 
+    def ranked(self, uids: Iterable[str]) -> tuple[str, ...]:
+        """Return identifiers in the order of ratings, the best first; those of one rating as they come."""
+        with self._lock:
+            ratings = {uid: self._ratings.get(uid, UNRATED) for uid in uids}
+        return tuple(sorted(ratings, key=lambda uid: -ratings[uid]))
+
     def links(self, uid: str) -> Links:
         """Return the properties and classes that an entry's subject is linked to, also by what its classes require.
 
@@ -176,6 +183,8 @@ class Catalogue:
 
     def _follow(self) -> None:
         while news := self._store.news(self._seen):
+            for uid in {one.uid: None for one in news if one.change in (Change.RATED, Change.DELETED)}:
+                self._rate(uid)
             changed = {one.uid: one.change for one in news if one.change in (*_CONTENT, Change.DELETED)}
             for uid, change in changed.items():
                 self._remove(uid)
@@ -185,6 +194,13 @@ class Catalogue:
                         stored = self._store.description(uid)
                         self._add_all([Described(uid, entry.kind, entry.about, entry.label, stored)])
             self._seen = news[-1].number
+
+    def _rate(self, uid: str) -> None:
+        self._ratings.pop(uid, None)
+        with suppress(NoSuchEntry):
+            rating = self._store.entry(uid).rating
+            if rating is not None:
+                self._ratings[uid] = rating
 
     def _add_all(self, entries: Iterable[Described]) -> None:
         found: dict[str, Facts] = {}

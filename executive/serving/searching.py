@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from http import HTTPStatus
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Query
 from pydantic import BaseModel, ConfigDict, Field
@@ -43,6 +43,8 @@ class Question(BaseModel):
     limit: Annotated[int, Field(ge=1, le=MOST_LISTED)] = 20
     after: _Text = None
     """The identifier behind which to go on."""
+    sort: Literal["uid", "rating"] = "uid"
+    """By identifier, or the best rated first."""
 
 
 class RobotsQuestion(Question):
@@ -80,10 +82,22 @@ def answered(
             found = catalogue.find(expression, question.kind, question.label, place, bounds)
     except CannotAnswer as problem:
         raise Problem(HTTPStatus.UNPROCESSABLE_ENTITY, str(problem)) from None
-    after = question.after or ""
+    if question.sort == "rating":
+        found = _behind(catalogue.ranked(found), question.after)
+    else:
+        found = tuple(uid for uid in found if uid > (question.after or ""))
 
     def linked(entry: Entry) -> dict[str, Any]:
         bounds.look()
         return shown(entry) | {"links": served.catalogue.links(entry.uid)}
 
-    return listing(served, tuple(uid for uid in found if uid > after), question.limit, linked)
+    return listing(served, found, question.limit, linked)
+
+
+def _behind(uids: tuple[str, ...], after: str | None) -> tuple[str, ...]:
+    """Return identifiers behind one of them. Raises Problem if it is none of them any more."""
+    if not after:
+        return uids
+    if after not in uids:
+        raise Problem(HTTPStatus.UNPROCESSABLE_ENTITY, f"{after} is no answer any more: begin anew")
+    return uids[uids.index(after) + 1 :]

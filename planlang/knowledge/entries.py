@@ -14,7 +14,8 @@ from urllib.parse import unquote
 from planlang.designators import local_name
 
 LOWEST_RATING, HIGHEST_RATING = 0, 10
-_PRIOR = ((LOWEST_RATING + HIGHEST_RATING) / 2,) * 2
+UNRATED = (LOWEST_RATING + HIGHEST_RATING) / 2
+"""The rating by which an entry without any is ranked."""
 
 REVISIONS_KEPT = 10
 """Earlier revisions of an entry that are kept unless a store is told otherwise."""
@@ -135,7 +136,7 @@ def rating_of(ratings: Iterable[int]) -> float | None:
     ratings come before one with a single best one, and keep one low rating from sinking an entry. None without any.
     """
     given = list(ratings)
-    return float(median([*given, *_PRIOR])) if given else None
+    return float(median([*given, UNRATED, UNRATED])) if given else None
 
 
 class Change(StrEnum):

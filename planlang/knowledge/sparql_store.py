@@ -11,7 +11,7 @@ from __future__ import annotations
 import hashlib
 import json
 import secrets
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 from urllib.parse import quote
@@ -320,6 +320,10 @@ class SparqlStore:
         )
         self._change(update, Change.RATED, uid, entry.kind, author, now)
         return self.entry(uid)
+
+    def ratings(self) -> Mapping[str, float]:
+        """Return the rating of each entry that has one, by identifier."""
+        return {one.uid: one.rating for one in self.entries() if one.rating is not None}
 
     def new_key(self, author: str, now: str) -> str:
         """Return a new key of an author (256 random bits); only its SHA-256 is kept. Earlier keys stay valid."""

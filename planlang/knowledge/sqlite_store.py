@@ -10,7 +10,7 @@ import hashlib
 import secrets
 import sqlite3
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -163,9 +163,7 @@ class SqliteStore:
         attachments: dict[str, list[Attachment]] = {}
         for uid, *row in database.execute("SELECT uid, name, media_type, sha256, size FROM attachments ORDER BY 1, 2"):
             attachments.setdefault(uid, []).append(Attachment(*row))
-        ratings: dict[str, list[int]] = {}
-        for uid, rating in database.execute(_RATED):
-            ratings.setdefault(uid, []).append(rating)
+        ratings = self._all_ratings()
         wanted = "" if kind is None else " WHERE e.kind = ?"
         for row in database.execute(
             f"{_LAST}{wanted} ORDER BY e.uid", () if kind is None else (kind.value,)
@@ -314,6 +312,17 @@ class SqliteStore:
             database.execute("INSERT OR REPLACE INTO ratings VALUES (?, ?, ?, ?)", (uid, author, rating, now))
             _tell(database, Change.RATED, uid, entry.kind, author, now)
         return self.entry(uid)
+
+    def ratings(self) -> Mapping[str, float]:
+        """Return the rating of each entry that has one, by identifier."""
+        found = ((uid, rating_of(ratings)) for uid, ratings in self._all_ratings().items())
+        return {uid: rating for uid, rating in found if rating is not None}
+
+    def _all_ratings(self) -> dict[str, list[int]]:
+        found: dict[str, list[int]] = {}
+        for uid, rating in self._database.execute(_RATED):
+            found.setdefault(uid, []).append(rating)
+        return found
 
     # authors
 

@@ -6,7 +6,7 @@ nothing but what would damage themselves: what an entry says has been checked be
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -135,6 +135,9 @@ class Store(Protocol):
 
         Raises NoSuchEntry, OwnEntry, ValueError.
         """
+
+    def ratings(self) -> Mapping[str, float]:
+        """Return the rating of each entry that has one, by identifier."""
 
     def new_key(self, author: str, now: str) -> str:
         """Return a new key of an author (256 random bits); only its SHA-256 is kept. Earlier keys stay valid."""

@@ -97,7 +97,7 @@ def _answer(
 ) -> str:
     """Return the status of the answer to a bad request; nobody waits for one behind the time of the next request."""
     try:
-        connection = socket.create_connection(address, timeout=5)  # type: ignore[arg-type]
+        connection = socket.create_connection(address, timeout=5)
         connection.sendall(data)
         if kept is not None:
             if len(kept) == kept.maxlen:
@@ -143,7 +143,7 @@ def read(url: str, seconds: float) -> tuple[list[float], Counter[str]]:
 
 
 def _calls(client: httpx.Client, uids: Iterator[str]) -> list[Callable[[], httpx.Response]]:
-    question = {"expression": "Event and objectActedOn some SpatialThing", "limit": 5}
+    question: dict[str, str | int] = {"expression": "Event and objectActedOn some SpatialThing", "limit": 5}
     return [
         lambda: client.get(f"/v1/recipes/{next(uids)}"),
         lambda: client.get(f"/v1/recipes/{next(uids)}/content"),
