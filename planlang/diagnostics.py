@@ -370,6 +370,7 @@ CODES: dict[str, str] = {
     "K044": "an endpoint or a storage that a server stands on does not answer",
     "K045": "a server has more entries for a need than are looked at",
     "K046": "entries of a store cannot be read any more",
+    "K047": "a subscription that is to end is none of yours",
     "K080": "a narrative tells of no episode, or contradicts itself",
     "K081": "a log of poses is none, or of another run than the trace",
 }

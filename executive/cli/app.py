@@ -30,6 +30,7 @@ from executive.cli.arguments import (
 )
 from executive.cli.console import Answer, ExitCode, answer, give
 from executive.cli.server_arguments import (
+    DeleteArguments,
     PullArguments,
     PushArguments,
     RateArguments,
@@ -115,6 +116,7 @@ for name, arguments, example in (
     ("pull", PullArguments, "serveadrink.ward -o pulled --from URL"),
     ("push", PushArguments, "my_recipe.owl --kind recipe --name ward --to URL --key-file my.key"),
     ("rate", RateArguments, "serveadrink.ward 8 --to URL --key-file my.key"),
+    ("delete", DeleteArguments, "serveadrink.ward --file pouring.py --from URL --key-file my.key"),
     ("watch", WatchArguments, "serveadrink.ward --from URL --key-file my.key"),
     ("robot inspect", InspectArguments, "amigo --picture reach.png"),
     ("robot make", MakeArguments, "my_arm.urdf -o my_arm.toml"),

@@ -481,6 +481,10 @@ class ServeArguments(OntologyArguments):
     ] = None
     host: Annotated[str, typer.Option(metavar="ADDRESS", help="The address to listen at.")] = "127.0.0.1"
     port: Annotated[int, typer.Option(min=0, max=65535, help="The port to listen at; 0: any free one.")] = 8080
+    access_log: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Write a line of JSON for each request to the end of a file; -: to stderr."),
+    ] = None
     check_seconds: Annotated[
         int,
         typer.Option(min=1, metavar="SECONDS", help="CPU time after which a check or a conversion is ended."),

@@ -52,14 +52,17 @@ def check_files(problems: list[Diagnostic], **files: Path | Sequence[Path] | Non
 
 
 def check_trusted(problems: list[Diagnostic], programs: Iterable[Path], *, trust: bool) -> None:
-    """Append an error for each program that was pulled from a server, unless the user trusts it."""
+    """Append an error for each program that was pulled from a server, unless the user trusts it.
+
+    One that was pulled is known by its place, and under any other name by its content.
+    """
     programs = tuple(programs)
     if trust or not programs:
         return
-    from planlang.knowledge.pulled import RECORD, origin_of  # few programs have been pulled
+    from planlang.knowledge.pulled import origin_of  # most commands run no program
 
     for path in programs:
-        if (path.resolve().parent / RECORD).exists() and (origin := origin_of(path)) is not None:
+        if path.is_file() and (origin := origin_of(path)) is not None:
             advice = "it can do all that you can: read it, then add --trust"
             problems.append(
                 error("K038", f"a program that was pulled from a server: {origin}", Span(str(path)), advice)

@@ -24,7 +24,7 @@ from executive.robots.tasks import HARDWARE, UNKNOWN_STEP, match
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Span, has_errors
 from planlang.knowledge.answers import Found, Links
-from planlang.knowledge.entries import Kind
+from planlang.knowledge.entries import UNRATED, Kind
 from planlang.ontology import Ontology, expand, load
 from planlang.ontology.expressions import Expression
 from planlang.ontology.terms import OWL
@@ -205,7 +205,8 @@ class Enabling:
         classes = map(class_of, handled_by(actions, reading.recipes))
         models = (self.model(cls, ontology) for cls in classes if needs_model(ontology, [cls]))
         there = [one for one in things_of(actions, reading.recipes) if not is_anything(ontology, class_of(one))]
-        return tuple(dict.fromkeys([*self._of_finding(matched.tree), *models, self.map(there, ontology)]))
+        maps = [self.map(there, ontology)] if there or self.place or self.own_map is not None else []
+        return tuple(dict.fromkeys([*self._of_finding(matched.tree), *models, *maps]))
 
     def _of_finding(self, finding: Finding) -> Iterator[Need]:
         """Yield the needs that a tree of findings stands for, without what available alternatives make unneeded."""
@@ -359,7 +360,11 @@ def _best_first(wanted: Wanted) -> list[Found]:
 
     def rank(found: Found) -> tuple[float, bool, float]:
         subjects = (found.entry.about, *(target for prop, target in found.links if local_name(prop) == MODELS))
-        return wanted.rank(found), wanted.iri not in subjects, -(found.entry.rating or 0.0)
+        return (
+            wanted.rank(found),
+            wanted.iri not in subjects,
+            -(UNRATED if found.entry.rating is None else found.entry.rating),
+        )
 
     return sorted(wanted.search(), key=rank)
 

@@ -11,12 +11,11 @@ from types import FrameType
 import uvicorn
 from fastapi import FastAPI
 
+from executive.serving.connections import MOST, Guarded
 from planlang.diagnostics import BadInput, error
 
 PATIENCE = 10
 """Seconds in which open requests are answered at the end."""
-MOST_CONNECTIONS = 500
-"""Connections at a time; others are told to come back."""
 
 
 def run(app: FastAPI, host: str, port: int, on_ready: Callable[[str], None]) -> str:
@@ -26,7 +25,9 @@ def run(app: FastAPI, host: str, port: int, on_ready: Callable[[str], None]) -> 
         app,
         log_level="warning",
         server_header=False,
-        limit_concurrency=MOST_CONNECTIONS,
+        limit_concurrency=MOST,
+        http=Guarded,
+        ws="none",
         timeout_graceful_shutdown=PATIENCE,
     )
     # what is small is sent at once: the loop does so only for sockets that name their protocol, which this one does not

@@ -10,7 +10,7 @@ from pathlib import Path
 from planlang.diagnostics import BadInput, Diagnostic
 from planlang.files import bundled
 from planlang.knowledge.axioms import Axioms, axioms_of
-from planlang.knowledge.questions import names_in
+from planlang.knowledge.names import names_in
 from planlang.ontology import Ontology, load
 from planlang.ontology.classes import twin
 
