@@ -58,8 +58,9 @@ def _handle_signals() -> None:
 
 
 def _end(number: int, frame: FrameType | None) -> None:
+    """Interrupt as Ctrl-C does, also where a shell started the command in the background and so ignores SIGINT."""
     _received.append(number)
-    signal.raise_signal(signal.SIGINT)
+    raise KeyboardInterrupt
 
 
 def _open_closed_streams() -> None:
