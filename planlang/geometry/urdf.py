@@ -17,7 +17,7 @@ from xml.parsers import expat
 import numpy as np
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, error
-from planlang.files import open_regular
+from planlang.files import open_regular, read_at_most
 from planlang.geometry.matrices import Array, cross_matrix, product, rigid, rotation_of
 
 LARGEST = 16_000_000
@@ -66,7 +66,7 @@ def read_content(path: Path) -> bytes:
     """Return the content of a regular file. Raises BadXml."""
     try:
         with open_regular(path) as file:
-            content = file.read(LARGEST + 1)
+            content = read_at_most(file, LARGEST + 1)
     except FileNotFoundError:
         raise BadXml("there is no such file") from None
     except OSError as problem:
