@@ -28,6 +28,10 @@ MOST = 200_000
 """Elements."""
 
 
+XACRO = "this is an expression of xacro; write it out first: xacro {0}.urdf.xacro > {0}.urdf"
+"""Advice for a URDF that still has to be expanded."""
+
+
 class BadXml(Exception):
     """A file that is not read: what is wrong, and the line."""
 
@@ -364,7 +368,7 @@ class _Checker:
                 wanted = _NUMBERS.get((element.tag, attribute))
                 if wanted is not None and len(numbers(text)) not in ({1, 3} if element.tag == "mesh" else {wanted}):
                     message = f"<{element.tag} {attribute}={text[:60]!r}>: {wanted} finite number(s) expected"
-                    self._bad(message, element)
+                    self._bad(message, element, XACRO.format(self.path.stem) if "${" in text or "$(" in text else None)
         for geometry in self.robot.iter("geometry"):
             for shape in geometry:
                 needed = extents_of(shape)
@@ -382,9 +386,9 @@ class _Checker:
             if lower and upper and lower[0] > upper[0]:
                 self._bad(f"joint {name!r} has limits [{lower[0]}, {upper[0]}] the wrong way round", joint)
 
-    def _bad(self, message: str, element: ElementTree.Element) -> None:
+    def _bad(self, message: str, element: ElementTree.Element, help: str | None = None) -> None:
         assert isinstance(element, Element)
-        self.found.append(error("B009", message, Span(str(self.path), element.line)))
+        self.found.append(error("B009", message, Span(str(self.path), element.line), help))
 
 
 def _linked(joint: ElementTree.Element, end: str) -> str:
