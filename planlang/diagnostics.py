@@ -339,6 +339,8 @@ CODES: dict[str, str] = {
     "C017": "a recipe was fixed before it was compiled, as --accept says",
     "C018": "a line of a file of settings is not NAME=THING",
     "C019": "a unit that numbers are to be shown in is unknown, or nothing that is shown can be in it",
+    "C020": "there is not enough memory",
+    "C021": "no folder takes temporary files",
     # K: knowledge base
     "K001": "the file of a knowledge base is none, or has another layout",
     "K002": "nothing is known by a name of a question, or several things are",

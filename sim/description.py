@@ -87,7 +87,9 @@ def read_description(path: Path) -> Description:
         return _meshless[path, urdf.content]
     if len(urdf.joints) > MOST_JOINTS:
         message = f"the robot has {len(urdf.joints)} joints; the simulator takes at most {MOST_JOINTS}"
-        raise BadInput([error("B009", message, Span(str(path), urdf.tree.line))])
+        fixed = sum(joint.kind == "fixed" for joint in urdf.joints)
+        advice = f"{fixed} of them are fixed: merge links that never move into the link that carries them"
+        raise BadInput([error("B009", message, Span(str(path), urdf.tree.line), advice if fixed else None)])
     robot = tree_of(urdf.content)  # changed below
     for child in list(robot):
         if child.tag not in _KEPT:

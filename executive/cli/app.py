@@ -29,6 +29,7 @@ from executive.cli.arguments import (
     ServeArguments,
 )
 from executive.cli.console import Answer, ExitCode, answer, give
+from executive.cli.resources import check_memory
 from executive.cli.server_arguments import (
     DeleteArguments,
     PullArguments,
@@ -69,6 +70,10 @@ def robots_command() -> None:
     """Inspect robots, make robot files."""
 
 
+_RUNNING = ("run", "replay", "locate", "enable")
+"""Commands that build the simulated world."""
+
+
 def _command(name: str, arguments: type[Arguments]) -> Callable[..., None]:
     """Return a command whose parameters are the fields of a dataclass: its own first, then those that it inherits.
 
@@ -85,6 +90,8 @@ def _command(name: str, arguments: type[Arguments]) -> Callable[..., None]:
         given = arguments(**values)
 
         def work() -> Answer:
+            if name in _RUNNING:
+                check_memory()
             reply: Answer = import_module(f"executive.cli.{name.split()[-1]}").command(given)
             return reply
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import typer
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors
-from planlang.files import Bundled, open_regular
+from planlang.files import Bundled, open_regular, read_at_most
 from planlang.outputs import PlanHeader, header
 
 
@@ -153,7 +153,7 @@ def read(name: str) -> PlanFile | RecipeFile:
     path = Bundled.RECIPE.find(name)
     try:
         with open_regular(path) as file:
-            content = file.read(LARGEST_PLAN + 1)
+            content = read_at_most(file, LARGEST_PLAN + 1)
     except OSError as problem:
         raise BadInput([error("C001", f"{name} cannot be read: {problem.strerror}")]) from None
     text = content.decode("utf-8", errors="replace").lstrip("\ufeff")
