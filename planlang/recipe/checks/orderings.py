@@ -13,8 +13,6 @@ from difflib import get_close_matches
 from functools import cache
 from itertools import combinations, pairwise
 
-import networkx as nx
-
 from planlang.designators import local_name, told_apart
 from planlang.diagnostics import Diagnostic, Order, Span, error, note, warning
 from planlang.ontology import Ontology, expand
@@ -278,24 +276,40 @@ def plausible_orders(
     """The bits of the steps that do the same."""
     for iri in active:
         users[facts[iri].roles] = users.get(facts[iri].roles, 0) | order.bit(iri)
-    wished = nx.DiGraph([*order.reduction(), *added])
-    wished.add_nodes_from(order.nodes)
+    wished = [*order.reduction(), *added]
+    follows: dict[str, list[str]] = {}
+    for before, after in wished:
+        follows.setdefault(before, []).append(after)
     suggested: dict[tuple[str, str], str] = {}
     for first in active:
         reasonable = sum(bits for roles, bits in users.items() if _may(facts[first].roles, roles, all_roles, grasps))
         unordered = reasonable & ~(order.later(first) | order.earlier(first) | order.bit(first))
         for second in sorted(order.members(unordered), key=rank.__getitem__):
             why = _why(facts[first], facts[second], all_roles, grasps=grasps)
-            if why is not None and not nx.has_path(wished, second, first):
-                wished.add_edge(first, second)
+            if why is not None and not _leads(follows, second, first):
+                wished.append((first, second))
+                follows.setdefault(first, []).append(second)
                 suggested[first, second] = why
     if suggested:
-        wider: Precedence[str] = Precedence(order.nodes, wished.edges)
+        wider: Precedence[str] = Precedence(order.nodes, wished)
         yield from (
             (before, after, suggested[before, after])
             for before, after in wider.reduction()
             if (before, after) in suggested
         )
+
+
+def _leads(follows: dict[str, list[str]], start: str, goal: str) -> bool:
+    """Return True if a path leads from one step to another."""
+    seen, waiting = {start}, [start]
+    while waiting:
+        step = waiting.pop()
+        if step == goal:
+            return True
+        new = [other for other in follows.get(step, ()) if other not in seen]
+        seen.update(new)
+        waiting += new
+    return False
 
 
 def _by_number(recipe: Recipe) -> list[str]:

@@ -10,11 +10,10 @@ import re
 from collections.abc import Iterator
 from difflib import get_close_matches
 
-import networkx as nx
-
 from planlang.designators import local_name, told_apart
 from planlang.diagnostics import Diagnostic, Rename, Span, error, note, warning
 from planlang.ontology import BNode, Ontology, Restriction, expand, shorten
+from planlang.recipe import graphs as nx
 from planlang.recipe.actions import Actions
 from planlang.recipe.checks import CheckedFile, CheckedRecipe, check, listing
 from planlang.recipe.checks.misspellings import guess

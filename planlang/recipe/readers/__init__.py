@@ -13,12 +13,11 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
-import networkx as nx
-
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, error
 from planlang.ontology import BNode, Literal, Ontology, expand, shorten
 from planlang.ontology.terms import OWL
+from planlang.recipe import graphs as nx
 from planlang.recipe.fillers import fillings
 from planlang.recipe.model import Flow, Ordering, Reason
 from planlang.recipe.readers import action_table, finite_state, partial_order, workflow
