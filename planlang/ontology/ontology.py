@@ -18,6 +18,7 @@ from planlang.ontology.classes import (
     alias_edges,
     by_distance,
     conjuncts,
+    disjuncts,
     edges,
     namesakes,
     restrictions_of,
@@ -396,6 +397,11 @@ class Ontology:
         """Return the members of an intersection, flattened; of anything else the expression itself."""
         number = self.store.find(expression) if isinstance(expression, BNode) else None
         return (expression,) if number is None else tuple(map(self.store.term, conjuncts(self.store, number)))
+
+    def alternatives(self, expression: Term) -> tuple[Term, ...]:
+        """Return the members of a union in their order, flattened; nothing for anything else."""
+        number = self.store.find(expression) if isinstance(expression, (str, BNode)) else None
+        return () if number is None else tuple(map(self.store.term, disjuncts(self.store, number)))
 
     def inherited_restrictions(self, cls: str, p: str | None = None) -> tuple[Restriction, ...]:
         """Return the restrictions of a class and its ancestors, nearest first; only of ``p`` and below, if given."""

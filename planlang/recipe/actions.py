@@ -52,7 +52,11 @@ class Actions:
     def statements(self, iri: str) -> Statements | None:
         """Return the recipe that a class or an individual states; None if it states none. Each is read once."""
         if iri not in self._statements:
-            self._statements[iri] = statements_of(self.ontology, iri)
+            found = self._statements[iri] = statements_of(self.ontology, iri)
+            for sub in found.sub_actions if found is not None else ():
+                for name, member in sub.alternatives:
+                    assert found is not None
+                    self._statements[name] = Statements(name, found.dialect, (member,))
         return self._statements[iri]
 
     def is_a(self, step: Step | Recipe, *classes: str) -> bool:

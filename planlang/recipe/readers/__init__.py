@@ -21,6 +21,7 @@ from planlang.recipe import graphs as nx
 from planlang.recipe.fillers import fillings
 from planlang.recipe.model import Flow, Ordering, Reason
 from planlang.recipe.readers import action_table, finite_state, partial_order, workflow
+from planlang.recipe.readers.alternatives import with_alternatives
 from planlang.recipe.statements import (
     REGISTERED_WORDS,
     Filling,
@@ -257,7 +258,7 @@ def statements_of(ontology: Ontology, iri: str) -> Statements | None:
     for reader in READERS:
         found = reader.read(ontology, iri)
         if found is not None:
-            return read_data_flow(ontology, found)
+            return with_alternatives(ontology, read_data_flow(ontology, found))
     return None
 
 
