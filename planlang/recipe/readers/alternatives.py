@@ -16,7 +16,7 @@ from planlang.ontology import BNode, Ontology, Term, shorten
 from planlang.ontology.terms import OWL, RDFS
 from planlang.recipe.fillers import action_class, fillings
 from planlang.recipe.model import Ordering
-from planlang.recipe.statements import Filling, States, Statements, SubAction, filled, is_word
+from planlang.recipe.statements import Filling, Statements, States, SubAction, filled, is_word
 
 MOST_NAMED = 3
 """Members after which a union is named; of more it has the first one's name and their number."""
