@@ -20,7 +20,7 @@ from planlang.recipe.actions import Actions
 from planlang.recipe.checks import CheckedRecipe, check
 from planlang.recipe.checks.misspellings import guess
 from planlang.recipe.model import Filler, Ordering, Overlap, Place, Reason, Recipe, RecipeSet, Step, Thing
-from planlang.recipe.order import Intervals, Precedence, recipe_cycle, recipe_order
+from planlang.recipe.order import Intervals, Precedence, leads_to, recipe_cycle, recipe_order
 from planlang.recipe.statements import LooseEnd, Statements
 
 
@@ -68,7 +68,10 @@ def ordered_strangers(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     """Report names that are ordered but no sub-actions, each once, at its first mention."""
     ontology, statements, recipe = checked.ontology, checked.statements, checked.recipe
     stated = dict.fromkeys((*statements.names, *statements.phases))
-    undefined = [iri for iri in statements.names if not ontology.defined(iri)]
+    members = {way.iri: sub.iri or "" for sub in statements.sub_actions for _, way in sub.alternatives}
+    undefined = [
+        sub.iri for sub in statements.sub_actions if sub.iri and not (sub.alternatives or ontology.defined(sub.iri))
+    ]
     mentions: dict[str, list[Ordering | Overlap]] = {}
     for ordering in recipe.orderings:
         for name in (ordering.before, ordering.after):
@@ -80,7 +83,9 @@ def ordered_strangers(checked: CheckedRecipe) -> Iterator[Diagnostic]:
                 mentions.setdefault(name, []).append(overlap)
     for name, orderings in mentions.items():
         short = local_name(name)
-        if undefined:
+        if name in members:
+            guess = f"it is an alternative of the step `{local_name(members[name])}`, of which only one is performed"
+        elif undefined:
             other = local_name(undefined[0])
             guess = f"did you mean `{short}` as the sub-action instead of `{other}`, which is not defined?"
         elif similar := get_close_matches(short, [local_name(iri) for iri in statements.names], n=1):
@@ -286,7 +291,7 @@ def plausible_orders(
         unordered = reasonable & ~(order.later(first) | order.earlier(first) | order.bit(first))
         for second in sorted(order.members(unordered), key=rank.__getitem__):
             why = _why(facts[first], facts[second], all_roles, grasps=grasps)
-            if why is not None and not _leads(follows, second, first):
+            if why is not None and not leads_to(follows, second, first):
                 wished.append((first, second))
                 follows.setdefault(first, []).append(second)
                 suggested[first, second] = why
@@ -297,19 +302,6 @@ def plausible_orders(
             for before, after in wider.reduction()
             if (before, after) in suggested
         )
-
-
-def _leads(follows: dict[str, list[str]], start: str, goal: str) -> bool:
-    """Return True if a path leads from one step to another."""
-    seen, waiting = {start}, [start]
-    while waiting:
-        step = waiting.pop()
-        if step == goal:
-            return True
-        new = [other for other in follows.get(step, ()) if other not in seen]
-        seen.update(new)
-        waiting += new
-    return False
 
 
 def _by_number(recipe: Recipe) -> list[str]:

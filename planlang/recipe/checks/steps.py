@@ -93,7 +93,7 @@ def foreign_words(checked: CheckedRecipe) -> Iterator[Diagnostic]:
 def abstract_steps(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     """Report steps that nothing performs yet: a process module that a program registers may."""
     for step in checked.recipe.steps:
-        if step.is_abstract:
+        if step.is_abstract and (checked.recipe.within is None or _is_action(checked, step.iri)):
             message = f"nothing performs `{step.name}` yet: it is not a primitive and has no recipe"
             yield warning("R021", message, step.span, _performers_to_add(checked, step.action_class))
 

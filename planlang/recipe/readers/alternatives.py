@@ -30,10 +30,10 @@ def read_union(ontology: Ontology, expression: BNode, task: str, span: Span, tim
     if not _union_within(ontology, expression):
         return None
     found = tuple(_members(ontology, expression, span))
-    names = [local_name(one.iri) for one in found if one.iri is not None]
+    names = [local_name(one.iri) if one.iri is not None else "Other" for one in found]
     if len(names) > MOST_NAMED:
         names = [names[0], f"{len(names) - 1}Others"]
-    name = "Or".join(names) or "Alternatives"
+    name = "Or".join(names)
     start = task[: len(task) - len(local_name(task))]
     while ontology.defined(start + name):
         name += "Step"
