@@ -331,11 +331,12 @@ def test_a_cycle_has_no_layers() -> None:
 
 def test_constraints_of_motions_are_drawn_in_words() -> None:
     plan = compile_recipe(bundled("recipes") / "stir_soup.omn")
+    graph = task_graph(plan.recipes, plan.added)
     for write in FORMATS.values():
-        text = write(task_graph(plan.recipes, plan.added))
+        text = write(graph)
         assert "Constraint(" not in text
         assert "http://" not in text.partition("<g")[2]
-    assert "TipInside (ToolTip of DeviceUsed to BottomInside of ObjectActedOn, 0.008 to 0.035 m)" in text
+    assert "TipInside (ToolTip of DeviceUsed to BottomInside of ObjectActedOn, 0.008 to 0.035 m)" in svg(graph)
 
 
 @pytest.mark.parametrize("font", ["DejaVuSans", "LiberationSans-Regular"])
