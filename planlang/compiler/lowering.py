@@ -202,7 +202,8 @@ class Lowering:
     def tree(self) -> PlanTree:
         """Return the plan tree of the whole set."""
         functions = [self._function(recipe) for recipe in callees_first(self._recipes) if recipe.within is None]
-        steps = (step for recipe in self._recipes.recipes.values() for step in recipe.steps if not step.is_choice)
+        steps = (step for recipe in self._recipes.recipes.values() for step in self._terms.steps(recipe))
+        steps = (step for step in steps if not step.is_choice)
         classes = stated_classes(self._actions.ontology, map(self._terms.performed_class, steps))
         return PlanTree(tuple(functions), self._terms.devices_of_places(self._bases), classes)
 

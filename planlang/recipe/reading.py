@@ -22,6 +22,7 @@ from planlang.recipe.checks import (
     losses,
     orderings,
     parameters,
+    resources,
     slots,
     steps,
 )
@@ -328,7 +329,7 @@ ORDERED_STEPS: tuple[Check[[CheckedRecipe], Iterable[Diagnostic]], ...] = (
     orderings.contradictions,
     orderings.missing_orders,
     orderings.unordered_base_motions,
-    orderings.shared_resources,
+    resources.shared_resources,
     orderings.free_steps,
 )
 """Checks of recipes whose steps stand in a partial order."""

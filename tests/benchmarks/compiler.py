@@ -70,7 +70,8 @@ def stages(form: str, size: int) -> Iterator[tuple[str, float]]:
     from planlang.ontology import load
     from planlang.recipe import Actions, Ordering, Recipe, RecipeSet, Source, Step
     from planlang.recipe.checks import CheckedFile, CheckedRecipe
-    from planlang.recipe.checks.orderings import free_steps, missing_orders, shared_resources
+    from planlang.recipe.checks.orderings import free_steps, missing_orders
+    from planlang.recipe.checks.resources import shared_resources
     from planlang.recipe.order import recipe_cycle
     from planlang.recipe.statements import Statements
 
