@@ -175,6 +175,7 @@ CODES: dict[str, str] = {
     "O050": "a syntax cannot say what a file says: it is lost in converting it",
     "O051": "a syntax declares what a converted file does not declare",
     "O052": "a syntax says in another way what a converted file says",
+    "O053": "comments or prefixes of a converted file are not kept",
     "O060": "a class is unsatisfiable: nothing can be of it",
     "O061": "what is said of individuals contradicts itself",
     "O062": "a reasoner is not given a statement as it is",

@@ -100,6 +100,8 @@ class Terms:
         too.
         """
         recipe = self._recipes.recipes[callee]
+        if recipe.within is not None:  # an alternative stands in the function of the step itself
+            return {thing: thing for thing in self.parameters(recipe)}
         return {thing: self._argument(caller, step, recipe, thing) for thing in self.parameters(recipe)}
 
     def action(self, recipe: Recipe, step: Step) -> ActionTerm:

@@ -23,8 +23,8 @@ class Graph:
     ``written`` holds what has been written; what is not in it at the end is lost.
     """
 
-    def __init__(self, triples: Iterable[Triple]) -> None:
-        self.triples = labelled(triples)
+    def __init__(self, triples: Iterable[Triple], *, by_file: bool = False) -> None:
+        self.triples = labelled(triples, by_file=by_file)
         self.written: dict[Triple, None] = {}
         self._about: dict[str | BNode, list[Triple]] = {}
         self._with: dict[BNode, list[Triple]] = {}
@@ -112,8 +112,10 @@ MOST_TIES = 200
 """Nodes that are told apart by mere choice when everything said of them is alike."""
 
 
-def labelled(triples: Iterable[Triple]) -> list[Triple]:
+def labelled(triples: Iterable[Triple], *, by_file: bool = False) -> list[Triple]:
     """Return the triples sorted, each once, with labels b1, b2, ... for the nameless nodes in order of use.
+
+    With ``by_file`` they come in the order of their positions in the file.
 
     IRIs come before values before nameless nodes. The order depends on the graph alone, not on labels nor on the order
     of the triples. Nodes whose statements cannot be told apart are in the order in which they come; in what real files
@@ -142,7 +144,7 @@ def labelled(triples: Iterable[Triple]) -> list[Triple]:
         subject = label(triple.subject)
         assert not isinstance(subject, Literal)
         result.append(Triple(subject, triple.predicate, label(triple.object), triple.span))
-    return result
+    return sorted(result, key=lambda triple: triple.span) if by_file else result
 
 
 def differences(before: Iterable[Triple], after: Iterable[Triple]) -> tuple[list[Triple], list[Triple]]:
@@ -350,9 +352,16 @@ class Names:
         """Return all prefixes with their namespaces, sorted."""
         return sorted((name, space) for space, name in self._spaces.items())
 
-    def used(self) -> list[tuple[str, str]]:
-        """Return the used prefixes, with their namespaces, sorted."""
-        return sorted((name, space) for space, name in self._spaces.items() if name in self._used)
+    def used(self, declared: Mapping[str, str] | None = None) -> list[tuple[str, str]]:
+        """Return the used prefixes, with their namespaces, sorted; and those that a file has declared, if given.
+
+        Of those of OWL itself only the used ones count: every file has them, declared or not.
+        """
+        found = {name: space for space, name in self._spaces.items() if name in self._used}
+        for name, space in (declared or {}).items():
+            if name not in ("owl", "rdf", "rdfs", "xsd") and _PREFIX.fullmatch(name) and _fits(space):
+                found.setdefault(name, space)
+        return sorted(found.items())
 
 
 def _fits(space: str) -> bool:

@@ -47,12 +47,17 @@ class Actions:
         self.performers: dict[str, tuple[tuple[str, ...], str | None]] = {}
         """Action (IRI) -> who performs it, as :func:`planlang.recipe.performers.recipes_for` returns it."""
         self._statements: dict[str, Statements | None] = {}
+        self._slots: dict[tuple[str, ...], dict[str, Slot]] = {}
         self._last_moving: tuple[RecipeSet, tuple[frozenset[str], frozenset[str]]] | None = None
 
     def statements(self, iri: str) -> Statements | None:
         """Return the recipe that a class or an individual states; None if it states none. Each is read once."""
         if iri not in self._statements:
-            self._statements[iri] = statements_of(self.ontology, iri)
+            found = self._statements[iri] = statements_of(self.ontology, iri)
+            for sub in found.sub_actions if found is not None else ():
+                for name, member in sub.alternatives:
+                    assert found is not None
+                    self._statements[name] = Statements(name, found.dialect, (member,))
         return self._statements[iri]
 
     def is_a(self, step: Step | Recipe, *classes: str) -> bool:
@@ -135,12 +140,16 @@ class Actions:
         """Return the properties (IRIs) that the vocabulary lists for an action class or an ancestor of it."""
         return frozenset(self.ontology.valid_properties(cls))
 
-    def slots(self, cls: str) -> dict[str, Slot]:
+    def slots(self, cls: str) -> Mapping[str, Slot]:
         """Return the slots of an action class by property: those of the nearest class that declares each."""
-        found: dict[str, Slot] = {}
-        for ancestor in self.ontology.ancestors(cls):
-            for name, slot in self.declared_slots.get(ancestor, {}).items():
-                found.setdefault(name, slot)
+        declaring = tuple(filter(self.declared_slots.__contains__, self.ontology.ancestors(cls)))
+        found = self._slots.get(declaring)
+        if found is None:
+            found = {}
+            for above in declaring:
+                for name, slot in self.declared_slots[above].items():
+                    found.setdefault(name, slot)
+            self._slots[declaring] = found
         return found
 
     def goal(self, cls: str) -> Goal | None:

@@ -251,6 +251,7 @@ class Step(_Action):
     whose recipes perform the step, more than one if they are alternatives; ``primitive`` is the class (IRI) listed as
     a primitive. A step that has neither is abstract. ``cls`` is the class of a step that is an individual, None for
     one that is a class itself. ``condition`` is what a step that checks something finds to be true or false.
+    ``is_choice`` if the step is nothing but its alternatives: then ``recipes`` have one step each.
     """
 
     iri: str
@@ -262,6 +263,7 @@ class Step(_Action):
     span: Span | None = None
     cls: str | None = None
     condition: Description | None = None
+    is_choice: bool = False
 
     @property
     def is_abstract(self) -> bool:
@@ -414,6 +416,8 @@ class Recipe(_Action):
     cls: str | None = None
     phases: tuple[str, ...] = ()
     """Processes (IRIs) that go on meanwhile; nothing performs them, but steps stand in relations to them."""
+    within: str | None = None
+    """The recipe (IRI) that this is an alternative of a step in, if it is one: its only step is that alternative."""
     derived: dict[str, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
     """Results that were computed from the rest; see :mod:`planlang.recipe.order`."""
 

@@ -14,14 +14,13 @@ from __future__ import annotations
 
 import heapq
 from bisect import bisect_left
-from collections.abc import Hashable, Iterable, Iterator, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from typing import Any, Generic, TypeVar
 
-import networkx as nx
-
+from planlang.recipe import graphs as nx
 from planlang.recipe.actions import Actions, Movers
 from planlang.recipe.model import Ordering, Overlap, Place, Point, Recipe, RecipeSet, Thing
 
@@ -157,6 +156,19 @@ def order_graph(nodes: Iterable[Node], orderings: Iterable[tuple[Node, Node]]) -
     graph.add_nodes_from(nodes)
     graph.add_edges_from((before, after) for before, after in orderings if before in graph and after in graph)
     return graph
+
+
+def leads_to(follows: Mapping[str, Iterable[str]], start: str, goal: str) -> bool:
+    """Return True if a path leads from one step to another."""
+    seen, waiting = {start}, [start]
+    while waiting:
+        step = waiting.pop()
+        if step == goal:
+            return True
+        new = [other for other in follows.get(step, ()) if other not in seen]
+        seen.update(new)
+        waiting += new
+    return False
 
 
 def recipe_order(recipe: Recipe) -> Precedence[str]:

@@ -22,6 +22,7 @@ from planlang.recipe.checks import (
     losses,
     orderings,
     parameters,
+    resources,
     slots,
     steps,
 )
@@ -101,6 +102,7 @@ def _below(actions: Actions, task: str) -> set[str]:
     statements = actions.statements(task)
     assert statements is not None
     below = set(statements.mentioned())
+    below |= {way.iri for sub in statements.sub_actions for _, way in sub.alternatives if way.iri is not None}
     return below | {recipe for name in below for recipe in recipes_for(actions, name)[0]}
 
 
@@ -147,14 +149,18 @@ def read_recipes(actions: Actions, task: str) -> RecipeSet:
     A task without sub-actions of its own takes those of its nearest ancestor that has any.
     """
     found: dict[str, Recipe] = {}
-    waiting = [(task, recipes_of_task(actions, task)[0])]
+    waiting: list[tuple[str, str, Recipe | None]] = [(task, recipes_of_task(actions, task)[0], None)]
     while waiting:
-        cls, stating = waiting.pop()
+        cls, stating, within = waiting.pop()
         if cls in found:
             continue
-        recipe = found[cls] = read_recipe_of(actions, stating, cls)
-        below = [callee for step in recipe.steps for callee in step.recipes]
-        waiting += [(callee, callee) for callee in reversed(below) if callee not in found]
+        recipe = read_recipe_of(actions, stating, cls)
+        if within is not None:
+            inherited = (replace(one, is_inherited=True) for one in within.parameters)
+            recipe = replace(recipe, parameters=tuple(inherited), within=within.within or within.iri)
+        found[cls] = recipe
+        below = [(callee, recipe if step.is_choice else None) for step in recipe.steps for callee in step.recipes]
+        waiting += [(callee, callee, around) for callee, around in reversed(below) if callee not in found]
     document = actions.ontology.documents[0]
     return RecipeSet(task, found, Source(printable(document.path.name), document.sha256))
 
@@ -165,6 +171,8 @@ def read_step(actions: Actions, sub_action: SubAction, known: frozenset[str] = f
     ``known`` are individuals that need not be defined, as another step creates them.
     """
     ontology, iri = actions.ontology, sub_action.iri
+    if sub_action.alternatives:
+        return _read_choice(ontology, sub_action)
     if iri is None or not ontology.defined(iri):
         return None
     cls = None if ontology.is_class(iri) else action_class(ontology, iri)
@@ -181,6 +189,23 @@ def read_step(actions: Actions, sub_action: SubAction, known: frozenset[str] = f
         cls,
         _condition(ontology, cls or iri),
     )
+
+
+def _read_choice(ontology: Ontology, sub_action: SubAction) -> Step:
+    """Return a sub-action that is a union as a step; the class of a nameless union is the nearest one above all."""
+    assert sub_action.iri is not None
+    iri, ways = sub_action.iri, [way.iri for _, way in sub_action.alternatives if way.iri is not None]
+    cls = None if ontology.is_class(iri) else action_class(ontology, iri)
+    if not ontology.defined(iri):
+        above = [ontology.ancestors(way) for way in ways]
+        cls = next((one for one in above[0] if all(one in others for others in above)), None) if above else None
+    label = _label(ontology, iri)
+    labels = [(_label(ontology, way), local_name(way)) for way in ways]
+    if label is None and any(own for own, _ in labels):
+        label = ", else ".join(own or name for own, name in labels)
+    names = tuple(name for name, _ in sub_action.alternatives)
+    action = nearest_in_vocabulary(ontology, cls or iri)
+    return Step(iri, action, (), names, None, label, sub_action.span, cls, is_choice=True)
 
 
 def read_recipe_of(actions: Actions, stating: str, task: str | None = None) -> Recipe:
@@ -304,7 +329,7 @@ ORDERED_STEPS: tuple[Check[[CheckedRecipe], Iterable[Diagnostic]], ...] = (
     orderings.contradictions,
     orderings.missing_orders,
     orderings.unordered_base_motions,
-    orderings.shared_resources,
+    resources.shared_resources,
     orderings.free_steps,
 )
 """Checks of recipes whose steps stand in a partial order."""

@@ -30,13 +30,16 @@ class Filling(NamedTuple):
 class SubAction:
     """A sub-action as the file states it: a class or an individual, and what is filled in where it is mentioned.
 
-    ``iri`` is None for an expression that names nothing. ``times`` is how often it is to be performed.
+    ``iri`` is None for an expression that names nothing. ``times`` is how often it is to be performed. If it is a union
+    of classes, ``alternatives`` are the members in their order, each with the name (IRI) of the recipe that it alone is
+    the step of.
     """
 
     iri: str | None
     fillings: tuple[Filling, ...]
     span: Span
     times: int = 1
+    alternatives: tuple[tuple[str, SubAction], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

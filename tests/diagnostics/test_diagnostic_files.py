@@ -50,7 +50,11 @@ def of_robot(path: Path) -> tuple[Diagnostic, ...]:
 
 
 def of_ontology(path: Path) -> tuple[Diagnostic, ...]:
-    return convert(path, Target.MANCHESTER).diagnostics if path.name.startswith("O05") else load(path).diagnostics
+    if not path.name.startswith("O05"):
+        return load(path).diagnostics
+    # each file has comments, which say what is expected
+    found = convert(path, Target.MANCHESTER).diagnostics
+    return tuple(one for one in found if one.code != "O053" or path.name.startswith("O053"))
 
 
 def of_recipe(path: Path) -> tuple[Diagnostic, ...]:

@@ -11,9 +11,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from functools import cache
-from itertools import combinations, pairwise
-
-import networkx as nx
+from itertools import pairwise
 
 from planlang.designators import local_name, told_apart
 from planlang.diagnostics import Diagnostic, Order, Span, error, note, warning
@@ -21,8 +19,8 @@ from planlang.ontology import Ontology, expand
 from planlang.recipe.actions import Actions
 from planlang.recipe.checks import CheckedRecipe, check
 from planlang.recipe.checks.misspellings import guess
-from planlang.recipe.model import Filler, Ordering, Overlap, Place, Reason, Recipe, RecipeSet, Step, Thing
-from planlang.recipe.order import Intervals, Precedence, recipe_cycle, recipe_order
+from planlang.recipe.model import Filler, Ordering, Overlap, Place, Reason, Recipe, Step, Thing
+from planlang.recipe.order import Intervals, Precedence, leads_to, recipe_cycle, recipe_order
 from planlang.recipe.statements import LooseEnd, Statements
 
 
@@ -70,7 +68,10 @@ def ordered_strangers(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     """Report names that are ordered but no sub-actions, each once, at its first mention."""
     ontology, statements, recipe = checked.ontology, checked.statements, checked.recipe
     stated = dict.fromkeys((*statements.names, *statements.phases))
-    undefined = [iri for iri in statements.names if not ontology.defined(iri)]
+    members = {way.iri: sub.iri or "" for sub in statements.sub_actions for _, way in sub.alternatives}
+    undefined = [
+        sub.iri for sub in statements.sub_actions if sub.iri and not (sub.alternatives or ontology.defined(sub.iri))
+    ]
     mentions: dict[str, list[Ordering | Overlap]] = {}
     for ordering in recipe.orderings:
         for name in (ordering.before, ordering.after):
@@ -82,7 +83,9 @@ def ordered_strangers(checked: CheckedRecipe) -> Iterator[Diagnostic]:
                 mentions.setdefault(name, []).append(overlap)
     for name, orderings in mentions.items():
         short = local_name(name)
-        if undefined:
+        if name in members:
+            guess = f"it is an alternative of the step `{local_name(members[name])}`, of which only one is performed"
+        elif undefined:
             other = local_name(undefined[0])
             guess = f"did you mean `{short}` as the sub-action instead of `{other}`, which is not defined?"
         elif similar := get_close_matches(short, [local_name(iri) for iri in statements.names], n=1):
@@ -196,9 +199,6 @@ RECURSIVE = ("R022", "R023")
 ORDERS_UNKNOWN = ("R010", "R011", "R020")
 """Codes of mistakes by which it is not known what the file orders: an order may only seem to be missing."""
 
-MOST_STEPS = 200
-"""Steps with resources of one recipe that are compared pair by pair: 20,000 pairs take about 20 ms."""
-
 ROLES: dict[str, tuple[str, ...]] = {
     "acquires": ("GraspingSomething", "PickingUpAnObject", "TakingSomething"),
     "delivers": ("PuttingDownAnObject", "PuttingSomethingSomewhere", "HandingOverAnObject"),
@@ -247,10 +247,19 @@ class _Facts:
 def missing_orders(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     """Report each ordering that is missing and probably meant."""
     recipe = checked.recipe
-    for before, after, why in plausible_orders(checked.actions, recipe, checked.added):
+    for before, after, why in plausible(checked):
         message = f"`{local_name(before)}` should probably come before `{local_name(after)}`: {why}"
         advice = ordering_to_write(recipe, before, after)
         yield warning("R042", message, recipe.step(after).span, advice, Order(recipe.iri, before, after))
+
+
+def plausible(checked: CheckedRecipe) -> tuple[tuple[str, str, str], ...]:
+    """Return :func:`plausible_orders`, which several checks ask for."""
+    derived, key = checked.recipe.derived, f"plausible with {checked.added}"
+    if key not in derived:
+        derived[key] = tuple(plausible_orders(checked.actions, checked.recipe, checked.added))
+    found: tuple[tuple[str, str, str], ...] = derived[key]
+    return found
 
 
 def plausible_orders(
@@ -278,19 +287,22 @@ def plausible_orders(
     """The bits of the steps that do the same."""
     for iri in active:
         users[facts[iri].roles] = users.get(facts[iri].roles, 0) | order.bit(iri)
-    wished = nx.DiGraph([*order.reduction(), *added])
-    wished.add_nodes_from(order.nodes)
+    wished = [*order.reduction(), *added]
+    follows: dict[str, list[str]] = {}
+    for before, after in wished:
+        follows.setdefault(before, []).append(after)
     suggested: dict[tuple[str, str], str] = {}
     for first in active:
         reasonable = sum(bits for roles, bits in users.items() if _may(facts[first].roles, roles, all_roles, grasps))
         unordered = reasonable & ~(order.later(first) | order.earlier(first) | order.bit(first))
         for second in sorted(order.members(unordered), key=rank.__getitem__):
             why = _why(facts[first], facts[second], all_roles, grasps=grasps)
-            if why is not None and not nx.has_path(wished, second, first):
-                wished.add_edge(first, second)
+            if why is not None and not leads_to(follows, second, first):
+                wished.append((first, second))
+                follows.setdefault(first, []).append(second)
                 suggested[first, second] = why
     if suggested:
-        wider: Precedence[str] = Precedence(order.nodes, wished.edges)
+        wider: Precedence[str] = Precedence(order.nodes, wished)
         yield from (
             (before, after, suggested[before, after])
             for before, after in wider.reduction()
@@ -401,68 +413,6 @@ def unordered_base_motions(checked: CheckedRecipe) -> Iterator[Diagnostic]:
             message = f"`{one}` and `{other}` both move the base, but are not ordered"
             advice = ordering_to_write(recipe, first, second)
             yield error("R040", message, recipe.step(second).span, advice, Order(recipe.iri, first, second))
-
-
-@check("R045", unless=(*RECURSIVE, "R012", *ORDERS_UNKNOWN))
-def shared_resources(checked: CheckedRecipe) -> Iterator[Diagnostic]:
-    """Report steps that need the same resource of the robot and are unordered, unless R042 orders them."""
-    actions, recipe, recipes = checked.actions, checked.recipe, checked.file.recipes
-    narrow: dict[str, frozenset[str]] = {}
-    wide: dict[str, frozenset[str]] = {}
-    own = {step.iri: _resources(actions, step, recipes, narrow, with_implied=False) for step in recipe.steps}
-    whole = {step.iri: _resources(actions, step, recipes, wide, with_implied=True) for step in recipe.steps}
-    using = [step for step in recipe.steps if whole[step.iri]][:MOST_STEPS]
-    if len(using) < 2:
-        return
-    order = recipe_order(recipe)
-    suggested = [(before, after) for before, after, _ in plausible_orders(actions, recipe, checked.added)]
-    if checked.added or suggested:
-        order = order.extended([*checked.added, *suggested])
-
-    def shared(first: Step, second: Step) -> frozenset[str]:
-        """Return what both steps need; a recipe also holds what its steps need, process modules take turns by step."""
-        needs = whole if first.recipes or second.recipes else own
-        return needs[first.iri] & needs[second.iri]
-
-    pairs = [
-        (first, second)
-        for first, second in combinations(using, 2)
-        if shared(first, second) and not order.ordered(first.iri, second.iri)
-    ]
-    if pairs:
-        first, second = pairs[0]
-        both = " and the ".join(sorted(shared(first, second)))
-        more = f" (and {len(pairs) - 1} more such pairs)" if len(pairs) > 1 else ""
-        one, other = told_apart(first.iri, second.iri)
-        message = f"`{one}` and `{other}` both need the {both}, but are not ordered: either may come first{more}"
-        advice = ordering_to_write(recipe, first.iri, second.iri)
-        yield warning("R045", message, second.span, advice, Order(recipe.iri, first.iri, second.iri))
-
-
-def _resources(
-    actions: Actions, step: Step, recipes: RecipeSet, known: dict[str, frozenset[str]], *, with_implied: bool
-) -> frozenset[str]:
-    """Return the roles that a step and the steps below it need; a role of the hand with its device if that is stated.
-
-    With ``with_implied`` those of what primitives do on the way, too. ``known`` are those of recipes (IRIs) that were
-    asked for before.
-    """
-    primitive = actions.primitive(step)
-    if primitive is not None:
-        devices = sorted(thing.name for thing in step.fillers("deviceUsed") if isinstance(thing, Thing))
-        on_the_way = (actions.primitives.get(action) for action in primitive.implies if with_implied)
-        roles = {role for one in (primitive, *on_the_way) if one is not None for role in one.resources}
-        return frozenset(
-            f"{role} of {devices[0]}" if devices and role in ("arm", "gripper") else role
-            for role in roles
-            if role != "base"  # the order of base motions is judged by R040
-        )
-    for callee in step.recipes:
-        if callee not in known:
-            below = [_resources(actions, one, recipes, known, with_implied=with_implied) for one in
-                     recipes.recipes[callee].steps]  # fmt: skip
-            known[callee] = frozenset().union(*below)
-    return frozenset(role for callee in step.recipes for role in known[callee])
 
 
 @check("R047", unless=(*RECURSIVE, "R012", *ORDERS_UNKNOWN, "R040", "R042", "R045"))

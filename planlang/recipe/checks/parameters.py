@@ -403,9 +403,11 @@ def _unrelated(actions: Actions, owner: Step | Recipe, place: Place, span: Span 
     """Yield an error for a place of the base without relation, a warning for the hand's unless it names a posture."""
     if not place.is_posture or place.pose is not None:
         return
-    where = actions.ontology.span(place.iri) or span
+    is_own = actions.ontology.main(place.iri)  # else the mistake is the step's, not the vocabulary's
+    where = (actions.ontology.span(place.iri) if is_own else None) or span
     nothing = "anything" if not any(references(actions.ontology, place.iri)) else "anything that is somewhere"
-    advice = f"add one of {', '.join(owl_properties())} to `{place.name}`"
+    target = f"`{place.name}`" if is_own else f"a place of your own below `{place.name}`, and name that"
+    advice = f"add one of {', '.join(owl_properties())} to {target}"
     if isinstance(owner, Step) and actions.is_base_motion(owner):
         message = f"`{owner.name}` moves the base to `{place.name}`, which has no relation to {nothing}"
         yield error("R036", message, where, advice)
