@@ -81,6 +81,9 @@ class Bodies:
         self.of: dict[str, list[int]] = {body.name: [] for body in scene.bodies}
         """Body -> indices of its pieces."""
         self._index: dict[int, int] = {}
+        self.moves = self.carries = 0
+        """Numbers of times that bodies were put elsewhere, or taken away, and that the robot carried one along: while
+        both stay, so do all bodies."""
         for body in scene.bodies:
             for part in parts.get(body.name) or plain(body):
                 self._add(body, part)
@@ -107,6 +110,7 @@ class Bodies:
     def forget_created(self) -> None:
         """Take everything away that :meth:`create` has put there."""
         names = self.created
+        self.moves += 1
         for piece in self.pieces[self.first :]:
             bullet.removeBody(piece.uid, physicsClientId=self.client)
             del self._index[piece.uid]
@@ -157,6 +161,15 @@ class Bodies:
 
     def place(self, name: str, pose: Pose) -> None:
         """Put a body, with all its pieces, somewhere; one that was removed stays away until :meth:`restore`."""
+        self.moves += 1
+        self._place(name, pose)
+
+    def carry(self, name: str, pose: Pose) -> None:
+        """Put a body where a hand that holds it has gone."""
+        self.carries += 1
+        self._place(name, pose)
+
+    def _place(self, name: str, pose: Pose) -> None:
         self.poses[name] = pose
         for index in self.of[name]:
             self._put(index)
@@ -164,6 +177,7 @@ class Bodies:
     def place_part(self, index: int, offset: Pose) -> None:
         """Move one piece within its body's frame (a person's arm)."""
         piece = self.pieces[index]
+        self.moves += 1
         piece.offset = offset
         piece.yields = piece.part.limb and offset.distance(piece.part.offset) > AT_REST
         self._put(index)
@@ -184,6 +198,7 @@ class Bodies:
 
     def remove(self, name: str) -> None:
         """Take a body out of the world: it touches nothing and is not seen."""
+        self.moves += 1
         self.removed.add(name)
         self.hide(self.of[name])
         self.hidden.difference_update(self.of[name])

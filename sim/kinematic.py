@@ -110,7 +110,7 @@ class KinematicScene:
             self._shown = configuration, self._robot.moves
         for name, held in self._held.items():
             if held.placed != self._robot.moves and held.moves:
-                self._bodies.place(name, self._robot.link_pose(held.link) @ held.offset)
+                self._bodies.carry(name, self._robot.link_pose(held.link) @ held.offset)
                 held.placed = self._robot.moves
         for leaf, led in self._leaves.led.items():
             if led.placed != self._robot.moves:
