@@ -239,6 +239,14 @@ class Bodies:
             return np.full(3, np.inf), np.full(3, -np.inf)
         return self.lower[indices].min(axis=0), self.upper[indices].max(axis=0)
 
+    def spans(self, indices: Sequence[int]) -> tuple[Array, Array, Array]:
+        """Return boxes around some pieces: centres (n, 3), axes (n, 3, 3) as columns, and half extents (n, 3)."""
+        places = Pose.matrices(self.pieces[index].pose for index in indices)
+        half = np.array([self.pieces[index].part.size for index in indices]).reshape(-1, 3) / 2
+        is_round = np.array([self.pieces[index].part.kind != SolidKind.BOX for index in indices], bool)
+        half[is_round, :2] = half[is_round, :2].max(axis=1, keepdims=True)
+        return places[:, :3, 3], places[:, :3, :3], half
+
     def gap(self, first: Sequence[int], second: Sequence[int], within: float) -> float:
         """Return the distance of two sets of pieces [m], negative in penetration, ``inf`` beyond ``within``."""
         smallest = float("inf")

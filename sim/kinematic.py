@@ -118,6 +118,8 @@ class KinematicScene:
                 led.placed = self._robot.moves
 
     def _find(self, configuration: Configuration, query: Query) -> tuple[Contact, ...]:
+        if query.among is not None and not query.among:
+            return ()
         self._show(configuration)
         return self._contacts.find(query)
 
