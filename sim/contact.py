@@ -274,8 +274,8 @@ class Contacts:
     def touches(self, links: Collection[str], reach: float = 0.01) -> tuple[Touch, ...]:
         """Return where links are touched: the nearest point of each body that is within ``reach`` of a link [m]."""
         numbers = sorted(self.robot.number[link] for link in links if link in self.robot.number)
-        lower, upper = self.robot.boxes()
-        near = self.bodies.near(lower[numbers] - reach, upper[numbers] + reach)
+        lower, upper = self.robot.boxes_of(numbers)
+        near = self.bodies.near(lower - reach, upper + reach)
         found = []
         for number, row in zip(numbers, near, strict=True):
             names = dict.fromkeys(self.bodies.pieces[index].body for index in np.flatnonzero(row).tolist())
