@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from planlang.geometry import Array, Pose
 from planlang.geometry.shapes import SolidKind, half_extents, overlaps
+from planlang.records import dataclass
 from sim.engine import bullet
 from sim.scene import Body, BodyShape, Cavity, Scene
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import combinations
 
 import numpy as np
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from planlang.geometry import Array, Pose
 from planlang.geometry.shapes import overlaps
 from planlang.protocols import Configuration, Contact, Touch
+from planlang.records import dataclass
 from sim.bodies import Bodies
 from sim.engine import bullet
 from sim.leaves import Leaves, Led

@@ -7,7 +7,7 @@ everything else, nothing can touch: PyBullet need not be asked, nor the robot be
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,11 +15,12 @@ from numpy.typing import NDArray
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import cross_matrix, inverse, moved, product, rigid, rotated, rotations
 from planlang.geometry.shapes import overlaps
+from planlang.records import dataclass
 from sim.contact import GROUND, Contacts, Query
 from sim.engine import bullet
 from sim.robot import BASE, Robot
 
-AHEAD = 48
+AHEAD = 96
 """Steps of the world that are looked at in one go."""
 MARGIN = 1e-4
 """Width by which boxes are taken larger [m]: PyBullet gives the frames of links in single precision."""

@@ -7,12 +7,12 @@ side up. Time goes on in steps; nothing here is random.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from planlang.geometry import Pose
+from planlang.records import dataclass
 from sim.bodies import BLADE, axes_of
 from sim.changes import Changes
 from sim.falling import turned_up

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +13,7 @@ from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import moved, product, rigid, rotated, rotations
 from planlang.geometry.shapes import ConvexSolid, SolidKind, convex_solid, corners
 from planlang.protocols import Configuration
+from planlang.records import dataclass
 from sim.description import Follower, loadable, read_description
 from sim.engine import bullet, quiet
 from sim.scene import RobotBody

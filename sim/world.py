@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from planlang.geometry import Array
 from planlang.protocols import Configuration, Contact, Detection, Motion, MotionState, Touch, Trajectory
+from planlang.records import dataclass
 from sim.camera import save_png
 from sim.contact import Query
 from sim.controls import Controls

@@ -6,7 +6,6 @@ import hashlib
 import math
 import stat
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warnin
 from planlang.files import Bundled
 from planlang.kernel.tree import Node
 from planlang.object_changes import state_word
+from planlang.records import dataclass
 from planlang.runs import DamagedTrace, Past, RecordedRun, differences
 from planlang.runs.codec import load
 

@@ -9,12 +9,12 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from planlang.experience.traces import LATEST, roles_of
 from planlang.outputs import MARK
+from planlang.records import dataclass
 
 MAP = "map"
 """The frame of the environment; the robot's base and bodies are told in it."""

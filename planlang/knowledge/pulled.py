@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from hashlib import sha256
 from pathlib import Path
 
@@ -16,6 +16,7 @@ from planlang.diagnostics import BadInput, Diagnostic, error
 from planlang.files import read_file
 from planlang.knowledge.answers import NotAsAgreed, as_json, read_as
 from planlang.outputs import replace
+from planlang.records import dataclass
 
 RECORD = ".planlang-pulled.json"
 """Name of the record; no file of an entry can have it, as these begin with a letter or digit."""
