@@ -15,7 +15,7 @@ from operator import attrgetter
 from typing import TYPE_CHECKING, Any, NoReturn
 
 if TYPE_CHECKING:
-    from dataclasses import dataclass
+    from dataclasses import dataclass as dataclass
 else:
 
     def dataclass(cls: type | None = None, /, **options: Any) -> Any:
@@ -50,11 +50,11 @@ def _made(cls: Any, *, eq: bool = True, repr: bool = True, frozen: bool = False,
 
 
 def _first_init(made: Any, frozen: bool) -> Callable[..., None]:
-    def __init__(self: object, /, *values: object, **named: object) -> None:
+    def first(self: object, /, *values: object, **named: object) -> None:
         made.__init__ = _compiled_init(made, frozen)
         made.__init__(self, *values, **named)
 
-    return __init__
+    return first
 
 
 def _compiled_init(made: Any, frozen: bool) -> Any:
@@ -93,19 +93,19 @@ def _values(names: Sequence[str]) -> Callable[[Any], tuple[Any, ...]]:
 
 
 def _eq(values: Callable[[Any], tuple[Any, ...]]) -> Callable[[Any, Any], Any]:
-    def __eq__(self: Any, other: Any) -> Any:
+    def equal(self: Any, other: Any) -> Any:
         return values(self) == values(other) if other.__class__ is self.__class__ else NotImplemented
 
-    return __eq__
+    return equal
 
 
 def _repr(names: Sequence[str]) -> Callable[[Any], str]:
     @reprlib.recursive_repr()
-    def __repr__(self: Any) -> str:
+    def represented(self: Any) -> str:
         shown = ", ".join(f"{name}={getattr(self, name)!r}" for name in names)
         return f"{self.__class__.__qualname__}({shown})"
 
-    return __repr__
+    return represented
 
 
 def _refuse(verb: str) -> Callable[..., NoReturn]:
@@ -118,11 +118,11 @@ def _refuse(verb: str) -> Callable[..., NoReturn]:
 def _state(names: Sequence[str]) -> dict[str, Callable[..., Any]]:
     """Return how an object with slots, to which nothing can be assigned, is copied and pickled."""
 
-    def __getstate__(self: Any) -> list[Any]:
+    def state_of(self: Any) -> list[Any]:
         return [getattr(self, name) for name in names]
 
-    def __setstate__(self: Any, state: list[Any]) -> None:
+    def restore(self: Any, state: list[Any]) -> None:
         for name, value in zip(names, state, strict=True):
             _set(self, name, value)
 
-    return {"__getstate__": __getstate__, "__setstate__": __setstate__}
+    return {"__getstate__": state_of, "__setstate__": restore}
