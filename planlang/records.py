@@ -61,7 +61,7 @@ def _compiled_init(made: Any, frozen: bool) -> Any:
     """Return the constructor of a class, with defaults, factories and a call of ``__post_init__`` if there is one."""
     every: Sequence[Field[Any]] = dataclasses.fields(made)
     known: dict[str, Any] = {"_set": _set, "_given": (given := object())}
-    parameters, keywords, body = ["self"], [], []
+    parameters, keywords, body = ["self"], list[str](), list[str]()
     for one in every:
         value = one.name
         if one.default_factory is not MISSING:

@@ -130,7 +130,7 @@ def _with_bodies(contacts: Contacts, query: Query, carried: Sequence[int]) -> ND
     may[sorted(contacts.hands)] &= ~yields
     may[len(robot.solid) :] &= ~yields
     may[sorted(robot.grounded)] &= contacts.bodies.upper[:, 2] >= GROUND
-    return may & ~is_carried & np.isfinite(contacts.bodies.lower[:, 0])  # without those that were removed
+    return np.asarray(may & ~is_carried & np.isfinite(contacts.bodies.lower[:, 0]))  # without those that were removed
 
 
 def _with_each_other(
