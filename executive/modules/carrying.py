@@ -101,8 +101,8 @@ def _ways(control: Control, arm: ArmModel, named: Array, targets: Array) -> Iter
         joints, good = np.zeros((len(targets), len(named))), np.zeros(len(targets), bool)
         # the arm's own seeds led nowhere before where nothing was solved: they would again
         for some, seeds in ((solved, every), (~solved, every[:1])):
-            rows = np.flatnonzero(some)
-            joints[rows], good[rows] = _solved(arm, targets[rows], seeds)
+            if some.any():
+                joints[some], good[some] = _solved(arm, targets[some], seeds)
         solved = good
         yield targets[good], joints[good]
 
@@ -127,9 +127,9 @@ def _solved(arm: ArmModel, targets: Array, seeds: Array) -> tuple[Array, NDArray
 @cache
 def _method() -> str:
     """Return a digest of what solutions depend on beside the arm and the targets: the code that finds them."""
-    digest = hashlib.sha256(casadi.__version__.encode())
+    digest = hashlib.sha256(casadi.CasadiMeta.version().encode())
     for module in (kinematics, symbolic):
-        digest.update(Path(module.__file__).read_bytes())
+        digest.update(Path(str(module.__file__)).read_bytes())
     return digest.hexdigest()
 
 
