@@ -12,6 +12,7 @@ import hashlib
 import json
 import secrets
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 from urllib.parse import quote
 
@@ -45,7 +46,6 @@ from planlang.knowledge.stores import (
     Request,
     Unreachable,
 )
-from planlang.records import dataclass
 
 _GRAPH = "urn:planlang:catalogue"
 _SECONDS = 30.0

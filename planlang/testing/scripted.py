@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from planlang.action_classes import ancestors_of
@@ -13,7 +14,6 @@ from planlang.kernel import now, sleep
 from planlang.kernel.core import here
 from planlang.kernel.tree import Node
 from planlang.protocols import Solution
-from planlang.records import dataclass
 from planlang.runs.codec import dump, load
 from planlang.testing.faults import made
 from planlang.testing.script import Belief, Rule, Script
