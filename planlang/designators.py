@@ -10,11 +10,12 @@ import math
 import re
 import unicodedata
 from collections.abc import Container, Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from itertools import chain, count
 from numbers import Real
 
 from planlang.misuse import Usage, WrongType, WrongValue, amount, contrast, written
+from planlang.records import dataclass
 from planlang.relations import RELATIONS, measured, named
 
 GRASPS: tuple[str, ...] = ("side", "tilted", "top")

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 from planlang.diagnostics import BadInput, Span, error
 from planlang.ontology import Literal, Ontology, Term, expand
+from planlang.records import dataclass
 from planlang.units import IncompatibleUnits, stated_number, unit_of_property
 
 Classes = tuple[str, ...]

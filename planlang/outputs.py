@@ -21,11 +21,11 @@ import tempfile
 import zlib
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 
 from planlang.diagnostics import BadInput, Diagnostic, error
 from planlang.files import bundled, from_printable
+from planlang.records import dataclass
 
 MARK = "written by planlang"
 _TRACE = b'{"step": 0, "event": "header", "schema": '

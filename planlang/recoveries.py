@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import cache, partial, wraps
 from importlib.metadata import entry_points
 from typing import Any, TypeVar, cast
@@ -36,6 +35,7 @@ from planlang.language.location import at_location
 from planlang.language.performing import perform
 from planlang.language.recovery import PROPAGATE, RETRY, Do, RecoveryResult, Return, retry
 from planlang.misuse import Usage, written
+from planlang.records import dataclass
 
 GROUP = "planlang.recoveries"
 """Entry-point group of installed strategies."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
 from typing import Annotated
@@ -11,6 +10,7 @@ from typing import Annotated
 import typer
 
 from planlang.diagnostics import BadInput, error
+from planlang.records import dataclass
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
 from typing import Annotated
@@ -10,6 +9,7 @@ from typing import Annotated
 import typer
 
 from executive.cli.arguments import Arguments, VerboseArguments
+from planlang.records import dataclass
 
 
 class KindWord(Enum):

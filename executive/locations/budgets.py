@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from executive.locations.hand_predicates import Stage
+from planlang.records import dataclass
 
 ALL = 1_000_000
 """More rows than a map has, more base poses than a candidate."""

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +32,7 @@ from executive.locations.validation import PLACES, BaseValidator, SelfOcclusion
 from executive.motion import QuickCheck
 from planlang.geometry import Array
 from planlang.protocols import Solution
+from planlang.records import dataclass
 
 ALIKE = 0.06
 """A candidate this near to one that failed exactly, with the hand from the same side, is validated last [m]."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import islice
 from types import MappingProxyType
 from typing import Any
@@ -27,6 +27,7 @@ from planlang.kernel import PlanStructureError, now
 from planlang.language.executive import ProcessModule, WrappedModule
 from planlang.language.performing import actions_around
 from planlang.ontology import expand, shorten
+from planlang.records import dataclass
 from sim import PyBulletWorld
 from sim.changes import Changes, origins_of
 from sim.matter import PUDDLE, Portion, merged

@@ -7,7 +7,7 @@ made once in each strand of the run, and kept there.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -32,6 +32,7 @@ from planlang.geometry import Array, Pose, matrices
 from planlang.kernel import Task
 from planlang.language.branches import concurrent_branches
 from planlang.protocols import Trajectory
+from planlang.records import dataclass
 from planlang.relations import Sense
 
 if TYPE_CHECKING:

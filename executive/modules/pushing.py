@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import islice
 from typing import Protocol
 
@@ -44,6 +44,7 @@ from planlang.language.performing import actions_around
 from planlang.modules import process_module
 from planlang.motion_constraints import MotionConstraint, a_constraint, a_feature
 from planlang.protocols import Trajectory
+from planlang.records import dataclass
 from sim import BodyShape
 
 NEAR = 0.02

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from itertools import chain, islice
 
@@ -40,6 +40,7 @@ from planlang.motion_constraints import (
     a_constraint,
 )
 from planlang.protocols import Trajectory
+from planlang.records import dataclass
 
 CIRCLES = 5
 """Circles of a motion that says neither how many they are nor how long they take."""

@@ -13,7 +13,7 @@ projected onto it (Berenson et al., ICRA 2009), and a straight way that strays f
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cache
 from itertools import pairwise
 from typing import Protocol
@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from executive.motion.effort import Effort
 from executive.motion.errors import GoalInCollision, NoPath, OutOfEffort, OutsideLimits, StartInCollision
 from planlang.geometry import Array
+from planlang.records import dataclass
 
 Touching = Callable[[Array], Sequence[tuple[str, str]]]
 """The exact check: which two bodies touch each other, wrongly, at a configuration (d,); slow."""

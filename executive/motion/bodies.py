@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 from itertools import compress
 from pathlib import Path
@@ -21,6 +21,7 @@ from planlang.cache import Cache
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import moved, product, rotated
 from planlang.geometry.shapes import ConvexSolid, SolidKind, convex_solid
+from planlang.records import dataclass
 from sim import Solid
 
 MOST = 24

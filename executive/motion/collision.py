@@ -14,7 +14,6 @@ from one base.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -24,6 +23,7 @@ from numpy.typing import NDArray
 from executive.motion.bodies import BASE, FIRST_JOINT, MAP, Bodies, Index, Pairs, Solids, counts, distances
 from planlang.geometry import Array
 from planlang.geometry.matrices import inverse, moved, product
+from planlang.records import dataclass
 
 if TYPE_CHECKING:  # a plain run moves one arm at a time
     from executive.motion.arm_group import Movable

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from itertools import islice
 from types import MappingProxyType
 from typing import Protocol
@@ -27,6 +27,7 @@ from executive.motion.effort import Effort
 from executive.motion.errors import ConstraintsContradict, OutOfEffort
 from planlang.geometry import Array
 from planlang.motion_constraints import MotionConstraint
+from planlang.records import dataclass
 
 BEGINNINGS = 16
 """Configurations from which ends are looked for: of 180 random problems one needed 8, all others 3."""

@@ -16,7 +16,6 @@ there are.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import casadi
@@ -25,6 +24,7 @@ import numpy as np
 from planlang.geometry import Array
 from planlang.geometry.matrices import cross_matrix, product
 from planlang.geometry.urdf import Joint, displacement
+from planlang.records import dataclass
 
 BLOCKS = ((256, 97), (32, 7), (1, 0))
 """Rows of a call, and from how many rows on that are left it is made: where it begins to be the cheapest."""

@@ -8,7 +8,6 @@ import shutil
 import tempfile
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import Distribution, PackageNotFoundError, distribution, distributions
 from pathlib import Path
@@ -21,6 +20,7 @@ from planlang.diagnostics import Diagnostic, Span, note
 from planlang.geometry import Array
 from planlang.geometry.matrices import product
 from planlang.geometry.urdf import BadXml, Element, Joint, displacement, read_tree, read_urdf
+from planlang.records import dataclass
 
 BASE, MOUNT = "mobile_base", "mobile_base_mount"
 """Link and joint of a base that is added."""

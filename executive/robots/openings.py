@@ -6,7 +6,7 @@ Measured on the shapes of the fingers at a few openings from closed to opened, a
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from planlang.geometry import Array
 from planlang.geometry.matrices import inverse, moved
 from planlang.geometry.shapes import ConvexSolid
 from planlang.protocols import Configuration
+from planlang.records import dataclass
 from sim import PlanningWorld
 
 ROOM = 0.02

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 from executive.robots.matching import Matcher, Missing, Possessions, lacking_in, missing_in
@@ -19,6 +19,7 @@ from planlang.designators import local_name
 from planlang.ontology import Ontology, expand, shorten
 from planlang.recipe import Recipe, RecipeSet, Step
 from planlang.recipe.actions import read_primitives
+from planlang.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

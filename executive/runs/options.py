@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import Enum
 from pathlib import Path
 
 from executive.runs.final_state import Tilts
 from planlang.diagnostics import Diagnostic
+from planlang.records import dataclass
 from planlang.runs import RecordedRun
 from sim import PyBulletWorld
 

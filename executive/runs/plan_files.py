@@ -8,7 +8,7 @@ import math
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -23,6 +23,7 @@ from planlang.language.plans import Plan
 from planlang.ontology import Ontology, expand, load, shorten
 from planlang.outputs import LONGEST, header
 from planlang.recipe import Actions, RecipeSet, read_recipe
+from planlang.records import dataclass
 
 
 def fixed_recipe(

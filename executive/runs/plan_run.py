@@ -6,7 +6,7 @@ import inspect
 import traceback
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -51,6 +51,7 @@ from planlang.language.performing import module_for
 from planlang.language.plans import Plan
 from planlang.language.running import known as run_header
 from planlang.ontology import load
+from planlang.records import dataclass
 from planlang.runs import Different, Past, RecordedRun, restore
 from planlang.runs.codec import dump
 from sim import PyBulletWorld, Scene

@@ -6,7 +6,6 @@ import hashlib
 import math
 import stat
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +17,7 @@ from planlang.files import Bundled
 from planlang.kernel.tree import Node
 from planlang.language.performing import is_inner
 from planlang.object_changes import state_word
+from planlang.records import dataclass
 from planlang.runs import DamagedTrace, Past, RecordedRun, differences
 from planlang.runs.codec import load
 

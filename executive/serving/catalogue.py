@@ -10,7 +10,6 @@ import threading
 from bisect import bisect_right, insort
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from itertools import islice
 
 import numpy as np
@@ -29,6 +28,7 @@ from planlang.knowledge.names import Names
 from planlang.knowledge.questions import parse_question, with_names
 from planlang.knowledge.stores import Changed, Described, NoSuchEntry, Store
 from planlang.ontology.expressions import Expression
+from planlang.records import dataclass
 
 MOST_LINKS = 200
 """Links of one subject that are listed."""

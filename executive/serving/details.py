@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import islice
 
 from executive.robots import requirements
@@ -20,6 +20,7 @@ from planlang.knowledge.descriptions import Description, contradiction
 from planlang.knowledge.entries import Entry, Kind
 from planlang.ontology import Ontology
 from planlang.recipe import RecipeSet
+from planlang.records import dataclass
 
 MOST_STEPS = 200
 """Steps of a drawing on a page; larger ones are drawn by ``planlang compile --graph``."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from dataclasses import dataclass, field
+from dataclasses import field
 from datetime import UTC, datetime
 from http import HTTPStatus
 from typing import Annotated, cast
@@ -21,6 +21,7 @@ from executive.serving.rates import Rates
 from executive.serving.vocabulary import Vocabulary
 from executive.serving.workers import Staff
 from planlang.knowledge.stores import Store
+from planlang.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from http import HTTPStatus
 from typing import Annotated
 
@@ -18,6 +18,7 @@ from executive.serving.sources import MOST_SHOWN, is_own, lines_with, text_of
 from executive.serving.uploads import Upload, read_upload
 from planlang.diagnostics import Diagnostic, has_errors
 from planlang.knowledge.entries import Entry, Kind
+from planlang.records import dataclass
 
 router = APIRouter(route_class=PageRoute, include_in_schema=False)
 

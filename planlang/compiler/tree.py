@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 from planlang.recipe.model import Constraint, Name, Part, Place, Thing
+from planlang.records import dataclass
 from planlang.recoveries import Strategy
 
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -18,6 +17,7 @@ from planlang.diagnostics import BadInput, Span, error
 from planlang.experience.traces import LATEST, LONGEST, roles_of
 from planlang.files import read_file
 from planlang.outputs import MARK
+from planlang.records import dataclass
 
 MAP = "map"
 """The frame of the environment; the robot's base and bodies are told in it."""

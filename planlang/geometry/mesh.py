@@ -13,7 +13,6 @@ from __future__ import annotations
 import re
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +21,7 @@ from numpy.typing import NDArray
 from planlang.files import open_regular, read_at_most
 from planlang.geometry.matrices import Array, cross_matrix, moved, product
 from planlang.geometry.urdf import BadXml, tree_of
+from planlang.records import dataclass
 
 SUFFIXES = (".obj", ".stl", ".dae")
 LARGEST = 100_000_000

@@ -10,7 +10,6 @@ import math
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
-from dataclasses import dataclass
 from pathlib import Path
 from xml.parsers import expat
 
@@ -19,6 +18,7 @@ import numpy as np
 from planlang.diagnostics import BadInput, Diagnostic, Span, error
 from planlang.files import open_regular, read_at_most
 from planlang.geometry.matrices import Array, cross_matrix, product, rigid, rotation_of
+from planlang.records import dataclass
 
 LARGEST = 16_000_000
 """Bytes; robot descriptions have up to 0.3 MB."""

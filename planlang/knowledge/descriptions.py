@@ -7,10 +7,10 @@ adds to the vocabulary, and names of the vocabulary for everything else.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 from planlang.knowledge.axioms import THING, Axioms, Concept, One
 from planlang.knowledge.completion import Completion, Node
+from planlang.records import dataclass
 
 MOST_NODES = 20_000
 """Nodes that the completion of one entry may have."""

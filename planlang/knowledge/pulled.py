@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from hashlib import sha256
 from pathlib import Path
 
@@ -18,6 +18,7 @@ from planlang.diagnostics import BadInput, Diagnostic, error
 from planlang.files import read_file
 from planlang.knowledge.answers import NotAsAgreed, as_json, read_as
 from planlang.outputs import replace
+from planlang.records import dataclass
 
 PULLED = "pulled"
 """The kind of cache that remembers where programs are from, by their SHA-256."""

@@ -12,8 +12,10 @@ import subprocess
 import sys
 import threading
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any
+
+from planlang.records import dataclass
 
 N_TRIPLES = "application/n-triples"
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from typing import Any
 
 from planlang.designators import local_name
 from planlang.misuse import Usage
+from planlang.records import dataclass
 from planlang.runs import DamagedTrace, RecordedRun, Trace
 from planlang.runs.recorded_run import details
 

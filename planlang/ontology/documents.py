@@ -11,7 +11,6 @@ import hashlib
 import os
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from enum import Enum
 from functools import cache, lru_cache
 from pathlib import Path
@@ -23,6 +22,7 @@ from planlang.files import LARGEST_ONTOLOGY, bundled, decode, read_file
 from planlang.ontology.checks import HOST, OLD_HOST, canonical, malformed, repair, use_canonical_names
 from planlang.ontology.terms import OWL, RDF, RDFS, VOCABULARIES, BNode, Triple
 from planlang.ontology.triples import Parsed, Triples
+from planlang.records import dataclass
 
 
 class Syntax(Enum):

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import partial
 
 from planlang.ontology.canonical import ANNOTATION, AXIOM, CannotSay, Graph, Names
 from planlang.ontology.expression_text import FORMS, Expressions, Words
 from planlang.ontology.terms import OWL, RDF, RDFS, XSD, BNode, Literal, Term, Triple
+from planlang.records import dataclass
 
 
 def manchester(

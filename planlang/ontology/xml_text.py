@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cache
 from xml.parsers import expat
 from xml.sax.saxutils import quoteattr
@@ -17,6 +17,7 @@ from planlang.diagnostics import BadInput, Declaration, Diagnostic, Span, error,
 from planlang.files import bundled, offset_of, position_of
 from planlang.ontology.terms import OWL, PREFIXES
 from planlang.ontology.triples import counted
+from planlang.records import dataclass
 
 LARGEST_EXPANSION = 10_000_000
 """Characters that all references of a file may expand to together, if the file itself is not longer."""

@@ -21,13 +21,14 @@ of a recipe may be individuals of the same class. Whatever is looked up in the t
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import Enum
 from typing import Any, NamedTuple
 
 from planlang.designators import local_name
 from planlang.diagnostics import Span
 from planlang.motion_constraints import ConstraintKind, Speed
+from planlang.records import dataclass
 
 
 class _Named:

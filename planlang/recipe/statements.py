@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass
 from functools import lru_cache
 from itertools import chain
 from typing import NamedTuple
@@ -13,6 +12,7 @@ from planlang.designators import local_name
 from planlang.diagnostics import Span
 from planlang.ontology import BNode, Ontology, Restriction, Term, shorten
 from planlang.recipe.model import Dialect, Ending, Flow, Ordering, Overlap, StateMachine, Transition
+from planlang.records import dataclass
 
 KINDS = ("some", "value", "min", "exactly")
 """Kinds of restrictions that say that there is something."""

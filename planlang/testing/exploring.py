@@ -8,7 +8,6 @@ import json
 import math
 from collections import Counter, deque
 from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from random import Random
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
@@ -16,6 +15,7 @@ from planlang.failures import PlanFailure
 from planlang.kernel.core import ChoiceSource
 from planlang.kernel.schedule import ListedSchedule, RandomSchedule
 from planlang.misuse import Usage
+from planlang.records import dataclass
 from planlang.runs import with_paths
 from planlang.runs.codec import encode
 from planlang.testing.faults import Fault

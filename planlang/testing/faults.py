@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
 
 from planlang.action_classes import ancestors_of
@@ -13,6 +12,7 @@ from planlang.kernel import Scheduler, Task
 from planlang.kernel.cancel import break_off
 from planlang.kernel.core import here
 from planlang.kernel.tree import Node
+from planlang.records import dataclass
 
 Raises = type[BaseException] | BaseException | Callable[[], BaseException]
 

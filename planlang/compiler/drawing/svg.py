@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from html import escape
 from itertools import pairwise
 
@@ -20,6 +20,7 @@ from planlang.compiler.drawing.task_graph import (
     shown,
     width,
 )
+from planlang.records import dataclass
 
 MARGIN, HEAD = 24.0, 52.0
 

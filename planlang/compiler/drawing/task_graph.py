@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from enum import Enum
 from itertools import count
 from textwrap import wrap
@@ -30,6 +29,7 @@ from planlang.recipe.model import (
     Transition,
 )
 from planlang.recipe.order import recipe_order
+from planlang.records import dataclass
 from planlang.relations import RELATIONS
 
 

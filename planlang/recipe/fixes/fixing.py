@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 
@@ -19,6 +19,7 @@ from planlang.recipe.fixes.manchester_text import ManchesterText
 from planlang.recipe.fixes.proposals import declarations, proposed, renames
 from planlang.recipe.fixes.xml_text import XmlText
 from planlang.recipe.reading import read_recipe, read_recipes
+from planlang.records import dataclass
 
 MOST_FIXES = 100
 """Fixes made or tried in one file. Each takes a reading of the whole file, a tenth of a second for a real recipe."""

@@ -10,7 +10,7 @@ a class or an individual states, so that one file may mix dialects. ``register``
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import product
 
 from planlang.designators import local_name
@@ -33,6 +33,7 @@ from planlang.recipe.statements import (
     filled,
     is_word,
 )
+from planlang.records import dataclass
 
 OUTPUTS = ("outputsCreated", "outputs")
 
