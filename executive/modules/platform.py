@@ -280,9 +280,8 @@ class Arms:
         space = JointSpace.of(arm.lower, arm.upper, continuous=chain.continuous, resolution=arm.resolution)
         quick = control.scene.collisions.quick_check(arm, touches)
 
-        def touching(q: Array) -> list[tuple[str, str]]:
+        def touching(q: Array, among: Sequence[tuple[str, str]] | None) -> list[tuple[str, str]]:
             # At the start the whole robot is checked; later what stands still cannot touch anything new.
-            among = None if np.array_equal(q, start) else quick.doubtful(q[None])[0]
             contacts = control.scene.collisions.contacts(base, arm, q, touches, among=among)
             return [(contact.part, contact.body) for contact in contacts]
 
@@ -307,8 +306,8 @@ class Arms:
         if upright is not None and len(found) > 2:  # a curve does not stop at each of many waypoints
             curve = control.timed(arm.joints, found, time_curve)
             rows = curve.positions[1:]
-            doubtful = rows[~quick.sure(rows)]
-            if chain.within(rows, 1e-6).all() and upright.holds(rows).all() and not any(map(touching, doubtful)):
+            holds = chain.within(rows, 1e-6).all() and upright.holds(rows).all()
+            if holds and not any(map(touching, rows, quick.doubtful(rows))):
                 return curve
         return control.timed(arm.joints, found)
 

@@ -348,16 +348,18 @@ class Solids:
 
 
 def distances(local: Array, half: Array, kinds: Index) -> Array:
-    """Return distances (k,) of points (3, k), in the frames of pieces, from their surfaces, negative inside [m].
+    """Return distances (k, ...) of points (3, k, ...), in pieces' frames, from their surfaces, negative inside [m].
 
-    ``half`` (3, k) and ``kinds`` (k,): as those of :class:`Solids`.
+    ``half`` (3, k, ...) and ``kinds`` (k,): as those of :class:`Solids`.
     """
-    x, y, z = np.abs(local)
+    away = np.abs(local)
     if len(turned := np.flatnonzero(kinds >= 2)):
+        x, y, z = away[:, turned]
         ball = kinds[turned] == 3
-        x[turned] = np.hypot(x[turned], np.hypot(y[turned], np.where(ball, z[turned], 0.0)))
-        y[turned], z[turned[ball]] = 0.0, 0.0
-    away = np.stack([x, y, z])
+        z = z * ball.reshape(-1, *(1,) * (z.ndim - 1))
+        away[0, turned] = np.sqrt(x * x + y * y + z * z)
+        away[1, turned] = 0.0
+        away[2, turned[ball]] = 0.0
     away -= half
     inside = np.minimum(away.max(axis=0), 0.0)
     np.maximum(away, 0.0, out=away)

@@ -76,6 +76,9 @@ class Obstacles(Protocol):
     def sure(self, q: Array) -> NDArray[np.bool_]:
         """Return which configurations (m, n) are free for sure."""
 
+    def doubtful(self, q: Array) -> Sequence[Sequence[tuple[str, str]] | None]:
+        """Return the pairs that may touch at each configuration (m, n), no others do; None where that is not known."""
+
     def room(self, q: Array, within: float, among: Index | None = None) -> tuple[Index, Index, Array]:
         """Return pairs, of some or all, and configurations (k,) that have at most so much room [m]; how much (k,)."""
 

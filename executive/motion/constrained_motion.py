@@ -194,7 +194,13 @@ class Way:
         problem.effort.spend(AROUND)
         try:
             found = plan_path(
-                self.start, self.end, space, problem.obstacles, problem.touching, rng, iterations=SEARCHED
+                self.start,
+                self.end,
+                space,
+                problem.obstacles,
+                lambda q, _: problem.touching(q),
+                rng,
+                iterations=SEARCHED,
             )
         except MotionError:
             return None
