@@ -302,6 +302,7 @@ ORDERED_STEPS: tuple[Check[[CheckedRecipe], Iterable[Diagnostic]], ...] = (
     orderings.repeated_constraints,
     orderings.redundant_constraints,
     orderings.contradictions,
+    orderings.late_preconditions,
     orderings.missing_orders,
     orderings.unordered_base_motions,
     orderings.shared_resources,

@@ -20,9 +20,11 @@ from planlang.diagnostics import Diagnostic, Order, Span, error, note, warning
 from planlang.ontology import Ontology, expand
 from planlang.recipe.actions import Actions
 from planlang.recipe.checks import CheckedRecipe, check
+from planlang.recipe.checks.joints import joints
 from planlang.recipe.checks.misspellings import guess
-from planlang.recipe.model import Filler, Ordering, Overlap, Place, Reason, Recipe, RecipeSet, Step, Thing
+from planlang.recipe.model import Ordering, Overlap, Reason, Recipe, RecipeSet, Step, Thing
 from planlang.recipe.order import Intervals, Precedence, recipe_cycle, recipe_order
+from planlang.recipe.preconditions import Preconditions, named
 from planlang.recipe.statements import LooseEnd, Statements
 
 
@@ -237,10 +239,11 @@ WORK = (
 
 @dataclass(frozen=True, slots=True)
 class _Facts:
-    """The roles of a step, and the things and places (IRIs) that it is about."""
+    """The roles of a step, the things and places (IRIs) that it is about, and those of them where it happens."""
 
     roles: frozenset[str]
     about: frozenset[str]
+    where: frozenset[str] = frozenset()
 
 
 @check("R042", unless=(*RECURSIVE, "R012"))
@@ -273,6 +276,12 @@ def plausible_orders(
     if len(active) < 2:
         return
     order = recipe_order(recipe)
+    joined = joints(
+        actions, recipe, order, lambda first, second: _why(facts[first], facts[second], all_roles, grasps=grasps)
+    )
+    if joined:
+        yield from joined
+        return
     rank = {iri: number for number, iri in enumerate(active)}
     users: dict[frozenset[str], int] = {}
     """The bits of the steps that do the same."""
@@ -313,7 +322,7 @@ def _may(first: frozenset[str], second: frozenset[str], all_roles: list[str], gr
     """Return True if steps with these roles should be in order, at least when they concern the same object."""
     nothing, same = frozenset[str](), frozenset({""})
     return any(
-        _why(_Facts(first, about), _Facts(second, about), all_roles, grasps=grasps) is not None
+        _why(_Facts(first, about, about), _Facts(second, about, about), all_roles, grasps=grasps) is not None
         for about in (nothing, same)
     )
 
@@ -341,7 +350,7 @@ def _why(first: _Facts, second: _Facts, all_roles: list[str], *, grasps: bool) -
         return "something is taken out of a container before it is closed"
     if "carries" in a and b & {"lets go", "delivers"}:
         return "an object is moved before it is let go"
-    if "moves the base" in a and "moves the base" not in b and is_related:
+    if "moves the base" in a and "moves the base" not in b and not first.where.isdisjoint(second.where or second.about):
         return "the base goes there before the hand reaches there"
     if "reaches" in a:
         if b & {"acquires", "moves a handle"} and not {"delivers", "lets go"} & set(all_roles):
@@ -365,25 +374,29 @@ def _roles_by_class() -> dict[str, tuple[str, ...]]:
     return {expand(cls): tuple(role for role, names in ROLES.items() if cls in names) for cls in classes}
 
 
+_ABOUT = ("objectActedOn", "toLocation", "recipient")
+
+
 def _facts(actions: Actions, step: Step) -> _Facts:
     known = _roles_by_class()
     roles = {role for ancestor in actions.ontology.ancestors(step.action_class) for role in known.get(ancestor, ())}
     if actions.is_base_motion(step):
         roles.add("moves the base")
-    about: set[str] = set()
-    for parameter in step.parameters:
-        if parameter.property in ("objectActedOn", "toLocation"):
-            about.update(_named(parameter.filler))
-    return _Facts(frozenset(roles), frozenset(about))
+    about = {name: frozenset(one for filler in step.fillers(name) for one in named(filler)) for name in _ABOUT}
+    where = about["toLocation"] | about["recipient"]
+    return _Facts(frozenset(roles), about["objectActedOn"] | about["toLocation"], where)
 
 
-def _named(filler: Filler) -> Iterator[str]:
-    if isinstance(filler, Thing):
-        yield filler.iri or filler.stated
-    elif isinstance(filler, Place):
-        yield filler.iri
-        for _, reference in filler.relations:
-            yield from _named(reference)
+@check("R067", unless=(*RECURSIVE, "R012", *ORDERS_UNKNOWN))
+def late_preconditions(checked: CheckedRecipe) -> Iterator[Diagnostic]:
+    """Report steps that come before what they need is brought about."""
+    recipe = checked.recipe
+    order = recipe_order(recipe)
+    if checked.added:
+        order = order.extended(checked.added)
+    for unmet in Preconditions(checked.actions, recipe).unmet(order.before):
+        advice = f"order `{local_name(unmet.later)}` before `{local_name(unmet.step)}`"
+        yield error("R067", str(unmet), recipe.step(unmet.step).span, advice)
 
 
 @check("R040", unless=(*RECURSIVE, "R012"))

@@ -53,6 +53,7 @@ WITHOUT = {
     "R062": "the file does not say which thing or place",
     "R063": "the file does not say what is needed",
     "R065": "the file does not say which constraint was meant",
+    "R067": "any of the orderings may be wrong",
 }
 """Code -> why there is no fix: there is more than one right text, or none follows from the file."""
 
