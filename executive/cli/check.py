@@ -21,7 +21,7 @@ from planlang.diagnostics import BadInput, Diagnostic, Severity, Span, error, ha
 from planlang.files import SUFFIXES
 from planlang.outputs import NO_DATA_FLOW, NO_SCOPES, PlanHeader, check_outputs, header, replace
 from planlang.recipe.fixes import Fix
-from planlang.recipe.fixes.fixing import Fixed, fix_recipe
+from planlang.recipe.fixes.fixing import Fixed
 
 
 def command(arguments: CheckArguments) -> Answer:
@@ -94,7 +94,9 @@ def _fixed(recipe: RecipeFile, arguments: CheckArguments) -> Answer:
     if problems:
         raise BadInput(problems)
     task, folders = arguments.task, arguments.folders
-    fixed = fix_recipe(recipe.path, task=task, folders=folders, accepted=frozenset(accepted))
+    from executive.runs.fixing import fixed as fixed_recipe  # most recipes are only checked
+
+    fixed = fixed_recipe(recipe.path, task=task, folders=folders, accepted=accepted)
     checked = recipe.path
     if fixed.done:
         _write(target, fixed, is_named=output is not None)
@@ -127,15 +129,23 @@ def _write(target: Path, fixed: Fixed, *, is_named: bool) -> None:
 
 
 def _left(fixed: Fixed, checked: Path) -> list[Diagnostic]:
-    """Return a note for each fix that was not applied: where it would be, and what the user can do."""
+    """Return a note for each fix that was not applied, and a warning for one that would make the recipe worse."""
+
+    def where(one: Fix) -> Span | None:
+        return one.span._replace(file=str(checked)) if one.span else None
+
     left = [
-        (one, f"uncertain, not applied: {_line(one)}", f"--accept {one.code} applies it") for one in fixed.unaccepted
+        note("C016", f"uncertain, not applied: {_line(one)}", where(one), f"--accept {one.code} applies it")
+        for one in fixed.unaccepted
     ]
-    left += [(one, f"not applied: {_line(one)}; {why}", "make the change by hand") for one, why in fixed.impossible]
-    return [
-        note("C016", message, one.span._replace(file=str(checked)) if one.span else None, advice)
-        for one, message, advice in left
+    left += [
+        note("C016", f"not applied: {_line(one)}; {why}", where(one), "make the change by hand")
+        for one, why in fixed.impossible
     ]
+    left += [
+        warning("C022", f"refused: {_line(one)}; {why}", where(one), why.advice) for one, why in fixed.refused
+    ]
+    return left
 
 
 def _line(one: Fix) -> str:

@@ -1,14 +1,14 @@
-"""Preconditions of steps: what an action needs, and which steps of its recipe bring that about.
+"""Preconditions of actions: what an action needs, and which actions of a recipe or of a run bring that about.
 
 Ontologies declare both (``ontologies/primitives.omn``): a ``Precondition`` and an ``Effect`` of action classes, as
-``predicate(property)``; the goal of a class is an effect of it, too. What no step of a recipe brings about may hold from
-the beginning, so nothing is missing unless a step that brings it about comes too late.
+``predicate(property)``; the goal of a class is an effect of it, too. What nothing brings about may hold from the
+beginning, so nothing is missing unless it is brought about too late.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
 
 from planlang.designators import local_name
 from planlang.ontology import expand
@@ -17,6 +17,9 @@ from planlang.recipe.model import Filler, Place, Recipe, Step, Thing
 
 Before = Callable[[str, str], bool]
 """True if the first step (IRI) surely comes before the second."""
+
+Named = Callable[[str], Iterable[str]]
+"""Returns the names of the things and places that fill a property of an action."""
 
 
 def named(filler: Filler) -> Iterator[str]:
@@ -31,7 +34,7 @@ def named(filler: Filler) -> Iterator[str]:
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """A predicate of things (IRIs); of anything if they are not stated."""
+    """A predicate of things (names); of anything if they are not stated."""
 
     predicate: str
     about: frozenset[str]
@@ -44,16 +47,21 @@ class Condition:
 
     def __str__(self) -> str:
         things = min(map(local_name, self.about), default="")
-        return f"{self.predicate}({things})"
+        return f"{self.predicate}({things})" if things else self.predicate
 
 
 @dataclass(frozen=True, slots=True)
 class Unmet:
-    """A step (IRI) that needs something which another one (IRI) brings about only later."""
+    """A step that needs something which another one brings about only later."""
 
     step: str
     condition: Condition
     later: str
+
+    @property
+    def advice(self) -> str:
+        """The order that would be right."""
+        return f"order `{local_name(self.later)}` before `{local_name(self.step)}`"
 
     def __str__(self) -> str:
         first, second = local_name(self.step), local_name(self.later)
@@ -61,43 +69,88 @@ class Unmet:
 
 
 @dataclass(frozen=True, slots=True)
-class _Effect:
+class Effect:
+    """A condition that comes about if what is given holds."""
+
     condition: Condition
     given: tuple[Condition, ...]
 
 
-_Declared = dict[str, list[tuple[str, str, tuple[str, ...]]]]
-"""Action class (IRI) -> predicates with the property of their argument, and the predicates given."""
+_Written = tuple[str, str]
+"""A predicate, and the property of its argument."""
+
+
+@dataclass(frozen=True, slots=True)
+class Declared:
+    """The preconditions and effects that an ontology declares of action classes (IRIs)."""
+
+    needs: dict[str, list[_Written]] = field(default_factory=dict)
+    effects: dict[str, list[tuple[_Written, tuple[_Written, ...]]]] = field(default_factory=dict)
+    ends: dict[str, list[_Written]] = field(default_factory=dict)
+
+    def needed(self, classes: Iterable[str], fillers: Named) -> list[Condition]:
+        """Return the preconditions of an action of these classes."""
+        return [_condition(one, fillers) for cls in classes for one in self.needs.get(cls, ())]
+
+    def brought(self, classes: Iterable[str], fillers: Named) -> list[Effect]:
+        """Return what an action of these classes brings about."""
+        found = (one for cls in classes for one in self.effects.get(cls, ()))
+        return [
+            Effect(_condition(one, fillers), tuple(_condition(other, fillers) for other in given))
+            for one, given in found
+        ]
+
+    def ended(self, classes: Iterable[str], fillers: Named) -> list[Condition]:
+        """Return what no longer holds after an action of these classes."""
+        return [_condition(one, fillers) for cls in classes for one in self.ends.get(cls, ())]
+
+
+def declared(actions: Actions) -> Declared:
+    """Return what the ontology of some actions declares; it is read once."""
+    ontology = actions.ontology
+    if "planlang.preconditions" not in ontology.kept:
+        found = Declared()
+        for kind in ("Precondition", "Effect"):
+            for individual in ontology.individuals(expand(kind)):
+                conditions, given, ends = (
+                    tuple(map(_parts, texts(ontology, individual, name))) for name in ("condition", "given", "ends")
+                )
+                for action in ontology.values(individual, expand("ofAction")):
+                    if isinstance(action, str) and kind == "Precondition":
+                        found.needs.setdefault(action, []).extend(conditions)
+                    elif isinstance(action, str):
+                        found.effects.setdefault(action, []).extend((one, given) for one in conditions)
+                        found.ends.setdefault(action, []).extend(ends)
+        for goal in actions.goals.values():
+            stated = goal.predicate, next(iter(goal.properties), "")
+            found.effects.setdefault(goal.action, []).append((stated, ()))
+        ontology.kept["planlang.preconditions"] = found
+    kept: Declared = ontology.kept["planlang.preconditions"]
+    return kept
 
 
 class Preconditions:
     """What the steps of one recipe need and bring about. Recipes below them count as their class says."""
 
     def __init__(self, actions: Actions, recipe: Recipe) -> None:
-        needs, effects = _declared(actions, "Precondition"), _declared(actions, "Effect")
-        for goal in actions.goals.values():
-            effects.setdefault(goal.action, []).append((goal.predicate, goal.properties[0], ()))
+        table = declared(actions)
         self._needs: dict[str, list[Condition]] = {}
-        self._effects: dict[str, list[tuple[str, _Effect]]] = {}
+        self._effects: dict[str, list[tuple[str, Effect]]] = {}
         """Predicate -> the steps (IRIs) that bring it about, in the order of the recipe."""
         for step in recipe.steps:
-            above = actions.ontology.ancestors(step.action_class)
-            conditions = [_condition(step, *one[:2]) for cls in above for one in needs.get(cls, ())]
-            if conditions:
-                self._needs[step.iri] = conditions
-            for predicate, name, given in (one for cls in above for one in effects.get(cls, ())):
-                made = _condition(step, predicate, name)
-                wanted = tuple(_condition(step, *_parts(text)) for text in given)
-                self._effects.setdefault(predicate, []).append((step.iri, _Effect(made, wanted)))
+            above, fillers = actions.ontology.ancestors(step.action_class), _fillers(step)
+            needs = table.needed(above, fillers)
+            if needs:
+                self._needs[step.iri] = needs
+            for effect in table.brought(above, fillers):
+                self._effects.setdefault(effect.condition.predicate, []).append((step.iri, effect))
 
     def unmet(self, before: Before) -> Iterator[Unmet]:
         """Yield what steps need and the recipe brings about only after them, in an order of its steps."""
         for step, conditions in self._needs.items():
-            for condition in conditions:
-                late = self._late(step, condition, before)
-                if late is not None:
-                    yield late
-                    break
+            late = next(filter(None, (self._late(step, one, before) for one in conditions)), None)
+            if late is not None:
+                yield late
 
     def _late(self, step: str, condition: Condition, before: Before) -> Unmet | None:
         """Return why a condition cannot hold before a step; None if it may."""
@@ -111,10 +164,10 @@ class Preconditions:
         found = (self._late(iri, given, before) for iri, effect in early for given in effect.given)
         return next(filter(None, found), None)
 
-    def _makers(self, condition: Condition) -> list[tuple[str, _Effect]]:
+    def _makers(self, condition: Condition) -> list[tuple[str, Effect]]:
         return [one for one in self._effects.get(condition.predicate, ()) if one[1].condition.matches(condition)]
 
-    def _works(self, step: str, effect: _Effect, before: Before) -> bool:
+    def _works(self, step: str, effect: Effect, before: Before) -> bool:
         """Return True if a step may bring its effect about: all that is given for it may hold before."""
         return all(
             not (makers := [one for one in self._makers(given) if one[0] != step])
@@ -123,25 +176,16 @@ class Preconditions:
         )
 
 
-def _condition(step: Step, predicate: str, name: str) -> Condition:
-    return Condition(predicate, frozenset(one for filler in step.fillers(name) for one in named(filler)))
+def _fillers(step: Step) -> Named:
+    return lambda name: [one for filler in step.fillers(name) for one in named(filler)]
 
 
-def _declared(actions: Actions, kind: str) -> _Declared:
-    """Return the declarations of a kind, read once for each ontology."""
-    kept: dict[str, _Declared] = actions.ontology.kept.setdefault("planlang.preconditions", {})
-    if kind not in kept:
-        kept[kind] = {}
-        for individual in actions.ontology.individuals(expand(kind)):
-            given = texts(actions.ontology, individual, "given")
-            for action in actions.ontology.values(individual, expand("ofAction")):
-                if isinstance(action, str):
-                    for text in texts(actions.ontology, individual, "condition"):
-                        kept[kind].setdefault(action, []).append((*_parts(text), given))
-    return {cls: list(found) for cls, found in kept[kind].items()}
+def _condition(written: _Written, fillers: Named) -> Condition:
+    predicate, name = written
+    return Condition(predicate, frozenset(fillers(name)) if name else frozenset())
 
 
-def _parts(text: str) -> tuple[str, str]:
+def _parts(text: str) -> _Written:
     """Return the predicate and the property of ``predicate(property)``."""
     predicate, _, inside = text.partition("(")
     return predicate.strip(), inside.partition(",")[0].strip(") ")

@@ -22,6 +22,7 @@ from planlang.recipe.checks import (
     losses,
     orderings,
     parameters,
+    preconditions,
     slots,
     steps,
 )
@@ -302,7 +303,7 @@ ORDERED_STEPS: tuple[Check[[CheckedRecipe], Iterable[Diagnostic]], ...] = (
     orderings.repeated_constraints,
     orderings.redundant_constraints,
     orderings.contradictions,
-    orderings.late_preconditions,
+    preconditions.late_preconditions,
     orderings.missing_orders,
     orderings.unordered_base_motions,
     orderings.shared_resources,

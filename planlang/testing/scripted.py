@@ -61,12 +61,13 @@ class ScriptedModule:
     async def execute(self, action: Action) -> Any:
         """Wait, change the belief, and return or raise what the script wants."""
         executive = self.executive
+        executive.begin(action)
         rule = executive.rule_for(action, _step_name())
         seconds = rule.after if rule is not None and rule.after is not None else executive.script.takes
         await sleep(seconds)
         result = None
         if rule is None or rule.fails is None:
-            executive.belief.done(action, executive.ancestors(action.type))
+            executive.done(action)
         if rule is not None and rule.does is not None:
             result = rule.does(executive.belief, action)
             if inspect.isawaitable(result):
@@ -113,6 +114,13 @@ class ScriptedExecutive:
                     self._left[number] = left - 1
                 return rule
         return None
+
+    def begin(self, action: Action) -> None:
+        """Take note of an action that begins."""
+
+    def done(self, action: Action) -> None:
+        """Apply the effect of an action that has succeeded on the belief."""
+        self.belief.done(action, self.ancestors(action.type))
 
     def changed(self) -> None:
         """Write into the trace that the belief has changed, if it has."""

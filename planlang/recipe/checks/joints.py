@@ -36,8 +36,8 @@ def joints(actions: Actions, recipe: Recipe, order: Precedence[str], why: Why) -
     found = []
     for first, second in pairwise(best):
         turned = [second if one is first else first if one is second else one for one in best]
-        reasons = _contradictions(needs, turned, why)
-        found.append((first[-1], second[0], next(reasons, "all other steps are in this sequence")))
+        reason = next(_contradictions(needs, turned, why), "all other steps are in this sequence")
+        found.append((first[-1], second[0], reason))
     return found
 
 
@@ -60,7 +60,7 @@ def _sequences(order: Precedence[str]) -> list[tuple[str, ...]]:
 def _contradictions(needs: Preconditions, arranged: Sequence[tuple[str, ...]], why: Why) -> Iterator[str]:
     """Yield the reasons against an arrangement of sequences."""
     place = {step: number for number, step in enumerate(chain.from_iterable(arranged))}
-    yield from map(str, needs.unmet(lambda first, second: place[first] < place[second]))
+    yield from (f"otherwise {one}" for one in needs.unmet(lambda first, second: place[first] < place[second]))
     for earlier, later in combinations(arranged, 2):
         for first in earlier:
             yield from filter(None, (why(second, first) for second in later))

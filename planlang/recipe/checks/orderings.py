@@ -24,7 +24,7 @@ from planlang.recipe.checks.joints import joints
 from planlang.recipe.checks.misspellings import guess
 from planlang.recipe.model import Ordering, Overlap, Reason, Recipe, RecipeSet, Step, Thing
 from planlang.recipe.order import Intervals, Precedence, recipe_cycle, recipe_order
-from planlang.recipe.preconditions import Preconditions, named
+from planlang.recipe.preconditions import named
 from planlang.recipe.statements import LooseEnd, Statements
 
 
@@ -387,18 +387,6 @@ def _facts(actions: Actions, step: Step) -> _Facts:
     return _Facts(frozenset(roles), about["objectActedOn"] | about["toLocation"], where)
 
 
-@check("R067", unless=(*RECURSIVE, "R012", *ORDERS_UNKNOWN))
-def late_preconditions(checked: CheckedRecipe) -> Iterator[Diagnostic]:
-    """Report steps that come before what they need is brought about."""
-    recipe = checked.recipe
-    order = recipe_order(recipe)
-    if checked.added:
-        order = order.extended(checked.added)
-    for unmet in Preconditions(checked.actions, recipe).unmet(order.before):
-        advice = f"order `{local_name(unmet.later)}` before `{local_name(unmet.step)}`"
-        yield error("R067", str(unmet), recipe.step(unmet.step).span, advice)
-
-
 @check("R040", unless=(*RECURSIVE, "R012"))
 def unordered_base_motions(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     """Report each two consecutive base motions that nothing orders."""
@@ -408,12 +396,16 @@ def unordered_base_motions(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     order = recipe_order(recipe)
     movers = checked.actions.movers(recipe, checked.file.recipes)
     moving = [step for step in order.extension if step in movers.opening | movers.ending]
-    for first, second in pairwise(moving):
-        if not order.before(first, second):
-            one, other = told_apart(first, second)
-            message = f"`{one}` and `{other}` both move the base, but are not ordered"
-            advice = ordering_to_write(recipe, first, second)
-            yield error("R040", message, recipe.step(second).span, advice, Order(recipe.iri, first, second))
+    apart = [(first, second) for first, second in pairwise(moving) if not order.before(first, second)]
+    plausible = [one[:2] for one in plausible_orders(checked.actions, recipe, checked.added)] if apart else []
+    wider = order.extended([*checked.added, *plausible])
+    for first, second in apart:
+        one, other = told_apart(first, second)
+        message = f"`{one}` and `{other}` both move the base, but are not ordered"
+        is_implied = len(plausible) == 1 and wider.ordered(first, second)
+        before, after = plausible[0] if is_implied else (first, second)
+        advice = ordering_to_write(recipe, before, after)
+        yield error("R040", message, recipe.step(second).span, advice, Order(recipe.iri, before, after))
 
 
 @check("R045", unless=(*RECURSIVE, "R012", *ORDERS_UNKNOWN))
@@ -443,13 +435,25 @@ def shared_resources(checked: CheckedRecipe) -> Iterator[Diagnostic]:
         if shared(first, second) and not order.ordered(first.iri, second.iri)
     ]
     if pairs:
-        first, second = pairs[0]
+        first, second = _nearest(order, pairs)
         both = " and the ".join(sorted(shared(first, second)))
         more = f" (and {len(pairs) - 1} more such pairs)" if len(pairs) > 1 else ""
         one, other = told_apart(first.iri, second.iri)
         message = f"`{one}` and `{other}` both need the {both}, but are not ordered: either may come first{more}"
         advice = ordering_to_write(recipe, first.iri, second.iri)
         yield warning("R045", message, second.span, advice, Order(recipe.iri, first.iri, second.iri))
+
+
+def _nearest(order: Precedence[str], pairs: list[tuple[Step, Step]]) -> tuple[Step, Step]:
+    """Return the first of some pairs, or one that has it ordered, too: the last step before the first one after."""
+    first, second = pairs[0]
+    for one, other in pairs:
+        if other is second and order.before(first.iri, one.iri):
+            first = one
+    for one, other in pairs:
+        if one is first and order.before(other.iri, second.iri):
+            second = other
+    return first, second
 
 
 def _resources(
