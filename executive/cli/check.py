@@ -142,9 +142,7 @@ def _left(fixed: Fixed, checked: Path) -> list[Diagnostic]:
         note("C016", f"not applied: {_line(one)}; {why}", where(one), "make the change by hand")
         for one, why in fixed.impossible
     ]
-    left += [
-        warning("C022", f"refused: {_line(one)}; {why}", where(one), why.advice) for one, why in fixed.refused
-    ]
+    left += [warning("C022", f"refused: {_line(one)}; {why}", where(one), why.advice) for one, why in fixed.refused]
     return left
 
 

@@ -52,20 +52,24 @@ class Condition:
 
 @dataclass(frozen=True, slots=True)
 class Unmet:
-    """A step that needs something which another one brings about only later."""
+    """A step that needs something which another one brings about only later, or has ended before."""
 
     step: str
     condition: Condition
-    later: str
+    other: str
+    is_over: bool = False
 
     @property
     def advice(self) -> str:
         """The order that would be right."""
-        return f"order `{local_name(self.later)}` before `{local_name(self.step)}`"
+        step, other = local_name(self.step), local_name(self.other)
+        if self.is_over:
+            return f"order `{other}` after `{step}`, or before what brings about {self.condition}"
+        return f"order `{other}` before `{step}`"
 
     def __str__(self) -> str:
-        first, second = local_name(self.step), local_name(self.later)
-        return f"`{first}` needs {self.condition}, which `{second}` brings about only after it"
+        when = "has ended before it" if self.is_over else "brings about only after it"
+        return f"`{local_name(self.step)}` needs {self.condition}, which `{local_name(self.other)}` {when}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,9 +134,12 @@ def declared(actions: Actions) -> Declared:
 
 
 class Preconditions:
-    """What the steps of one recipe need and bring about. Recipes below them count as their class says."""
+    """What the steps of one recipe need and bring about. Recipes below them count as their class says.
 
-    def __init__(self, actions: Actions, recipe: Recipe) -> None:
+    With ``with_goal`` the recipe itself (its IRI) counts as a step that needs what the recipe is to bring about.
+    """
+
+    def __init__(self, actions: Actions, recipe: Recipe, *, with_goal: bool = False) -> None:
         table = declared(actions)
         self._needs: dict[str, list[Condition]] = {}
         self._effects: dict[str, list[tuple[str, Effect]]] = {}
@@ -144,6 +151,9 @@ class Preconditions:
                 self._needs[step.iri] = needs
             for effect in table.brought(above, fillers):
                 self._effects.setdefault(effect.condition.predicate, []).append((step.iri, effect))
+        if with_goal:
+            wanted = table.brought(actions.ontology.ancestors(recipe.action_class), _fillers(recipe))
+            self._needs[recipe.iri] = [effect.condition for effect in wanted]
 
     def unmet(self, before: Before) -> Iterator[Unmet]:
         """Yield what steps need and the recipe brings about only after them, in an order of its steps."""
@@ -176,7 +186,7 @@ class Preconditions:
         )
 
 
-def _fillers(step: Step) -> Named:
+def _fillers(step: Step | Recipe) -> Named:
     return lambda name: [one for filler in step.fillers(name) for one in named(filler)]
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
 from graphlib import CycleError, TopologicalSorter
 from typing import TypeVar
 
@@ -36,6 +35,7 @@ from planlang.recipe.order import implied_by_overlaps
 from planlang.recipe.performers import meant, recipes_for, recipes_of_task, statements_for
 from planlang.recipe.readers import loose_parts, made, tasks_of
 from planlang.recipe.statements import KINDS, Statements, SubAction, facts, is_word
+from planlang.spelling import similar
 
 _TYPE = "http://www.w3.org/1999/02/22-rdf-syntax-ns#type"
 
@@ -134,8 +134,8 @@ def named_action(actions: Actions, wanted: str, span: Span) -> str:
         raise BadInput([error("R002", f"{wanted} names several tasks", span, "use one of " + ", ".join(matches))])
     if not ontology.defined(task):
         known = {local_name(name): name for name in stated}
-        similar = get_close_matches(wanted, known, n=1)
-        guess = f"did you mean {similar[0]}? " if similar else ""
+        alike = similar(wanted, known)
+        guess = f"did you mean {alike[0]}? " if alike else ""
         raise BadInput(
             [error("R001", f"there is no task {wanted}", span, f"{guess}this file states {', '.join(known) or 'none'}")]
         )

@@ -99,18 +99,22 @@ class _Robot(ScriptedExecutive):
         self._holding: list[Condition] = []
         self._open: list[tuple[str, Condition]] = []
         self._unmet: list[Unmet] = []
+        self._ended: list[tuple[str, Condition]] = []
         self._places: dict[Base, Location] = {}
 
     def unmet(self) -> Iterator[Unmet]:
-        """Yield what actions needed and others brought about later."""
+        """Yield what actions needed and others brought about later, or had ended before."""
         return iter(self._unmet)
 
     def begin(self, action: Action) -> None:
         """Note what the action needs and does not find, unless nothing ever brings it about."""
         super().begin(action)
         needed = self._declared.needed(self._classes(action), self._named(action))
-        missing = (one for one in needed if not any(one.matches(held) for held in self._holding))
-        self._open += [(action.name or local_name(action.type), one) for one in missing]
+        missing = [one for one in needed if not any(one.matches(held) for held in self._holding)]
+        name = action.name or local_name(action.type)
+        self._open += [(name, one) for one in missing]
+        over = ((one, by) for one in missing for by, ended in reversed(self._ended) if one.matches(ended))
+        self._unmet += [Unmet(name, one, by, is_over=True) for one, by in dict(over).items()]
 
     def done(self, action: Action) -> None:
         """Bring about what the action does."""
@@ -122,8 +126,10 @@ class _Robot(ScriptedExecutive):
             if all(any(given.matches(held) for held in self._holding) for given in effect.given)
         ]
         ended = self._declared.ended(classes, fillers)
-        self._holding = [held for held in self._holding if not any(one.matches(held) for one in ended)] + brought
         name = action.name or local_name(action.type)
+        over = [held for held in self._holding if any(one.matches(held) for one in ended)]
+        self._ended += [(name, held) for held in over]
+        self._holding = [held for held in self._holding if held not in over] + brought
         late = [one for one in self._open if any(one[1].matches(condition) for condition in brought)]
         self._unmet += [Unmet(step, condition, name) for step, condition in late]
         self._open = [one for one in self._open if one not in late]

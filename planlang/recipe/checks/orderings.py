@@ -9,7 +9,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
 from functools import cache
 from itertools import combinations, pairwise
 
@@ -26,6 +25,7 @@ from planlang.recipe.model import Ordering, Overlap, Reason, Recipe, RecipeSet, 
 from planlang.recipe.order import Intervals, Precedence, recipe_cycle, recipe_order
 from planlang.recipe.preconditions import named
 from planlang.recipe.statements import LooseEnd, Statements
+from planlang.spelling import similar
 
 
 @check("R011")
@@ -87,8 +87,8 @@ def ordered_strangers(checked: CheckedRecipe) -> Iterator[Diagnostic]:
         if undefined:
             other = local_name(undefined[0])
             guess = f"did you mean `{short}` as the sub-action instead of `{other}`, which is not defined?"
-        elif similar := get_close_matches(short, [local_name(iri) for iri in statements.names], n=1):
-            guess = f"did you mean `{similar[0]}`?"
+        elif alike := similar(short, [local_name(iri) for iri in statements.names]):
+            guess = f"did you mean `{alike[0]}`?"
         else:
             guess = f"add `subAction some {short}` to `{recipe.name}`, or remove these constraints"
         spans = [span for ordering in orderings for span in [_mention(ontology, ordering, name)] if span is not None]
@@ -276,16 +276,16 @@ def plausible_orders(
     if len(active) < 2:
         return
     order = recipe_order(recipe)
-    joined = joints(
-        actions, recipe, order, lambda first, second: _why(facts[first], facts[second], all_roles, grasps=grasps)
-    )
-    if joined:
+
+    def reason(first: str, second: str) -> str | None:
+        return _why(facts[first], facts[second], all_roles, grasps=grasps)
+
+    if joined := joints(actions, recipe, order, reason):
         yield from joined
         return
     rank = {iri: number for number, iri in enumerate(active)}
     users: dict[frozenset[str], int] = {}
-    """The bits of the steps that do the same."""
-    for iri in active:
+    for iri in active:  # the bits of the steps that do the same
         users[facts[iri].roles] = users.get(facts[iri].roles, 0) | order.bit(iri)
     wished = nx.DiGraph([*order.reduction(), *added])
     wished.add_nodes_from(order.nodes)
@@ -294,17 +294,17 @@ def plausible_orders(
         reasonable = sum(bits for roles, bits in users.items() if _may(facts[first].roles, roles, all_roles, grasps))
         unordered = reasonable & ~(order.later(first) | order.earlier(first) | order.bit(first))
         for second in sorted(order.members(unordered), key=rank.__getitem__):
-            why = _why(facts[first], facts[second], all_roles, grasps=grasps)
+            why = reason(first, second)
             if why is not None and not nx.has_path(wished, second, first):
                 wished.add_edge(first, second)
                 suggested[first, second] = why
-    if suggested:
-        wider: Precedence[str] = Precedence(order.nodes, wished.edges)
-        yield from (
-            (before, after, suggested[before, after])
-            for before, after in wider.reduction()
-            if (before, after) in suggested
-        )
+    if not suggested:
+        yield from joints(actions, recipe, order, reason, single=True)
+        return
+    wider: Precedence[str] = Precedence(order.nodes, wished.edges)
+    yield from (
+        (before, after, suggested[before, after]) for before, after in wider.reduction() if (before, after) in suggested
+    )
 
 
 def _by_number(recipe: Recipe) -> list[str]:
