@@ -123,7 +123,11 @@ class LogicReasoner(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class CompileArguments(TaskArguments, VerboseArguments):
-    """Compile a recipe to a plan in Python."""
+    """Compile a recipe to a plan in Python.
+
+    With --output, what was compiled is also kept beside the plan, as PLAN.base: from it --merge knows what was edited.
+    Exit code 1: the merge has conflicts, which are marked in the plan as git marks them.
+    """
 
     recipe: Recipe
     output: Annotated[
@@ -139,6 +143,10 @@ class CompileArguments(TaskArguments, VerboseArguments):
     data_flow: Annotated[
         bool, typer.Option("--dataflow/--no-dataflow", help="Order steps by data flow, and pass data on.")
     ] = True
+    merge: Annotated[
+        bool,
+        typer.Option("--merge", help="Keep the edits of the plan: merge them with what the recipe compiles to now."),
+    ] = False
     force: Annotated[
         bool, typer.Option("--force", help="Overwrite plans edited by hand, and files that planlang did not write.")
     ] = False
@@ -149,8 +157,8 @@ class CheckArguments(TaskArguments):
     """Check a recipe, a plan or a map; nothing is run.
 
     For a recipe, lists all problems; for a folder, tabulates its recipes; for a map, tells what it holds. For
-    a plan, tells whether its recipe or the compiler has changed since it was compiled, whether it was edited, and how
-    a fresh compilation differs from it.
+    a plan, tells whether its recipe or the compiler has changed since it was compiled, and what a person has edited;
+    shows both.
     """
 
     file: RecipeOrPlan

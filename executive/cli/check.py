@@ -7,19 +7,18 @@ from __future__ import annotations
 
 import difflib
 import os
-from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import typer
 
 from executive.cli.arguments import CheckArguments
 from executive.cli.console import Answer, ExitCode
-from executive.cli.inputs import PlanFile, RecipeFile, read, read_recipe_file, unacceptable
+from executive.cli.freshness import freshness
+from executive.cli.inputs import RecipeFile, read, read_recipe_file, unacceptable
 from planlang.compiler import compile_recipe
 from planlang.diagnostics import BadInput, Diagnostic, Severity, Span, error, has_errors, note, warning
 from planlang.files import SUFFIXES
-from planlang.outputs import NO_DATA_FLOW, NO_SCOPES, PlanHeader, check_outputs, header, replace
+from planlang.outputs import check_outputs, replace
 from planlang.recipe.fixes import Fix
 from planlang.recipe.fixes.fixing import Fixed
 
@@ -45,8 +44,8 @@ def command(arguments: CheckArguments) -> Answer:
         return reasoned(found.path, arguments, lambda: _recipe_or_map(found, arguments))
     fresh = freshness(found, folders=arguments.folders)
     code = ExitCode.BAD_INPUT if has_errors(fresh.diagnostics) else ExitCode.DONE
-    text = "\n".join(filter(None, (f"{found.path}: {fresh.state}", fresh.difference)))
-    data = {"kind": "plan", "state": fresh.state, "difference": fresh.difference}
+    text = "\n".join(filter(None, (f"{found.path}: {fresh.state}", fresh.edits, fresh.difference)))
+    data = {"kind": "plan", "state": fresh.state, "edits": fresh.edits, "difference": fresh.difference}
     return Answer(code, fresh.diagnostics, text, data)
 
 
@@ -154,86 +153,3 @@ def _fix_difference(before: Path, after: Path, fixed: Fixed) -> str:
     old, new = (text.splitlines(keepends=True) for text in (fixed.before, fixed.after))
     lines = difflib.unified_diff(old, new, str(before), str(after))
     return "".join(line if line.endswith("\n") else line + "\n\\ No newline at end of file\n" for line in lines)
-
-
-# Whether a plan is up to date
-
-
-@dataclass(frozen=True, slots=True)
-class Freshness:
-    """The state of a plan in words, diagnostics, and how a fresh compilation differs from it.
-
-    ``difference`` is a unified diff, from the plan to what the recipe compiles to now; empty if there is none or it is
-    not known.
-    """
-
-    state: str
-    diagnostics: tuple[Diagnostic, ...] = ()
-    difference: str = ""
-
-
-def freshness(plan: PlanFile, *, folders: Sequence[Path] = ()) -> Freshness:
-    """Compare a plan with what its recipe compiles to now, with the options that the plan was compiled with.
-
-    The recipe is the first of its name beside the plan, in ``folders``, among the bundled ones. A changed recipe is an
-    error; a changed compiler or import a warning; an edited plan a note.
-    """
-    origin = plan.header
-    if origin is None:
-        return Freshness("a plan written by hand")
-    span = Span(str(plan.path))
-    recipe = origin.find_recipe(plan.path, folders)
-    if recipe is None:
-        advice = "name its folder with --ontologies DIR"
-        message = f"the recipe {origin.recipe} is not beside the plan: it is unknown whether it has changed"
-        return Freshness("a compiled plan without its recipe", (warning("C011", message, span, advice),))
-    same = origin.matches(recipe.read_bytes())
-    found: list[Diagnostic] = []
-    if not same:
-        advice = f"planlang compile {recipe} -o {plan.path} compiles the plan again"
-        message = f"the recipe has changed since this plan was compiled from it: {recipe}"
-        found.append(error("C009", message, span, advice))
-    fresh, problems = _compiled(recipe, origin, folders)
-    if fresh is None:
-        state = "out of date" if not same else "compiled from a recipe that no longer compiles"
-        return Freshness(state, tuple(found) if not same else problems)
-    if fresh == plan.source:
-        return Freshness(f"what {recipe.name} compiles to")
-    is_edited = origin.is_edited(plan.source)
-    if same and not is_edited:
-        message = f"{origin.recipe} compiles to a different plan now: planlang has changed ({_versions(origin, fresh)})"
-        found.append(warning("C006", f"{message}, or what the recipe imports", span, "compile the plan again"))
-    if is_edited and origin.digest is not None:
-        found.append(note("C010", "the plan was edited since it was compiled", span))
-    elif same and is_edited:
-        message = f"the plan differs from what {origin.recipe} compiles to: it was edited, or planlang has changed"
-        found.append(note("C010", message, span))
-    state = "out of date" if not same or not is_edited else "an edited plan"
-    return Freshness(state, tuple(found), _difference(plan, recipe, fresh))
-
-
-def _compiled(recipe: Path, origin: PlanHeader, folders: Sequence[Path]) -> tuple[str | None, tuple[Diagnostic, ...]]:
-    try:
-        compiled = compile_recipe(
-            recipe,
-            task=origin.task,
-            folders=folders,
-            scopes=NO_SCOPES not in origin.options,
-            data_flow=NO_DATA_FLOW not in origin.options,
-        )
-    except BadInput as problem:
-        return None, problem.diagnostics
-    return compiled.source, ()
-
-
-def _versions(origin: PlanHeader, fresh: str) -> str:
-    now = header(fresh)
-    new = now.version if now is not None else "unknown"
-    return f"version {new}" if new == origin.version else f"from {origin.version} to {new}"
-
-
-def _difference(plan: PlanFile, recipe: Path, fresh: str) -> str:
-    lines = difflib.unified_diff(
-        plan.source.splitlines(), fresh.splitlines(), str(plan.path), f"what {recipe.name} compiles to now", lineterm=""
-    )
-    return "\n".join(lines)

@@ -80,7 +80,9 @@ def test_an_edited_plan_shows_its_edits(recipe: Path) -> None:
     change(plan, "attempts=2", "attempts=9")
     state, codes, difference, code = checked(plan)
     assert (state, codes, code) == ("an edited plan", ["C010"], 0)
-    assert next(line for line in difference.splitlines() if "attempts=9" in line).startswith("-")
+    assert difference == ""
+    answer = json.loads(CliRunner().invoke(app, ["check", str(plan), "--json"]).stdout)
+    assert next(line for line in answer["edits"].splitlines() if "attempts=9" in line).startswith("+")
 
 
 def test_another_compiler_is_told_from_an_edit(recipe: Path, monkeypatch: pytest.MonkeyPatch) -> None:
