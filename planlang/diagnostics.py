@@ -233,6 +233,7 @@ CODES: dict[str, str] = {
     "R063": "what an action class needs is declared in a way that cannot be read",
     "R065": "a constraint of a motion lacks its kind or a feature, or nothing can be within its limits",
     "R067": "a step comes before what it needs is brought about, such as handing over before lifting",
+    "R068": "an action does not state what a recipe should say; the robot chooses",
     # M: maps and worlds
     "M001": "a pose's matrix was repaired: a reflection, or not orthonormal",
     "M002": "a number is expected, and a finite one",

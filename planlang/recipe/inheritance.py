@@ -81,6 +81,7 @@ class _Supply:
         if len(around) == 1:
             return [replace(around[0], is_inherited=True)]
         is_called = recipe.iri != self._task
+        is_target = slot.absence is Absence.ERROR
         own = self._actions.slots(recipe.action_class).get(slot.property)
         is_own = own is not None and own.absence is Absence.PARAMETER
         slot = own if own is not None and is_own else slot
@@ -97,7 +98,7 @@ class _Supply:
             return []
         else:
             thing = parameter_for(slot, recipe.name if is_own else step.name)
-            self._report(recipe, recipe if is_own else step, thing)
+            self._report(recipe, recipe if is_own and not is_target else step, thing)
         return [Parameter(slot.property, thing, step.span, is_inherited=True)]
 
     def _check_one(self, recipe: Recipe, step: Step, slot: Slot, callee: str) -> None:

@@ -290,6 +290,7 @@ ANY_RECIPE: tuple[Check[[CheckedRecipe], Iterable[Diagnostic]], ...] = (
     orderings.incomplete_constraints,
     parameters.unlisted_properties,
     slots.wrong_kinds,
+    slots.unstated,
     parameters.fillers,
     parameters.left_out,
     parameters.unrelated_places,

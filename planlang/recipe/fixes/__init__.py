@@ -56,6 +56,7 @@ WITHOUT = {
     "R063": "the file does not say what is needed",
     "R065": "the file does not say which constraint was meant",
     "R067": "any of the orderings may be wrong",
+    "R068": "the file does not say which thing or place",
 }
 """Code -> why there is no fix: there is more than one right text, or none follows from the file."""
 
