@@ -133,6 +133,8 @@ class CompileArguments(TaskArguments, VerboseArguments):
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="PLAN", help="Write the plan to this file, not to stdout.")
     ] = None
+    modules: Modules = None
+    trust: Trust = False
     graph: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Also draw the order of the steps: a .svg, .dot or .mmd (Mermaid) file."),
@@ -162,6 +164,8 @@ class CheckArguments(TaskArguments):
     """
 
     file: RecipeOrPlan
+    modules: Modules = None
+    trust: Trust = False
     fix: Annotated[
         bool, typer.Option("--fix", help="Write a copy with the safe fixes, NAME.fixed.EXT, and show the changes.")
     ] = False

@@ -15,6 +15,7 @@ from executive.cli.arguments import CheckArguments
 from executive.cli.console import Answer, ExitCode
 from executive.cli.freshness import freshness
 from executive.cli.inputs import RecipeFile, read, read_recipe_file, unacceptable
+from executive.cli.performed import performed_by_modules
 from planlang.compiler import compile_recipe
 from planlang.diagnostics import BadInput, Diagnostic, Severity, Span, error, has_errors, note, warning
 from planlang.files import SUFFIXES
@@ -51,8 +52,10 @@ def command(arguments: CheckArguments) -> Answer:
 
 def _recipe_or_map(found: RecipeFile, arguments: CheckArguments) -> Answer:
     """Check a recipe, or a map; raises BadInput."""
+    problems: list[Diagnostic] = []
+    performed = performed_by_modules(arguments.modules, problems, trust=arguments.trust)
     try:
-        plan = compile_recipe(found.path, task=arguments.task, folders=arguments.folders)
+        plan = compile_recipe(found.path, task=arguments.task, folders=arguments.folders, performed=performed)
     except BadInput as problem:
         if arguments.task is not None or not _lacks_task(problem):
             raise
@@ -60,7 +63,9 @@ def _recipe_or_map(found: RecipeFile, arguments: CheckArguments) -> Answer:
 
         return check_map(found.path, arguments.folders, problem)
     text = f"{found.path}: {plan.task} compiles"
-    return Answer(diagnostics=plan.diagnostics, text=text, data={"kind": "recipe", "task": plan.task})
+    diagnostics = (*plan.diagnostics, *problems)
+    code = ExitCode.BAD_INPUT if has_errors(problems) else ExitCode.DONE
+    return Answer(code, diagnostics, text, {"kind": "recipe", "task": plan.task})
 
 
 def _lacks_task(problem: BadInput) -> bool:

@@ -10,6 +10,7 @@ import typer
 from executive.cli.arguments import CompileArguments
 from executive.cli.console import Answer, ExitCode
 from executive.cli.inputs import read_recipe_file, refuse
+from executive.cli.performed import performed_by_modules
 from planlang.compiler import compile_recipe
 from planlang.diagnostics import Diagnostic, Span, error
 from planlang.outputs import LONGEST, NO_DATA_FLOW, NO_SCOPES, PlanHeader, check_outputs, header, write_text
@@ -24,6 +25,7 @@ def command(arguments: CompileArguments) -> Answer:
     problems += check_outputs({"--graph": graph}, {**inputs, "--output": output}, force=force)
     refuse([*problems, *_check_graph(graph)])
     before = _merged_header(arguments)
+    found: list[Diagnostic] = []
     left_out = before.options if before is not None else ()
     plan = compile_recipe(
         file.path,
@@ -31,8 +33,9 @@ def command(arguments: CompileArguments) -> Answer:
         folders=arguments.folders,
         scopes=arguments.scopes and NO_SCOPES not in left_out,
         data_flow=arguments.data_flow and NO_DATA_FLOW not in left_out,
+        performed=performed_by_modules(arguments.modules, found, trust=arguments.trust),
     )
-    found, code = list(plan.diagnostics), ExitCode.DONE
+    found, code = [*plan.diagnostics, *found], ExitCode.DONE
     if output is not None and arguments.merge and output.is_file():
         conflicts = merge_plan(output, plan.source, file.path.name)
         found += [_conflict(output, line) for line in conflicts]

@@ -61,11 +61,15 @@ def compiled_plan(
     found: list[Diagnostic],
     *,
     task: str | None = None,
+    performed: frozenset[str] = frozenset(),
 ) -> tuple[Path, RecipeSet]:
-    """Compile a recipe into a temporary folder that ``stack`` removes; warnings and notes go to ``found``."""
+    """Compile a recipe into a temporary folder that ``stack`` removes; warnings and notes go to ``found``.
+
+    ``performed`` are the action classes that process modules perform.
+    """
     from planlang.compiler import compile_ontology
 
-    compiled = compile_ontology(recipe, task=task)
+    compiled = compile_ontology(recipe, task=task, performed=lambda: performed)
     found.extend(compiled.diagnostics)
     folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="planlang-")))
     path = folder / f"{compiled.functions[-1]}.py"

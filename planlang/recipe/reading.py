@@ -349,12 +349,12 @@ def read_recipe(actions: Actions, task: str | None = None, *, scopes: bool = Tru
     misspelt = misspellings(actions.ontology)
     right = corrected(actions.ontology, misspelt)
     if right is not actions.ontology:
-        actions = Actions(right)
+        actions = Actions(right, actions.performed)
     recipes, found = _read(actions, task, scopes=scopes)
     found = (*actions.ontology.diagnostics, *found)
     guessed = corrected(actions.ontology, misspelt, guessing=True)
     if guessed is not actions.ontology:  # whichever name is meant: what the guess would mend is a consequence
-        left = _read(Actions(guessed), task, scopes=scopes)[1]
+        left = _read(Actions(guessed, actions.performed), task, scopes=scopes)[1]
         found = tuple(one for one in found if one in {*guessed.diagnostics, *left})
     return Reading(recipes, (*misspelt, *found), actions, misspelt)
 
