@@ -343,6 +343,7 @@ CODES: dict[str, str] = {
     "C019": "a unit that numbers are to be shown in is unknown, or nothing that is shown can be in it",
     "C022": "an accepted fix was refused, as it would make the recipe worse",
     "C023": "a merge of a plan has conflicts, or is not possible",
+    "C024": "a plan misspells a role of an action",
     # K: knowledge base
     "K001": "the file of a knowledge base is none, or has another layout",
     "K002": "nothing is known by a name of a question, or several things are",

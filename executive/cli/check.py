@@ -16,6 +16,7 @@ from executive.cli.console import Answer, ExitCode
 from executive.cli.freshness import freshness
 from executive.cli.inputs import RecipeFile, read, read_recipe_file, unacceptable
 from executive.cli.performed import performed_by_modules
+from executive.cli.plan_roles import misspelt_roles
 from planlang.compiler import compile_recipe
 from planlang.diagnostics import BadInput, Diagnostic, Severity, Span, error, has_errors, note, warning
 from planlang.files import SUFFIXES
@@ -44,10 +45,11 @@ def command(arguments: CheckArguments) -> Answer:
 
         return reasoned(found.path, arguments, lambda: _recipe_or_map(found, arguments))
     fresh = freshness(found, folders=arguments.folders)
-    code = ExitCode.BAD_INPUT if has_errors(fresh.diagnostics) else ExitCode.DONE
+    diagnostics = (*fresh.diagnostics, *misspelt_roles(found))
+    code = ExitCode.BAD_INPUT if has_errors(diagnostics) else ExitCode.DONE
     text = "\n".join(filter(None, (f"{found.path}: {fresh.state}", fresh.edits, fresh.difference)))
     data = {"kind": "plan", "state": fresh.state, "edits": fresh.edits, "difference": fresh.difference}
-    return Answer(code, fresh.diagnostics, text, data)
+    return Answer(code, diagnostics, text, data)
 
 
 def _recipe_or_map(found: RecipeFile, arguments: CheckArguments) -> Answer:

@@ -13,7 +13,9 @@ from planlang.failures import LocationUnresolvable, PlanFailure
 from planlang.kernel import now, sleep
 from planlang.kernel.core import here
 from planlang.kernel.tree import Node
+from planlang.misuse import WrongValue
 from planlang.protocols import Solution
+from planlang.roles import meant_role
 from planlang.runs.codec import dump, load
 from planlang.testing.faults import made
 from planlang.testing.script import Belief, Rule, Script
@@ -116,7 +118,11 @@ class ScriptedExecutive:
         return None
 
     def begin(self, action: Action) -> None:
-        """Take note of an action that begins."""
+        """Refuse an action with a misspelt role: whatever performs it on a robot would not find the filler."""
+        for role, _ in action.properties:
+            meant = meant_role(role)
+            if meant is not None:
+                raise WrongValue(f"{action.type} has no role {role}: did you mean {meant}?")
 
     def done(self, action: Action) -> None:
         """Apply the effect of an action that has succeeded on the belief."""
