@@ -52,7 +52,7 @@ def command(arguments: CompileArguments) -> Answer:
     text = plan.source if output is None else f"{output}: {plan.task}"
     if code is ExitCode.FAILED:
         text += f", with conflicts; as it was before: {backup_path(output)}" if output is not None else ""
-    return Answer(code, found, text, data)
+    return Answer(code, tuple(found), text, data)
 
 
 def _conflict(plan: Path, line: int) -> Diagnostic:

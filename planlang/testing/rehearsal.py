@@ -145,7 +145,7 @@ class _Robot(ScriptedExecutive):
 
     def _named(self, action: Action) -> Named:
         base = tuple(action.get(key) for key in ("x", "y", "yaw"))
-        place = self._places.get(base)  # type: ignore[call-overload]
+        place = next((where for pose, where in self._places.items() if pose == base), None)
 
         def names(name: str) -> list[str]:
             filler = action.get(snake_case(name))
