@@ -29,7 +29,7 @@ def write_versions(path: Path, source: str, *, force: bool) -> None:
     if is_device(path):
         write_plan(path, source, force=force)
         return
-    _refuse_foreign("the base of the plan", base_path(path))
+    _refuse_foreign("the base of the plan", base_path(path), force=force)
     write_plan(path, source, force=force)
     write_text(base_path(path), source)
 
@@ -75,8 +75,8 @@ def merge_plan(path: Path, fresh: str, recipe: str) -> tuple[int, ...]:
         raise BadInput([error("C023", message, span, advice)])
     our_name, their_name = f"{path.name} as edited", f"what {recipe} compiles to now"
     result: Merged = merged(base, _with_line_feeds(plan), fresh, our_name=our_name, their_name=their_name)
-    _refuse_foreign("the backup of the plan", backup_path(path))
-    _refuse_foreign("the base of the plan", base_path(path))
+    for name, other in (("the backup of the plan", backup_path(path)), ("the base of the plan", base_path(path))):
+        _refuse_foreign(name, other)
     text = result.text.replace("\n", "\r\n") if "\r\n" in plan else result.text
     replace(backup_path(path), lambda temporary: temporary.write_bytes(content))
     write_text(path, text)
@@ -92,8 +92,8 @@ def unresolved(plan: str, span: Span) -> Diagnostic:
     return error("C023", "the plan has conflicts of a merge that are not resolved", span._replace(line=line), advice)
 
 
-def _refuse_foreign(name: str, path: Path) -> None:
-    problems = check_outputs({name: path}, {})
+def _refuse_foreign(name: str, path: Path, *, force: bool = False) -> None:
+    problems = check_outputs({name: path}, {}, force=force)
     if problems:
         raise BadInput(problems)
 

@@ -103,12 +103,14 @@ def _fixed(recipe: RecipeFile, arguments: CheckArguments) -> Answer:
     from executive.runs.fixing import fixed as fixed_recipe  # most recipes are only checked
 
     fixed = fixed_recipe(recipe.path, task=task, folders=folders, accepted=accepted)
+    found: list[Diagnostic] = []
+    performed = performed_by_modules(arguments.modules, found, trust=arguments.trust)
     checked = recipe.path
     if fixed.done:
         _write(target, fixed, is_named=output is not None)
         checked = target
     try:
-        plan = compile_recipe(checked, task=task, folders=(recipe.path.parent, *folders))
+        plan = compile_recipe(checked, task=task, folders=(recipe.path.parent, *folders), performed=performed)
         remaining, verdict = plan.diagnostics, f"{plan.task} compiles"
     except BadInput as problem:
         remaining, verdict = problem.diagnostics, "errors remain"
@@ -123,7 +125,7 @@ def _fixed(recipe: RecipeFile, arguments: CheckArguments) -> Answer:
     lines += [f"fixed {one.code} {one.message}\n" for one in fixed.done]
     lines.append(f"{checked}: {verdict}" if fixed.done else f"{checked}: nothing was fixed; {verdict}")
     code = ExitCode.BAD_INPUT if has_errors(remaining) else ExitCode.DONE
-    return Answer(code, (*remaining, *_left(fixed, checked)), "".join(lines), data)
+    return Answer(code, (*remaining, *found, *_left(fixed, checked)), "".join(lines), data)
 
 
 def _write(target: Path, fixed: Fixed, *, is_named: bool) -> None:

@@ -95,7 +95,8 @@ def test_a_misspelt_class_of_a_module_is_named(recipe: Path, tmp_path: Path) -> 
 def test_a_recipe_that_opens_a_refrigerator_opens_the_only_one_of_the_map(tmp_path: Path) -> None:
     path = tmp_path / "open.omn"
     path.write_text(
-        f"{HEAD}\nClass: Show SubClassOf: knowrob:PurposefulAction, knowrob:subAction some knowrob:OpeningARefrigerator\n",
+        f"{HEAD}\nClass: Show SubClassOf: knowrob:PurposefulAction,\n"
+        "    knowrob:subAction some knowrob:OpeningARefrigerator\n",
         encoding="utf-8",
     )
     plan = tmp_path / "open.py"
@@ -118,8 +119,6 @@ def test_a_recipe_that_opens_a_refrigerator_opens_the_only_one_of_the_map(tmp_pa
 
 
 def test_the_class_of_knowrob_that_begins_with_a_written_name_is_meant(tmp_path: Path) -> None:
-    room = tmp_path / "room.omn"
-    room.write_text(f"{HEAD}Individual: table1\n    Types: knowrob:Table\n", encoding="utf-8")
     path = tmp_path / "lay.omn"
     path.write_text(
         f"{HEAD}Individual: table1 Types: knowrob:Table\n"

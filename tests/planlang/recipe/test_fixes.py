@@ -103,7 +103,8 @@ def codes(found: Fixed) -> list[str]:
         "        knowrob:subAction some Give, # first, they say\n        knowrob:subAction some Take # Class: No",
         "        knowrob:subAction some Give, knowrob:subAction some Take",
         "        (knowrob:subAction some Take) and (knowrob:subAction some Give)",
-        "        knowrob:subAction some Give, knowrob:subAction some (Take and knowrob:deviceUsed some knowrob:HolderGripper)",
+        "        knowrob:subAction some Give,\n"
+        "        knowrob:subAction some (Take and knowrob:deviceUsed some knowrob:HolderGripper)",
         "        <http://knowrob.org/kb/knowrob.owl#subAction> some <http://planlang.org/test#Give>,\n"
         "        <http://knowrob.org/kb/knowrob.owl#subAction> some :Take",
     ],
