@@ -137,3 +137,13 @@ def test_a_task_that_states_no_target_is_not_named_but_the_step_that_needs_one(t
     assert found.message.startswith("`MoveBaseToGraspPose` of `ServeADrink` states no toLocation")
     assert found.span is not None
     assert "Class: MoveBaseToGraspPose" in path.read_text(encoding="utf-8").splitlines()[found.span.line - 1]
+
+
+def test_an_undefined_class_is_looked_for_among_all_classes_of_the_vocabulary(tmp_path: Path) -> None:
+    path = tmp_path / "look.omn"
+    path.write_text(
+        f"{HEAD}Class: Show SubClassOf: knowrob:PurposefulAction, knowrob:subAction some Look\n"
+        "Class: Look SubClassOf: knowrob:LookingForSomething, knowrob:objectActedOn some knowrob:Table\n",
+        encoding="utf-8",
+    )
+    assert said("check", path)["R033"] == "did you mean `Table-PieceOfFurniture`?"
