@@ -235,6 +235,8 @@ CODES: dict[str, str] = {
     "R062": "an action does not state what it needs; it becomes a parameter of the plan",
     "R063": "what an action class needs is declared in a way that cannot be read",
     "R065": "a constraint of a motion lacks its kind or a feature, or nothing can be within its limits",
+    "R067": "a step comes before what it needs is brought about, such as handing over before lifting",
+    "R068": "an action does not state what a recipe should say; the robot chooses",
     # M: maps and worlds
     "M001": "a pose's matrix was repaired: a reflection, or not orthonormal",
     "M002": "a number is expected, and a finite one",
@@ -344,6 +346,9 @@ CODES: dict[str, str] = {
     "C019": "a unit that numbers are to be shown in is unknown, or nothing that is shown can be in it",
     "C020": "there is not enough memory",
     "C021": "no folder takes temporary files",
+    "C022": "an accepted fix was refused, as it would make the recipe worse",
+    "C023": "a merge of a plan has conflicts, or is not possible",
+    "C024": "a plan misspells a role of an action",
     # K: knowledge base
     "K001": "the file of a knowledge base is none, or has another layout",
     "K002": "nothing is known by a name of a question, or several things are",

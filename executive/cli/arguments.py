@@ -123,12 +123,18 @@ class LogicReasoner(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class CompileArguments(TaskArguments, VerboseArguments):
-    """Compile a recipe to a plan in Python."""
+    """Compile a recipe to a plan in Python.
+
+    With --output, what was compiled is also kept beside the plan, as PLAN.base: from it --merge knows what was edited.
+    Exit code 1: the merge has conflicts, which are marked in the plan as git marks them.
+    """
 
     recipe: Recipe
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="PLAN", help="Write the plan to this file, not to stdout.")
     ] = None
+    modules: Modules = None
+    trust: Trust = False
     graph: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Also draw the order of the steps: a .svg, .dot or .mmd (Mermaid) file."),
@@ -139,6 +145,10 @@ class CompileArguments(TaskArguments, VerboseArguments):
     data_flow: Annotated[
         bool, typer.Option("--dataflow/--no-dataflow", help="Order steps by data flow, and pass data on.")
     ] = True
+    merge: Annotated[
+        bool,
+        typer.Option("--merge", help="Keep the edits of the plan: merge them with what the recipe compiles to now."),
+    ] = False
     force: Annotated[
         bool, typer.Option("--force", help="Overwrite plans edited by hand, and files that planlang did not write.")
     ] = False
@@ -149,11 +159,13 @@ class CheckArguments(TaskArguments):
     """Check a recipe, a plan or a map; nothing is run.
 
     For a recipe, lists all problems; for a folder, tabulates its recipes; for a map, tells what it holds. For
-    a plan, tells whether its recipe or the compiler has changed since it was compiled, whether it was edited, and how
-    a fresh compilation differs from it.
+    a plan, tells whether its recipe or the compiler has changed since it was compiled, and what a person has edited;
+    shows both.
     """
 
     file: RecipeOrPlan
+    modules: Modules = None
+    trust: Trust = False
     fix: Annotated[
         bool, typer.Option("--fix", help="Write a copy with the safe fixes, NAME.fixed.EXT, and show the changes.")
     ] = False

@@ -13,7 +13,9 @@ import typer
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors
 from planlang.files import Bundled, open_regular, read_at_most
-from planlang.outputs import PlanHeader, header
+from planlang.outputs import LARGEST_PLAN, PlanHeader, header
+from planlang.plan_versions import unresolved
+from planlang.three_way import has_conflicts
 
 
 def chosen(
@@ -115,10 +117,6 @@ def planar(text: str | None) -> tuple[float, float, float] | None:
     return x, y, yaw
 
 
-LARGEST_PLAN = 10_000_000
-"""Bytes of a plan that are read at most; recipes are bounded by their own reader."""
-
-
 @dataclass(frozen=True, slots=True)
 class PlanFile:
     """A plan's source, parsed but never executed. ``header`` is None when a person wrote the plan."""
@@ -191,6 +189,8 @@ def _starts_like_owl(text: str) -> bool:
 def _plan(path: Path, text: str, *, is_whole: bool) -> PlanFile:
     if not is_whole:
         raise BadInput([error("C002", f"this plan is larger than {LARGEST_PLAN // 1_000_000} MB", Span(str(path)))])
+    if has_conflicts(text):
+        raise BadInput([unresolved(text, Span(str(path)))])
     try:
         module = ast.parse(text)
     except (SyntaxError, ValueError, RecursionError, MemoryError) as problem:

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from difflib import get_close_matches
 from functools import cache, partial
 from itertools import chain
 from pathlib import Path
@@ -29,6 +28,7 @@ from planlang.ontology import Ontology, expand, load
 from planlang.ontology.expressions import Expression
 from planlang.ontology.terms import OWL
 from planlang.recipe import Actions, Thing, read_recipe
+from planlang.spelling import similar
 
 FOR = "\n"
 """Before what a need prefers, in its name: what was taken for the rest of it is considered, too."""
@@ -186,8 +186,8 @@ class Enabling:
         entries = [one.entry for one in self._recipes()]
         names = {text: None for one in entries for text in (one.label, one.uid, local_name(one.about))}
         classes = dict.fromkeys(map(local_name, self.vocabulary.subclasses(expand("PurposefulAction"))))
-        similar = get_close_matches(local_name(name), [*names, *classes], n=MOST_GUESSES)
-        return [one for one in similar if one in names or self._recipes(one)]
+        alike = similar(local_name(name), [*names, *classes], n=MOST_GUESSES)
+        return [one for one in alike if one in names or self._recipes(one)]
 
     def given_task(self, recipe: Path, task: str | None) -> Need:
         """Return the need of a recipe that the user has. Raises BadInput for one that cannot be used."""

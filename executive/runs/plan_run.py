@@ -98,7 +98,9 @@ class Run:
                     file = fixed_recipe(file, stack, self.found, options.task, folders, options.accepted)
                     folders = (options.recipe.parent, *folders)
                 recipe = load(file, folders=folders, also=options.recipes)
-                self.path, recipes = compiled_plan(recipe, stack, self.found, task=options.task)
+                self.path, recipes = compiled_plan(
+                    recipe, stack, self.found, task=options.task, performed=self.registry.actions
+                )
                 self.found = [located(one, file, options.recipe) for one in self.found]
                 self._requirements = required(recipe, recipes)
             self.source = import_plan(self.path)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from collections.abc import Set as AbstractSet
-from difflib import get_close_matches
 
 from planlang import failures
 from planlang.compiler.expressions import without_digits
@@ -42,6 +41,7 @@ from planlang.recipe.fillers import action_class, is_vocabulary_class
 from planlang.recipe.model import Kind, Place, Recipe, RecipeSet, Step, Thing
 from planlang.recipe.order import Precedence, Unit, callees_first, recipe_order, scopes_of, single_steps
 from planlang.recoveries import Strategy, find_strategy, registered_strategies
+from planlang.spelling import similar
 
 NEXT_SOLUTION = "NextSolution"
 """The next solution, which is no registered strategy: a location scope performs it."""
@@ -102,8 +102,8 @@ def _other_than_a_scope(rule: RecoveryRule) -> Iterator[Diagnostic]:
 
 
 def _unknown(rule: RecoveryRule, what: str, name: str, known: AbstractSet[str]) -> Diagnostic:
-    similar = get_close_matches(name, sorted(known), n=1)
-    advice = f"did you mean {similar[0]}?" if similar else f"known: {', '.join(sorted(known))}"
+    alike = similar(name, sorted(known))
+    advice = f"did you mean {alike[0]}?" if alike else f"known: {', '.join(sorted(known))}"
     return error("R043", f"the recovery `{rule.name}` names an unknown {what} {name}", rule.span, advice)
 
 

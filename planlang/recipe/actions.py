@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from planlang.designators import local_name
@@ -12,6 +12,8 @@ from planlang.recipe.model import Filler, Kind, Place, Recipe, RecipeSet, Slot, 
 from planlang.recipe.readers import statements_of
 from planlang.recipe.slots import read_slots
 from planlang.recipe.statements import Statements
+
+Performed = Callable[[], frozenset[str]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,10 +35,15 @@ _BASE_MOTION = expand("BaseMotionCapability")
 
 
 class Actions:
-    """The action classes of one ontology."""
+    """The action classes of one ontology.
 
-    def __init__(self, ontology: Ontology) -> None:
+    ``performed`` returns the classes (IRIs, or local names of the vocabulary) that process modules outside of the
+    ontology perform. It is asked only about steps that nothing in the ontology performs: importing modules takes long.
+    """
+
+    def __init__(self, ontology: Ontology, performed: Performed | None = None) -> None:
         self.ontology = ontology
+        self.performed: Performed = performed or frozenset
         self.primitives: dict[str, Primitive] = read_primitives(ontology)
         self.goals: dict[str, Goal] = read_goals(ontology)
         self.library: dict[str, list[str]] = read_library(ontology)

@@ -83,6 +83,7 @@ class _Supply:
             return [replace(around[0], is_inherited=True)]
         home = self._recipes[recipe.within] if recipe.within is not None else recipe
         is_called = home.iri != self._task
+        is_target = slot.absence is Absence.ERROR
         own = self._actions.slots(home.action_class).get(slot.property)
         is_own = own is not None and own.absence is Absence.PARAMETER
         slot = own if own is not None and is_own else slot
@@ -99,7 +100,7 @@ class _Supply:
             return []
         else:
             thing = parameter_for(slot, home.name if is_own else step.name)
-            self._report(home, home if is_own else step, thing)
+            self._report(home, home if is_own and not is_target else step, thing)
         return [Parameter(slot.property, thing, step.span, is_inherited=True)]
 
     def _check_one(self, recipe: Recipe, step: Step, slot: Slot, callee: str) -> None:

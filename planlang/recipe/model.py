@@ -97,6 +97,8 @@ class Absence(Enum):
     """The filler is a parameter of the plan."""
     CONSTRAINED = "requiresIfConstrained"
     """It is a parameter of the plan if a constraint of the motion is about it."""
+    EXPECTED = "expects"
+    """The action does without it, but a recipe should say it."""
     ALLOWED = "accepts"
 
 

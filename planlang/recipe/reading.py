@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
 from graphlib import CycleError, TopologicalSorter
 from typing import TypeVar
 
@@ -22,6 +21,7 @@ from planlang.recipe.checks import (
     losses,
     orderings,
     parameters,
+    preconditions,
     resources,
     slots,
     steps,
@@ -36,6 +36,7 @@ from planlang.recipe.order import implied_by_overlaps
 from planlang.recipe.performers import meant, recipes_for, recipes_of_task, statements_for
 from planlang.recipe.readers import loose_parts, made, tasks_of
 from planlang.recipe.statements import KINDS, Statements, SubAction, facts, is_word
+from planlang.spelling import similar
 
 _TYPE = "http://www.w3.org/1999/02/22-rdf-syntax-ns#type"
 
@@ -135,8 +136,8 @@ def named_action(actions: Actions, wanted: str, span: Span) -> str:
         raise BadInput([error("R002", f"{wanted} names several tasks", span, "use one of " + ", ".join(matches))])
     if not ontology.defined(task):
         known = {local_name(name): name for name in stated}
-        similar = get_close_matches(wanted, known, n=1)
-        guess = f"did you mean {similar[0]}? " if similar else ""
+        alike = similar(wanted, known)
+        guess = f"did you mean {alike[0]}? " if alike else ""
         raise BadInput(
             [error("R001", f"there is no task {wanted}", span, f"{guess}this file states {', '.join(known) or 'none'}")]
         )
@@ -314,6 +315,7 @@ ANY_RECIPE: tuple[Check[[CheckedRecipe], Iterable[Diagnostic]], ...] = (
     orderings.incomplete_constraints,
     parameters.unlisted_properties,
     slots.wrong_kinds,
+    slots.unstated,
     parameters.fillers,
     parameters.left_out,
     parameters.unrelated_places,
@@ -327,6 +329,7 @@ ORDERED_STEPS: tuple[Check[[CheckedRecipe], Iterable[Diagnostic]], ...] = (
     orderings.repeated_constraints,
     orderings.redundant_constraints,
     orderings.contradictions,
+    preconditions.late_preconditions,
     orderings.missing_orders,
     orderings.unordered_base_motions,
     resources.shared_resources,
@@ -371,12 +374,12 @@ def read_recipe(actions: Actions, task: str | None = None, *, scopes: bool = Tru
     misspelt = misspellings(actions.ontology)
     right = corrected(actions.ontology, misspelt)
     if right is not actions.ontology:
-        actions = Actions(right)
+        actions = Actions(right, actions.performed)
     recipes, found = _read(actions, task, scopes=scopes)
     found = (*actions.ontology.diagnostics, *found)
     guessed = corrected(actions.ontology, misspelt, guessing=True)
     if guessed is not actions.ontology:  # whichever name is meant: what the guess would mend is a consequence
-        left = _read(Actions(guessed), task, scopes=scopes)[1]
+        left = _read(Actions(guessed, actions.performed), task, scopes=scopes)[1]
         found = tuple(one for one in found if one in {*guessed.diagnostics, *left})
     return Reading(recipes, (*misspelt, *found), actions, misspelt)
 

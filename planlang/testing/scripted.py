@@ -13,7 +13,9 @@ from planlang.failures import LocationUnresolvable, PlanFailure
 from planlang.kernel import now, sleep
 from planlang.kernel.core import here
 from planlang.kernel.tree import Node
+from planlang.misuse import WrongValue
 from planlang.protocols import Solution
+from planlang.roles import meant_role
 from planlang.runs.codec import dump, load
 from planlang.testing.faults import made
 from planlang.testing.script import Belief, Rule, Script
@@ -61,12 +63,13 @@ class ScriptedModule:
     async def execute(self, action: Action) -> Any:
         """Wait, change the belief, and return or raise what the script wants."""
         executive = self.executive
+        executive.begin(action)
         rule = executive.rule_for(action, _step_name())
         seconds = rule.after if rule is not None and rule.after is not None else executive.script.takes
         await sleep(seconds)
         result = None
         if rule is None or rule.fails is None:
-            executive.belief.done(action, executive.ancestors(action.type))
+            executive.done(action)
         if rule is not None and rule.does is not None:
             result = rule.does(executive.belief, action)
             if inspect.isawaitable(result):
@@ -125,6 +128,17 @@ class ScriptedExecutive:
                     self._left[number] = left - 1
                 return rule
         return None
+
+    def begin(self, action: Action) -> None:
+        """Refuse an action with a misspelt role: whatever performs it on a robot would not find the filler."""
+        for role, _ in action.properties:
+            meant = meant_role(role)
+            if meant is not None:
+                raise WrongValue(f"{action.type} has no role {role}: did you mean {meant}?")
+
+    def done(self, action: Action) -> None:
+        """Apply the effect of an action that has succeeded on the belief."""
+        self.belief.done(action, self.ancestors(action.type))
 
     def changed(self) -> None:
         """Write into the trace that the belief has changed, if it has."""

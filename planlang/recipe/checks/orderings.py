@@ -9,7 +9,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
 from functools import cache
 from itertools import pairwise
 
@@ -18,10 +17,13 @@ from planlang.diagnostics import Diagnostic, Order, Span, error, note, warning
 from planlang.ontology import Ontology, expand
 from planlang.recipe.actions import Actions
 from planlang.recipe.checks import CheckedRecipe, check
+from planlang.recipe.checks.joints import joints
 from planlang.recipe.checks.misspellings import guess
-from planlang.recipe.model import Filler, Ordering, Overlap, Place, Reason, Recipe, Step, Thing
+from planlang.recipe.model import Ordering, Overlap, Reason, Recipe, Step
 from planlang.recipe.order import Intervals, Precedence, leads_to, recipe_cycle, recipe_order
+from planlang.recipe.preconditions import named
 from planlang.recipe.statements import LooseEnd, Statements
+from planlang.spelling import similar
 
 
 @check("R011")
@@ -88,8 +90,8 @@ def ordered_strangers(checked: CheckedRecipe) -> Iterator[Diagnostic]:
         elif undefined:
             other = local_name(undefined[0])
             guess = f"did you mean `{short}` as the sub-action instead of `{other}`, which is not defined?"
-        elif similar := get_close_matches(short, [local_name(iri) for iri in statements.names], n=1):
-            guess = f"did you mean `{similar[0]}`?"
+        elif alike := similar(short, [local_name(iri) for iri in statements.names]):
+            guess = f"did you mean `{alike[0]}`?"
         else:
             guess = f"add `subAction some {short}` to `{recipe.name}`, or remove these constraints"
         spans = [span for ordering in orderings for span in [_mention(ontology, ordering, name)] if span is not None]
@@ -237,10 +239,11 @@ WORK = (
 
 @dataclass(frozen=True, slots=True)
 class _Facts:
-    """The roles of a step, and the things and places (IRIs) that it is about."""
+    """The roles of a step, the things and places (IRIs) that it is about, and those of them where it happens."""
 
     roles: frozenset[str]
     about: frozenset[str]
+    where: frozenset[str] = frozenset()
 
 
 @check("R042", unless=(*RECURSIVE, "R012"))
@@ -282,10 +285,16 @@ def plausible_orders(
     if len(active) < 2:
         return
     order = recipe_order(recipe)
+
+    def reason(first: str, second: str) -> str | None:
+        return _why(facts[first], facts[second], all_roles, grasps=grasps)
+
+    if joined := joints(actions, recipe, order, reason):
+        yield from joined
+        return
     rank = {iri: number for number, iri in enumerate(active)}
     users: dict[frozenset[str], int] = {}
-    """The bits of the steps that do the same."""
-    for iri in active:
+    for iri in active:  # the bits of the steps that do the same
         users[facts[iri].roles] = users.get(facts[iri].roles, 0) | order.bit(iri)
     wished = [*order.reduction(), *added]
     follows: dict[str, list[str]] = {}
@@ -296,18 +305,18 @@ def plausible_orders(
         reasonable = sum(bits for roles, bits in users.items() if _may(facts[first].roles, roles, all_roles, grasps))
         unordered = reasonable & ~(order.later(first) | order.earlier(first) | order.bit(first))
         for second in sorted(order.members(unordered), key=rank.__getitem__):
-            why = _why(facts[first], facts[second], all_roles, grasps=grasps)
+            why = reason(first, second)
             if why is not None and not leads_to(follows, second, first):
                 wished.append((first, second))
                 follows.setdefault(first, []).append(second)
                 suggested[first, second] = why
-    if suggested:
-        wider: Precedence[str] = Precedence(order.nodes, wished)
-        yield from (
-            (before, after, suggested[before, after])
-            for before, after in wider.reduction()
-            if (before, after) in suggested
-        )
+    if not suggested:
+        yield from joints(actions, recipe, order, reason, single=True)
+        return
+    wider: Precedence[str] = Precedence(order.nodes, wished)
+    yield from (
+        (before, after, suggested[before, after]) for before, after in wider.reduction() if (before, after) in suggested
+    )
 
 
 def _by_number(recipe: Recipe) -> list[str]:
@@ -325,7 +334,7 @@ def _may(first: frozenset[str], second: frozenset[str], all_roles: list[str], gr
     """Return True if steps with these roles should be in order, at least when they concern the same object."""
     nothing, same = frozenset[str](), frozenset({""})
     return any(
-        _why(_Facts(first, about), _Facts(second, about), all_roles, grasps=grasps) is not None
+        _why(_Facts(first, about, about), _Facts(second, about, about), all_roles, grasps=grasps) is not None
         for about in (nothing, same)
     )
 
@@ -353,7 +362,7 @@ def _why(first: _Facts, second: _Facts, all_roles: list[str], *, grasps: bool) -
         return "something is taken out of a container before it is closed"
     if "carries" in a and b & {"lets go", "delivers"}:
         return "an object is moved before it is let go"
-    if "moves the base" in a and "moves the base" not in b and is_related:
+    if "moves the base" in a and "moves the base" not in b and not first.where.isdisjoint(second.where or second.about):
         return "the base goes there before the hand reaches there"
     if "reaches" in a:
         if b & {"acquires", "moves a handle"} and not {"delivers", "lets go"} & set(all_roles):
@@ -377,25 +386,17 @@ def _roles_by_class() -> dict[str, tuple[str, ...]]:
     return {expand(cls): tuple(role for role, names in ROLES.items() if cls in names) for cls in classes}
 
 
+_ABOUT = ("objectActedOn", "toLocation", "recipient")
+
+
 def _facts(actions: Actions, step: Step) -> _Facts:
     known = _roles_by_class()
     roles = {role for ancestor in actions.ontology.ancestors(step.action_class) for role in known.get(ancestor, ())}
     if actions.is_base_motion(step):
         roles.add("moves the base")
-    about: set[str] = set()
-    for parameter in step.parameters:
-        if parameter.property in ("objectActedOn", "toLocation"):
-            about.update(_named(parameter.filler))
-    return _Facts(frozenset(roles), frozenset(about))
-
-
-def _named(filler: Filler) -> Iterator[str]:
-    if isinstance(filler, Thing):
-        yield filler.iri or filler.stated
-    elif isinstance(filler, Place):
-        yield filler.iri
-        for _, reference in filler.relations:
-            yield from _named(reference)
+    about = {name: frozenset(one for filler in step.fillers(name) for one in named(filler)) for name in _ABOUT}
+    where = about["toLocation"] | about["recipient"]
+    return _Facts(frozenset(roles), about["objectActedOn"] | about["toLocation"], where)
 
 
 @check("R040", unless=(*RECURSIVE, "R012"))
@@ -407,12 +408,16 @@ def unordered_base_motions(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     order = recipe_order(recipe)
     movers = checked.actions.movers(recipe, checked.file.recipes)
     moving = [step for step in order.extension if step in movers.opening | movers.ending]
-    for first, second in pairwise(moving):
-        if not order.before(first, second):
-            one, other = told_apart(first, second)
-            message = f"`{one}` and `{other}` both move the base, but are not ordered"
-            advice = ordering_to_write(recipe, first, second)
-            yield error("R040", message, recipe.step(second).span, advice, Order(recipe.iri, first, second))
+    apart = [(first, second) for first, second in pairwise(moving) if not order.before(first, second)]
+    suggested = [one[:2] for one in plausible(checked)] if apart else []
+    wider = order.extended([*checked.added, *suggested])
+    for first, second in apart:
+        one, other = told_apart(first, second)
+        message = f"`{one}` and `{other}` both move the base, but are not ordered"
+        is_implied = len(suggested) == 1 and wider.ordered(first, second)
+        before, after = suggested[0] if is_implied else (first, second)
+        advice = ordering_to_write(recipe, before, after)
+        yield error("R040", message, recipe.step(second).span, advice, Order(recipe.iri, before, after))
 
 
 @check("R047", unless=(*RECURSIVE, "R012", *ORDERS_UNKNOWN, "R040", "R042", "R045"))

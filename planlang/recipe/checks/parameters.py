@@ -370,13 +370,13 @@ def _literal(ontology: Ontology, owner: str, property_name: str, literal: Litera
 
 
 def _meant(ontology: Ontology, undefined: str) -> Rename | None:
-    """Return a name of the main document that is similar to an undefined one."""
+    """Return a name of the main document, else a class of the vocabulary, that is similar to an undefined one."""
     names = {
         triple.subject: None
         for triple in ontology.triples(p=RDF.type)
         if isinstance(triple.subject, str) and not isinstance(triple.subject, BNode) and ontology.main(triple.subject)
     }
-    return guess(undefined, names)
+    return guess(undefined, names) or guess(undefined, filter(is_vocabulary_class, ontology.class_names()), least=SURE)
 
 
 def _asked(meant: Rename | None) -> str:

@@ -43,14 +43,26 @@ def shared_resources(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     rivals = _rivals(using, own, whole, order)
     number = sum(bits.bit_count() for bits in rivals.values()) // 2
     if number:
-        first = next(step for step in using if rivals[step.iri])
-        second = next(step for step in using if rivals[first.iri] & order.bit(step.iri))
+        first, second = _nearest(using, rivals, order)
         both = " and the ".join(sorted(shared(first, second)))
         more = f" (and {number - 1} more such pairs)" if number > 1 else ""
         one, other = told_apart(first.iri, second.iri)
         message = f"`{one}` and `{other}` both need the {both}, but are not ordered: either may come first{more}"
         advice = ordering_to_write(recipe, first.iri, second.iri)
         yield warning("R045", message, second.span, advice, Order(recipe.iri, first.iri, second.iri))
+
+
+def _nearest(using: Sequence[Step], rivals: Mapping[str, int], order: Precedence[str]) -> tuple[Step, Step]:
+    """Return the first pair of rivals, or one that has it ordered, too: the last step before the first one after."""
+    first = next(step for step in using if rivals[step.iri])
+    second = next(step for step in using if rivals[first.iri] & order.bit(step.iri))
+    for one in using[: using.index(second)]:
+        if rivals[second.iri] & order.bit(one.iri) and order.before(first.iri, one.iri):
+            first = one
+    for other in using[using.index(first) + 1 :]:
+        if rivals[first.iri] & order.bit(other.iri) and order.before(other.iri, second.iri):
+            second = other
+    return first, second
 
 
 def _rivals(using: Sequence[Step], own: Needs, whole: Needs, order: Precedence[str]) -> dict[str, int]:
