@@ -60,20 +60,22 @@ def _first_init(made: Any, frozen: bool) -> Callable[..., None]:
 def _compiled_init(made: Any, frozen: bool) -> Any:
     """Return the constructor of a class, with defaults, factories and a call of ``__post_init__`` if there is one."""
     every: Sequence[Field[Any]] = dataclasses.fields(made)
+    # no name of a field makes one of these: those of fields begin with _default_ and _make_
     known: dict[str, Any] = {"_set": _set, "_given": (given := object())}
     parameters, keywords, body = ["self"], list[str](), list[str]()
     for one in every:
         value = one.name
         if one.default_factory is not MISSING:
-            known[f"_make_{one.name}"], known[f"_{one.name}"] = one.default_factory, given
+            known[f"_make_{one.name}"], known[f"_default_{one.name}"] = one.default_factory, given
             value = f"_make_{one.name}()" + (f" if {one.name} is _given else {one.name}" if one.init else "")
         elif one.default is not MISSING:
-            known[f"_{one.name}"] = one.default
-            value = one.name if one.init else f"_{one.name}"
+            known[f"_default_{one.name}"] = one.default
+            value = one.name if one.init else f"_default_{one.name}"
         elif not one.init:
             continue
         if one.init:
-            (keywords if one.kw_only else parameters).append(one.name + f"=_{one.name}" * (f"_{one.name}" in known))
+            default = f"_default_{one.name}"
+            (keywords if one.kw_only else parameters).append(one.name + f"={default}" * (default in known))
         body.append(f"_set(self, {one.name!r}, {value})" if frozen else f"self.{one.name} = {value}")
     body += ["self.__post_init__()"] * hasattr(made, "__post_init__")
     signature = ", ".join([*parameters, *(["*", *keywords] if keywords else [])])

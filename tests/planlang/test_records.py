@@ -108,6 +108,20 @@ class Pickled:
     y: tuple[str, ...] = ()
 
 
+@records.dataclass(frozen=True)
+class Named:
+    """Fields that are called like what the constructor works with."""
+
+    given: int
+    set: int
+    made: list[int] = dataclasses.field(default_factory=list)
+    absent: int = 3
+
+
+def test_no_name_of_a_field_meets_one_of_the_constructor() -> None:
+    assert Named(1, 2) == Named(given=1, set=2, made=[], absent=3)
+
+
 def test_frozen_ones_with_slots_are_pickled() -> None:
     assert pickle.loads(pickle.dumps(Pickled(1, ("a",)))) == Pickled(1, ("a",))
 
