@@ -15,10 +15,10 @@ import shutil
 import stat
 import tempfile
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 
 from planlang.files import open_regular, read_at_most
+from planlang.records import dataclass
 
 _DIGEST_BYTES = 64
 """Length of the digest, in hexadecimal digits, in front of the content; arrays behind it are aligned."""

@@ -15,7 +15,6 @@ import importlib.util
 import sys
 import traceback
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
 from importlib.metadata import EntryPoint, entry_points
@@ -27,6 +26,7 @@ from planlang.designators import Action
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note
 from planlang.files import read_file
 from planlang.language.executive import ProcessModule, WrappedModule, selects
+from planlang.records import dataclass
 
 GROUP = "planlang.modules"
 """Entry-point group of installed process modules."""

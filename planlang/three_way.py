@@ -8,9 +8,10 @@ formal investigation of diff3", 2007.) The library for this, merge3, is under th
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from difflib import SequenceMatcher
 from typing import NamedTuple
+
+from planlang.records import dataclass
 
 OURS, MIDDLE, THEIRS = "<<<<<<<", "=======", ">>>>>>>"
 """How git marks a conflict: before our version, between the two, after theirs."""

@@ -8,7 +8,7 @@ import sys
 import traceback
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from enum import IntEnum
 from typing import Any
 
@@ -16,6 +16,7 @@ import typer
 
 from executive.cli.resources import no_room, out_of_resources
 from planlang.diagnostics import BadInput, Diagnostic, Severity
+from planlang.records import dataclass
 
 
 class ExitCode(IntEnum):

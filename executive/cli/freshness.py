@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from executive.cli.inputs import PlanFile
@@ -12,6 +11,7 @@ from planlang.compiler import compile_recipe
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
 from planlang.outputs import NO_DATA_FLOW, NO_SCOPES, PlanHeader, header
 from planlang.plan_versions import compiled_before
+from planlang.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,6 @@ import ast
 import math
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import typer
@@ -15,6 +14,7 @@ from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors
 from planlang.files import Bundled, open_regular, read_at_most
 from planlang.outputs import LARGEST_PLAN, PlanHeader, header
 from planlang.plan_versions import unresolved
+from planlang.records import dataclass
 from planlang.three_way import has_conflicts
 
 

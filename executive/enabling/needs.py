@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cache, partial
 from itertools import chain
 from pathlib import Path
@@ -28,6 +28,7 @@ from planlang.ontology import Ontology, expand, load
 from planlang.ontology.expressions import Expression
 from planlang.ontology.terms import OWL
 from planlang.recipe import Actions, Thing, read_recipe
+from planlang.records import dataclass
 from planlang.spelling import similar
 
 FOR = "\n"

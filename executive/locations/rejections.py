@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 from executive.belief.scene_collisions import BasePose
 from executive.locations.base_candidates import Inversion
@@ -12,6 +12,7 @@ from executive.locations.grasp_candidates import Hand
 from planlang.failures import LocationUnresolvable
 from planlang.geometry import Array
 from planlang.protocols import Contact, Solution
+from planlang.records import dataclass
 
 MOST_PLACES = 5000
 """Places that are remembered, for a picture."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, get_args, get_type_hints
 
 from executive.belief import MapObject, SemanticMap, scene_of
@@ -17,6 +17,7 @@ from planlang.designators import ActionClass, Location, Object, Person, local_na
 from planlang.diagnostics import BadInput, Diagnostic, error, note, warning
 from planlang.language.plans import Plan
 from planlang.ontology import expand, shorten
+from planlang.records import dataclass
 from planlang.spelling import similar
 
 ON_WHAT_STAYS = ("OpeningSomething", "ClosingSomething", "TurningOnPoweredDevice", "TurningOffPoweredDevice")

@@ -6,12 +6,13 @@ import hashlib
 import json
 import unicodedata
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from enum import StrEnum
 from statistics import median
 from urllib.parse import unquote
 
 from planlang.designators import local_name
+from planlang.records import dataclass
 
 LOWEST_RATING, HIGHEST_RATING = 0, 10
 UNRATED = (LOWEST_RATING + HIGHEST_RATING) / 2

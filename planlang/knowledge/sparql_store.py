@@ -12,7 +12,6 @@ import hashlib
 import json
 import secrets
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any
 from urllib.parse import quote
 
@@ -46,6 +45,7 @@ from planlang.knowledge.stores import (
     Unreachable,
     check_rating,
 )
+from planlang.records import dataclass
 
 _GRAPH = "urn:planlang:catalogue"
 _SECONDS = 30.0

@@ -7,7 +7,6 @@ nothing but what would damage themselves: what an entry says has been checked be
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import Protocol
 
 from planlang.knowledge.entries import (
@@ -21,6 +20,7 @@ from planlang.knowledge.entries import (
     News,
     Revision,
 )
+from planlang.records import dataclass
 
 SCHEME = "sparql+"
 """The beginning of the address of a store over a SPARQL endpoint, before http or https."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import Enum
 from functools import partial
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
@@ -14,6 +14,7 @@ from planlang.kernel.primitives import called, node, record
 from planlang.language.branches import evaporating
 from planlang.language.budgets import take_attempt
 from planlang.misuse import Usage, WrongType, WrongValue, contrast, is_iterable, takes, written
+from planlang.records import dataclass
 
 if TYPE_CHECKING:
     from planlang.kernel.hosts import Timer

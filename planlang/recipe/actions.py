@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, error
@@ -12,6 +12,7 @@ from planlang.recipe.model import Filler, Kind, Place, Recipe, RecipeSet, Slot, 
 from planlang.recipe.readers import statements_of
 from planlang.recipe.slots import read_slots
 from planlang.recipe.statements import Statements
+from planlang.records import dataclass
 
 Performed = Callable[[], frozenset[str]]
 

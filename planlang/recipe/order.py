@@ -15,7 +15,6 @@ from __future__ import annotations
 import heapq
 from bisect import bisect_left
 from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from typing import Any, Generic, TypeVar
@@ -23,6 +22,7 @@ from typing import Any, Generic, TypeVar
 from planlang.recipe import graphs as nx
 from planlang.recipe.actions import Actions, Movers
 from planlang.recipe.model import Ordering, Overlap, Place, Point, Recipe, RecipeSet, Thing
+from planlang.records import dataclass
 
 Node = TypeVar("Node", bound=Hashable)
 

@@ -8,12 +8,13 @@ beginning, so nothing is missing unless it is brought about too late.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from planlang.designators import local_name
 from planlang.ontology import expand
 from planlang.recipe.actions import Actions, texts
 from planlang.recipe.model import Filler, Place, Recipe, Step, Thing
+from planlang.records import dataclass
 
 Before = Callable[[str, str], bool]
 """True if the first step (IRI) surely comes before the second."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from graphlib import CycleError, TopologicalSorter
 from typing import TypeVar
 
@@ -36,6 +36,7 @@ from planlang.recipe.order import implied_by_overlaps
 from planlang.recipe.performers import meant, recipes_for, recipes_of_task, statements_for
 from planlang.recipe.readers import loose_parts, made, tasks_of
 from planlang.recipe.statements import KINDS, Statements, SubAction, facts, is_word
+from planlang.records import dataclass
 from planlang.spelling import similar
 
 _TYPE = "http://www.w3.org/1999/02/22-rdf-syntax-ns#type"

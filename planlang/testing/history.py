@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 from planlang.designators import local_name
 from planlang.failures import PlanFailure
 from planlang.language.tasktree import TaskNode, tree_of
 from planlang.misuse import did_you_mean
+from planlang.records import dataclass
 from planlang.runs import with_paths
 
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 from planlang.designators import Action, Condition, Location, Object, Posture
 from planlang.misuse import Usage
+from planlang.records import dataclass
 from planlang.testing.faults import Fault, Raises
 
 Base = tuple[float, float, float]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from planlang.action_classes import ancestors_of
@@ -15,6 +14,7 @@ from planlang.kernel.core import here
 from planlang.kernel.tree import Node
 from planlang.misuse import WrongValue
 from planlang.protocols import Solution
+from planlang.records import dataclass
 from planlang.roles import meant_role
 from planlang.runs.codec import dump, load
 from planlang.testing.faults import made

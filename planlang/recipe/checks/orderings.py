@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 
@@ -23,6 +23,7 @@ from planlang.recipe.model import Ordering, Overlap, Reason, Recipe, Step
 from planlang.recipe.order import Intervals, Precedence, leads_to, recipe_cycle, recipe_order
 from planlang.recipe.preconditions import named
 from planlang.recipe.statements import LooseEnd, Statements
+from planlang.records import dataclass
 from planlang.spelling import similar
 
 

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
 from planlang.diagnostics import Declaration, Span
 from planlang.recipe.preconditions import Unmet
+from planlang.records import dataclass
 
 SAFE = ("O012", "O013", "O016", "O042", "O043", "R010", "R011", "R013", "R014", "R020", "R024", "R030", "R033", "R038",
         "R046", "R049", "R050", "R051", "R057", "R058")  # fmt: skip
