@@ -110,6 +110,7 @@ class SqliteStore:
         try:
             self._prepare()
         except sqlite3.DatabaseError as problem:
+            self.close()
             raise BadInput([_no_base(path, problem)]) from None
 
     def _prepare(self) -> None:

@@ -70,9 +70,17 @@ class Precedence(Generic[Node]):
                     reached |= self._later[after] | 1 << after
             self._later[position] = reached
 
-    def extended(self, pairs: Iterable[tuple[Node, Node]]) -> Precedence[Node]:
-        """Return this order with further pairs."""
-        return Precedence(self.nodes, [*self.reduction(), *pairs])
+    def extended(self, pairs: Iterable[tuple[Node, Node]], weak: Iterable[tuple[Node, Node]] = ()) -> Precedence[Node]:
+        """Return this order with further pairs; of the ``weak`` ones those that contradict none before them."""
+        found = [*self.reduction(), *pairs]
+        follows: dict[Node, list[Node]] = {}
+        for before, after in found:
+            follows.setdefault(before, []).append(after)
+        for before, after in weak:
+            if not leads_to(follows, after, before):
+                found.append((before, after))
+                follows.setdefault(before, []).append(after)
+        return Precedence(self.nodes, found)
 
     def before(self, first: Node, second: Node) -> bool:
         """Return True if the first comes before the second in every linear extension."""
@@ -158,7 +166,7 @@ def order_graph(nodes: Iterable[Node], orderings: Iterable[tuple[Node, Node]]) -
     return graph
 
 
-def leads_to(follows: Mapping[str, Iterable[str]], start: str, goal: str) -> bool:
+def leads_to(follows: Mapping[Node, Iterable[Node]], start: Node, goal: Node) -> bool:
     """Return True if a path leads from one step to another."""
     seen, waiting = {start}, [start]
     while waiting:

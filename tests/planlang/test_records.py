@@ -131,6 +131,7 @@ def test_nothing_is_compiled_before_the_first_instance(monkeypatch: pytest.Monke
     original = builtins.exec
     monkeypatch.setattr(builtins, "exec", lambda *a, **named: compiled.append(a[0]) or original(*a, **named))
     point = classes(records.dataclass)["Point"]
-    assert not compiled
+    assert not any("self" in str(text) for text in compiled)  # since 3.13 an empty function is compiled
+    before = len(compiled)
     point(1.0), point(2.0)
-    assert len(compiled) == 1
+    assert len(compiled) == before + 1

@@ -281,7 +281,8 @@ def plausible_orders(
         return
     facts = {step.iri: _facts(actions, step) for step in recipe.steps}
     all_roles = [role for fact in facts.values() for role in fact.roles]
-    grasps = actions.is_a(recipe, *ROLES["acquires"])
+    # where a step lets go by itself, as handing over does, the gripper is opened for the grasp
+    grasps = actions.is_a(recipe, *ROLES["acquires"]) or "delivers" in all_roles
     active = [step.iri for step in recipe.steps if facts[step.iri].roles]
     if len(active) < 2:
         return
@@ -297,9 +298,8 @@ def plausible_orders(
     users: dict[frozenset[str], int] = {}
     for iri in active:  # the bits of the steps that do the same
         users[facts[iri].roles] = users.get(facts[iri].roles, 0) | order.bit(iri)
-    wished = [*order.reduction(), *added]
     follows: dict[str, list[str]] = {}
-    for before, after in wished:
+    for before, after in order.reduction():
         follows.setdefault(before, []).append(after)
     suggested: dict[tuple[str, str], str] = {}
     for first in active:
@@ -308,13 +308,13 @@ def plausible_orders(
         for second in sorted(order.members(unordered), key=rank.__getitem__):
             why = reason(first, second)
             if why is not None and not leads_to(follows, second, first):
-                wished.append((first, second))
                 follows.setdefault(first, []).append(second)
                 suggested[first, second] = why
     if not suggested:
         yield from joints(actions, recipe, order, reason, single=True)
         return
-    wider: Precedence[str] = Precedence(order.nodes, wished)
+    # a scope's orders give way: the compiler adds them anew, once the suggestions are accepted
+    wider = order.extended(suggested, weak=added)
     yield from (
         (before, after, suggested[before, after]) for before, after in wider.reduction() if (before, after) in suggested
     )
@@ -343,7 +343,7 @@ def _may(first: frozenset[str], second: frozenset[str], all_roles: list[str], gr
 def _why(first: _Facts, second: _Facts, all_roles: list[str], *, grasps: bool) -> str | None:
     """Return the reason why the first step should come before the second; None if there is no reason.
 
-    ``all_roles`` are the roles of all steps, ``grasps`` is true if the recipe as a whole grasps something.
+    ``all_roles`` are the roles of all steps, ``grasps`` is true if a gripper is opened to grasp, not to let go.
     """
     is_related = not first.about.isdisjoint(second.about)
     a, b = first.roles, second.roles
@@ -411,7 +411,7 @@ def unordered_base_motions(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     moving = [step for step in order.extension if step in movers.opening | movers.ending]
     apart = [(first, second) for first, second in pairwise(moving) if not order.before(first, second)]
     suggested = [one[:2] for one in plausible(checked)] if apart else []
-    wider = order.extended([*checked.added, *suggested])
+    wider = order.extended(suggested, weak=checked.added)
     for first, second in apart:
         one, other = told_apart(first, second)
         message = f"`{one}` and `{other}` both move the base, but are not ordered"

@@ -33,7 +33,7 @@ def shared_resources(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     order = recipe_order(recipe)
     suggested = [(before, after) for before, after, _ in plausible(checked)]
     if checked.added or suggested:
-        order = order.extended([*checked.added, *suggested])
+        order = order.extended(suggested, weak=checked.added)
 
     def shared(first: Step, second: Step) -> frozenset[str]:
         """Return what both steps need; a recipe also holds what its steps need, process modules take turns by step."""

@@ -126,3 +126,55 @@ def test_a_side_is_never_guessed(tmp_path: Path, written: str, defined: str) -> 
     assert (found.done, found.after) == ((), found.before)
     (said,) = (one for one in read_recipe(Actions(load(path))).diagnostics if one.code == "R033")
     assert defined not in str(said.help)
+
+
+FLAT = {
+    "Drive": "Translation-LocationChange, knowrob:toLocation value inReach",
+    "Approach": "Reaching, knowrob:toLocation value beforeIt",
+    "OpenHand": "OpeningAGripper",
+    "Reach": "Reaching, knowrob:toLocation value atIt",
+    "CloseHand": "ClosingAGripper",
+    "Lift": "Reaching, knowrob:toLocation value carrying",
+    "DriveOn": "Translation-LocationChange, knowrob:toLocation value inReachOfGuest",
+    "Offer": "Reaching, knowrob:toLocation value inReachOfGuest",
+    "Give": "HandingOverAnObject, knowrob:objectActedOn value cup, knowrob:recipient value guest",
+}
+"""Steps of a recipe that grasps, drives and hands over by itself, without a recipe for the grasp."""
+PLACES = {"inReach": "inReachOf cup", "beforeIt": "inFrontOf-Generally cup", "atIt": "inCenterOf cup"}
+
+
+def flat(*pairs: tuple[str, str]) -> str:
+    """The recipe with some orders."""
+    stated = "".join(f",\n    knowrob:orderingConstraints value {one}Then{other}" for one, other in pairs)
+    parts = "".join(f",\n    knowrob:subAction some {name}" for name in FLAT)
+    lines = [
+        "Prefix: : <http://example.org/flat.owl#>\nPrefix: knowrob: <http://knowrob.org/kb/knowrob.owl#>",
+        "Ontology: <http://example.org/flat.owl>\n    Import: <http://knowrob.org/kb/knowrob.owl>",
+        "Individual: cup\n    Types: knowrob:Cup\nIndividual: guest\n    Types: knowrob:Person",
+        "Individual: carrying\n    Types: knowrob:Point3D",
+        f"Class: Serve\n    SubClassOf: knowrob:ServingFoodOrDrink{parts}{stated}",
+    ]
+    for name, fact in {**PLACES, "inReachOfGuest": "inReachOf guest"}.items():
+        lines.append(f"Individual: {name}\n    Types: knowrob:Point3D\n    Facts: knowrob:{fact}")
+    for one, other in pairs:
+        facts = f"knowrob:occursBeforeInOrdering {one}, knowrob:occursAfterInOrdering {other}"
+        lines.append(f"Individual: {one}Then{other}\n    Types: knowrob:PartialOrdering-Strict\n    Facts: {facts}")
+    lines += [f"Class: {name}\n    SubClassOf: knowrob:{text}" for name, text in FLAT.items()]
+    return "\n".join(lines) + "\n"
+
+
+@pytest.mark.parametrize(
+    ("stated", "proposed"),
+    [((), ("OpenHand", "Reach")), ((("Approach", "Reach"),), ("OpenHand", "CloseHand"))],
+    ids=["one sequence", "a sequence with a branch"],
+)
+def test_the_gripper_is_opened_for_the_grasp_where_handing_over_lets_go_by_itself(
+    tmp_path: Path, stated: tuple[tuple[str, str], ...], proposed: tuple[str, str]
+) -> None:
+    path = tmp_path / "flat.omn"
+    chain = [pair for pair in zip(FLAT, [*FLAT][1:], strict=False) if pair != ("OpenHand", "Reach")]
+    path.write_text(flat(*chain, *stated), encoding="utf-8")
+    found, result = fixed(path, *ORDERS)
+    assert not found.refused
+    assert is_ordered(result, *proposed)
+    assert rehearse(result) == ((), "")
