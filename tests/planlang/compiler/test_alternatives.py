@@ -88,6 +88,20 @@ def test_of_a_run_with_named_orders_and_states_the_union_is_one_step(tmp_path: P
     assert ran(named, fails="A") == ["First", "A", "B", "Last"]
 
 
+def test_a_base_pose_has_to_suit_the_first_alternative_only(tmp_path: Path) -> None:
+    more = "".join(
+        f"Individual: {name}\n    Types: knowrob:Point3D\n    Facts: knowrob:{fact}\n"
+        for name, fact in (("near", "inReachOf mug"), ("before", "inFrontOf-Generally mug"), ("over", "aboveOf mug"))
+    )
+    more += "Class: Drive\n    SubClassOf: knowrob:Translation-LocationChange, knowrob:toLocation value near\n"
+    more += "Class: Forward\n    SubClassOf: knowrob:Reaching, knowrob:toLocation value before\n"
+    more += "Class: Down\n    SubClassOf: knowrob:Reaching, knowrob:toLocation value over\n"
+    path = written(tmp_path, some("Drive", "(Forward or Down)"), "Drive<Forward", more=more)
+    source = compile_recipe(path).source
+    assert 'a_location("over"' in source
+    assert "reaching=(before,)" in source
+
+
 @pytest.mark.parametrize("kind", ["EquivalentTo", "SubClassOf"])
 def test_a_class_that_is_defined_by_a_union_has_its_members_as_alternatives(tmp_path: Path, kind: str) -> None:
     more = f'Class: Get\n    {kind}: A or (B or C)\n    Annotations: rdfs:label "get it somehow"\n'
