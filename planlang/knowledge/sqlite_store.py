@@ -132,13 +132,13 @@ class SqliteStore:
         found: sqlite3.Connection | None = getattr(self._local, "database", None)
         if found is None:
             found = sqlite3.connect(self._path, timeout=_PATIENCE, isolation_level=None, check_same_thread=False)
-            found.execute("PRAGMA synchronous = FULL")
-            found.execute("PRAGMA foreign_keys = ON")
             self._local.database = found
-            with self._opening:
+            with self._opening:  # before it is asked for anything: close() has to know it, also after a failure
                 for thread in [one for one in self._connections if not one.is_alive()]:
                     self._connections.pop(thread).close()
                 self._connections[threading.current_thread()] = found
+            found.execute("PRAGMA synchronous = FULL")
+            found.execute("PRAGMA foreign_keys = ON")
         return found
 
     @contextmanager
