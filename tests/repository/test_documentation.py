@@ -82,6 +82,8 @@ def prepare(command: str, folder: Path, corpus: Path) -> bool:
     """Put what a command reads into its folder: a trace, real OWL files; False when these are not at hand."""
     if command.startswith("replay") and not (folder / "run.jsonl").exists():
         output("run serve_a_drink --trace run.jsonl", folder)
+    if "serve.py" in command and not (folder / "serve.py").exists():
+        edit_plan_and_recipe(folder)
     for name, there in (("corpus", corpus), ("docs", CHECKOUT / "docs")):
         if f"{name}/" in command and not (folder / name).exists():
             (folder / name).symlink_to(there)
@@ -92,6 +94,17 @@ def prepare(command: str, folder: Path, corpus: Path) -> bool:
         if not (folder / name).exists():
             (folder / name).symlink_to(found)
     return True
+
+
+def edit_plan_and_recipe(folder: Path) -> None:
+    """Leave a plan that a person has edited, of a recipe that has changed since."""
+    recipe, plan = folder / "serve.omn", folder / "serve.py"
+    text = (CHECKOUT / "recipes" / "serve_a_drink.omn").read_text(encoding="utf-8")
+    recipe.write_text(text, encoding="utf-8")
+    output("compile serve.omn -o serve.py", folder)
+    compiled = plan.read_text(encoding="utf-8")
+    plan.write_text(compiled.replace('"""Grasp a bottle."""', '"""Grasp a bottle gently."""'), encoding="utf-8")
+    recipe.write_text(text.replace("let go of the bottle when", "give the bottle away once"), encoding="utf-8")
 
 
 def code_table() -> str:
