@@ -10,7 +10,7 @@
 # make bench-locations   how places are found, beside samplers and other inverse kinematics, judged by PyBullet;
 #                        PARTS=hard,infeasible for some of it, ROOMS=20 for less; finished parts are kept in .venv
 #
-# Everything happens in .venv, made on first use by python3.11 (that of uv, too), or python3 if that is newer.
+# Everything happens in .venv, made on first use by Python 3.11, 3.12 or 3.13: the first that is found, that of uv, too.
 # PYTHON=/path/to/python make test   takes another interpreter.
 
 SHELL := /bin/bash
@@ -35,29 +35,31 @@ help:
 	@sed -n 's/^# //p' Makefile
 
 # The interpreter is looked for only when .venv has to be made; a shim that exists but does not run is passed over.
-# PyBullet's newest binary wheel is for 3.11: that is taken, from uv where it is not installed otherwise.
+SUPPORTED := import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))
 $(BIN)/python:
-	@uv311() { command -v uv >/dev/null && { uv python find 3.11 || { uv python install 3.11 && uv python find 3.11; }; }; }; \
-	for python in "$${PYTHON:-}" python3.11 uv python3 python; do \
-	    if test "$$python" = uv; then python=$$(uv311 2>/dev/null || true); fi; \
-	    test -n "$$python" && "$$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || continue; \
+	@uv_python() { command -v uv >/dev/null && { uv python find '>=3.11,<3.14' || { uv python install 3.13 && uv python find 3.13; }; }; }; \
+	for python in $${PYTHON:-python3.11 python3.12 python3.13 python3 python uv}; do \
+	    if test "$$python" = uv; then python=$$(uv_python 2>/dev/null || true); fi; \
+	    test -n "$$python" && "$$python" -c '$(SUPPORTED)' 2>/dev/null || continue; \
 	    echo "making $(VENV) with $$python ($$("$$python" --version))"; \
-	    "$$python" -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' || \
-	        echo "PyBullet has no binary wheel for this Python and is built from source: this needs a C++ compiler and takes about ten minutes."; \
-	    "$$python" -m venv $(VENV) || { echo "that Python cannot make virtual environments; on Debian: apt install python3.11-venv" >&2; rm -rf $(VENV); exit 1; }; \
+	    test "$$(uname -s)" != Linux || test "$$(uname -m)" = x86_64 || \
+	        echo "PyBullet has no binary package for Linux on $$(uname -m) and is built from source: this needs a C++ compiler and takes about ten minutes."; \
+	    "$$python" -m venv $(VENV) || { echo "that Python cannot make virtual environments; on Debian: apt install python3-venv" >&2; rm -rf $(VENV); exit 1; }; \
 	    exit 0; \
 	done; \
-	echo "planlang needs Python 3.11 or newer; none found (tried python3.11, uv, python3, python)" >&2; exit 1
+	echo "planlang needs Python 3.11, 3.12 or 3.13; none found (tried $${PYTHON:-python3.11, python3.12, python3.13, python3, python, uv})" >&2; \
+	echo "Newer ones do not work yet, as PyBullet has no binary package for them. PYTHON=/path/to/python names another interpreter." >&2; exit 1
 
-# Stamps: what is installed in .venv follows pyproject.toml. Installing takes minutes: pip lists what it is busy with.
+# Stamps: what is installed in .venv follows pyproject.toml, and planlang_command.py, of which pip installs a copy.
+# Installing takes minutes: pip lists what it is busy with.
 INSTALL = $(BIN)/python -m pip install --disable-pip-version-check --progress-bar off --editable
 
-$(VENV)/.run-stamp: pyproject.toml | $(BIN)/python
+$(VENV)/.run-stamp: pyproject.toml planlang_command.py | $(BIN)/python
 	@echo "installing planlang and what it needs into $(VENV)"
 	@$(INSTALL) .
 	@touch $@
 
-$(VENV)/.dev-stamp: pyproject.toml | $(BIN)/python
+$(VENV)/.dev-stamp: pyproject.toml planlang_command.py | $(BIN)/python
 	@echo "installing planlang and its development tools into $(VENV)"
 	@$(INSTALL) '.[dev]'
 	@touch $@ $(VENV)/.run-stamp

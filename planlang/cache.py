@@ -15,10 +15,10 @@ import shutil
 import stat
 import tempfile
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 
-from planlang.files import open_regular
+from planlang.files import open_regular, read_at_most
+from planlang.records import dataclass
 
 _DIGEST_BYTES = 64
 """Length of the digest, in hexadecimal digits, in front of the content; arrays behind it are aligned."""
@@ -44,7 +44,7 @@ class Cache:
             with open_regular(entry) as file:
                 if os.fstat(file.fileno()).st_size > self.largest + _DIGEST_BYTES:
                     return None
-                content = file.read(self.largest + _DIGEST_BYTES)
+                content = read_at_most(file, self.largest + _DIGEST_BYTES)
         except OSError:
             return None
         return unsealed(key, content)

@@ -10,11 +10,12 @@ import math
 import re
 import unicodedata
 from collections.abc import Container, Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from itertools import chain, count
 from numbers import Real
 
 from planlang.misuse import Usage, WrongType, WrongValue, amount, contrast, written
+from planlang.records import dataclass
 from planlang.relations import RELATIONS, measured, named
 
 GRASPS: tuple[str, ...] = ("side", "tilted", "top")
@@ -262,6 +263,11 @@ class Condition:
     def __post_init__(self) -> None:
         _CONDITION.text("predicate", self.predicate)
         _CONDITION.instance("arguments", self.arguments, tuple, "a tuple of what the condition is about")
+
+    def __bool__(self) -> bool:
+        message = f"{self} is a condition, which is not true or false itself: holds() makes a fluent of it"
+        wrong, right = "holding(cup) and holding(plate)", "holds(holding(cup)) & holds(holding(plate))"
+        raise WrongType(contrast(message, wrong, right))
 
     def __str__(self) -> str:
         return f"{self.predicate}({', '.join(map(str, self.arguments))})"

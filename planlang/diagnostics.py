@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from enum import Enum
 from typing import NamedTuple
+
+from planlang.records import dataclass
 
 
 class Severity(Enum):
@@ -175,6 +177,7 @@ CODES: dict[str, str] = {
     "O050": "a syntax cannot say what a file says: it is lost in converting it",
     "O051": "a syntax declares what a converted file does not declare",
     "O052": "a syntax says in another way what a converted file says",
+    "O053": "comments or prefixes of a converted file are not kept",
     "O060": "a class is unsatisfiable: nothing can be of it",
     "O061": "what is said of individuals contradicts itself",
     "O062": "a reasoner is not given a statement as it is",
@@ -232,6 +235,8 @@ CODES: dict[str, str] = {
     "R062": "an action does not state what it needs; it becomes a parameter of the plan",
     "R063": "what an action class needs is declared in a way that cannot be read",
     "R065": "a constraint of a motion lacks its kind or a feature, or nothing can be within its limits",
+    "R067": "a step comes before what it needs is brought about, such as handing over before lifting",
+    "R068": "an action does not state what a recipe should say; the robot chooses",
     # M: maps and worlds
     "M001": "a pose's matrix was repaired: a reflection, or not orthonormal",
     "M002": "a number is expected, and a finite one",
@@ -339,6 +344,11 @@ CODES: dict[str, str] = {
     "C017": "a recipe was fixed before it was compiled, as --accept says",
     "C018": "a line of a file of settings is not NAME=THING",
     "C019": "a unit that numbers are to be shown in is unknown, or nothing that is shown can be in it",
+    "C020": "there is not enough memory",
+    "C021": "no folder takes temporary files",
+    "C022": "an accepted fix was refused, as it would make the recipe worse",
+    "C023": "a merge of a plan has conflicts, or is not possible",
+    "C024": "a plan misspells a role of an action",
     # K: knowledge base
     "K001": "the file of a knowledge base is none, or has another layout",
     "K002": "nothing is known by a name of a question, or several things are",
@@ -370,6 +380,7 @@ CODES: dict[str, str] = {
     "K044": "an endpoint or a storage that a server stands on does not answer",
     "K045": "a server has more entries for a need than are looked at",
     "K046": "entries of a store cannot be read any more",
+    "K047": "a subscription that is to end is none of yours",
     "K080": "a narrative tells of no episode, or contradicts itself",
     "K081": "a log of poses is none, or of another run than the trace",
 }

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 from planlang.diagnostics import BadInput, Span, error
 from planlang.ontology import Literal, Ontology, Term, expand
+from planlang.records import dataclass
 from planlang.units import IncompatibleUnits, stated_number, unit_of_property
 
 Classes = tuple[str, ...]
@@ -54,6 +54,9 @@ class HeatEffect:
     duration: float
 
 
+_NOTHING = Effects()
+
+
 def effects_of(ontology: Ontology, action_class: str, ancestors: Iterable[str] | None = None) -> Effects:
     """Return what actions of a class change: what is declared for it, and for the classes above it.
 
@@ -62,7 +65,9 @@ def effects_of(ontology: Ontology, action_class: str, ancestors: Iterable[str] |
     BadInput for a number that is none.
     """
     table, levels = _declared(ontology), ontology.ancestors(action_class) if ancestors is None else ancestors
-    found = [effects for cls in levels for effects in table.get(cls, ())]
+    found = [effects for cls in levels if cls in table for effects in table[cls]]
+    if not found:
+        return _NOTHING
     return Effects(
         destroyed=_each(one.destroyed for one in found),
         created=narrowest(ontology, _each(one.created for one in found)),

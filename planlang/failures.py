@@ -7,13 +7,14 @@ Process modules raise low-level failures; plans handle them or raise high-level 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import ClassVar
 
 from planlang.designators import Object
 from planlang.plan_failure import PlanFailure as PlanFailure
 from planlang.plan_failure import Where as Where
 from planlang.plan_failure import in_words
+from planlang.records import dataclass
 
 
 @dataclass(eq=False, repr=False)

@@ -10,16 +10,18 @@ import errno
 import os
 import re
 import stat
-from difflib import get_close_matches
 from enum import Enum
 from pathlib import Path
 from typing import BinaryIO
 from urllib.parse import unquote_to_bytes
 
 from planlang.diagnostics import BadInput, Span, error
+from planlang.spelling import similar
 
 LARGEST = 16_000_000
 """Bytes of a file unless its reader says otherwise: robot descriptions and maps in use have up to 0.7 MB."""
+PIECE = 1_000_000
+"""Bytes that are read at a time."""
 
 
 def open_regular(path: Path) -> BinaryIO:
@@ -48,6 +50,15 @@ def _check_regular(path: Path, found: os.stat_result) -> None:
         raise OSError(errno.EINVAL, "is not a regular file", str(path))
 
 
+def read_at_most(file: BinaryIO, most: int) -> bytes:
+    """Read a file up to ``most`` bytes, with memory for what there is: ``file.read(most)`` reserves all of it first."""
+    parts = []
+    while most > 0 and (part := file.read(min(most, PIECE))):
+        parts.append(part)
+        most -= len(part)
+    return b"".join(parts)
+
+
 def read_file(path: Path, code: str = "C001", *, largest: int = LARGEST, code_if_large: str | None = None) -> bytes:
     """Return the content of a file that a user named. Raises BadInput with one error of the given code.
 
@@ -57,7 +68,7 @@ def read_file(path: Path, code: str = "C001", *, largest: int = LARGEST, code_if
     name = printable(path.name[:80] or "the file")
     try:
         with open_regular(path) as file:
-            content = file.read(largest + 1)
+            content = read_at_most(file, largest + 1)
     except FileNotFoundError:
         raise BadInput([error(code, f"{name} does not exist", span)]) from None
     except OSError as problem:
@@ -193,8 +204,8 @@ class Bundled(Enum):
         if is_stream:
             why = f"{name} is a pipe or device; the {self.value} is read more than once"
             raise BadInput([error("C001", why, help=f"write it to a file first: ... > {self.value}.owl")])
-        similar = get_close_matches(name, self.names(), n=1)
-        guess = f"did you mean {similar[0]}? " if similar else ""
+        alike = similar(name, self.names())
+        guess = f"did you mean {alike[0]}? " if alike else ""
         raise BadInput([error("C001", f"no such {self.value}: {name}", help=guess + self._advice())])
 
     def _advice(self) -> str:

@@ -8,7 +8,8 @@ from __future__ import annotations
 import inspect
 import math
 import operator
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from difflib import get_close_matches
 from functools import partial
 from types import FunctionType, MethodType
 from typing import Any
@@ -132,14 +133,8 @@ class Usage:
         """Refuse what is no function that gives its result at once, or one that does not take so many arguments."""
         if not callable(value) or inspect.iscoroutinefunction(value):
             raise self.wrong(parameter, value, meant)
-        if arguments is None:
-            return
-        try:
-            inspect.signature(value).bind(*[None] * arguments)
-        except TypeError:
-            raise self.wrong(parameter, value, meant) from None
-        except ValueError:  # written in C, and does not tell
-            pass
+        if arguments is not None and not takes(value, arguments):
+            raise self.wrong(parameter, value, meant)
 
     def branch(self, parameter: str, *values: object) -> None:
         """Refuse what is no branch; coroutines are closed, with the right form in the message."""
@@ -233,6 +228,23 @@ def _inside(value: object) -> str:
         return repr(value)
     except Exception:
         return ""
+
+
+def did_you_mean(name: str, known: Iterable[str], alike: float = 0.7) -> str:
+    """Return ``; did you mean 'Reaching'?`` for a misspelt name, or nothing if no known name is like it."""
+    close = get_close_matches(name, sorted(known), 1, alike)
+    return f"; did you mean {close[0]!r}?" if close else ""
+
+
+def takes(function: Callable[..., object], arguments: int) -> bool:
+    """Return True if a function can be called with so many arguments, or does not say what it takes."""
+    try:
+        inspect.signature(function).bind(*[None] * arguments)
+    except TypeError:
+        return False
+    except ValueError:  # written in C
+        return True
+    return True
 
 
 def discard(values: Iterable[object]) -> None:

@@ -15,9 +15,8 @@ import importlib.util
 import sys
 import traceback
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from enum import IntEnum
-from functools import cached_property, partial
+from functools import cached_property
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from types import ModuleType
@@ -26,7 +25,8 @@ from typing import Any, TypeVar
 from planlang.designators import Action
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note
 from planlang.files import read_file
-from planlang.language.executive import ProcessModule
+from planlang.language.executive import ProcessModule, WrappedModule, selects
+from planlang.records import dataclass
 
 GROUP = "planlang.modules"
 """Entry-point group of installed process modules."""
@@ -73,28 +73,40 @@ class OnDemand:
         return _Demanded(self, platform)
 
 
-class _Demanded:
+class _Demanded(WrappedModule):
+    """A module that is imported when something is asked that its statement does not tell."""
+
     def __init__(self, what: OnDemand, platform: Any) -> None:
-        self.name, self.actions, self.failures = what.name, what.actions, what.failures
-        self._place, self._platform = what.place, platform
-        if what.performs is not None:
-            self.performs = partial(what.performs, platform)
+        self._what, self._platform = what, platform
 
     @cached_property
-    def _module(self) -> ProcessModule:
-        module, _, name = self._place.partition(":")
+    def _imported(self) -> ProcessModule:
+        module, _, name = self._what.place.partition(":")
         made: ProcessModule = getattr(importlib.import_module(module), name)(self._platform)
         return made
 
     @property
-    def physical(self) -> bool:
-        return bool(getattr(self._module, "physical", False))
+    def wrapped(self) -> ProcessModule:
+        return self._imported
 
-    def resources(self, action: Action) -> tuple[str, ...]:
-        return self._module.resources(action)
+    @property
+    def name(self) -> str:
+        return self._what.name
 
-    async def execute(self, action: Action) -> Any:
-        return await self._module.execute(action)
+    @property
+    def actions(self) -> Sequence[str]:
+        return self._what.actions
+
+    @property
+    def failures(self) -> Sequence[type[Exception]]:
+        return self._what.failures
+
+    @property
+    def selects(self) -> bool:
+        return self._what.performs is not None
+
+    def performs(self, action: Action) -> bool:
+        return self._what.performs is None or self._what.performs(self._platform, action)
 
 
 class Rank(IntEnum):
@@ -183,7 +195,7 @@ class ModuleRegistry:
 
 
 def _registered(cls: Any, origin: str, rank: Rank) -> Registered:
-    return Registered(cls, tuple(cls.actions), f"{cls.__name__} of {origin}", rank, hasattr(cls, "performs"))
+    return Registered(cls, tuple(cls.actions), f"{cls.__name__} of {origin}", rank, selects(cls))
 
 
 def _marked(module: ModuleType) -> Iterator[Any]:

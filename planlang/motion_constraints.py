@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from enum import Enum
 from inspect import signature
 from typing import ClassVar, TypeVar
@@ -20,6 +20,7 @@ from typing import ClassVar, TypeVar
 from planlang.designators import Device, Filler, Object, local_name
 from planlang.failures import ManipulationFailure
 from planlang.misuse import Usage, WrongType, WrongValue, amount, is_iterable
+from planlang.records import dataclass
 
 Vector = tuple[float, float, float]
 

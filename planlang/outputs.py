@@ -21,11 +21,11 @@ import tempfile
 import zlib
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 
 from planlang.diagnostics import BadInput, Diagnostic, error
 from planlang.files import bundled, from_printable
+from planlang.records import dataclass
 
 MARK = "written by planlang"
 _TRACE = b'{"step": 0, "event": "header", "schema": '
@@ -70,9 +70,9 @@ def _problem(name: str, path: Path, taken: Mapping[Path, str], *, is_picture: bo
         return error("C004", f"{name} {path} is a folder", help="name a file in it")
     if not folder.is_dir():
         return error("C004", f"{name} {path}: there is no folder {folder}", help=f"mkdir -p {folder}")
-    if _real(path) in taken and not _is_device(path):
+    if _real(path) in taken and not is_device(path):
         return error("C004", f"{name} {path} would overwrite {taken[_real(path)]}", help=f"give {name} another name")
-    if _is_device(path):
+    if is_device(path):
         return None if os.access(path, os.W_OK) else error("C004", f"{name} {path} cannot be written to")
     if path.is_symlink() and not path.exists() and _real(path) == path.absolute():
         return error("C004", f"{name} {path} is a link that leads back to itself", help=f"give {name} another name")
@@ -112,7 +112,7 @@ def replace(path: Path, write: Callable[[Path], object]) -> None:
     """
     temporary: Path | None = None
     try:
-        device = _is_device(path)
+        device = is_device(path)
         path = path if device else path.resolve()
         folder = None if device else path.parent
         number, temporary_name = tempfile.mkstemp(prefix=f".{path.stem}-", suffix=path.suffix, dir=folder)
@@ -162,7 +162,10 @@ def write_plan(path: Path, source: str, *, force: bool) -> None:
         if before is None and old.strip():
             raise BadInput([error("C005", f"{path} is not a compiled plan", help="--force overwrites it")])
         if before is not None and before.is_edited(old):
-            advice = f"planlang check {path} shows the changes; --force overwrites them; -o writes to another file"
+            advice = (
+                f"--merge keeps the edits; planlang check {path} shows them; --force overwrites them; "
+                "-o writes to another file"
+            )
             raise BadInput([error("C005", f"{path} was edited since it was compiled", help=advice)])
     write_text(path, source)
 
@@ -179,7 +182,8 @@ def _mark_png(path: Path) -> None:
         file.write(length + chunk + check + content[_AFTER_IHDR:])
 
 
-def _is_device(path: Path) -> bool:
+def is_device(path: Path) -> bool:
+    """Return True for what exists and is neither file nor folder: a device or pipe."""
     return path.exists() and not path.is_file() and not path.is_dir()
 
 
@@ -195,6 +199,9 @@ def _umask() -> int:
     os.umask(umask)
     return umask
 
+
+LARGEST_PLAN = 10_000_000
+"""Bytes of a plan that are read at most."""
 
 LONGEST = 10_000
 """Characters at the start of a plan among which its header is looked for."""

@@ -8,7 +8,6 @@ Frames: ``map`` is right-handed with z up and the floor at z = 0. Lengths in met
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, Protocol, runtime_checkable
 
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 
 from planlang.designators import Action
 from planlang.geometry import Array, Pose
+from planlang.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import cache, partial, wraps
 from importlib.metadata import entry_points
 from typing import Any, TypeVar, cast
@@ -34,8 +33,9 @@ from planlang.language.branches import Branch
 from planlang.language.executive import executive_for
 from planlang.language.location import at_location
 from planlang.language.performing import perform
-from planlang.language.recovery import PROPAGATE, RETRY, Decision, Do, Return, retry
+from planlang.language.recovery import PROPAGATE, RETRY, Do, RecoveryResult, Return, retry
 from planlang.misuse import Usage, written
+from planlang.records import dataclass
 
 GROUP = "planlang.recoveries"
 """Entry-point group of installed strategies."""
@@ -181,7 +181,7 @@ def look_from_another_place(what: Object) -> Do:
 
     Usage("look_from_another_place", {"what": "bottle"}).instance("what", what, Object, "an object")
 
-    async def look(failure: PlanFailure) -> Decision:
+    async def look(failure: PlanFailure) -> RecoveryResult:
         try:
             if any(isinstance(link, ObjectUnresolvable) for link in failure.chain()):
                 await _look_for(what)
@@ -201,7 +201,7 @@ def look_and_repeat(what: Object) -> Do:
 
     Usage("look_and_repeat", {"what": "bottle"}).instance("what", what, Object, "an object")
 
-    async def look(failure: PlanFailure) -> Decision:
+    async def look(failure: PlanFailure) -> RecoveryResult:
         await _look_for(what)
         return RETRY
 
@@ -217,7 +217,7 @@ def open_what_is_in_the_way(what: Object) -> Do:
 
     Usage("open_what_is_in_the_way", {"what": "bottle"}).instance("what", what, Object, "an object")
 
-    async def open_it(failure: PlanFailure) -> Decision:
+    async def open_it(failure: PlanFailure) -> RecoveryResult:
         closed = next((link for link in failure.chain() if isinstance(link, BehindClosedDoor)), None)
         if closed is None or closed.door is None:
             return PROPAGATE
@@ -241,7 +241,7 @@ def fetch_again(what: Object, again: Branch | None = None) -> Do:
     if again is not None:
         fetching.branch("again", again)
 
-    async def fetch(failure: PlanFailure) -> Decision:
+    async def fetch(failure: PlanFailure) -> RecoveryResult:
         executive = executive_for("fetch_again")
         if executive.holds(Condition("holding", (what,))):
             return PROPAGATE
@@ -259,7 +259,7 @@ def fetch_again(what: Object, again: Branch | None = None) -> Do:
 
 
 @recovery_strategy("Ignore")
-async def ignore(failure: PlanFailure) -> Decision:
+async def ignore(failure: PlanFailure) -> RecoveryResult:
     """Go on as if the body had succeeded, with None."""
     return Return(None)
 

@@ -8,9 +8,10 @@ describes needs a new one, which executive/locations then has to implement.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from enum import Enum
 from typing import Literal
+
+from planlang.records import dataclass
 
 Bounds = tuple[float, float]
 """Least and greatest distance [m]."""

@@ -10,7 +10,6 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache, lru_cache
 
@@ -18,6 +17,7 @@ from planlang.designators import local_name
 from planlang.diagnostics import BadInput, error
 from planlang.files import bundled
 from planlang.ontology.terms import RDF, XSD, Literal
+from planlang.records import dataclass
 
 Dimension = tuple[tuple[str, int], ...]
 """Powers of base quantities (the letters of units.toml: L length, M mass, T time, ...), sorted, none of them 0."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from planlang.geometry import Array, Pose
 from planlang.geometry.shapes import SolidKind, half_extents, overlaps
+from planlang.records import dataclass
 from sim.engine import bullet
 from sim.scene import Body, BodyShape, Cavity, Scene
 
@@ -81,6 +82,9 @@ class Bodies:
         self.of: dict[str, list[int]] = {body.name: [] for body in scene.bodies}
         """Body -> indices of its pieces."""
         self._index: dict[int, int] = {}
+        self.moves = self.carries = 0
+        """Numbers of times that bodies were put elsewhere, or taken away, and that the robot carried one along: while
+        both stay, so do all bodies."""
         for body in scene.bodies:
             for part in parts.get(body.name) or plain(body):
                 self._add(body, part)
@@ -107,6 +111,7 @@ class Bodies:
     def forget_created(self) -> None:
         """Take everything away that :meth:`create` has put there."""
         names = self.created
+        self.moves += 1
         for piece in self.pieces[self.first :]:
             bullet.removeBody(piece.uid, physicsClientId=self.client)
             del self._index[piece.uid]
@@ -157,6 +162,15 @@ class Bodies:
 
     def place(self, name: str, pose: Pose) -> None:
         """Put a body, with all its pieces, somewhere; one that was removed stays away until :meth:`restore`."""
+        self.moves += 1
+        self._place(name, pose)
+
+    def carry(self, name: str, pose: Pose) -> None:
+        """Put a body where a hand that holds it has gone."""
+        self.carries += 1
+        self._place(name, pose)
+
+    def _place(self, name: str, pose: Pose) -> None:
         self.poses[name] = pose
         for index in self.of[name]:
             self._put(index)
@@ -164,6 +178,7 @@ class Bodies:
     def place_part(self, index: int, offset: Pose) -> None:
         """Move one piece within its body's frame (a person's arm)."""
         piece = self.pieces[index]
+        self.moves += 1
         piece.offset = offset
         piece.yields = piece.part.limb and offset.distance(piece.part.offset) > AT_REST
         self._put(index)
@@ -184,6 +199,7 @@ class Bodies:
 
     def remove(self, name: str) -> None:
         """Take a body out of the world: it touches nothing and is not seen."""
+        self.moves += 1
         self.removed.add(name)
         self.hide(self.of[name])
         self.hidden.difference_update(self.of[name])
@@ -223,6 +239,14 @@ class Bodies:
         if not indices:
             return np.full(3, np.inf), np.full(3, -np.inf)
         return self.lower[indices].min(axis=0), self.upper[indices].max(axis=0)
+
+    def spans(self, indices: Sequence[int]) -> tuple[Array, Array, Array]:
+        """Return boxes around some pieces: centres (n, 3), axes (n, 3, 3) as columns, and half extents (n, 3)."""
+        places = Pose.matrices(self.pieces[index].pose for index in indices)
+        half = np.array([self.pieces[index].part.size for index in indices]).reshape(-1, 3) / 2
+        is_round = np.array([self.pieces[index].part.kind != SolidKind.BOX for index in indices], bool)
+        half[is_round, :2] = half[is_round, :2].max(axis=1, keepdims=True)
+        return places[:, :3, 3], places[:, :3, :3], half
 
     def gap(self, first: Sequence[int], second: Sequence[int], within: float) -> float:
         """Return the distance of two sets of pieces [m], negative in penetration, ``inf`` beyond ``within``."""

@@ -10,7 +10,7 @@ import math
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,7 +77,7 @@ class Camera:
         view = bullet.computeViewMatrix(eye.tolist(), (eye + forward).tolist(), up.tolist())
         tall = math.tan(model.fov / 2) * model.height / model.width
         picture = raster(self.client, model.width, model.height, view, 2 * math.atan(tall))
-        depth, mask = (np.asarray(picture[one]).reshape(-1) for one in (3, 4))
+        depth, mask = picture.depth.reshape(-1), picture.mask.reshape(-1)
         along = _FAR * _CLIP / (_FAR - (_FAR - _CLIP) * depth)
         across = (np.arange(model.width) + 0.5) / model.width * 2 - 1
         down = 1 - (np.arange(model.height) + 0.5) / model.height * 2
@@ -96,9 +96,9 @@ class Camera:
         eye = eye + _AHEAD * forward
         view = bullet.computeViewMatrix(eye.tolist(), (eye + forward).tolist(), up.tolist())
         vertical = 2 * math.atan(math.tan(model.fov / 2) * model.height / model.width)
-        mask = raster(self.client, model.width, model.height, view, vertical)[4]
+        mask = raster(self.client, model.width, model.height, view, vertical).mask
         counts: dict[str, int] = {}
-        for uid, count in zip(*np.unique(np.asarray(mask), return_counts=True), strict=True):
+        for uid, count in zip(*np.unique(mask, return_counts=True), strict=True):
             name = self.bodies.name_of(int(uid))
             if name is not None:
                 counts[name] = counts.get(name, 0) + int(count)
@@ -171,6 +171,14 @@ class Camera:
         return np.vstack(points), np.concatenate(weights)
 
 
+class Raster(NamedTuple):
+    """A picture (height, width): colours (..., 3), depths in the buffer (0..1), and the body that each pixel shows."""
+
+    colours: Picture
+    depth: NDArray[np.float32]
+    mask: NDArray[np.int32]
+
+
 def raster(
     client: int,
     width: int,
@@ -181,13 +189,13 @@ def raster(
     shadow: int = 0,
     light: tuple[float, float, float] = (0.0, 0.0, 5.0),
     links: bool = False,
-) -> Any:
-    """Return PyBullet's picture [2] and its mask of bodies [4], by its software renderer, the same on every machine.
+) -> Raster:
+    """Return a picture of PyBullet's software renderer, the same on every machine.
 
     ``vertical``: opening angle [rad]. ``links``: the mask counts the links of a robot apart.
     """
     lens = bullet.computeProjectionMatrixFOV(math.degrees(vertical), width / height, _CLIP, _FAR)
-    return bullet.getCameraImage(
+    _, _, colours, depth, mask = bullet.getCameraImage(
         width,
         height,
         view,
@@ -197,6 +205,12 @@ def raster(
         flags=bullet.ER_SEGMENTATION_MASK_OBJECT_AND_LINKINDEX if links else 0,
         renderer=bullet.ER_TINY_RENDERER,
         physicsClientId=client,
+    )
+    # A PyBullet that was built without NumPy returns flat tuples.
+    return Raster(
+        np.asarray(colours, np.uint8).reshape(height, width, 4)[:, :, :3].copy(),
+        np.asarray(depth, np.float32).reshape(height, width),
+        np.asarray(mask, np.int32).reshape(height, width),
     )
 
 
@@ -332,19 +346,16 @@ class Painter:
 
     def render(self, width: int, height: int, view: View) -> Picture:
         """Return a picture (height, width, 3); walls that stand between the eye and the room are left out."""
-        image = self._raster(width, height, view, shadow=1)
-        return np.asarray(image[2], dtype=np.uint8).reshape(height, width, 4)[:, :, :3].copy()
+        return self._raster(width, height, view, shadow=1).colours
 
-    def _raster(self, width: int, height: int, view: View, *, shadow: int = 0, links: bool = False) -> Sequence[object]:
+    def _raster(self, width: int, height: int, view: View, *, shadow: int = 0, links: bool = False) -> Raster:
         eye, target = view
         hidden = [index for index in range(len(self.bodies.pieces)) if self._in_the_way(index, eye)]
         self.bodies.hide(hidden)
         try:
             towards = bullet.computeViewMatrix(list(eye), list(target), [0.0, 0.0, 1.0])
             light = (-2.0, -3.0, 6.0)
-            image: Sequence[object] = raster(
-                self.bodies.client, width, height, towards, FIELD, shadow=shadow, light=light, links=links
-            )
+            image = raster(self.bodies.client, width, height, towards, FIELD, shadow=shadow, light=light, links=links)
         finally:
             self.bodies.show(hidden)
         return image
@@ -409,7 +420,7 @@ class Painter:
 
     def _worth(self, view: View, groups: Iterable[Iterable[tuple[str, str]]]) -> float:
         """Return the pixels of the group that has the fewest, as the least of a small picture."""
-        mask = np.asarray(self._raster(*SMALL, view, links=True)[4])
+        mask = self._raster(*SMALL, view, links=True).mask
         counts: dict[tuple[str, str], int] = {}
         for value, count in zip(*(row.tolist() for row in np.unique(mask, return_counts=True)), strict=True):
             uid, link = value & 0xFFFFFF, (value >> 24) - 1  # as PyBullet packs them

@@ -56,6 +56,10 @@ class Changes:
         self.bodies, self.matter, self.rules = bodies, matter, rules
         self.rays, self.falling, self.held = rays, falling, held
         self._create, self._remove = create, remove
+        self._heats: dict[str, tuple[str, bool] | None] = {}
+        """What :meth:`heated_by` found, as long as nothing moves and no device is switched."""
+        self._heats_at: object = None
+        self._heatable: dict[str, bool] = {}
 
     # Asking
 
@@ -88,6 +92,14 @@ class Changes:
 
         A thing is heated by what it lies on, by what that lies on, and so on, and by what it is inside of.
         """
+        now = self.bodies.moves, self.bodies.carries, tuple(self.matter.states.items())
+        if now != self._heats_at:
+            self._heats, self._heats_at = {}, now
+        if name not in self._heats:
+            self._heats[name] = self._heat_of(name)
+        return self._heats[name]
+
+    def _heat_of(self, name: str) -> tuple[str, bool] | None:
         below, seen = self.under(name), {name}
         while below is not None and below not in seen and below in self.bodies.bodies:
             if self.matter.is_on(below):
@@ -100,6 +112,15 @@ class Changes:
             if on and inside(self.bodies.poses[device], body.size, place)[0]:
                 return device, True
         return None
+
+    def can_heat(self, name: str) -> bool:
+        """Return True if heat changes a thing or something in it, or has changed it."""
+        return any(map(self._is_heatable, (self.type_of(name), *self.matter.contents.get(name, ()))))
+
+    def _is_heatable(self, type: str) -> bool:
+        if type not in self._heatable:
+            self._heatable[type] = self.rules.can_heat(type)
+        return self._heatable[type]
 
     # Things
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import combinations
 
 import numpy as np
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from planlang.geometry import Array, Pose
 from planlang.geometry.shapes import overlaps
 from planlang.protocols import Configuration, Contact, Touch
+from planlang.records import dataclass
 from sim.bodies import Bodies
 from sim.engine import bullet
 from sim.leaves import Leaves, Led
@@ -113,11 +114,11 @@ class Contacts:
         self.robot, self.bodies, self.held, self.leaves, self.matter = robot, bodies, held, leaves, matter
         self.self_pairs = watched_pairs(robot)
         """Numbers of the pairs of solid links that must not touch."""
-        self._pairs = np.zeros((len(robot.solid), len(robot.solid)), bool)
+        self.watched = np.zeros((len(robot.solid), len(robot.solid)), bool)
         for pair in self.self_pairs:
-            self._pairs[pair] = True
+            self.watched[pair] = True
         hands = [robot.hand_of(link) for link in robot.body.hands]
-        self._hands = frozenset().union(*hands)
+        self.hands = frozenset().union(*hands)
 
     def find(self, query: Query) -> tuple[Contact, ...]:
         """Return all contacts: links first, in the order of the URDF, then held objects in the order of grasping."""
@@ -132,7 +133,7 @@ class Contacts:
         if query.itself:
             self._of_the_robot_itself(query, lower, upper, found)
         for name, held in self.held.items():
-            if query.others and (query.links is None or self._carriers(held) & query.links):
+            if query.others and (query.links is None or self.carriers(held) & query.links):
                 self._of_held(name, query, found)
             if query.itself:
                 self._of_held_and_robot(name, query, lower, upper, found)
@@ -141,7 +142,7 @@ class Contacts:
                 self._of_led(leaf, led, query, lower, upper, found)
         return tuple(Contact(part, body, depth) for (part, body), depth in found.items())
 
-    def _carriers(self, held: Held) -> frozenset[int]:
+    def carriers(self, held: Held) -> frozenset[int]:
         """Return the numbers of the links with which something held moves."""
         return frozenset().union(*map(self.robot.carrier, held.links))
 
@@ -157,7 +158,7 @@ class Contacts:
             return
         for index in () if other is not None else self.bodies.of[body]:
             piece = self.bodies.pieces[index]
-            if piece.yields and (number is None or number in self._hands):
+            if piece.yields and (number is None or number in self.hands):
                 continue
             if self.leaves.led and number in self.leaves.hands_on(body):
                 continue
@@ -186,7 +187,7 @@ class Contacts:
                 continue
             if query.ignores(part, piece.body):
                 continue
-            if piece.yields and number in self._hands:
+            if piece.yields and number in self.hands:
                 continue
             if self.leaves.led and number in self.leaves.hands_on(piece.body):
                 continue
@@ -201,7 +202,7 @@ class Contacts:
     def _of_the_robot_itself(
         self, query: Query, lower: Array, upper: Array, found: dict[tuple[str, str], float]
     ) -> None:
-        near = self._pairs if query.apart is None else self._pairs & query.apart
+        near = self.watched if query.apart is None else self.watched & query.apart
         near = near & overlaps(lower, upper, lower, upper)
         for a, b in zip(*(axis.tolist() for axis in np.nonzero(near)), strict=True):
             first, second = self.robot.solid_names[a], self.robot.solid_names[b]
@@ -243,7 +244,7 @@ class Contacts:
         self, name: str, query: Query, lower: Array, upper: Array, found: dict[tuple[str, str], float]
     ) -> None:
         held = self.held[name]
-        every = query.links is None or bool(self._carriers(held) & query.links)
+        every = query.links is None or bool(self.carriers(held) & query.links)
         for mine in self.bodies.of[name]:
             overlap = np.all((lower <= self.bodies.upper[mine]) & (upper >= self.bodies.lower[mine]), axis=1)
             for number in np.nonzero(overlap)[0].tolist():
@@ -274,8 +275,8 @@ class Contacts:
     def touches(self, links: Collection[str], reach: float = 0.01) -> tuple[Touch, ...]:
         """Return where links are touched: the nearest point of each body that is within ``reach`` of a link [m]."""
         numbers = sorted(self.robot.number[link] for link in links if link in self.robot.number)
-        lower, upper = self.robot.boxes()
-        near = self.bodies.near(lower[numbers] - reach, upper[numbers] + reach)
+        lower, upper = self.robot.boxes_of(numbers)
+        near = self.bodies.near(lower - reach, upper + reach)
         found = []
         for number, row in zip(numbers, near, strict=True):
             names = dict.fromkeys(self.bodies.pieces[index].body for index in np.flatnonzero(row).tolist())

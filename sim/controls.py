@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 from planlang.geometry import Pose
 from planlang.protocols import Touch
+from planlang.records import dataclass
 from sim.joints import Articulation
 from sim.matter import OFF, ON, Matter
 

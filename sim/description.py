@@ -12,7 +12,6 @@ import tempfile
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +20,7 @@ from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
 from planlang.geometry import Array
 from planlang.geometry.matrices import angles_of, product, rotation_of
 from planlang.geometry.urdf import Element, Joint, extents_of, numbers, read_urdf, tree_of
+from planlang.records import dataclass
 
 MOST_JOINTS = 127
 """PyBullet gives the poses of this many links."""
@@ -87,7 +87,9 @@ def read_description(path: Path) -> Description:
         return _meshless[path, urdf.content]
     if len(urdf.joints) > MOST_JOINTS:
         message = f"the robot has {len(urdf.joints)} joints; the simulator takes at most {MOST_JOINTS}"
-        raise BadInput([error("B009", message, Span(str(path), urdf.tree.line))])
+        fixed = sum(joint.kind == "fixed" for joint in urdf.joints)
+        advice = f"{fixed} of them are fixed: merge links that never move into the link that carries them"
+        raise BadInput([error("B009", message, Span(str(path), urdf.tree.line), advice if fixed else None)])
     robot = tree_of(urdf.content)  # changed below
     for child in list(robot):
         if child.tag not in _KEPT:

@@ -6,13 +6,13 @@ Values are in radians for what turns, in metres for what slides; greater ones ar
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
 
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import cross_matrix, product, rotated
+from planlang.records import dataclass
 
 SHUT = 0.03
 """Share of its range up to which a joint counts as closed."""

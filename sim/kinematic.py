@@ -110,7 +110,7 @@ class KinematicScene:
             self._shown = configuration, self._robot.moves
         for name, held in self._held.items():
             if held.placed != self._robot.moves and held.moves:
-                self._bodies.place(name, self._robot.link_pose(held.link) @ held.offset)
+                self._bodies.carry(name, self._robot.link_pose(held.link) @ held.offset)
                 held.placed = self._robot.moves
         for leaf, led in self._leaves.led.items():
             if led.placed != self._robot.moves:
@@ -118,6 +118,8 @@ class KinematicScene:
                 led.placed = self._robot.moves
 
     def _find(self, configuration: Configuration, query: Query) -> tuple[Contact, ...]:
+        if query.among is not None and not query.among:
+            return ()
         self._show(configuration)
         return self._contacts.find(query)
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import moved, rotated
+from planlang.records import dataclass
 from sim.bodies import Bodies
 from sim.joints import Articulation
 from sim.scene import Scene

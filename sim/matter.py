@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
+
+from planlang.records import dataclass
 
 MOST = 1e6
 """Greatest amount [ml] that a state is believed to have: a cubic metre."""

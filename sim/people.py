@@ -5,13 +5,14 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import facing, moved, rotated
 from planlang.geometry.shapes import SolidKind, half_extents
+from planlang.records import dataclass
 from sim.bodies import Bodies, Part
 from sim.scene import Body, BodyShape
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +11,7 @@ from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import rotations
 from planlang.geometry.shapes import SolidKind, outline_of
 from planlang.protocols import Configuration, Contact, Touch
+from planlang.records import dataclass
 from sim.contact import GROUND, Ignored, Query
 from sim.kinematic import KinematicScene
 from sim.robot import BASE

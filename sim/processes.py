@@ -7,12 +7,12 @@ side up. Time goes on in steps; nothing here is random.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from planlang.geometry import Pose
+from planlang.records import dataclass
 from sim.bodies import BLADE, axes_of
 from sim.changes import Changes
 from sim.falling import turned_up
@@ -145,12 +145,11 @@ class Processes:
 
 def warm(changes: Changes, seconds: float) -> None:
     """Heat what is over, or inside of, devices that are on: lower sides, or all sides; it may become something else."""
-    bodies, matter, rules = changes.bodies, changes.matter, changes.rules
+    bodies, matter = changes.bodies, changes.matter
     if not any(map(matter.is_on, matter.states)):
         return
     for name in list(bodies.bodies):
-        types = {changes.type_of(name), *matter.contents.get(name, {})}
-        if name in bodies.removed or not any(map(rules.can_heat, types)):
+        if name in bodies.removed or not changes.can_heat(name):
             continue
         if (heat := changes.heated_by(name)) is not None:
             _heat(changes, name, *heat, seconds)

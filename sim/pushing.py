@@ -10,12 +10,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
 from planlang.geometry import Array, Pose
 from planlang.protocols import Contact
+from planlang.records import dataclass
 from sim.bodies import Bodies
 from sim.changes import REST, Changes
 from sim.contact import TOLERANCE, Contacts

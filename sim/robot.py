@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +13,7 @@ from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import moved, product, rigid, rotated, rotations
 from planlang.geometry.shapes import ConvexSolid, SolidKind, convex_solid, corners
 from planlang.protocols import Configuration
+from planlang.records import dataclass
 from sim.description import Follower, loadable, read_description
 from sim.engine import bullet, quiet
 from sim.scene import RobotBody
@@ -131,14 +131,14 @@ class Robot:
         """Take out joints that follow others; note joints that never move because nothing uses them (wheels)."""
         moving = self.joints if self.body.moving is None else self.body.moving
         self.fixed |= {index for name, index in self.joints.items() if name not in moving}
-        self._followers: dict[str, tuple[tuple[int, Follower], ...]] = {}
+        self.followers: dict[str, tuple[tuple[int, Follower], ...]] = {}
         """Joint -> indices of the joints that mimic it, and how."""
         every = dict(self.joints)
         for name, followers in self.description.followers.items():
             if name not in every:
                 continue
-            self._followers[name] = tuple((every[one.joint], one) for one in followers if one.joint in every)
-            for index, one in self._followers[name]:
+            self.followers[name] = tuple((every[one.joint], one) for one in followers if one.joint in every)
+            for index, one in self.followers[name]:
                 del self.joints[one.joint], self.limits[one.joint]
                 if name in moving:
                     self.fixed.discard(index)
@@ -175,7 +175,7 @@ class Robot:
             if any(name not in self.joints for name, _ in changed):
                 self._known(dict(changed))
             moved = [(self.joints[name], value) for name, value in changed]
-            if self._followers:
+            if self.followers:
                 moved += [follow for name, value in changed for follow in self._following(name, value)]
             # until they are there nobody knows where they are: an interrupt may come at any moment
             self.moves += 1
@@ -199,7 +199,7 @@ class Robot:
 
     def _following(self, name: str, value: float) -> list[tuple[int, float]]:
         """Return where the joints are that mimic a joint, by index."""
-        return [(index, one.multiplier * value + one.offset) for index, one in self._followers.get(name, ())]
+        return [(index, one.multiplier * value + one.offset) for index, one in self.followers.get(name, ())]
 
     def link_pose(self, link: str) -> Pose:
         """Return the pose of a link frame in the map; ``KeyError`` for an unknown link."""
@@ -261,6 +261,10 @@ class Robot:
             slice(None),
         )
 
+    def spans(self) -> tuple[Array, Array, Array]:
+        """Return boxes around the solid links: centres (n, 3), axes (n, 3, 3) as columns, half extents (n, 3)."""
+        return (*self._spans(self.frames(), slice(None)), self._half)
+
     def boxes_of(self, numbers: Sequence[int]) -> tuple[Array, Array]:
         """Return the same for links of some numbers in ascending order, to the last bit whatever was shown before."""
         return self._corners(*self._spans(self._frames(numbers), numbers), numbers)
@@ -294,7 +298,7 @@ class Robot:
         return frozenset(k for k, above in enumerate(self._above) if index in above)
 
     def _moved_with(self, name: str) -> frozenset[int]:
-        indices = (self.joints[name], *(index for index, _ in self._followers.get(name, ())))
+        indices = (self.joints[name], *(index for index, _ in self.followers.get(name, ())))
         return frozenset[int]().union(*map(self._below, indices))
 
     def moved_by(self, name: str) -> frozenset[int]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from enum import StrEnum
 from itertools import product
 from pathlib import Path
@@ -18,6 +18,7 @@ import numpy as np
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import rotated
 from planlang.geometry.shapes import footprint, half_extents, inside
+from planlang.records import dataclass
 from sim.controls import Control
 from sim.joints import Articulation
 from sim.matter import Portion, Rules

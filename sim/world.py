@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +13,12 @@ from numpy.typing import NDArray
 
 from planlang.geometry import Array
 from planlang.protocols import Configuration, Contact, Detection, Motion, MotionState, Touch, Trajectory
+from planlang.records import dataclass
 from sim.camera import save_png
 from sim.contact import Query
 from sim.controls import Controls
 from sim.kinematic import KinematicScene
+from sim.outlook import Outlook
 from sim.processes import Processes
 from sim.pushing import Pushing
 from sim.robot import BASE, Robot
@@ -190,18 +193,20 @@ class PyBulletWorld(KinematicScene):
         self._hands = frozenset((*hands, *(link for fingers in hands.values() for link in fingers)))
         if self._robot is not None:
             self._pushing = Pushing(self._bodies, self._leaves, self._contacts, self.changes)
+            self._outlook = Outlook(self._contacts, self._here)
 
     # Time and motions
 
     def step(self) -> None:
         """Advance by one step: motions in the order of their groups' first start, then people, then what falls."""
-        for playback in self._motions.values():
-            if playback.state().state is MotionState.MOVING:
-                free = [strand for strand in playback.strands if strand.blocked_by is None]
-                self._now = advance(playback, self._met, self._contacts.felt, self._now)
-                self._push(free)
-        self._here()
-        if self._robot is not None:
+        moving = [playback for playback in self._motions.values() if playback.state().state is MotionState.MOVING]
+        for playback in moving:
+            free = [strand for strand in playback.strands if strand.blocked_by is None]
+            find = self._met if len(moving) > 1 else partial(self._met_alone, playback)
+            self._now = advance(playback, find, self._contacts.felt, self._now)
+            self._push(free)
+        if self._robot is not None and (self._held or self._leaves.led):
+            self._here()
             self._contacts.part()
             self._slip(self._robot)
         self._people.step({name: self._bodies.poses[name] for name, held in self._held.items() if held.on is None})
@@ -213,6 +218,16 @@ class PyBulletWorld(KinematicScene):
     def _met(self, configuration: Configuration, query: Query) -> tuple[Contact, ...]:
         """Return the contacts at a configuration, once what hands push has given way."""
         return self._pushing.contacts_after(lambda: self._find(configuration, query))
+
+    def _met_alone(self, playback: Playback, configuration: Configuration, query: Query) -> tuple[Contact, ...]:
+        """Return the same for the only motion: what may touch in its next steps is mostly known, and mostly nothing."""
+        is_simple = len(playback.strands) == 1 and not playback.strands[0].before and not query.grip
+        if is_simple and not self._leaves.led and not self._pushing.hands:
+            rows = np.asarray(playback.trajectory.positions, dtype=float)
+            among = self._outlook.among(playback, playback.names, rows, playback.row, query)
+            if among is not None and not self._find(configuration, replace(query, among=among)):
+                return ()
+        return self._met(configuration, query)
 
     def set_pushing(self, link: str, *, pushing: bool) -> None:
         """Let the hand at a link push what it meets and can be moved, or be stopped by that again."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import rotated
 from planlang.geometry.shapes import half_extents
 from planlang.ontology import Ontology, expand
+from planlang.records import dataclass
 from sim import Body
 from sim.joints import Articulation, JointKind
 from sim.scene import BodyShape

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from planlang.failures import LocationUnresolvable, ObjectUnresolvable
 from planlang.geometry import Array, Pose
 from planlang.ontology import expand, shorten
 from planlang.protocols import Touch
+from planlang.records import dataclass
 from sim import Body, ComfortZone, PlanningWorld
 from sim.joints import Articulation, JointKind
 from sim.leaves import inside

@@ -14,6 +14,7 @@ from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, note, warning
 from planlang.ontology import Literal, Ontology, expand
 from planlang.ontology.terms import RDF
+from planlang.spelling import similar
 
 _KEPT = "executive.belief.class_names"
 _USED = f"{_KEPT} used"
@@ -79,10 +80,8 @@ def with_known_classes(ontology: Ontology, things: Iterable[str], found: list[Di
             names[cls] = meant
             found.append(note("M031", f"{said}, is read as {local_name(meant)}", span))
             continue
-        from difflib import get_close_matches  # nearly all classes of nearly all maps are known
-
         every = {local_name(name) for name in ontology.class_names()}
-        close = get_close_matches(local_name(cls), sorted(every), n=1, cutoff=0.8)
+        close = similar(local_name(cls), sorted(every), least=0.8)
         advice = f"did you mean {close[0]}?" if close else f"say what it is: Class: {local_name(cls)} SubClassOf: ..."
         found.append(warning("M031", f"{said}, is unknown: nothing is known of such things", span, advice))
     return ontology.renamed(names) if names else ontology

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 from executive.motion import Boxes, clearance_at
 from executive.motion.clearance import TOUCHING, Band, Outline, clearances_at, cores, stands_in_none
 from planlang.geometry import Array
+from planlang.records import dataclass
 
 CELL = 0.05
 """Side of a cell of the grid [m]."""

@@ -6,12 +6,13 @@ Furniture with neither stays a solid box, unless the map states that it is open:
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from planlang.geometry import Array
 from planlang.geometry.shapes import corners
+from planlang.records import dataclass
 from sim import Body
 from sim.joints import Articulation, JointKind
 from sim.leaves import inside

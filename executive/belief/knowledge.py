@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import Enum
 from typing import NamedTuple
 
 from planlang.geometry import Pose
+from planlang.records import dataclass
 
 
 class Source(Enum):

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from planlang.geometry import Pose
 from planlang.geometry.matrices import orthonormal, product, rigid, rotated
 from planlang.ontology import Ontology, Triple, expand
 from planlang.ontology.terms import OWL
+from planlang.records import dataclass
 
 NEAR, TURNED = 0.1, math.radians(10.0)
 """Differences of poses [m, rad] up to which a thing is at one place in two maps."""

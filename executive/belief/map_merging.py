@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +26,7 @@ from planlang.geometry import Array
 from planlang.knowledge.places import LEVELS, inverted
 from planlang.ontology import Literal, Ontology, Triple, expand, load
 from planlang.ontology.terms import RDFS
+from planlang.records import dataclass
 from planlang.units import stated_number, unit_of_property
 
 SAME_PLACE = 0.01

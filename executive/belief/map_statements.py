@@ -6,7 +6,7 @@ All else of the files is kept as it is: classes, sizes, parts, places, and what 
 from __future__ import annotations
 
 from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 from executive.belief.semantic_map import PosesOfThings, SemanticMap
@@ -17,6 +17,7 @@ from planlang.ontology import Literal, Ontology, Term, Triple, expand
 from planlang.ontology.convert import Target, write
 from planlang.ontology.terms import OWL, RDF, RDFS, XSD
 from planlang.outputs import MARK
+from planlang.records import dataclass
 
 DIGITS = 9
 """Decimal places of lengths [m] and of the entries of rotations."""

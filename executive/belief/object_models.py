@@ -7,7 +7,7 @@ its direction is in that frame as well. Of what a thing has no model of, its box
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from planlang.geometry import Array
 from planlang.geometry.matrices import product
 from planlang.motion_constraints import Feature, FeatureKind, Vector
 from planlang.ontology import Literal, Ontology, expand
+from planlang.records import dataclass
 from planlang.units import stated_number, unit_of_property
 from sim.bodies import BLADE
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 from planlang.diagnostics import BadInput, Span, error
 from planlang.files import decode, read_file
 from planlang.geometry import Array, Pose
+from planlang.records import dataclass
 
 LARGEST_YAML, LARGEST_PICTURE = 10_000, 64_000_000
 """Bytes that are read at most."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import moved, rotated
 from planlang.geometry.shapes import corners, footprint
+from planlang.records import dataclass
 from sim import Body
 from sim.scene import BodyShape
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,6 +22,7 @@ from planlang.geometry.matrices import rotated
 from planlang.geometry.shapes import SolidKind
 from planlang.kernel import still_computing
 from planlang.protocols import Configuration
+from planlang.records import dataclass
 from sim import PlanningWorld
 
 if TYPE_CHECKING:

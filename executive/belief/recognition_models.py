@@ -8,7 +8,7 @@ parts of the robot.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 from executive.robots import Robot
@@ -18,6 +18,7 @@ from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
 from planlang.files import SUFFIXES
 from planlang.ontology import Literal, Ontology, expand, load
 from planlang.ontology.terms import OWL
+from planlang.records import dataclass
 
 _UNRECOGNISED = tuple(map(expand, ("Place-NonAgent", "SpaceInAHOC", "HumanOccupationConstruct", "AnimalBodyPart")))
 MOST_FILES = 1000

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from datetime import datetime
 from typing import NamedTuple
 
@@ -18,6 +18,7 @@ from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import product
 from planlang.ontology import Literal, Ontology, expand
 from planlang.ontology.terms import OWL
+from planlang.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

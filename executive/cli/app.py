@@ -29,7 +29,9 @@ from executive.cli.arguments import (
     ServeArguments,
 )
 from executive.cli.console import Answer, ExitCode, answer, give
+from executive.cli.resources import check_memory
 from executive.cli.server_arguments import (
+    DeleteArguments,
     PullArguments,
     PushArguments,
     RateArguments,
@@ -68,6 +70,10 @@ def robots_command() -> None:
     """Inspect robots, make robot files."""
 
 
+_RUNNING = ("run", "replay", "locate", "enable")
+"""Commands that build the simulated world."""
+
+
 def _command(name: str, arguments: type[Arguments]) -> Callable[..., None]:
     """Return a command whose parameters are the fields of a dataclass: its own first, then those that it inherits.
 
@@ -84,6 +90,8 @@ def _command(name: str, arguments: type[Arguments]) -> Callable[..., None]:
         given = arguments(**values)
 
         def work() -> Answer:
+            if name in _RUNNING:
+                check_memory()
             reply: Answer = import_module(f"executive.cli.{name.split()[-1]}").command(given)
             return reply
 
@@ -115,6 +123,7 @@ for name, arguments, example in (
     ("pull", PullArguments, "serveadrink.ward -o pulled --from URL"),
     ("push", PushArguments, "my_recipe.owl --kind recipe --name ward --to URL --key-file my.key"),
     ("rate", RateArguments, "serveadrink.ward 8 --to URL --key-file my.key"),
+    ("delete", DeleteArguments, "serveadrink.ward --file pouring.py --from URL --key-file my.key"),
     ("watch", WatchArguments, "serveadrink.ward --from URL --key-file my.key"),
     ("robot inspect", InspectArguments, "amigo --picture reach.png"),
     ("robot make", MakeArguments, "my_arm.urdf -o my_arm.toml"),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
 from typing import Annotated
@@ -11,6 +10,7 @@ from typing import Annotated
 import typer
 
 from planlang.diagnostics import BadInput, error
+from planlang.records import dataclass
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,12 +123,18 @@ class LogicReasoner(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class CompileArguments(TaskArguments, VerboseArguments):
-    """Compile a recipe to a plan in Python."""
+    """Compile a recipe to a plan in Python.
+
+    With --output, what was compiled is also kept beside the plan, as PLAN.base: from it --merge knows what was edited.
+    Exit code 1: the merge has conflicts, which are marked in the plan as git marks them.
+    """
 
     recipe: Recipe
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="PLAN", help="Write the plan to this file, not to stdout.")
     ] = None
+    modules: Modules = None
+    trust: Trust = False
     graph: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Also draw the order of the steps: a .svg, .dot or .mmd (Mermaid) file."),
@@ -139,6 +145,10 @@ class CompileArguments(TaskArguments, VerboseArguments):
     data_flow: Annotated[
         bool, typer.Option("--dataflow/--no-dataflow", help="Order steps by data flow, and pass data on.")
     ] = True
+    merge: Annotated[
+        bool,
+        typer.Option("--merge", help="Keep the edits of the plan: merge them with what the recipe compiles to now."),
+    ] = False
     force: Annotated[
         bool, typer.Option("--force", help="Overwrite plans edited by hand, and files that planlang did not write.")
     ] = False
@@ -149,11 +159,13 @@ class CheckArguments(TaskArguments):
     """Check a recipe, a plan or a map; nothing is run.
 
     For a recipe, lists all problems; for a folder, tabulates its recipes; for a map, tells what it holds. For
-    a plan, tells whether its recipe or the compiler has changed since it was compiled, whether it was edited, and how
-    a fresh compilation differs from it.
+    a plan, tells whether its recipe or the compiler has changed since it was compiled, and what a person has edited;
+    shows both.
     """
 
     file: RecipeOrPlan
+    modules: Modules = None
+    trust: Trust = False
     fix: Annotated[
         bool, typer.Option("--fix", help="Write a copy with the safe fixes, NAME.fixed.EXT, and show the changes.")
     ] = False
@@ -257,14 +269,14 @@ class MatchArguments(TaskArguments):
 class RunArguments(TaskArguments, VerboseArguments):
     """Run a plan or a recipe in a simulated world.
 
-    An interrupted run is resumed by planlang run PLAN --resume TRACE. Seed, start and parameters are those of the
-    trace; so are plan, robot and environment if they are bundled.
+    planlang run --resume TRACE resumes an interrupted run; name plan, robot and environment unless they are bundled.
     """
 
     file: Annotated[
         str | None,
         typer.Argument(metavar="RECIPE|PLAN", help="A recipe's or plan's file, or a bundled recipe's name."),
     ] = None
+    verbose: Annotated[bool, typer.Option("--verbose", help="List all notes and inner actions of modules.")] = False
     robot: Robot = None
     urdf: Urdf = None
     accept: Accept = None
@@ -481,6 +493,10 @@ class ServeArguments(OntologyArguments):
     ] = None
     host: Annotated[str, typer.Option(metavar="ADDRESS", help="The address to listen at.")] = "127.0.0.1"
     port: Annotated[int, typer.Option(min=0, max=65535, help="The port to listen at; 0: any free one.")] = 8080
+    access_log: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Write a line of JSON for each request to the end of a file; -: to stderr."),
+    ] = None
     check_seconds: Annotated[
         int,
         typer.Option(min=1, metavar="SECONDS", help="CPU time after which a check or a conversion is ended."),

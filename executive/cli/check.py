@@ -7,21 +7,22 @@ from __future__ import annotations
 
 import difflib
 import os
-from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import typer
 
 from executive.cli.arguments import CheckArguments
 from executive.cli.console import Answer, ExitCode
-from executive.cli.inputs import PlanFile, RecipeFile, read, read_recipe_file, unacceptable
+from executive.cli.freshness import freshness
+from executive.cli.inputs import RecipeFile, read, read_recipe_file, unacceptable
+from executive.cli.performed import performed_by_modules
+from executive.cli.plan_roles import misspelt_roles
 from planlang.compiler import compile_recipe
 from planlang.diagnostics import BadInput, Diagnostic, Severity, Span, error, has_errors, note, warning
 from planlang.files import SUFFIXES
-from planlang.outputs import NO_DATA_FLOW, NO_SCOPES, PlanHeader, check_outputs, header, replace
+from planlang.outputs import check_outputs, replace
 from planlang.recipe.fixes import Fix
-from planlang.recipe.fixes.fixing import Fixed, fix_recipe
+from planlang.recipe.fixes.fixing import Fixed
 
 
 def command(arguments: CheckArguments) -> Answer:
@@ -44,16 +45,19 @@ def command(arguments: CheckArguments) -> Answer:
 
         return reasoned(found.path, arguments, lambda: _recipe_or_map(found, arguments))
     fresh = freshness(found, folders=arguments.folders)
-    code = ExitCode.BAD_INPUT if has_errors(fresh.diagnostics) else ExitCode.DONE
-    text = "\n".join(filter(None, (f"{found.path}: {fresh.state}", fresh.difference)))
-    data = {"kind": "plan", "state": fresh.state, "difference": fresh.difference}
-    return Answer(code, fresh.diagnostics, text, data)
+    diagnostics = (*fresh.diagnostics, *misspelt_roles(found))
+    code = ExitCode.BAD_INPUT if has_errors(diagnostics) else ExitCode.DONE
+    text = "\n".join(filter(None, (f"{found.path}: {fresh.state}", fresh.edits, fresh.difference)))
+    data = {"kind": "plan", "state": fresh.state, "edits": fresh.edits, "difference": fresh.difference}
+    return Answer(code, diagnostics, text, data)
 
 
 def _recipe_or_map(found: RecipeFile, arguments: CheckArguments) -> Answer:
     """Check a recipe, or a map; raises BadInput."""
+    problems: list[Diagnostic] = []
+    performed = performed_by_modules(arguments.modules, problems, trust=arguments.trust)
     try:
-        plan = compile_recipe(found.path, task=arguments.task, folders=arguments.folders)
+        plan = compile_recipe(found.path, task=arguments.task, folders=arguments.folders, performed=performed)
     except BadInput as problem:
         if arguments.task is not None or not _lacks_task(problem):
             raise
@@ -61,7 +65,9 @@ def _recipe_or_map(found: RecipeFile, arguments: CheckArguments) -> Answer:
 
         return check_map(found.path, arguments.folders, problem)
     text = f"{found.path}: {plan.task} compiles"
-    return Answer(diagnostics=plan.diagnostics, text=text, data={"kind": "recipe", "task": plan.task})
+    diagnostics = (*plan.diagnostics, *problems)
+    code = ExitCode.BAD_INPUT if has_errors(problems) else ExitCode.DONE
+    return Answer(code, diagnostics, text, {"kind": "recipe", "task": plan.task})
 
 
 def _lacks_task(problem: BadInput) -> bool:
@@ -94,13 +100,17 @@ def _fixed(recipe: RecipeFile, arguments: CheckArguments) -> Answer:
     if problems:
         raise BadInput(problems)
     task, folders = arguments.task, arguments.folders
-    fixed = fix_recipe(recipe.path, task=task, folders=folders, accepted=frozenset(accepted))
+    from executive.runs.fixing import fixed as fixed_recipe  # most recipes are only checked
+
+    fixed = fixed_recipe(recipe.path, task=task, folders=folders, accepted=accepted)
+    found: list[Diagnostic] = []
+    performed = performed_by_modules(arguments.modules, found, trust=arguments.trust)
     checked = recipe.path
     if fixed.done:
         _write(target, fixed, is_named=output is not None)
         checked = target
     try:
-        plan = compile_recipe(checked, task=task, folders=(recipe.path.parent, *folders))
+        plan = compile_recipe(checked, task=task, folders=(recipe.path.parent, *folders), performed=performed)
         remaining, verdict = plan.diagnostics, f"{plan.task} compiles"
     except BadInput as problem:
         remaining, verdict = problem.diagnostics, "errors remain"
@@ -115,7 +125,7 @@ def _fixed(recipe: RecipeFile, arguments: CheckArguments) -> Answer:
     lines += [f"fixed {one.code} {one.message}\n" for one in fixed.done]
     lines.append(f"{checked}: {verdict}" if fixed.done else f"{checked}: nothing was fixed; {verdict}")
     code = ExitCode.BAD_INPUT if has_errors(remaining) else ExitCode.DONE
-    return Answer(code, (*remaining, *_left(fixed, checked)), "".join(lines), data)
+    return Answer(code, (*remaining, *found, *_left(fixed, checked)), "".join(lines), data)
 
 
 def _write(target: Path, fixed: Fixed, *, is_named: bool) -> None:
@@ -127,15 +137,21 @@ def _write(target: Path, fixed: Fixed, *, is_named: bool) -> None:
 
 
 def _left(fixed: Fixed, checked: Path) -> list[Diagnostic]:
-    """Return a note for each fix that was not applied: where it would be, and what the user can do."""
+    """Return a note for each fix that was not applied, and a warning for one that would make the recipe worse."""
+
+    def where(one: Fix) -> Span | None:
+        return one.span._replace(file=str(checked)) if one.span else None
+
     left = [
-        (one, f"uncertain, not applied: {_line(one)}", f"--accept {one.code} applies it") for one in fixed.unaccepted
+        note("C016", f"uncertain, not applied: {_line(one)}", where(one), f"--accept {one.code} applies it")
+        for one in fixed.unaccepted
     ]
-    left += [(one, f"not applied: {_line(one)}; {why}", "make the change by hand") for one, why in fixed.impossible]
-    return [
-        note("C016", message, one.span._replace(file=str(checked)) if one.span else None, advice)
-        for one, message, advice in left
+    left += [
+        note("C016", f"not applied: {_line(one)}; {why}", where(one), "make the change by hand")
+        for one, why in fixed.impossible
     ]
+    left += [warning("C022", f"refused: {_line(one)}; {why}", where(one), why.advice) for one, why in fixed.refused]
+    return left
 
 
 def _line(one: Fix) -> str:
@@ -146,86 +162,3 @@ def _fix_difference(before: Path, after: Path, fixed: Fixed) -> str:
     old, new = (text.splitlines(keepends=True) for text in (fixed.before, fixed.after))
     lines = difflib.unified_diff(old, new, str(before), str(after))
     return "".join(line if line.endswith("\n") else line + "\n\\ No newline at end of file\n" for line in lines)
-
-
-# Whether a plan is up to date
-
-
-@dataclass(frozen=True, slots=True)
-class Freshness:
-    """The state of a plan in words, diagnostics, and how a fresh compilation differs from it.
-
-    ``difference`` is a unified diff, from the plan to what the recipe compiles to now; empty if there is none or it is
-    not known.
-    """
-
-    state: str
-    diagnostics: tuple[Diagnostic, ...] = ()
-    difference: str = ""
-
-
-def freshness(plan: PlanFile, *, folders: Sequence[Path] = ()) -> Freshness:
-    """Compare a plan with what its recipe compiles to now, with the options that the plan was compiled with.
-
-    The recipe is the first of its name beside the plan, in ``folders``, among the bundled ones. A changed recipe is an
-    error; a changed compiler or import a warning; an edited plan a note.
-    """
-    origin = plan.header
-    if origin is None:
-        return Freshness("a plan written by hand")
-    span = Span(str(plan.path))
-    recipe = origin.find_recipe(plan.path, folders)
-    if recipe is None:
-        advice = "name its folder with --ontologies DIR"
-        message = f"the recipe {origin.recipe} is not beside the plan: it is unknown whether it has changed"
-        return Freshness("a compiled plan without its recipe", (warning("C011", message, span, advice),))
-    same = origin.matches(recipe.read_bytes())
-    found: list[Diagnostic] = []
-    if not same:
-        advice = f"planlang compile {recipe} -o {plan.path} compiles the plan again"
-        message = f"the recipe has changed since this plan was compiled from it: {recipe}"
-        found.append(error("C009", message, span, advice))
-    fresh, problems = _compiled(recipe, origin, folders)
-    if fresh is None:
-        state = "out of date" if not same else "compiled from a recipe that no longer compiles"
-        return Freshness(state, tuple(found) if not same else problems)
-    if fresh == plan.source:
-        return Freshness(f"what {recipe.name} compiles to")
-    is_edited = origin.is_edited(plan.source)
-    if same and not is_edited:
-        message = f"{origin.recipe} compiles to a different plan now: planlang has changed ({_versions(origin, fresh)})"
-        found.append(warning("C006", f"{message}, or what the recipe imports", span, "compile the plan again"))
-    if is_edited and origin.digest is not None:
-        found.append(note("C010", "the plan was edited since it was compiled", span))
-    elif same and is_edited:
-        message = f"the plan differs from what {origin.recipe} compiles to: it was edited, or planlang has changed"
-        found.append(note("C010", message, span))
-    state = "out of date" if not same or not is_edited else "an edited plan"
-    return Freshness(state, tuple(found), _difference(plan, recipe, fresh))
-
-
-def _compiled(recipe: Path, origin: PlanHeader, folders: Sequence[Path]) -> tuple[str | None, tuple[Diagnostic, ...]]:
-    try:
-        compiled = compile_recipe(
-            recipe,
-            task=origin.task,
-            folders=folders,
-            scopes=NO_SCOPES not in origin.options,
-            data_flow=NO_DATA_FLOW not in origin.options,
-        )
-    except BadInput as problem:
-        return None, problem.diagnostics
-    return compiled.source, ()
-
-
-def _versions(origin: PlanHeader, fresh: str) -> str:
-    now = header(fresh)
-    new = now.version if now is not None else "unknown"
-    return f"version {new}" if new == origin.version else f"from {origin.version} to {new}"
-
-
-def _difference(plan: PlanFile, recipe: Path, fresh: str) -> str:
-    lines = difflib.unified_diff(
-        plan.source.splitlines(), fresh.splitlines(), str(plan.path), f"what {recipe.name} compiles to now", lineterm=""
-    )
-    return "\n".join(lines)

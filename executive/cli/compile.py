@@ -5,12 +5,16 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import typer
+
 from executive.cli.arguments import CompileArguments
-from executive.cli.console import Answer
+from executive.cli.console import Answer, ExitCode
 from executive.cli.inputs import read_recipe_file, refuse
+from executive.cli.performed import performed_by_modules
 from planlang.compiler import compile_recipe
-from planlang.diagnostics import Diagnostic, error
-from planlang.outputs import check_outputs, write_plan, write_text
+from planlang.diagnostics import Diagnostic, Span, error
+from planlang.outputs import LONGEST, NO_DATA_FLOW, NO_SCOPES, PlanHeader, check_outputs, header, write_text
+from planlang.plan_versions import backup_path, merge_plan, write_versions
 
 
 def command(arguments: CompileArguments) -> Answer:
@@ -20,15 +24,24 @@ def command(arguments: CompileArguments) -> Answer:
     problems = check_outputs({"--output": output}, inputs, force=True)  # write_plan looks at an old plan more closely
     problems += check_outputs({"--graph": graph}, {**inputs, "--output": output}, force=force)
     refuse([*problems, *_check_graph(graph)])
+    before = _merged_header(arguments)
+    found: list[Diagnostic] = []
+    left_out = before.options if before is not None else ()
     plan = compile_recipe(
         file.path,
-        task=arguments.task,
+        task=arguments.task or (before.task if before is not None else None),
         folders=arguments.folders,
-        scopes=arguments.scopes,
-        data_flow=arguments.data_flow,
+        scopes=arguments.scopes and NO_SCOPES not in left_out,
+        data_flow=arguments.data_flow and NO_DATA_FLOW not in left_out,
+        performed=performed_by_modules(arguments.modules, found, trust=arguments.trust),
     )
-    if output is not None:
-        write_plan(output, plan.source, force=force)
+    found, code = [*plan.diagnostics, *found], ExitCode.DONE
+    if output is not None and arguments.merge and output.is_file():
+        conflicts = merge_plan(output, plan.source, file.path.name)
+        found += [_conflict(output, line) for line in conflicts]
+        code = ExitCode.FAILED if conflicts else code
+    elif output is not None:
+        write_versions(output, plan.source, force=force)
     if graph is not None:
         from planlang.compiler.drawing import FORMATS, task_graph  # most plans are not drawn
 
@@ -37,7 +50,30 @@ def command(arguments: CompileArguments) -> Answer:
     data |= {"graph": str(graph)} if graph is not None else {}
     data |= {"plan": str(output)} if output is not None else {"source": plan.source}
     text = plan.source if output is None else f"{output}: {plan.task}"
-    return Answer(diagnostics=plan.diagnostics, text=text, data=data)
+    if code is ExitCode.FAILED:
+        text += f", with conflicts; as it was before: {backup_path(output)}" if output is not None else ""
+    return Answer(code, tuple(found), text, data)
+
+
+def _conflict(plan: Path, line: int) -> Diagnostic:
+    advice = "keep the right lines, and remove the marks <<<<<<<, ======= and >>>>>>>"
+    return error(
+        "C023", "conflict: these lines were edited, and the recipe changes them too", Span(str(plan), line), advice
+    )
+
+
+def _merged_header(arguments: CompileArguments) -> PlanHeader | None:
+    """Return how the plan to merge with was compiled, as it is compiled again in the same way; None without --merge."""
+    if not arguments.merge:
+        return None
+    if arguments.output is None:
+        raise typer.BadParameter("--merge needs --output PLAN, the plan that was edited")
+    if arguments.force:
+        raise typer.BadParameter("--merge keeps the edits, --force overwrites them: give one of them")
+    if not arguments.output.is_file():
+        return None
+    with arguments.output.open(encoding="utf-8", errors="replace") as file:
+        return header(file.read(LONGEST))
 
 
 def _check_graph(path: Path | None) -> list[Diagnostic]:

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-import errno
 import json
 import os
 import sys
 import traceback
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from enum import IntEnum
 from typing import Any
 
 import typer
 
-from planlang.diagnostics import BadInput, Diagnostic, Severity, error
+from executive.cli.resources import no_room, out_of_resources
+from planlang.diagnostics import BadInput, Diagnostic, Severity
+from planlang.records import dataclass
 
 
 class ExitCode(IntEnum):
@@ -26,11 +27,10 @@ class ExitCode(IntEnum):
     BAD_INPUT = 2
     MISSING_CAPABILITY = 3
     INTERNAL_ERROR = 70
+    OUT_OF_RESOURCES = 71
     INTERRUPTED = 130
 
 
-_FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS}
-"""Errors of a file system that takes no more."""
 MOST_NOTES = 10
 """Notes that are listed before a result; of more only their codes are counted, as they would hide what follows."""
 
@@ -65,10 +65,10 @@ def answer(command: str, work: Callable[[], Answer], *, as_json: bool, all_notes
     except (BrokenPipeError, typer.Exit, typer.BadParameter):
         raise
     except Exception as problem:
-        if isinstance(problem, OSError) and problem.errno in _FULL:
-            message = "; ".join((f"no room to write: {problem}", *getattr(problem, "__notes__", ())))
-            advice = "free space on the disk, or name another place"
-            reply = Answer(ExitCode.BAD_INPUT, (error("C004", message, help=advice),))
+        if (lacking := out_of_resources(problem)) is not None:
+            reply = Answer(ExitCode.OUT_OF_RESOURCES, (lacking,))
+        elif (full := no_room(problem)) is not None:
+            reply = Answer(ExitCode.BAD_INPUT, (full,))
         else:
             reply = _internal_error(problem)
     give(command, reply, as_json=as_json, all_notes=all_notes)

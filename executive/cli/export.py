@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -17,8 +17,7 @@ from executive.cli.inputs import refuse
 from executive.runs.traces import damaged
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
 from planlang.experience import Experience, experience_of, narrative
-from planlang.experience.poses import IDENTITY, Transform, pose_lines, read_poses, transforms_in
-from planlang.experience.traces import LONGEST
+from planlang.experience.poses import pose_lines, read_log, transforms_in
 from planlang.files import read_file
 from planlang.outputs import check_outputs, write_text
 from planlang.runs.recorded_run import DamagedTrace, read_records
@@ -39,7 +38,7 @@ def command(arguments: ExportArguments) -> Answer:
         raise BadInput([damaged(str(trace), damage)]) from None
     poses = list(transforms_in(records))
     if arguments.poses is not None:
-        poses = sorted((*poses, *_logged(arguments.poses, records[0])), key=lambda one: one.step)
+        poses = sorted((*poses, *read_log(arguments.poses, records[0])), key=lambda one: one.step)
     outputs = {"the narrative": folder / "narrative.ttl", "the poses": folder / POSES}
     _make(folder)
     refuse(check_outputs(outputs, {"the trace": trace, "--poses": arguments.poses}, force=arguments.force))
@@ -81,23 +80,6 @@ def _began(text: str | None) -> datetime | None:
     if moment.tzinfo is None or not 1971 <= moment.year <= 9000:
         raise typer.BadParameter(f"{text!r} needs its zone, Z or for example +01:00, and a year from 1971 to 9000")
     return moment
-
-
-def _logged(path: Path, header: Mapping[str, Any]) -> list[Transform]:
-    """Return the poses of a log that was written with the same run. Raises BadInput."""
-    lines = read_file(path, "C001", largest=LARGEST).decode(errors="replace").splitlines(keepends=True)
-    try:
-        known, found = read_poses(lines)
-    except ValueError as problem:
-        raise BadInput([error("K081", f"this is no log of poses: {problem}", Span(str(path)))]) from None
-    if any(one.step > header["rate"] * LONGEST for one in found):
-        raise BadInput([error("K081", "a pose is too late for any run", Span(str(path)))])
-    differing = [key for key in IDENTITY if known.get(key) != header.get(key)]
-    if differing:
-        advice = "planlang run PLAN --trace run.jsonl --poses poses.jsonl writes both"
-        message = f"the poses are of another run: {', '.join(differing)} differ"
-        raise BadInput([error("K081", message, Span(str(path)), advice)])
-    return found
 
 
 def _told(run: Experience) -> Iterator[str]:

@@ -6,14 +6,16 @@ import ast
 import math
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import typer
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors
-from planlang.files import Bundled, open_regular
-from planlang.outputs import PlanHeader, header
+from planlang.files import Bundled, open_regular, read_at_most
+from planlang.outputs import LARGEST_PLAN, PlanHeader, header
+from planlang.plan_versions import unresolved
+from planlang.records import dataclass
+from planlang.three_way import has_conflicts
 
 
 def chosen(
@@ -52,14 +54,17 @@ def check_files(problems: list[Diagnostic], **files: Path | Sequence[Path] | Non
 
 
 def check_trusted(problems: list[Diagnostic], programs: Iterable[Path], *, trust: bool) -> None:
-    """Append an error for each program that was pulled from a server, unless the user trusts it."""
+    """Append an error for each program that was pulled from a server, unless the user trusts it.
+
+    One that was pulled is known by its place, and under any other name by its content.
+    """
     programs = tuple(programs)
     if trust or not programs:
         return
-    from planlang.knowledge.pulled import RECORD, origin_of  # few programs have been pulled
+    from planlang.knowledge.pulled import origin_of  # most commands run no program
 
     for path in programs:
-        if (path.resolve().parent / RECORD).exists() and (origin := origin_of(path)) is not None:
+        if path.is_file() and (origin := origin_of(path)) is not None:
             advice = "it can do all that you can: read it, then add --trust"
             problems.append(
                 error("K038", f"a program that was pulled from a server: {origin}", Span(str(path)), advice)
@@ -112,10 +117,6 @@ def planar(text: str | None) -> tuple[float, float, float] | None:
     return x, y, yaw
 
 
-LARGEST_PLAN = 10_000_000
-"""Bytes of a plan that are read at most; recipes are bounded by their own reader."""
-
-
 @dataclass(frozen=True, slots=True)
 class PlanFile:
     """A plan's source, parsed but never executed. ``header`` is None when a person wrote the plan."""
@@ -150,7 +151,7 @@ def read(name: str) -> PlanFile | RecipeFile:
     path = Bundled.RECIPE.find(name)
     try:
         with open_regular(path) as file:
-            content = file.read(LARGEST_PLAN + 1)
+            content = read_at_most(file, LARGEST_PLAN + 1)
     except OSError as problem:
         raise BadInput([error("C001", f"{name} cannot be read: {problem.strerror}")]) from None
     text = content.decode("utf-8", errors="replace").lstrip("\ufeff")
@@ -188,6 +189,8 @@ def _starts_like_owl(text: str) -> bool:
 def _plan(path: Path, text: str, *, is_whole: bool) -> PlanFile:
     if not is_whole:
         raise BadInput([error("C002", f"this plan is larger than {LARGEST_PLAN // 1_000_000} MB", Span(str(path)))])
+    if has_conflicts(text):
+        raise BadInput([unresolved(text, Span(str(path)))])
     try:
         module = ast.parse(text)
     except (SyntaxError, ValueError, RecursionError, MemoryError) as problem:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
 from executive.cli.arguments import InspectArguments
@@ -23,6 +24,9 @@ from sim import PlanningWorld, Scene
 USEFUL = ("carrying", "prepare_grasp", "handover")
 """Postures that plans and the executive use."""
 
+_FROM = {GraspClass.SIDE: "grasps from the side", GraspClass.TILTED: "tilted ones", GraspClass.TOP: "from above"}
+"""Directions of grasps in words."""
+
 Maps = Mapping[GraspClass, ReachabilityMap]
 
 
@@ -40,18 +44,18 @@ def command(arguments: InspectArguments) -> Answer:
     robot = with_carrying(bare)
     world = PlanningWorld(Scene(()), robot.body())
     try:
-        return _inspected(bare, robot, world, arguments)
+        return _inspected(bare, robot, world, arguments, urdf or source)
     finally:
         world.close()
 
 
-def _inspected(bare: Robot, robot: Robot, world: PlanningWorld, arguments: InspectArguments) -> Answer:
+def _inspected(bare: Robot, robot: Robot, world: PlanningWorld, arguments: InspectArguments, file: Path) -> Answer:
     picture, record, progress = arguments.picture, arguments.record, silent if arguments.json else say
     models = arm_models(robot, world)
     bounds = dict(world.robot.limits)
-    for file in (picture, record):
-        if file is not None and not models:
-            raise BadInput([error("C004", f"{file}: {robot.name} has no arm whose reach could be drawn")])
+    for output in (picture, record):
+        if output is not None and not models:
+            raise BadInput([error("C004", f"{output}: {robot.name} has no arm whose reach could be drawn")])
     maps = {
         model.name: {grasp: reachability_map(model, grasp, robot.name, progress) for grasp in GraspClass}
         for model in models
@@ -63,23 +67,23 @@ def _inspected(bare: Robot, robot: Robot, world: PlanningWorld, arguments: Inspe
         radius = robot.base.radius
         replace(picture, lambda path: save_reach_picture(path, robot.name, models, maps, radius))
     lacking = list(_lacking(bare))
-    lines = [*_body_lines(robot)]
+    lines = [*_body_lines(robot, file)]
     for arm in robot.arms:
         lines += _arm_lines(robot, arm, maps[arm.name], bounds)
     lines += ["postures"]
     lines += [f"  {name}: {_positions(joints)}" for name, joints in robot.postures.items()]
     lines += ["missing", *(f"  {what}" for what in lacking or ["nothing"])]
     arms = [_arm_data(arm, maps) for arm in robot.arms]
-    data: dict[str, Any] = {"robot": robot.name, "urdf": str(robot.urdf), "arms": arms}
+    data: dict[str, Any] = {"robot": robot.name, "file": str(file), "urdf": str(robot.urdf), "arms": arms}
     data |= {"torso": robot.torso, "neck": list(robot.neck), "camera": robot.camera.link if robot.camera else None}
     data |= {"postures": {name: dict(joints) for name, joints in robot.postures.items()}, "missing": lacking}
     code = ExitCode.DONE if robot.arms else ExitCode.MISSING_CAPABILITY
     return Answer(code, robot.diagnostics, text="\n".join(lines), data=data)
 
 
-def _body_lines(robot: Robot) -> Iterator[str]:
+def _body_lines(robot: Robot, file: Path) -> Iterator[str]:
     base = robot.base
-    yield f"{robot.name} ({robot.urdf})"
+    yield f"{robot.name} ({file})"
     moves = "fixed" if base.fixed else f"{base.speed:g} m/s, {base.turn_speed:g} rad/s"
     yield f"  base: {robot.base_link}, radius {base.radius:g} m, {moves}"
     yield f"  torso: {robot.torso or 'none'}"
@@ -88,7 +92,8 @@ def _body_lines(robot: Robot) -> Iterator[str]:
 
 
 def _arm_lines(robot: Robot, arm: Arm, maps: Maps, bounds: Mapping[str, tuple[float, float]]) -> Iterator[str]:
-    yield f"arm {arm.name}, from {arm.base_link} to {arm.tip}"
+    named = arm.name if "arm" in arm.name.split() else f"arm {arm.name}"
+    yield f"{named}, from {arm.base_link} to {arm.tip}"
     approach, closing = (" ".join(f"{value:g}" for value in axis) for axis in (arm.approach, arm.closing))
     opening = f"opens {arm.gripper.max_opening:g} m" if arm.gripper else "has no gripper"
     yield f"  hand: {arm.hand_link}, approaches along {approach}, closes along {closing}, {opening}"
@@ -96,8 +101,8 @@ def _arm_lines(robot: Robot, arm: Arm, maps: Maps, bounds: Mapping[str, tuple[fl
         lower, upper = bounds.get(joint, (-math.inf, math.inf))
         limits = robot.limits[joint]
         yield f"  {joint:32} {lower:8.3f} .. {upper:8.3f}   at most {limits.speed:g} per second"
-    reached = ", ".join(f"{grasp.value} {len(found)}" for grasp, found in maps.items())
-    yield f"  reaches, of poses {CELL:g} m and {360 // YAWS} degrees apart: {reached}"
+    reached = ", ".join(f"{len(found):,} {_FROM[grasp]}" for grasp, found in maps.items())
+    yield f"  reach, on a grid of {100 * CELL:g} cm and {360 // YAWS} degrees: {reached}"
 
 
 def _arm_data(arm: Arm, maps: Mapping[str, Maps]) -> dict[str, Any]:

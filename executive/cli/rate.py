@@ -13,7 +13,8 @@ def command(arguments: RateArguments) -> Answer:
 
     def work(client: Client) -> Answer:
         entry = client.rate(client.entry(arguments.uid), arguments.rating)
-        text = f"{entry.uid}: rated {entry.rating or 0:.1f} by {entry.ratings}"
+        given = f"your {arguments.rating} is counted"
+        text = f"{entry.uid}: {given}; rated {entry.rating or 0:.1f} by {entry.ratings}"
         return Answer(text=text, data={"uid": entry.uid, "rating": entry.rating, "ratings": entry.ratings})
 
     return ask(arguments, work)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 
 from executive.cli.console import Answer, ExitCode
@@ -17,6 +17,7 @@ from planlang.files import printable
 from planlang.ontology import load
 from planlang.recipe import Actions
 from planlang.recipe.reading import top_tasks
+from planlang.records import dataclass
 
 SUFFIXES = (".omn", ".owl", ".owl.in", ".ttl", ".nt", ".rdf")
 """Suffixes of the files that are looked at."""

@@ -101,6 +101,7 @@ def options_of(arguments: RunArguments) -> RunOptions:
         resume=recorded,
         world_as_left=arguments.world_as_left,
         notes=tuple(notes),
+        inner_actions=arguments.verbose,
         progress=silent if arguments.json else say,
         announce=silent if arguments.json else partial(show, all_notes=arguments.verbose),
     )

@@ -31,6 +31,7 @@ def command(arguments: SearchArguments) -> Answer:
             building=arguments.building,
             street=arguments.street,
             city=arguments.city,
+            sort="rating",
             robot=robot,
             most=arguments.limit + 1,
         )

@@ -6,12 +6,16 @@ import os
 from contextlib import closing
 from importlib.util import find_spec
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from executive.cli.arguments import ServeArguments
 from executive.cli.console import Answer, ExitCode, say, show, silent
 from planlang.diagnostics import BadInput, error
 from planlang.knowledge.sqlite_store import SqliteStore
-from planlang.knowledge.stores import SCHEME, Store, Unreachable
+from planlang.knowledge.stores import SCHEME, Full, Store, Unreachable
+
+if TYPE_CHECKING:
+    from executive.serving.access import Lines
 
 NEEDED = ("fastapi", "uvicorn", "jinja2", "python_multipart")
 """Modules of the extra that every server needs; with - for _, they are called as their packages."""
@@ -34,6 +38,8 @@ def command(arguments: ServeArguments) -> Answer:
         return _serve(store, arguments)
     except Unreachable as problem:
         advice = "the endpoint and the storage have to answer when a server starts"
+        if isinstance(problem, Full):
+            advice = "make room where it lies; nothing was changed"
         return Answer(ExitCode.FAILED, (error("K044", str(problem), help=advice),))
     finally:
         store.close()
@@ -46,10 +52,11 @@ def _serve(store: Store, arguments: ServeArguments) -> Answer:
     from executive.serving.workers import Limits, Staff
 
     folders = arguments.folders
+    lines = None if arguments.access_log is None else _lines(arguments.access_log)
     tell = silent if arguments.json else say
     with closing(Staff(folders, Limits(arguments.check_seconds))) as staff:
         staff.start()  # beside the index, which is made meanwhile
-        app = application(store, staff, rates=Rates(arguments.rate))
+        app = application(store, staff, rates=Rates(arguments.rate), access=lines)
         serving = app.state.serving
         show(serving.vocabulary.diagnostics)
         with closing(serving):
@@ -57,7 +64,19 @@ def _serve(store: Store, arguments: ServeArguments) -> Answer:
             address = run(
                 app, arguments.host, arguments.port, lambda url: tell(f"{arguments.store} is served at {url}")
             )
+    if lines is not None:
+        lines.close()
     return Answer(text="", data={"url": address, "entries": len(serving.catalogue)})
+
+
+def _lines(path: Path) -> Lines:
+    """Return what writes the access log. Raises BadInput."""
+    from executive.serving.access import Lines
+
+    try:
+        return Lines(path)
+    except OSError as problem:
+        raise BadInput([error("C004", f"{path}: {problem.strerror or problem}")]) from None
 
 
 def _opened(address: str, contents: str | None) -> Store:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
 from typing import Annotated
@@ -10,6 +9,7 @@ from typing import Annotated
 import typer
 
 from executive.cli.arguments import Arguments, VerboseArguments
+from planlang.records import dataclass
 
 
 class KindWord(Enum):
@@ -128,6 +128,16 @@ class RateArguments(AuthorArguments):
 
 
 @dataclass(frozen=True, kw_only=True)
+class DeleteArguments(AuthorArguments):
+    """Delete an entry of yours with all its revisions and files, or only files of it."""
+
+    uid: Uid
+    file: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="Delete only this file of the entry; repeatable.")
+    ] = None
+
+
+@dataclass(frozen=True, kw_only=True)
 class WatchArguments(AuthorArguments):
     """Subscribe to entries, and follow the news of all that you subscribed to, until Ctrl-C."""
 
@@ -139,4 +149,5 @@ class WatchArguments(AuthorArguments):
         typer.Option(min=0, metavar="N", help="Begin behind this line of the feed; default: with what is to come."),
     ] = None
     once: Annotated[bool, typer.Option("--once", help="Print what there is, and end.")] = False
+    stop: Annotated[bool, typer.Option("--stop", help="End the subscriptions to these entries instead.")] = False
     every: Annotated[float, typer.Option(min=0.1, max=86_400, metavar="S", help="Ask every so many seconds.")] = 5.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict
 
 import typer
@@ -13,6 +13,7 @@ import typer
 from executive.cli.console import Answer, say, silent
 from executive.cli.server import ask
 from executive.cli.server_arguments import WatchArguments
+from planlang.diagnostics import BadInput, error
 from planlang.knowledge.answers import NoAnswer
 from planlang.knowledge.client import Client
 from planlang.knowledge.entries import News
@@ -27,6 +28,8 @@ def command(arguments: WatchArguments) -> Answer:
 
 
 def _watch(client: Client, arguments: WatchArguments) -> Answer:
+    if arguments.stop:
+        return _stopped(client, arguments.uids or ())
     kept: deque[News] = deque(maxlen=MOST_KEPT)
     tell = silent if arguments.json else say
     try:
@@ -44,6 +47,19 @@ def _watch(client: Client, arguments: WatchArguments) -> Answer:
     except KeyboardInterrupt:
         pass
     return Answer(data={"news": [asdict(one) for one in kept]})
+
+
+def _stopped(client: Client, uids: Iterable[str]) -> Answer:
+    """End subscriptions; returns those that are left."""
+    before = client.subscriptions()
+    if unknown := [uid for uid in uids if uid not in before] or ([] if uids else ["no entry"]):
+        watched = f"you watch {', '.join(before)}" if before else "you have subscribed to nothing"
+        raise BadInput([error("K047", f"you have not subscribed to {', '.join(unknown)}", help=watched)])
+    for uid in uids:
+        client.unsubscribe(uid)
+    left = client.subscriptions()
+    text = f"watching {', '.join(left)}" if left else "you have subscribed to nothing any more"
+    return Answer(text=text, data={"watching": left})
 
 
 def _last(client: Client) -> int:

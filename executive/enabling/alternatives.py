@@ -7,9 +7,9 @@ of an AND/OR graph), found by rounds over all needs until nothing changes. What 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 
 from executive.enabling.search import Combination, Need, Offer
+from planlang.records import dataclass
 
 MOST_KEPT = 5
 """Alternatives of a need that are kept, the nearest to complete."""

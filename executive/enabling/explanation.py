@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 from executive.enabling.alternatives import Alternative, alternatives
@@ -12,6 +12,7 @@ from executive.enabling.search import Answer, Combination, Need, Offer
 from executive.robots.requirements import NEEDED, Availability, Finding, FindingKind
 from planlang.knowledge.answers import Found
 from planlang.knowledge.entries import Entry
+from planlang.records import dataclass
 
 MOST_REFUSED = 20
 """Entries that were refused for one need, of which an explanation tells."""

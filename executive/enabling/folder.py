@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, field
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from planlang.knowledge.entries import Entry
 from planlang.knowledge.pulled import has_digest
 from planlang.knowledge.pulling import SUFFIXES, pull
 from planlang.outputs import replace
+from planlang.records import dataclass
 
 LIST = "taken.json"
 

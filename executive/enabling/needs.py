@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from difflib import get_close_matches
+from dataclasses import field, replace
 from functools import cache, partial
 from itertools import chain
 from pathlib import Path
@@ -24,11 +23,13 @@ from executive.robots.tasks import HARDWARE, UNKNOWN_STEP, match
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Span, has_errors
 from planlang.knowledge.answers import Found, Links
-from planlang.knowledge.entries import Kind
+from planlang.knowledge.entries import UNRATED, Kind
 from planlang.ontology import Ontology, expand, load
 from planlang.ontology.expressions import Expression
 from planlang.ontology.terms import OWL
 from planlang.recipe import Actions, Thing, read_recipe
+from planlang.records import dataclass
+from planlang.spelling import similar
 
 FOR = "\n"
 """Before what a need prefers, in its name: what was taken for the rest of it is considered, too."""
@@ -186,8 +187,8 @@ class Enabling:
         entries = [one.entry for one in self._recipes()]
         names = {text: None for one in entries for text in (one.label, one.uid, local_name(one.about))}
         classes = dict.fromkeys(map(local_name, self.vocabulary.subclasses(expand("PurposefulAction"))))
-        similar = get_close_matches(local_name(name), [*names, *classes], n=MOST_GUESSES)
-        return [one for one in similar if one in names or self._recipes(one)]
+        alike = similar(local_name(name), [*names, *classes], n=MOST_GUESSES)
+        return [one for one in alike if one in names or self._recipes(one)]
 
     def given_task(self, recipe: Path, task: str | None) -> Need:
         """Return the need of a recipe that the user has. Raises BadInput for one that cannot be used."""
@@ -205,7 +206,8 @@ class Enabling:
         classes = map(class_of, handled_by(actions, reading.recipes))
         models = (self.model(cls, ontology) for cls in classes if needs_model(ontology, [cls]))
         there = [one for one in things_of(actions, reading.recipes) if not is_anything(ontology, class_of(one))]
-        return tuple(dict.fromkeys([*self._of_finding(matched.tree), *models, self.map(there, ontology)]))
+        maps = [self.map(there, ontology)] if there or self.place or self.own_map is not None else []
+        return tuple(dict.fromkeys([*self._of_finding(matched.tree), *models, *maps]))
 
     def _of_finding(self, finding: Finding) -> Iterator[Need]:
         """Yield the needs that a tree of findings stands for, without what available alternatives make unneeded."""
@@ -359,7 +361,11 @@ def _best_first(wanted: Wanted) -> list[Found]:
 
     def rank(found: Found) -> tuple[float, bool, float]:
         subjects = (found.entry.about, *(target for prop, target in found.links if local_name(prop) == MODELS))
-        return wanted.rank(found), wanted.iri not in subjects, -(found.entry.rating or 0.0)
+        return (
+            wanted.rank(found),
+            wanted.iri not in subjects,
+            -(UNRATED if found.entry.rating is None else found.entry.rating),
+        )
 
     return sorted(wanted.search(), key=rank)
 

@@ -10,7 +10,9 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
+
+from planlang.records import dataclass
 
 Need = str
 """A need as a class expression: the IRI of a class, or Manchester syntax."""

@@ -19,7 +19,7 @@ from planlang.knowledge.entries import Attachment, Entry, Kind, Revision
 from planlang.knowledge.index import CannotAnswer
 from planlang.knowledge.refusals import client_of, diagnostics_of, kept_warning
 from planlang.knowledge.sqlite_store import SqliteStore
-from planlang.knowledge.stores import Refused
+from planlang.knowledge.stores import Full, Refused
 
 MOST_FOUND = 10_000
 """Entries that a server is asked for by one question."""
@@ -124,7 +124,7 @@ class _Store(SqliteStore):
         """Keep another description of the same content. Raises NoSuchEntry, Changed."""
         try:
             super().describe(uid, description, expected)
-        except sqlite3.DatabaseError:  # it is not to be written to, or the disk is full
+        except (sqlite3.DatabaseError, Full):  # it is not to be written to, or the disk is full
             self._described[uid, super().description(uid)] = description
 
     def description(self, uid: str) -> bytes:

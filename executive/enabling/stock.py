@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 
 from executive.belief.recognition_models import model_files
@@ -13,6 +13,7 @@ from planlang.designators import local_name
 from planlang.diagnostics import BadInput
 from planlang.knowledge.answers import Found
 from planlang.ontology import Ontology, load
+from planlang.records import dataclass
 
 MODELS = "providesModelFor"
 MOST_READ = 300

@@ -8,13 +8,13 @@ left is the viewer's left. Distances are between outlines seen from above.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from executive.belief.believed_bodies import Block, Door
 from planlang.geometry import Array
+from planlang.records import dataclass
 
 FACING = math.radians(30)
 """A base faces what is within this angle of its heading [rad]."""

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property, partial
 
 import numpy as np
@@ -25,6 +25,7 @@ from executive.locations.reachability import CELL, YAWS, GraspClass, Reachabilit
 from executive.locations.reachability_maps import reachability_map
 from executive.robots.arms import ArmModel
 from planlang.geometry import Array
+from planlang.records import dataclass
 
 SPREAD = 0.1
 """Side of a square in which the best place of one candidate comes first [m]."""

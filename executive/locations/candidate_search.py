@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +32,7 @@ from executive.locations.validation import PLACES, BaseValidator, SelfOcclusion
 from executive.motion import QuickCheck
 from planlang.geometry import Array
 from planlang.protocols import Solution
+from planlang.records import dataclass
 
 ALIKE = 0.06
 """A candidate this near to one that failed exactly, with the hand from the same side, is validated last [m]."""
@@ -53,6 +53,8 @@ class Sought:
     log: Rejections
     is_taken: Callable[[BasePose], bool] | None = None
     """Tells of which base poses nothing needs to be known any more."""
+    blind: BaseDemand | None = None
+    """The same demand without sight of what is handled; None if sight of nothing can be left out."""
 
     def rooms(self, bases: Numbered) -> LookedAt[bool]:
         """Return at which bases there is room for the base, each looked at once for a location."""
@@ -83,96 +85,148 @@ class CandidateSearch:
         self._rooms = sought.rooms(each)
         self._stances = LookedAt(each, sought.log.findings.stances, lambda new: stance.hit(base_matrices(new)))
         self._undecided = np.ones(len(self._found), bool)
-        self._validated = 0
+        self._validated = self._tried_blind = 0
         self._occlusion = SelfOcclusion(middle[:2], strict=budget.fine)
         self._failed = _Failed()
+        self._around = frozenset(sought.validator.scene.bodies.names())
+        self._stopped = sought.log.findings.stopped
         self._failures: dict[tuple[int, int], tuple[HandSolution, BasePose]] = {}
         """The first solution with the hand in something, for each arm and candidate."""
-        self._stopped: dict[tuple[int, int], bool] = {}
+        self._hits: Counter[tuple[int, int]] = Counter()
+        """Solutions with the hand in something, for each arm and candidate."""
+        self._hand_keys: dict[tuple[int, int], tuple[object, ...]] = {}
         self._clumsy: set[tuple[float, ...]] = set()
         """Postures in which the robot touches itself."""
 
     def solutions(self) -> Iterator[Solution]:
-        """Yield base poses that are validated exactly, until as many failed as may."""
-        sought, around = self._sought, frozenset(self._sought.validator.scene.bodies.names())
-        for row, solution in self._open():
+        """Yield base poses that are validated exactly, until as many failed as may.
+
+        The first base pose that lacks nothing but sight of what is handled is kept in the findings.
+        """
+        sought, log = self._sought, self._sought.log
+        for row, solution, missed in self._open():
             if self._validated >= sought.budget.exact:
-                sought.log.add(NOT_LOOKED_AT, int(self._undecided.sum()))
+                log.add(NOT_LOOKED_AT, int(self._undecided.sum()))
+                log.findings.untried = True
                 return
             self._undecided[row] = False
-            answer = sought.validator.complete(
-                self._place(row),
-                float(self._found.scores[row]),
-                solution,
-                sought.wanted,
-                sought.demand,
-                self._occlusion,
-                sought.log,
-                self._hands[self._key(row)[0]].check,
-            )
+            if missed:
+                self._keep_blind(row, solution)
+                continue
+            unseen = log.counts[NOT_VISIBLE]
+            answer = self._completed(row, solution, sought.demand, log)
             if isinstance(answer, Solution):
                 yield answer
             else:
-                self._note_failure(row, solution, answer, around)
+                self._validated += 1
+                self._note_failure(row, solution, answer)
+            if log.counts[NOT_VISIBLE] > unseen:
+                self._keep_blind(row, solution)
 
-    def _note_failure(self, row: int, solution: HandSolution, answer: str | None, around: frozenset[str]) -> None:
+    def _completed(
+        self, row: int, solution: HandSolution, demand: BaseDemand, log: Rejections
+    ) -> Solution | str | None:
+        """Validate a candidate exactly, as :meth:`BaseValidator.complete` does."""
+        return self._sought.validator.complete(
+            self._place(row),
+            float(self._found.scores[row]),
+            solution,
+            self._sought.wanted,
+            demand,
+            self._occlusion,
+            log,
+            self._hands[self._key(row)[0]].check,
+        )
+
+    def _wants_blind(self) -> bool:
+        """Return True as long as no base pose is known that lacks nothing but sight of what is handled."""
+        return self._sought.blind is not None and self._sought.log.findings.blind is None
+
+    def _keep_blind(self, row: int, solution: HandSolution) -> None:
+        """Keep a candidate from which what is handled is not seen, if nothing else is wrong with it."""
+        sought, findings = self._sought, self._sought.log.findings
+        if sought.blind is None or findings.blind is not None:
+            return
+        if self._tried_blind >= sought.budget.exact:
+            findings.untried = True
+            return
+        self._tried_blind += 1
+        answer = self._completed(row, solution, sought.blind, sought.log.uncounted())
+        if isinstance(answer, Solution):
+            findings.blind = answer
+        else:
+            self._note_failure(row, solution, answer)
+
+    def _note_failure(self, row: int, solution: HandSolution, answer: str | None) -> None:
         """Remember what failed exactly, and whether it does so from other bases, too."""
         number, candidate = self._key(row)
-        self._validated += 1
         if isinstance(answer, str):
             self._remember(np.array([row]))
         self._failed.add(number, self._bases[row], self._heading(row))
         if answer == NO_HOLD.text:  # from other bases the hand is as it is here
-            self._stopped[number, candidate] = True
-        elif answer in around:
+            self._stopped[self._hand_key(number, candidate)] = True
+        elif answer in self._around:
             self._failures.setdefault((number, candidate), (solution, self._place(row)))
+            self._hits[number, candidate] += 1
         elif isinstance(answer, str) and self._sought.budget is not BETWEEN:  # where postures are those of the maps
             self._clumsy.add(self._posture(row))
 
-    def _open(self) -> Iterator[tuple[int, HandSolution]]:
-        """Yield candidates of which nothing is known that rules them out; those like others that failed at last."""
+    def _open(self) -> Iterator[tuple[int, HandSolution, bool]]:
+        """Yield candidates of which nothing is known that rules them out; those like others that failed at last.
+
+        With each, whether what is to be seen is surely not seen from there.
+        """
         sought = self._sought
-        postponed: list[tuple[int, HandSolution]] = []
-        for row, solution, first in self._looked_at(postponed):
+        postponed: list[tuple[int, HandSolution, bool]] = []
+        for row, solution, first, missed in self._looked_at(postponed):
+            if missed and not self._wants_blind():
+                self._undecided[row] = False
+                continue
             taken = sought.is_taken is not None and sought.is_taken(self._place(row))
             if taken or self._is_hopeless(row) or not self._have_way(np.array([row]))[0]:
                 self._undecided[row] = False
                 continue
             base = self._bases[row]
             alike = first and self._failed.near(self._key(row)[0], base, self._heading(row))
-            if alike or (first and self._occlusion.covers(base)):
-                postponed.append((row, solution))
+            if alike or (first and not missed and self._occlusion.covers(base)):
+                postponed.append((row, solution, missed))
                 continue
-            yield row, solution
+            yield row, solution, missed
 
-    def _looked_at(self, postponed: list[tuple[int, HandSolution]]) -> Iterator[tuple[int, HandSolution, bool]]:
-        """Yield candidates that spheres and inverse kinematics leave; at last those that were postponed meanwhile."""
+    def _looked_at(
+        self, postponed: list[tuple[int, HandSolution, bool]]
+    ) -> Iterator[tuple[int, HandSolution, bool, bool]]:
+        """Yield candidates that spheres and inverse kinematics leave; at last those that were postponed meanwhile.
+
+        With each, whether it comes for the first time, and whether what is to be seen is surely not seen from there.
+        """
         undecided = self._undecided
         for rows in self._standing():
-            undecided[rows] = [not self._is_hopeless(row) for row in rows.tolist()]
+            undecided[rows] = ~self._are_hopeless(rows)
             rows = rows[undecided[rows]]
             undecided[rows] = self._have_way(rows)
             rows = rows[undecided[rows]]
             undecided[rows], joints = self._solved(rows)
             self._remember(rows)
             rows = rows[undecided[rows]]
+            missed = np.zeros(len(rows), bool)
             if self._misses is not None and len(rows):
-                undecided[rows] = ~self._misses(self._bases[rows])
-                self._sought.log.add(NOT_VISIBLE, int((~undecided[rows]).sum()))
-                rows = rows[undecided[rows]]
-            for row in rows.tolist():
+                missed = self._misses(self._bases[rows])
+                self._sought.log.add(NOT_VISIBLE, int(missed.sum()))
+            for row, unseen in zip(rows.tolist(), missed.tolist(), strict=True):
                 number, candidate = self._key(row)
                 arm, candidates, _ = self._hands[number]
-                yield row, HandSolution(self._sought.wanted[0], arm, candidates.plan(candidate), joints[row]), True
+                solution = HandSolution(self._sought.wanted[0], arm, candidates.plan(candidate), joints[row])
+                yield row, solution, True, unseen
         if self._sought.budget.fine:
-            for row, solution in postponed:
-                yield row, solution, False
+            for row, solution, unseen in postponed:
+                yield row, solution, False, unseen
 
     def _standing(self) -> Iterator[NDArray[np.intp]]:
         """Yield candidates with room for base and arms, block by block; looked at in ever larger parts."""
         budget, log, undecided = self._sought.budget, self._sought.log, self._undecided
         again = bool(self._sought.demand.remembered)  # the same was looked at before with more to be seen
-        waiting, first, size = np.zeros(0, np.intp), 0, budget.block
+        waiting, first, size, block = np.zeros(0, np.intp), 0, budget.block, budget.block
         while first < len(self._found):
             rows = np.arange(first, min(first + size, len(self._found)))
             first, size = first + size, min(2 * size, AT_ONCE)
@@ -188,9 +242,9 @@ class CandidateSearch:
             undecided[rows] = self._arms_have_room(rows)
             self._remember(rows)
             waiting = np.append(waiting, rows[undecided[rows]])
-            while len(waiting) >= budget.block or (len(waiting) and first >= len(self._found)):
-                yield waiting[: budget.block]
-                waiting = waiting[budget.block :]
+            while len(waiting) >= block or (len(waiting) and first >= len(self._found)):
+                yield waiting[:block]
+                waiting, block = waiting[block:], min(2 * block, AT_ONCE)
 
     def _arms_have_room(self, rows: NDArray[np.intp]) -> NDArray[np.bool_]:
         """Return at which candidates no arm, in its present posture, is inside something as far as spheres tell.
@@ -240,6 +294,15 @@ class CandidateSearch:
         if not self._sought.demand.remembered:
             self._sought.log.findings.met.update(self._known(rows[~self._undecided[rows]]))
 
+    def _are_hopeless(self, rows: NDArray[np.intp]) -> NDArray[np.bool_]:
+        """Return for which candidates (rows) no base pose will do, or none for a posture."""
+        if self._clumsy:
+            return np.array([self._is_hopeless(row) for row in rows.tolist()], bool)
+        keys = np.column_stack([self._found.arms[rows], self._found.candidates[rows]])
+        each, number = np.unique(keys, axis=0, return_inverse=True)
+        stopped = [self._is_stopped((arm, candidate)) for arm, candidate in each.tolist()]
+        return np.array(stopped, bool)[number.ravel()]
+
     def _is_hopeless(self, row: int) -> bool:
         """Return whether no base pose will do for a candidate, or none for a posture."""
         return (bool(self._clumsy) and self._posture(row) in self._clumsy) or self._is_stopped(self._key(row))
@@ -247,13 +310,20 @@ class CandidateSearch:
     def _is_stopped(self, key: tuple[int, int]) -> bool:
         """Return whether the hand itself is in something: then no base pose of a candidate that failed will do.
 
-        To look at this takes as long as to validate many base poses: it is for when there are many.
+        To look at this takes as long as to validate some base poses: it is for a candidate that failed twice.
         """
-        late = 2 * self._validated > self._sought.budget.exact
-        if key in self._failures and key not in self._stopped and late:
+        if self._hits[key] > 1 and self._hand_key(*key) not in self._stopped:
             scene, check = self._sought.validator.scene, self._hands[key[0]].check
-            self._stopped[key] = Trial(*self._failures[key], scene, check).hand_is_stopped()
-        return self._stopped.get(key, False)
+            self._stopped[self._hand_key(*key)] = Trial(*self._failures[key], scene, check).hand_is_stopped()
+        return bool(self._stopped) and self._stopped.get(self._hand_key(*key), False)
+
+    def _hand_key(self, number: int, candidate: int) -> tuple[object, ...]:
+        """Return what tells one grasp candidate of an arm from others, in all searches for a location."""
+        if (number, candidate) not in self._hand_keys:
+            arm, candidates, _ = self._hands[number]
+            poses = candidates.poses([candidate]).tobytes()
+            self._hand_keys[number, candidate] = (arm.name, candidates.fingers, poses)
+        return self._hand_keys[number, candidate]
 
     def _posture(self, row: int) -> tuple[float, ...]:
         """Return what an arm's posture depends on: with the same, a robot that touches itself does so anywhere."""

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
+
+from planlang.records import dataclass
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import permutations
 from typing import Any, ClassVar
 
 from planlang.designators import Location, Relation
 from planlang.failures import LocationUnresolvable
+from planlang.records import dataclass
 from planlang.relations import RELATIONS, Bounds, Sense, Subject
 
 

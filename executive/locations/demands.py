@@ -7,7 +7,7 @@ Relations without a meaning, and conjunctions that contradict themselves, are re
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from enum import Enum
 from typing import NamedTuple
 
@@ -16,6 +16,7 @@ from executive.belief.planning_scene import PlanningScene, RobotArms
 from executive.locations.areas import Area, Clear, Facing, area_of
 from executive.locations.consistency import LocationMeaningless, bounds, check_consistent, contradictory, meaningless
 from planlang.designators import Location, Object, Relation
+from planlang.records import dataclass
 from planlang.relations import HEIGHTS, RELATIONS, Bounds, Sense, Subject, meaningful
 
 Viewer = tuple[float, float]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -23,6 +23,7 @@ from executive.robots.arms import ArmModel, HandFrame, Held
 from executive.robots.openings import TIGHT, Fingers, Openings
 from planlang.geometry import Array
 from planlang.geometry.matrices import product, rotated
+from planlang.records import dataclass
 from sim import ComfortZone
 
 APPROACH = 0.08

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -27,6 +26,7 @@ from executive.robots.openings import Fingers
 from planlang.geometry import Array
 from planlang.geometry.matrices import inverse, product, rigid, rotated
 from planlang.protocols import Contact
+from planlang.records import dataclass
 
 FARTHEST = 1.2
 """Largest move of a joint between neighbouring poses of a candidate [rad, m]."""

@@ -7,7 +7,7 @@ that such a thing is, it is likeliest. Each place comes with the base pose from 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from typing import Any
 
@@ -21,6 +21,7 @@ from planlang.designators import Object
 from planlang.failures import ObjectNowhereToBeFound
 from planlang.geometry import Array
 from planlang.ontology import Literal, Ontology, expand
+from planlang.records import dataclass
 from planlang.runs.codec import dump, load
 from planlang.units import stated_number
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from heapq import heappop, heappush
 from typing import Any
@@ -18,6 +17,7 @@ from executive.belief.scene_collisions import BasePose
 from executive.locations.likely_places import UsualPlaces, points_of
 from executive.locations.views import Views
 from planlang.geometry import Array
+from planlang.records import dataclass
 
 LOOKING = 8.0
 """Time that the views from one place take, roughly [s]."""

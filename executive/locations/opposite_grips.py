@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,6 +13,7 @@ from executive.locations.hand_solutions import unblocked
 from executive.locations.rejections import Rejections
 from executive.robots.arms import ArmModel
 from planlang.geometry import Array
+from planlang.records import dataclass
 
 OPPOSITE = 0.25
 """Distance of the middle between two grips from that of the thing, in shares of their distance, at most."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from executive.locations.demands import ThingDemand
 from executive.locations.rejections import Rejections
 from executive.motion import clearance_at
 from planlang.geometry import Array, Pose
+from planlang.records import dataclass
 
 SPACING = 0.04
 """Distance of neighbouring places on a surface [m]."""

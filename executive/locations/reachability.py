@@ -30,7 +30,6 @@ near lattice poses but not at them.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
 from typing import Any
@@ -41,6 +40,7 @@ from numpy.typing import ArrayLike, NDArray
 from executive.motion import Chain, InverseKinematics
 from executive.robots.arms import ArmModel, HandFrame, Lift
 from planlang.geometry import Array
+from planlang.records import dataclass
 
 CELL = 0.05
 """Side of a cell of the lattice [m]."""

@@ -17,7 +17,6 @@ import hashlib
 import math
 import zlib
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
@@ -46,6 +45,7 @@ from planlang.cache import Cache, sealed, unsealed
 from planlang.files import Bundled
 from planlang.geometry import Array
 from planlang.kernel import unwatched
+from planlang.records import dataclass
 
 SAMPLES = 20_000
 """Number of random postures that show where the tip can be at all."""

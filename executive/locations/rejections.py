@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 from executive.belief.scene_collisions import BasePose
 from executive.locations.base_candidates import Inversion
 from executive.locations.grasp_candidates import Hand
 from planlang.failures import LocationUnresolvable
 from planlang.geometry import Array
-from planlang.protocols import Contact
+from planlang.protocols import Contact, Solution
+from planlang.records import dataclass
 
 MOST_PLACES = 5000
 """Places that are remembered, for a picture."""
@@ -61,8 +62,12 @@ class Findings:
 
     walled: bool = False
     """True if a place was rejected because the base cannot drive there: others are asked for that first, then."""
-    unseen: bool = False
-    """True if what is to be seen was not, or not all was looked at: without it there may be more."""
+    blind: Solution | None = None
+    """The first base pose that lacked nothing but sight of what is handled: it will do after a look from elsewhere."""
+    untried: bool = False
+    """True if not all candidates were looked at: without sight there may be more."""
+    stopped: dict[tuple[object, ...], bool] = field(default_factory=dict)
+    """Grasp candidates, and whether the hand itself is in something, wherever the base stands."""
     met: set[bytes] = field(default_factory=set)
     """Candidates that an arm cannot do."""
     rooms: dict[bytes, bool] = field(default_factory=dict)

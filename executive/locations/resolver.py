@@ -106,11 +106,10 @@ class Resolver:
     ) -> Iterator[Solution]:
         """Yield base poses from which what is handled is not seen, with a look at it, from elsewhere, before."""
         validator, scene = self._validator, self.scene
-        handled = tuple(name for name in validator.to_see(demand) if name not in demand.seen)
-        unseen = [name for name in handled if not scene.belief.remembers(name)]
+        blind = validator.blind(demand)
+        unseen = [name for name in (blind.remembered if blind else ()) if not scene.belief.remembers(name)]
         views = [self._view(name) for name in unseen]
-        if handled and None not in views:
-            blind = replace(demand, remembered=handled)
+        if blind is not None and None not in views:
             for solution in self._searched(blind, wanted, log.uncounted(), found):
                 yield self._after(dict(zip(unseen, views, strict=True)), solution)
 
@@ -162,8 +161,10 @@ class Resolver:
             yield () if here is None else (here,)
             if scene.robot.base.fixed:
                 return
-            if demand.remembered and not log.findings.unseen:
-                return  # only from here something could not be seen
+            if demand.remembered and log.findings.blind is not None:
+                yield (log.findings.blind,)
+            elif demand.remembered and not log.findings.untried:
+                return  # whatever else is right with a base pose was looked at before
             if not wanted:
                 yield FloorSearch(validator, demand, log).places()
                 return

@@ -12,7 +12,7 @@ import numpy as np
 from executive.belief.scene_collisions import BasePose
 from executive.locations.areas import Facing
 from executive.locations.base_candidates import BaseCandidates, Conjunct, Inversion, Misses, moved_to_room
-from executive.locations.budgets import SearchBudget
+from executive.locations.budgets import ALL, SearchBudget
 from executive.locations.candidate_search import CandidateSearch, Sought, as_told
 from executive.locations.demands import BaseDemand, Reach
 from executive.locations.grasp_candidates import CLASSES, Hand
@@ -22,7 +22,6 @@ from executive.locations.looking_once import numbered
 from executive.locations.rejections import (
     NO_ROOM,
     NO_WAY,
-    NOT_LOOKED_AT,
     NOT_VISIBLE,
     OUT_OF_REACH,
     FreeHands,
@@ -53,7 +52,7 @@ class ReachSearch:
         """``is_taken`` tells of which base poses nothing needs to be known any more."""
         self.validator, self.scene, self.inverse = validator, validator.scene, validator.inverse
         self.wanted, self.demand, self.arms, self.budget, self.log = wanted, demand, arms, budget, log
-        self.sought = Sought(validator, wanted, demand, budget, log, is_taken)
+        self.sought = Sought(validator, wanted, demand, budget, log, is_taken, validator.blind(demand))
         self.crowded: list[tuple[float, Array]] = []
         """Scores and base poses of grasp candidates without any that has room: named if nothing is found at last."""
         self.inverted = False
@@ -71,7 +70,6 @@ class ReachSearch:
         within = float(max(aside)) + reach
         bands = [(reach.body, validator.band(reach, self.arms)) for reach in self.wanted[1:]]
         log.hopeless = self._is_hopeless(middle[:2], within, bands)
-        before = log.counts[NOT_VISIBLE]
         if log.findings.walled and not scene.collisions.drivable().comes_near(middle[:2], within):
             log.add(NO_WAY, sum(len(hand.candidates) for hand in hands))
             return
@@ -79,7 +77,8 @@ class ReachSearch:
         if len(found):
             self.inverted = True
             some, stance = False, scene.collisions.stance_check(near)
-            for solution in CandidateSearch(self.sought, found, hands, middle, stance).solutions():
+            unseen = self._unseen() if budget.fine else None
+            for solution in CandidateSearch(self.sought, found, hands, middle, stance, unseen).solutions():
                 some = True
                 yield solution
             if budget.then is not None and not some and self.sought.is_taken is None:
@@ -89,9 +88,7 @@ class ReachSearch:
                 moved = moved_to_room(crowded, floor, middle[:2], yaw, budget.most)
                 then = replace(self.sought, budget=budget.then, log=log.uncounted())
                 if len(moved):
-                    yield from CandidateSearch(then, moved, hands, middle, stance, self._unseen()).solutions()
-                log.findings.unseen |= then.log.counts[NOT_VISIBLE] + then.log.counts[NOT_LOOKED_AT] > 0
-        log.findings.unseen |= log.counts[NOT_VISIBLE] > before or log.counts[NOT_LOOKED_AT] > 0
+                    yield from CandidateSearch(then, moved, hands, middle, stance, unseen).solutions()
 
     def _inverted(
         self, hands: Sequence[Hand], middle: Array, within: float, bands: Sequence[tuple[str, Band]]
@@ -113,7 +110,9 @@ class ReachSearch:
             known[key] = Inversion(room, conjuncts)
             known[key].invert(hands, self.inverse, scene.collisions.lifted, least=budget.least, rows=budget.rows)
         inversion = known[key]
-        found, unseen = inversion.best(budget.each, budget.most, self._unseen() if budget.fine else None)
+        # where all base poses of a candidate are kept sight chooses none of them: it is left for those that are solved
+        chooses = budget.fine and budget.each < ALL
+        found, unseen = inversion.best(budget.each, budget.most, self._unseen() if chooses else None)
         log.scored.append((found.bases, found.scores))
         refused = {NO_ROOM: inversion.without_room, **inversion.refused, NOT_VISIBLE: unseen}
         for reason, number in refused.items():

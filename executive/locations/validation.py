@@ -236,6 +236,11 @@ class BaseValidator:
         handled = [name for name in handled if name not in demand.remembered and self.scene.visibility.sighted()]
         return tuple(dict.fromkeys((*demand.seen, *handled)))
 
+    def blind(self, demand: BaseDemand) -> BaseDemand | None:
+        """Return a demand without sight of what is going to be handled; None if sight of nothing can be left out."""
+        handled = tuple(name for name in self.to_see(demand) if name not in demand.seen)
+        return replace(demand, remembered=handled) if handled else None
+
     def answer(
         self, base: BasePose, score: float, reached: dict[Reach, HandSolution], demand: BaseDemand, log: Rejections
     ) -> Solution | None:

@@ -9,7 +9,7 @@ import numpy as np
 from executive.modules.hand_work import HandWork
 from executive.modules.motion_grounding import Grounding
 from executive.modules.phases import Phase
-from executive.modules.strokes import Plane, Strokes
+from executive.modules.strokes import Plane, StrokeWork
 from executive.robots.arms import ArmModel
 from planlang.designators import Device
 from planlang.geometry import Pose
@@ -28,7 +28,7 @@ LEANS = -0.7
 """Cosine of the largest angle between the hand and the way to the button: 45 degrees."""
 
 
-class ButtonStrokes(Strokes):
+class ButtonStrokes(StrokeWork):
     """Pushes one button with one hand; the tip stays on the line through the button along its normal."""
 
     def __init__(self, work: HandWork, arm: ArmModel, button: Control) -> None:

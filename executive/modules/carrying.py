@@ -6,15 +6,22 @@ kinematics, from the hand's place outwards, for all headings; the robot and what
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Iterator
+from functools import cache
 from itertools import islice
+from pathlib import Path
 
+import casadi
 import numpy as np
+from numpy.typing import NDArray
 
 from executive.locations.grasp_candidates import upright
 from executive.modules.control import Control
+from executive.motion import kinematics, symbolic
 from executive.robots.arms import ArmModel, Held
+from planlang.cache import Cache
 from planlang.geometry import Array
 from planlang.geometry.matrices import moved, product, rigid, rotated
 from planlang.protocols import Configuration
@@ -41,6 +48,7 @@ NEAR = 0.01
 """Differences by which a posture is another [m, rad]."""
 OVER_THE_BASE = 2
 """Such differences that are put up with, so that nothing that is lost falls on the base."""
+_CACHE = Cache("carrying", most=200)
 APART = 0.12
 """Least distance of the hand's places in two of them [m]; those that are turned apart may be at one place."""
 
@@ -93,12 +101,36 @@ def _ways(control: Control, arm: ArmModel, named: Array, targets: Array) -> Iter
         joints, good = np.zeros((len(targets), len(named))), np.zeros(len(targets), bool)
         # the arm's own seeds led nowhere before where nothing was solved: they would again
         for some, seeds in ((solved, every), (~solved, every[:1])):
-            rows = np.flatnonzero(some)
-            joints[rows], good[rows] = arm.solver.solve(
-                targets[rows], np.broadcast_to(seeds, (len(rows), *seeds.shape))
-            )
+            if some.any():
+                joints[some], good[some] = _solved(arm, targets[some], seeds)
         solved = good
         yield targets[good], joints[good]
+
+
+def _solved(arm: ArmModel, targets: Array, seeds: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Return joint positions (n, d) at targets (n, 4, 4), and which are reached, from the user's cache if kept there.
+
+    Most targets are out of reach, which takes long to find out, and a task that is run again asks for the same ones.
+    """
+    chain = arm.solver.chain
+    facts = (chain.digest, chain.dof, _method(), targets.tobytes(), seeds.tobytes())
+    key = hashlib.sha256(repr(facts).encode()).hexdigest()
+    content = _CACHE.load(key)
+    if content is not None:
+        rows = np.frombuffer(content).reshape(len(targets), chain.dof + 1)
+        return rows[:, 1:], rows[:, 0] > 0
+    joints, good = arm.solver.solve(targets, np.broadcast_to(seeds, (len(targets), *seeds.shape)))
+    _CACHE.keep(key, np.column_stack([good, joints]).tobytes())
+    return joints, good
+
+
+@cache
+def _method() -> str:
+    """Return a digest of what solutions depend on beside the arm and the targets: the code that finds them."""
+    digest = hashlib.sha256(casadi.CasadiMeta.version().encode())
+    for module in (kinematics, symbolic):
+        digest.update(Path(str(module.__file__)).read_bytes())
+    return digest.hexdigest()
 
 
 def _targets(arm: ArmModel, held: Held, there: Array) -> Array:

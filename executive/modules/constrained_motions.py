@@ -21,7 +21,6 @@ from executive.modules.motion_grounding import UP, GroundedMotion, Grounding
 from executive.modules.phases import Phase
 from executive.modules.platform import PlatformModule
 from executive.modules.pouring import Pouring
-from executive.modules.process_modules import Navigation
 from executive.modules.stances import is_at_ease, stances
 from executive.modules.turning_over import check_flip
 from executive.motion import MotionError
@@ -52,12 +51,9 @@ PLACES = 4
 """Places of the base from which a motion is tried."""
 
 
-@process_module
-class ConstrainedMotions(PlatformModule):
-    """Moves one or more arms until constraints between features of tools and of the world hold."""
+class ConstrainedWork(PlatformModule):
+    """Motions under constraints, as several process modules make them: from where, and on which way."""
 
-    name = "constrained_motion"
-    actions = ("ITaSCMotion",)
     failures: Sequence[type[Exception]] = (
         ManipulationFailure,
         NavigationFailure,
@@ -73,27 +69,6 @@ class ConstrainedMotions(PlatformModule):
         arms = {arm.name for held_by in holders for arm in (scene.arms.of(held_by) if held_by else scene.arms.all)}
         torso = [] if self.platform.robot.torso is None else ["torso"]
         return ("base", *torso, *(arm.name for arm in scene.arms.all if arm.name in arms))
-
-    async def execute(self, action: Action) -> tuple[str, ...]:
-        """Move; return the names of constraints that heavier ones exclude. Without active ones nothing moves."""
-        asked = [one for one in constraints_of(action) if one.is_active]
-        phase = self.platform.phases.current()
-        if not asked:
-            phase.before = ()
-            await checkpoint()
-            return ()
-        grounding = Grounding(self.platform)
-        motion, solved = await self._solved(grounding, asked, phase)
-        self.platform.arms.choices.choose(motion.arms[0].name)
-        self.platform.leaning |= self._leaning(motion, solved)
-        async with Pouring(self.platform, phase).during(action, motion, grounding.group(motion), solved.trajectory):
-            await self.gone(motion, solved.trajectory)
-            self._check_end(grounding, motion, solved)
-        self._straightened()
-        phase.before = tuple(asked)
-        names, rows = grounding.world_things(asked), solved.trajectory.positions
-        await check_flip(self.platform, motion, grounding.group(motion), rows, phase, names)
-        return tuple(str(one.name) for one in solved.given_up)
 
     # Where from
 
@@ -121,7 +96,7 @@ class ConstrainedMotions(PlatformModule):
                 continue
             try:
                 await self._get_ready(grounding, motion, end)
-                await self._drive(place)
+                await self.drive(place)
                 await self._look(grounding, asked, phase)
                 motion = grounding.grounded(asked, phase)
                 return motion, await apart(partial(self._way, grounding, motion, phase))
@@ -169,10 +144,6 @@ class ConstrainedMotions(PlatformModule):
                     await perform(action("LookingForSomething", object_acted_on=what))
             if belief.seen_from_here(name) or self.platform.robot.camera is None:
                 phase.things[name] = belief.pose(name)
-
-    async def _drive(self, place: BasePose) -> None:
-        x, y, yaw = map(float, place)
-        await Navigation(self.platform).execute(action("Translation-LocationChange", x=x, y=y, yaw=yaw))
 
     def _places(self, motion: GroundedMotion) -> Iterator[BasePose]:
         """Yield free places of the base before what the constraints are about, near ones first."""
@@ -299,6 +270,35 @@ class ConstrainedMotions(PlatformModule):
         outside = tuple(str(one.name or one) for one, beyond in zip(asked, excess, strict=True) if beyond > 1.0)
         if outside:
             raise ConstraintsUnsatisfied(arm=motion.arms[0].name, constraints=outside)
+
+
+@process_module
+class ConstrainedMotions(ConstrainedWork):
+    """Moves one or more arms until constraints between features of tools and of the world hold."""
+
+    name = "constrained_motion"
+    actions = ("ITaSCMotion",)
+
+    async def execute(self, action: Action) -> tuple[str, ...]:
+        """Move; return the names of constraints that heavier ones exclude. Without active ones nothing moves."""
+        asked = [one for one in constraints_of(action) if one.is_active]
+        phase = self.platform.phases.current()
+        if not asked:
+            phase.before = ()
+            await checkpoint()
+            return ()
+        grounding = Grounding(self.platform)
+        motion, solved = await self._solved(grounding, asked, phase)
+        self.platform.arms.choices.choose(motion.arms[0].name)
+        self.platform.leaning |= self._leaning(motion, solved)
+        async with Pouring(self.platform, phase).during(action, motion, grounding.group(motion), solved.trajectory):
+            await self.gone(motion, solved.trajectory)
+            self._check_end(grounding, motion, solved)
+        self._straightened()
+        phase.before = tuple(asked)
+        names, rows = grounding.world_things(asked), solved.trajectory.positions
+        await check_flip(self.platform, motion, grounding.group(motion), rows, phase, names)
+        return tuple(str(one.name) for one in solved.given_up)
 
 
 T = TypeVar("T")

@@ -56,28 +56,8 @@ def ways_tried(count: int) -> str:
     return "the one way that was found failed" if count == 1 else f"{count} ways were tried and failed"
 
 
-@process_module
-class Containers(HandWork):
-    """Opens and closes doors, drawers and lids."""
-
-    name = "container"
-    actions = ("OpeningAContainerArtifact", "ClosingAContainerArtifact")
-    failures = (EnvironmentManipulationFailure, ManipulationFailure, NavigationFailure, DesignatorFailure)
-
-    def resources(self, action: Action) -> tuple[str, ...]:
-        """Return the whole robot."""
-        return self.whole_robot()
-
-    async def execute(self, action: Action) -> str:
-        """Open or close ``object_acted_on``; return the name of the door, drawer or lid."""
-        what = action.get("object_acted_on")
-        if not isinstance(what, Object):
-            raise ActionUnresolvable("opening and closing need object_acted_on", designator=str(action))
-        opens = "OpeningAContainerArtifact" in self.platform.ancestors(action.type)
-        joint = self.platform.scene.bodies.leaf_of(what, shut=opens)
-        if joint is None:
-            raise ActionUnresolvable(f"{what} has no door, drawer or lid", designator=str(action))
-        return await self.moved(joint, opens)
+class LeafWork(HandWork):
+    """Moves doors, drawers, lids and knobs by their handles."""
 
     async def moved(self, joint: Articulation, opens: bool) -> str:
         """Open or close a leaf; return its name, or raise ContainerStuck or HandleNotReachable."""
@@ -190,3 +170,27 @@ class Containers(HandWork):
         shares = np.einsum("nmk,mk->nm", tips[:, None] - starts[None], ways) / np.maximum((ways**2).sum(axis=1), 1e-12)
         nearest = starts[None] + np.clip(shares, 0.0, 1.0)[..., None] * ways[None]
         return float(np.linalg.norm(tips[:, None] - nearest, axis=2).min(axis=1).max())
+
+
+@process_module
+class Containers(LeafWork):
+    """Opens and closes doors, drawers and lids."""
+
+    name = "container"
+    actions = ("OpeningAContainerArtifact", "ClosingAContainerArtifact")
+    failures = (EnvironmentManipulationFailure, ManipulationFailure, NavigationFailure, DesignatorFailure)
+
+    def resources(self, action: Action) -> tuple[str, ...]:
+        """Return the whole robot."""
+        return self.whole_robot()
+
+    async def execute(self, action: Action) -> str:
+        """Open or close ``object_acted_on``; return the name of the door, drawer or lid."""
+        what = action.get("object_acted_on")
+        if not isinstance(what, Object):
+            raise ActionUnresolvable("opening and closing need object_acted_on", designator=str(action))
+        opens = "OpeningAContainerArtifact" in self.platform.ancestors(action.type)
+        joint = self.platform.scene.bodies.leaf_of(what, shut=opens)
+        if joint is None:
+            raise ActionUnresolvable(f"{what} has no door, drawer or lid", designator=str(action))
+        return await self.moved(joint, opens)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import partial
 from itertools import product
 from typing import NoReturn, TypeVar
@@ -27,6 +26,7 @@ from planlang.designators import Object
 from planlang.failures import GraspSlipped, LookingGoalUnreachable, ObjectLost, ObjectUnresolvable
 from planlang.geometry import Array, Pose, matrices
 from planlang.protocols import Motion, MotionState, Touch, Trajectory, World
+from planlang.records import dataclass
 
 T = TypeVar("T")
 

@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from executive.modules.button_strokes import ButtonStrokes
-from executive.modules.containers import Containers, ways_tried
+from executive.modules.containers import LeafWork, ways_tried
 from executive.modules.hand_work import HandWork
 from planlang.designators import Action, Object
 from planlang.failures import (
@@ -59,7 +59,7 @@ class Devices(HandWork):
         if control.turns:
             joint = self.platform.belief.joints[control.body]
             was_on = world.scene.body(control.device).is_on
-            await Containers(self.platform).moved(joint, opens=turns_on != was_on)
+            await LeafWork(self.platform).moved(joint, opens=turns_on != was_on)
         else:
             await self._push(control)
         return control.device

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import islice
 from types import MappingProxyType
 from typing import Any
@@ -27,6 +27,7 @@ from planlang.kernel import PlanStructureError, now
 from planlang.language.executive import ProcessModule, WrappedModule
 from planlang.language.performing import actions_around
 from planlang.ontology import expand, shorten
+from planlang.records import dataclass
 from sim import PyBulletWorld
 from sim.changes import Changes, origins_of
 from sim.matter import PUDDLE, Portion, merged
@@ -371,7 +372,7 @@ class ModuleWithEffects(WrappedModule):
         if (due := self._effects.due(action)) is not None:
             await sleep(due)
         before, lay = self._effects.there(), self._effects.lying(action) or {}
-        result = await self._module.execute(action)
+        result = await super().execute(action)
         self._effects.learn(before)
         self._effects.pass_time()
         if not self._effects.untouched():
@@ -379,13 +380,12 @@ class ModuleWithEffects(WrappedModule):
                 f"process module {self.name} has changed what there is, which only declared effects do: state an "
                 "ObjectChange by the class of its actions (docs/modules.md)"
             )
-        physical, by_hand = (bool(getattr(self._module, name, False)) for name in ("physical", "by_hand"))
         there = self._effects.lying(action)
-        self._effects.apply(action, physical=physical, by_hand=by_hand)
+        self._effects.apply(action, physical=self.physical, by_hand=self.by_hand)
         self._effects.restored()
         if there == {}:
             raise ObjectNotTurned(f"nothing is there that {local_name(action.type)} could turn over")
-        if physical and there:
+        if self.physical and there:
             await self._effects.check_turned(there | lay)
         return result
 

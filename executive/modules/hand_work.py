@@ -5,13 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 
-from executive.belief.scene_collisions import BasePose
 from executive.modules.platform import PlatformModule
-from executive.modules.process_modules import Navigation
 from executive.motion import MotionError
 from executive.robots import CARRYING
 from executive.robots.arms import ArmModel
-from planlang.designators import action
 from planlang.failures import LookingGoalUnreachable, ManipulationPoseUnreachable, NavigationFailure
 from planlang.geometry import Array
 from planlang.geometry.matrices import rotated
@@ -37,11 +34,6 @@ class HandWork(PlatformModule):
         """Return the arms that hold nothing and have a gripper."""
         arms = self.platform.arms.free(self.platform.scene.arms.all)
         return [arm for arm in arms if self.platform.hands.gripper(arm) is not None]
-
-    async def drive(self, base: BasePose) -> None:
-        """Drive to a base pose; raises a NavigationFailure."""
-        x, y, yaw = map(float, base)
-        await Navigation(self.platform).execute(action("Translation-LocationChange", x=x, y=y, yaw=yaw))
 
     async def look(self, what: str) -> None:
         """Look at a thing, if the neck can; what is seen is where it is."""

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +20,7 @@ from executive.robots.arms import ArmModel, HandFrame
 from planlang.geometry import Array
 from planlang.geometry.matrices import cross_matrix, inverse, moved, product, rigid, rotated
 from planlang.protocols import Configuration
+from planlang.records import dataclass
 from sim.joints import Articulation, JointKind
 
 APPROACH = 0.08

@@ -12,7 +12,7 @@ import numpy as np
 from executive.modules.hand_work import HandWork
 from executive.modules.motion_grounding import Grounding
 from executive.modules.phases import Phase
-from executive.modules.strokes import Plane, Strokes
+from executive.modules.strokes import Plane, StrokeWork
 from executive.robots.arms import ArmModel
 from planlang.designators import Device
 from planlang.failures import ContainerStuck, HandleNotReachable, ManipulationFailure, NavigationFailure
@@ -38,7 +38,7 @@ LEANS = {JointKind.PRISMATIC: -0.7, JointKind.HINGED: -0.2}
 """Cosine of the largest angle between the hand and the way to the leaf; one that turns takes the hand along."""
 
 
-class LeafStrokes(Strokes):
+class LeafStrokes(StrokeWork):
     """Pushes one leaf shut."""
 
     def __init__(self, work: HandWork, joint: Articulation) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -22,6 +22,7 @@ from planlang.failures import ActionUnresolvable, ObjectUnresolvable
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import moved, product
 from planlang.motion_constraints import ConstraintKind, Feature, FeatureKind, MotionConstraint, a_constraint, a_feature
+from planlang.records import dataclass
 
 PALM = 0.1
 """Distance of the palm of a hand behind its grip [m]."""

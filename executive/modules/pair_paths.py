@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import islice
 
 import numpy as np
@@ -27,6 +27,7 @@ from executive.robots.openings import Fingers
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import inverse, product
 from planlang.protocols import Configuration, Trajectory
+from planlang.records import dataclass
 
 STEP, TURN = 0.02, 0.05
 """Steps in which a thing that both hands hold is moved [m], and turned [rad]."""

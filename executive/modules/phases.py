@@ -6,12 +6,13 @@ A recipe is told by the place of the plan function in the tree of the run, which
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 from planlang.geometry import Pose
 from planlang.language.plans import innermost_plan
 from planlang.motion_constraints import MotionConstraint
+from planlang.records import dataclass
 from planlang.runs.codec import dump, load
 
 MOST = 16

@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 
 from executive.locations import HandSolution
-from executive.modules.process_modules import Reaching
+from executive.modules.process_modules import HandReaching
 from executive.motion import cartesian_path
 from executive.robots.arms import ArmModel
 from planlang.designators import Action, Location, Object, resting_on
@@ -27,7 +27,7 @@ FEW = 300
 
 
 @process_module
-class Lowering(Reaching):
+class Lowering(HandReaching):
     """Brings what a hand holds over a place, and straight down onto it."""
 
     name = "lowering"

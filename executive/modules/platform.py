@@ -7,7 +7,7 @@ made once in each strand of the run, and kept there.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -25,12 +25,14 @@ from executive.motion.upright import Upright
 from executive.robots import CARRYING
 from executive.robots.arms import ArmModel
 from executive.robots.openings import Fingers
-from planlang.designators import Action, FixedPose, Location, Object
+from planlang import perform
+from planlang.designators import Action, FixedPose, Location, Object, action
 from planlang.failures import ActionUnresolvable
 from planlang.geometry import Array, Pose, matrices
 from planlang.kernel import Task
 from planlang.language.branches import concurrent_branches
 from planlang.protocols import Trajectory
+from planlang.records import dataclass
 from planlang.relations import Sense
 
 if TYPE_CHECKING:
@@ -278,9 +280,8 @@ class Arms:
         space = JointSpace.of(arm.lower, arm.upper, continuous=chain.continuous, resolution=arm.resolution)
         quick = control.scene.collisions.quick_check(arm, touches)
 
-        def touching(q: Array) -> list[tuple[str, str]]:
+        def touching(q: Array, among: Sequence[tuple[str, str]] | None) -> list[tuple[str, str]]:
             # At the start the whole robot is checked; later what stands still cannot touch anything new.
-            among = None if np.array_equal(q, start) else quick.doubtful(q[None])[0]
             contacts = control.scene.collisions.contacts(base, arm, q, touches, among=among)
             return [(contact.part, contact.body) for contact in contacts]
 
@@ -305,8 +306,8 @@ class Arms:
         if upright is not None and len(found) > 2:  # a curve does not stop at each of many waypoints
             curve = control.timed(arm.joints, found, time_curve)
             rows = curve.positions[1:]
-            doubtful = rows[~quick.sure(rows)]
-            if chain.within(rows, 1e-6).all() and upright.holds(rows).all() and not any(map(touching, doubtful)):
+            holds = chain.within(rows, 1e-6).all() and upright.holds(rows).all()
+            if holds and not any(map(touching, rows, quick.doubtful(rows))):
                 return curve
         return control.timed(arm.joints, found)
 
@@ -460,3 +461,8 @@ class PlatformModule:
     def resources(self, action: Action) -> tuple[str, ...]:
         """Return the parts of the body that an action needs."""
         return ()
+
+    async def drive(self, base: BasePose) -> None:
+        """Ask whoever navigates to drive to a base pose; raises a NavigationFailure."""
+        x, y, yaw = map(float, base)
+        await perform(action("Translation-LocationChange", x=x, y=y, yaw=yaw))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -20,6 +19,7 @@ from planlang.geometry import Array, Pose
 from planlang.language.performing import actions_around
 from planlang.ontology import expand
 from planlang.protocols import Trajectory
+from planlang.records import dataclass
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -20,7 +20,7 @@ from executive.locations.demands import asks_for
 from executive.modules.platform import ITERATIONS, PlatformModule
 from executive.motion import GoalInCollision, MotionError, NoPath, StartInCollision
 from executive.robots.arms import ArmModel
-from planlang import checkpoint, perform, using
+from planlang import checkpoint, perform
 from planlang.designators import (
     Action,
     Device,
@@ -155,12 +155,9 @@ FURTHER = ITERATIONS // (MOST_SOLUTIONS - 1)
 """Branches of a search for each hand pose after one that has no path: in all no more than for that one."""
 
 
-@process_module
-class Reaching(PlatformModule):
+class HandReaching(PlatformModule):
     """Brings a hand to a location, after a look at things not seen since the base last moved."""
 
-    name = "arm"
-    actions = ("Reaching",)
     failures = (ManipulationFailure, PerceptionFailure, LookingFailure, DesignatorFailure)
 
     def resources(self, action: Action) -> tuple[str, ...]:
@@ -279,11 +276,9 @@ class Reaching(PlatformModule):
         room = next((room for room in rooms if room is not None), None)
         if room is None:
             return False
-        async with using("base"):
-            with suppress(NavigationFailure):
-                x, y, yaw = map(float, room)
-                await Navigation(self.platform).execute(action("Translation-LocationChange", x=x, y=y, yaw=yaw))
-                return True
+        with suppress(NavigationFailure):
+            await self.drive(room)
+            return True
         return False
 
     async def _reach(self, arm: ArmModel, location: Location) -> None:
@@ -367,6 +362,14 @@ class Reaching(PlatformModule):
         if motion.state is not MotionState.DONE:
             await self.platform.sensing.bump(motion)
             raise ManipulationGoalInCollision(arm=arm.name, what=label, blocked_by=motion.blocked_by)
+
+
+@process_module
+class Reaching(HandReaching):
+    """Reaches for things, places, postures and people."""
+
+    name = "arm"
+    actions = ("Reaching",)
 
 
 @process_module

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import islice
 from typing import Protocol
 
@@ -22,7 +22,7 @@ from executive.modules.leaf_pushing import LeafStrokes
 from executive.modules.motion_grounding import Grounding
 from executive.modules.phases import Phase
 from executive.modules.platform import Platform
-from executive.modules.strokes import Plane, Strokes
+from executive.modules.strokes import Plane, StrokeWork
 from executive.robots.arms import ArmModel
 from planlang import perform
 from planlang.designators import Action, Device, Location, Object, a_location, resting_on
@@ -44,6 +44,7 @@ from planlang.language.performing import actions_around
 from planlang.modules import process_module
 from planlang.motion_constraints import MotionConstraint, a_constraint, a_feature
 from planlang.protocols import Trajectory
+from planlang.records import dataclass
 from sim import BodyShape
 
 NEAR = 0.02
@@ -142,12 +143,12 @@ class ByDistance:
 
 
 @process_module
-class Pushing(Strokes):
+class Pushing(StrokeWork):
     """Pushes things."""
 
     name = "pushing"
     actions = ("PushingMotion",)
-    failures = (EnvironmentManipulationFailure, *Strokes.failures, ObjectNowhereToBeFound)
+    failures = (EnvironmentManipulationFailure, *StrokeWork.failures, ObjectNowhereToBeFound)
 
     def resources(self, action: Action) -> tuple[str, ...]:
         """Return the whole robot."""
@@ -199,7 +200,7 @@ class Pushing(Strokes):
         bodies, what = self.platform.scene.bodies, action.get("object_acted_on")
         stated = (one.get("to_location") for one in (action, *actions_around()))
         where = next((one for one in stated if isinstance(one, Location | Object)), None)
-        distance = self._number(action, "distance_translated")
+        distance = self.number(action, "distance_translated")
         assert isinstance(what, Object)
         if where is not None:
             location, support = resting_on(where), bodies.support(name)

@@ -9,14 +9,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from itertools import chain, islice
 
 import numpy as np
 
 from executive.belief.scene_collisions import BasePose
-from executive.modules.constrained_motions import ConstrainedMotions, apart, constraints_of, unsatisfied
+from executive.modules.constrained_motions import ConstrainedWork, apart, constraints_of, unsatisfied
 from executive.modules.motion_grounding import GroundedMotion, Grounding
 from executive.modules.phases import Phase
 from executive.modules.stances import stances
@@ -40,6 +40,7 @@ from planlang.motion_constraints import (
     a_constraint,
 )
 from planlang.protocols import Trajectory
+from planlang.records import dataclass
 
 CIRCLES = 5
 """Circles of a motion that says neither how many they are nor how long they take."""
@@ -95,26 +96,8 @@ class Plane:
         return (high, *(one for one in asked if one != self.height), here)
 
 
-@process_module
-class Strokes(ConstrainedMotions):
-    """Moves a tool in circles."""
-
-    name = "stroke"
-    actions = ("CirclingMotion",)
-    failures: Sequence[type[Exception]] = ConstrainedMotions.failures
-
-    async def execute(self, action: Action) -> tuple[str, ...]:
-        """Go round, as often and as long as the step says; return (): no constraint is given up."""
-        grounding, phase, asked, motion = await self.begun(action)
-        plane = Plane.of(motion, action)
-        points = self._circle(plane, motion, self._number(action, "radius_of_circles"))
-        lap = await self.stroke(grounding, phase, asked, plane, points, closed=True)
-        seconds = len(lap.positions) / self.platform.world.rate
-        times, duration = self._laps(action, seconds)
-        for _ in range(times):
-            await self.gone(motion, slowed(lap, duration / seconds))
-        phase.before = asked
-        return ()
+class StrokeWork(ConstrainedWork):
+    """Strokes of a tool or a hand, which several process modules make."""
 
     async def begun(self, action: Action) -> tuple[Grounding, Phase, tuple[MotionConstraint, ...], GroundedMotion]:
         """Look at what a motion is about; return its grounding, with its active constraints."""
@@ -125,33 +108,10 @@ class Strokes(ConstrainedMotions):
         await self._look(grounding, asked, phase)
         return grounding, phase, asked, grounding.grounded(asked, phase)
 
-    def _number(self, action: Action, name: str) -> float | None:
+    def number(self, action: Action, name: str) -> float | None:
         """Return a number of an action, or of the nearest around it that states one."""
         stated = (one.get(name) for one in (action, *actions_around()))
         return next((float(one) for one in stated if isinstance(one, int | float) and one > 0), None)
-
-    def _laps(self, action: Action, seconds: float) -> tuple[int, float]:
-        """Return how often a tool goes round, and how long that takes each time [s], if it takes some time at least."""
-        times, whole = (self._number(action, name) for name in ("number_of_circles", "duration"))
-        if whole is None:
-            return round(times or CIRCLES), seconds
-        count = max(1, math.ceil(whole / seconds) if times is None else round(times))
-        return count, max(seconds, whole / count)
-
-    def _circle(self, plane: Plane, motion: GroundedMotion, radius: float | None) -> Array:
-        """Return places (n, 4) on a circle in a vessel, in its frame, about the middle of the plane."""
-        scene, bodies = self.platform.scene, self.platform.scene.world.scene
-        name = scene.bodies.bind(plane.thing)
-        tool = self.tool(motion)
-        size, wide = scene.world.size(name), sorted(scene.world.size(tool))[1]
-        room = min(size[:2]) / 2 - bodies.body(name).wall - wide / 2 - ASIDE
-        if room <= 0:
-            raise ActionUnresolvable(f"there is no room for {tool} in {name}", designator=str(plane.thing))
-        first, second = plane.axes()
-        turns = np.linspace(0.0, 2 * np.pi, CORNERS, endpoint=False)[:, None]
-        middle = np.array(plane.height.world.position)
-        there: Array = middle + min(radius or SHARE * room, room) * (np.cos(turns) * first + np.sin(turns) * second)
-        return np.column_stack([there, np.zeros(CORNERS)])
 
     def tool(self, motion: GroundedMotion) -> str:
         """Return the name of what the first arm of a motion holds."""
@@ -175,7 +135,7 @@ class Strokes(ConstrainedMotions):
             motion = grounding.grounded(asked, phase)
             try:
                 if base is not None:
-                    await self._drive(base)
+                    await self.drive(base)
                     await self._look(grounding, asked, phase)
                     motion = grounding.grounded(asked, phase)
                 places = [plane.at(point, motion.constraints) for point in points]
@@ -216,6 +176,50 @@ class Strokes(ConstrainedMotions):
 
         within = (base for base in near if is_reaching(base, FEW, blocked=False))
         yield from (base for base in islice(within, PLACES) if is_reaching(base))
+
+
+@process_module
+class Strokes(StrokeWork):
+    """Moves a tool in circles."""
+
+    name = "stroke"
+    actions = ("CirclingMotion",)
+
+    async def execute(self, action: Action) -> tuple[str, ...]:
+        """Go round, as often and as long as the step says; return (): no constraint is given up."""
+        grounding, phase, asked, motion = await self.begun(action)
+        plane = Plane.of(motion, action)
+        points = self._circle(plane, motion, self.number(action, "radius_of_circles"))
+        lap = await self.stroke(grounding, phase, asked, plane, points, closed=True)
+        seconds = len(lap.positions) / self.platform.world.rate
+        times, duration = self._laps(action, seconds)
+        for _ in range(times):
+            await self.gone(motion, slowed(lap, duration / seconds))
+        phase.before = asked
+        return ()
+
+    def _laps(self, action: Action, seconds: float) -> tuple[int, float]:
+        """Return how often a tool goes round, and how long that takes each time [s], if it takes some time at least."""
+        times, whole = (self.number(action, name) for name in ("number_of_circles", "duration"))
+        if whole is None:
+            return round(times or CIRCLES), seconds
+        count = max(1, math.ceil(whole / seconds) if times is None else round(times))
+        return count, max(seconds, whole / count)
+
+    def _circle(self, plane: Plane, motion: GroundedMotion, radius: float | None) -> Array:
+        """Return places (n, 4) on a circle in a vessel, in its frame, about the middle of the plane."""
+        scene, bodies = self.platform.scene, self.platform.scene.world.scene
+        name = scene.bodies.bind(plane.thing)
+        tool = self.tool(motion)
+        size, wide = scene.world.size(name), sorted(scene.world.size(tool))[1]
+        room = min(size[:2]) / 2 - bodies.body(name).wall - wide / 2 - ASIDE
+        if room <= 0:
+            raise ActionUnresolvable(f"there is no room for {tool} in {name}", designator=str(plane.thing))
+        first, second = plane.axes()
+        turns = np.linspace(0.0, 2 * np.pi, CORNERS, endpoint=False)[:, None]
+        middle = np.array(plane.height.world.position)
+        there: Array = middle + min(radius or SHARE * room, room) * (np.cos(turns) * first + np.sin(turns) * second)
+        return np.column_stack([there, np.zeros(CORNERS)])
 
 
 def slowed(trajectory: Trajectory, factor: float) -> Trajectory:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from executive.modules.motion_grounding import GroundedMotion
-from executive.modules.strokes import Plane, Strokes
+from executive.modules.strokes import Plane, StrokeWork
 from planlang.designators import Action
 from planlang.failures import (
     DesignatorFailure,
@@ -40,7 +40,7 @@ ENOUGH = 0.8
 
 
 @process_module
-class Wiping(Strokes):
+class Wiping(StrokeWork):
     """Wipes surfaces."""
 
     name = "wiping"

@@ -8,7 +8,7 @@ for ways of an arm and, as they are or held still in a posture, a search for pla
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -21,6 +21,7 @@ from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import inverse, moved, product
 from planlang.geometry.shapes import ConvexSolid, SolidKind, convex_solid
 from planlang.protocols import Configuration
+from planlang.records import dataclass
 from sim import PlanningWorld, Solid
 from sim.contact import SUPPORT_DEPTH
 

@@ -13,7 +13,7 @@ projected onto it (Berenson et al., ICRA 2009), and a straight way that strays f
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cache
 from itertools import pairwise
 from typing import Protocol
@@ -24,9 +24,15 @@ from numpy.typing import ArrayLike, NDArray
 from executive.motion.effort import Effort
 from executive.motion.errors import GoalInCollision, NoPath, OutOfEffort, OutsideLimits, StartInCollision
 from planlang.geometry import Array
+from planlang.records import dataclass
 
-Touching = Callable[[Array], Sequence[tuple[str, str]]]
-"""The exact check: which two bodies touch each other, wrongly, at a configuration (d,); slow."""
+Touching = Callable[[Array, Sequence[tuple[str, str]] | None], Sequence[tuple[str, str]]]
+"""The exact check: which two bodies touch each other, wrongly, at a configuration (d,); slow.
+
+The second argument holds the only pairs that can touch there, None if that is not known.
+"""
+AT_FIRST = 8
+"""Configurations of a path that are looked at exactly in one go; then twice as many, and so on."""
 REACH = 10
 """Length of a new branch, in units of the edge resolution."""
 HITS = 0.04
@@ -106,8 +112,8 @@ class Quick(Protocol):
     def free(self, q: Array) -> NDArray[np.bool_]:
         """Return which configurations (n, d) are free as far as is known."""
 
-    def sure(self, q: Array) -> NDArray[np.bool_]:
-        """Return which configurations (n, d) are free for sure: the exact check is spared there."""
+    def doubtful(self, q: Array) -> Sequence[Sequence[tuple[str, str]] | None]:
+        """Return the pairs that may touch at each configuration (n, d), no others do; None where that is not known."""
 
     def keep(self, distance: float, ends: Sequence[Array]) -> None:
         """Keep bodies so far apart [m] where the ends (d,), which are free, allow it; forget what was learnt."""
@@ -219,15 +225,26 @@ class _Search:
     def __post_init__(self) -> None:
         self.forbidden = _Rows(len(self.space.resolution))
 
-    def pairs(self, q: Array) -> Sequence[tuple[str, str]]:
-        """Return what touches at a configuration, exactly; each is asked for once."""
+    def pairs(self, q: Array, among: Sequence[tuple[str, str]] | None = None) -> Sequence[tuple[str, str]]:
+        """Return what touches at a configuration, exactly, ``among`` the pairs that may; each is asked for once."""
         key = np.rint(q * 1e9).astype(np.int64).tobytes()
         found = self.known.get(key)
         if found is None:
             self.counts["exact checks"] += 1
             self.effort.spend(1)
-            found = self.known[key] = tuple(self.touching(q.copy()))
+            found = self.known[key] = tuple(self.touching(q.copy(), among))
         return found
+
+    def hit(self, rows: Array) -> Array | None:
+        """Return the first of configurations (n, d) where something touches, exactly; None if all are free."""
+        first, size = 0, AT_FIRST
+        while first < len(rows):
+            some = rows[first : first + size]
+            for row, among in zip(some, self.quick.doubtful(some), strict=True):
+                if (among is None or among) and self.pairs(row, among):
+                    return np.asarray(row)
+            first, size = first + size, 2 * size
+        return None
 
     def edge_free(self, a: Array, b: Array, *ends: Array) -> bool:
         """Return whether the straight way between two configurations is free, as far as is known; ``ends``, too."""
@@ -239,7 +256,7 @@ class _Search:
         if self.constraint is not None and not self.constraint.holds(rows).all():
             return False
         if self.exactly:
-            return not any(self.pairs(q) for q in rows[~self.quick.sure(rows)])
+            return self.hit(rows) is None
         return bool(self.quick.free(rows).all())
 
     def way(self, a: Array, b: Array, *ends: Array) -> list[Array] | None:
@@ -273,9 +290,7 @@ class _Search:
     def first_hit(self, path: Array) -> Array | None:
         """Return a configuration of a path where something touches, exactly; None if it is free."""
         rows = self.moments(path)
-        rows = rows[~self.quick.sure(rows)] if len(rows) else rows
-        order = bisection(len(rows) + 1) - 1
-        return next((row for row in rows[order] if self.pairs(row)), None)
+        return self.hit(rows[bisection(len(rows) + 1) - 1])
 
     def forbid(self, q: Array, ends: Sequence[Array]) -> None:
         """Remember a place of an exact hit; start and goal, if they are near, stay accessible."""
@@ -320,7 +335,7 @@ def plan_path(
     search = _Search(space, quick, touching, moments or space.points, rng, shortcuts, effort, constraint)
     if pairs := search.pairs(a):
         raise StartInCollision(a.tolist(), pairs)
-    goals = [a + space.move(a, goal) for goal in (b, *others) if not search.pairs(goal)]
+    goals = [a + space.move(a, goal) for goal in (b, *others) if not search.pairs(goal, quick.doubtful(goal[None])[0])]
     if not goals:
         raise GoalInCollision(b.tolist(), search.pairs(b))
     try:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from heapq import heappop, heappush
 from itertools import pairwise
 
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from executive.motion.clearance import Grid
 from executive.motion.errors import GoalInCollision, NoPath, OutsideLimits, StartInCollision
 from planlang.geometry import Array
+from planlang.records import dataclass
 
 Planar = tuple[float, float, float]
 """x, y [m] and yaw [rad] in the map."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 from itertools import compress
 from pathlib import Path
@@ -21,6 +21,7 @@ from planlang.cache import Cache
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import moved, product, rotated
 from planlang.geometry.shapes import ConvexSolid, SolidKind, convex_solid
+from planlang.records import dataclass
 from sim import Solid
 
 MOST = 24
@@ -347,16 +348,18 @@ class Solids:
 
 
 def distances(local: Array, half: Array, kinds: Index) -> Array:
-    """Return distances (k,) of points (3, k), in the frames of pieces, from their surfaces, negative inside [m].
+    """Return distances (k, ...) of points (3, k, ...), in pieces' frames, from their surfaces, negative inside [m].
 
-    ``half`` (3, k) and ``kinds`` (k,): as those of :class:`Solids`.
+    ``half`` (3, k, ...) and ``kinds`` (k,): as those of :class:`Solids`.
     """
-    x, y, z = np.abs(local)
+    away = np.abs(local)
     if len(turned := np.flatnonzero(kinds >= 2)):
+        x, y, z = away[:, turned]
         ball = kinds[turned] == 3
-        x[turned] = np.hypot(x[turned], np.hypot(y[turned], np.where(ball, z[turned], 0.0)))
-        y[turned], z[turned[ball]] = 0.0, 0.0
-    away = np.stack([x, y, z])
+        z = z * ball.reshape(-1, *(1,) * (z.ndim - 1))
+        away[0, turned] = np.sqrt(x * x + y * y + z * z)
+        away[1, turned] = 0.0
+        away[2, turned[ball]] = 0.0
     away -= half
     inside = np.minimum(away.max(axis=0), 0.0)
     np.maximum(away, 0.0, out=away)

@@ -8,12 +8,12 @@ its outline from above, in all its heights.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from planlang.geometry import Array, Pose
+from planlang.records import dataclass
 
 Band = tuple[float, float, float]
 """A slice of a robot's silhouette: from z_low to z_high [m] above the floor it stays within a radius [m]."""

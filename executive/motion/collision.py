@@ -14,7 +14,6 @@ from one base.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -22,8 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.motion.bodies import BASE, FIRST_JOINT, MAP, Bodies, Index, Pairs, Solids, counts, distances
+from executive.motion.separation import are_apart, squares
 from planlang.geometry import Array
 from planlang.geometry.matrices import inverse, moved, product
+from planlang.records import dataclass
 
 if TYPE_CHECKING:  # a plain run moves one arm at a time
     from executive.motion.arm_group import Movable
@@ -40,6 +41,8 @@ ALIKE = 1e-6
 """Distance by which the spheres of hands that are built alike may differ [m]: rounding of what PyBullet tells."""
 AT_ONCE = 300_000
 """Pairs of balls that are looked at in one go: their arrays (8 MB) stay near the processor."""
+FEW = 1000
+"""Pairs whose spheres are looked at in one go, 24 of a mover: their arrays (0.6 MB) stay in the processor's cache."""
 
 Found = tuple[Index, Index, Array, Index]
 """Pairs, rows, gaps [m] and pieces of what is near, by pair; those of an obstacle of several pieces come repeatedly."""
@@ -70,6 +73,7 @@ class QuickCheck:
         self._movers, self._obstacles, self._chain, self._base = movers, obstacles, chain, base
         self._balls, self._obstacle_balls = (_around(bodies.solids, bodies.first) for bodies in (movers, obstacles))
         self._boxes = _boxes(obstacles.solids)
+        self._spheres = _padded(movers)
         self._pairs = self._together(np.arange(len(order)))
         self._least = -watched.allowed[order] - TOUCHING
         self._limit = self._least
@@ -284,18 +288,20 @@ class QuickCheck:
         return pair[order], (row + starts)[order], gap[order], piece[order]
 
     def _near_in(self, width: Array, frames: Array, pairs: _Pairs) -> Found:
-        return self._near_by_spheres(width, frames, *self._near_by_balls(width, frames, pairs))
+        rows = _by_row(frames)
+        return self._near_by_spheres(width, rows, *self._near_by_balls(width, frames, rows, pairs))
 
     def _first_in(self, width: Array, frames: Array, pairs: _Pairs) -> Found:
         """Return the first pair of each row that is near, and some more; as few as possible are looked at."""
-        pair, piece, row = self._near_by_balls(width, frames, pairs)
+        rows = _by_row(frames)
+        pair, piece, row = self._near_by_balls(width, frames, rows, pairs)
         order = np.argsort(row, kind="stable")
         rank = np.empty(len(row), np.intp)
         rank[order] = np.arange(len(row)) - np.searchsorted(row[order], row[order])
         found, left, most = [], np.arange(len(row)), 1
         while len(left):
             now = left[rank[left] < most]
-            found.append(self._near_by_spheres(width, frames, pair[now], piece[now], row[now]))
+            found.append(self._near_by_spheres(width, rows, pair[now], piece[now], row[now]))
             hit = np.zeros(frames.shape[3], bool)
             hit[found[-1][1]] = True
             left, most = left[(rank[left] >= most) & ~hit[row[left]]], 3 * most
@@ -305,10 +311,11 @@ class QuickCheck:
         inside = np.argsort(several[0], kind="stable")
         return several[0][inside], several[1][inside], several[2][inside], several[3][inside]
 
-    def _near_by_balls(self, width: Array, frames: Array, pairs: _Pairs) -> tuple[Index, Index, Index]:
+    def _near_by_balls(self, width: Array, frames: Array, rows: Array, pairs: _Pairs) -> tuple[Index, Index, Index]:
         """Return pairs, pieces of their obstacles and rows where the ball around the mover is near, in order."""
         middles = _placed(self._balls, self._movers.frames, frames)
-        standing, moving = self._near_standing(width, middles, pairs), self._near_moving(width, middles, frames, pairs)
+        standing = self._near_standing(width, middles, pairs)
+        moving = self._near_moving(width, middles, frames, rows, pairs)
         pair, piece, row, middle = (np.concatenate(several) for several in zip(standing, moving, strict=True))
         solids = self._obstacles.solids
         local = np.einsum("kij,ki->jk", solids.axes[piece], middle - solids.centres[piece])
@@ -318,21 +325,40 @@ class QuickCheck:
 
     def _near_by_spheres(self, width: Array, frames: Array, pair: Index, piece: Index, row: Index) -> Found:
         """Return which of pairs, pieces of their obstacles and rows (k,) are near by a sphere of the mover."""
-        movers, obstacles, solids = self._movers, self._obstacles, self._obstacles.solids
-        spheres, mover = movers.solids, self._mover[pair]
-        mine = frames[movers.frames[mover], :, :, row]
-        theirs = frames[obstacles.frames[self._obstacle[pair]], :, :, row]
-        turn, shift = _relative(theirs, mine)
-        axes = solids.axes[piece]
-        turn = np.einsum("kji,kjl->ilk", axes, turn)  # rows last: numpy is slow over short ones
-        shift = np.einsum("kji,kj->ik", axes, shift - solids.centres[piece])
-        each, sphere = _members(movers.first, mover)
-        points = np.einsum("ijk,jk->ik", turn[..., each], spheres.centres.T[:, sphere]) + shift[:, each]
-        gap = _gaps(points, spheres.reach[sphere], solids, piece[each])
-        if len(pair):
-            gap = np.minimum.reduceat(gap, np.flatnonzero(np.diff(each, prepend=-1)))
+        gap = np.empty(len(pair))
+        balls = self._obstacles.solids.kinds[piece] == 3
+        for some, find in (
+            (np.flatnonzero(balls), self._gaps_to_balls),
+            (np.flatnonzero(~balls), self._gaps_to_pieces),
+        ):
+            for few in (some[first : first + FEW] for first in range(0, len(some), FEW)):
+                mover, obstacle = self._mover[pair[few]], self._obstacle[pair[few]]
+                theirs = frames[row[few], self._obstacles.frames[obstacle]]
+                turn, shift = _relative(theirs, frames[row[few], self._movers.frames[mover]])
+                gap[few] = find(mover, piece[few], turn, shift)
         close = gap < width[pair]
         return pair[close], row[close], gap[close], piece[close]
+
+    def _gaps_to_balls(self, mover: Index, piece: Index, turn: Array, shift: Array) -> Array:
+        """Return the gaps (k,) between movers, with poses (k, 3, 3), (k, 3) in the obstacles' frames, and balls."""
+        centres, radii = self._spheres
+        solids = self._obstacles.solids
+        ball = np.einsum("kji,kj->ki", turn, solids.centres[piece] - shift)  # in the frame of the mover
+        away = centres[mover] - ball[:, :, None]
+        away *= away
+        return np.asarray((np.sqrt(away.sum(axis=1)) - radii[mover]).min(axis=1) - solids.half[piece, 0])
+
+    def _gaps_to_pieces(self, mover: Index, piece: Index, turn: Array, shift: Array) -> Array:
+        """Return the same for boxes and cylinders."""
+        centres, radii = self._spheres
+        solids = self._obstacles.solids
+        axes, spheres = solids.axes[piece], centres[mover]
+        turn = np.einsum("kji,kjl->kil", axes, turn)
+        points = np.repeat(np.einsum("kji,kj->ki", axes, shift - solids.centres[piece])[:, :, None], len(radii[0]), 2)
+        for axis in range(3):
+            points += turn[:, :, axis, None] * spheres[:, None, axis]
+        gaps = distances(np.moveaxis(points, 1, 0), solids.half[piece].T[:, :, None], solids.kinds[piece])
+        return np.asarray((gaps - radii[mover]).min(axis=1))
 
     def _near_standing(self, width: Array, middles: Array, pairs: _Pairs) -> tuple[Index, Index, Index, Array]:
         """Return pairs, standing pieces and rows that are near by ball and box, and the middles of the balls."""
@@ -349,7 +375,7 @@ class QuickCheck:
         return pairs.standing[number], pairs.pieces[number], row, middles[mover[number], :, row]
 
     def _near_moving(
-        self, width: Array, middles: Array, frames: Array, pairs: _Pairs
+        self, width: Array, middles: Array, frames: Array, rows: Array, pairs: _Pairs
     ) -> tuple[Index, Index, Index, Array]:
         """Return the same for what moves with the robot, by balls, with middles in the frames of obstacles."""
         mover, obstacle, obstacles = self._mover[pairs.moving], self._obstacle[pairs.moving], self._obstacles
@@ -357,13 +383,13 @@ class QuickCheck:
         others = _placed(self._obstacle_balls, obstacles.frames, frames)
         reach = np.maximum(far + self._obstacle_balls[obstacle, 3], 0.0)[:, None]
         number, row = _nearer(middles[mover] - others[obstacle], reach)
-        middle = _back(frames[obstacles.frames[obstacle[number]], :, :, row], middles[mover[number], :, row])
+        middle = _back(rows[row, obstacles.frames[obstacle[number]]], middles[mover[number], :, row])
         which, piece = _members(obstacles.first, obstacle[number])
         away, reach = (
             middle[which] - obstacles.solids.centres[piece],
             obstacles.solids.reach[piece] + far[number[which]],
         )
-        near = np.flatnonzero((_squares(away) < reach * reach) & (reach > 0.0))
+        near = np.flatnonzero((squares(away) < reach * reach) & (reach > 0.0))
         which, piece = which[near], piece[near]
         return pairs.moving[number[which]], piece, row[which], middle[which]
 
@@ -381,45 +407,6 @@ class _Pairs:
 
 NEAREST = 0.01
 """Shapes of a body whose gaps differ by less than this may all have been the one that touches [m]: spheres' slack."""
-
-
-STEPS = 12
-"""Steps after which nothing is known: of 624 doubtful pairs of the PR2 that 30 steps show to be apart, 12 show 546."""
-
-
-def are_apart(first: Array, second: Array, turns: Array, shifts: Array, distance: float) -> NDArray[np.bool_]:
-    """Return which poses (n, 3, 3), (n, 3) move the hull of points (k, 3) surely farther from another than so much [m].
-
-    Algorithm: E. G. Gilbert, An iterative procedure for computing the minimum of a quadratic form on a convex set
-    (SIAM J. Control 1966). A point of the difference of both hulls goes towards the origin; it points along an axis,
-    and if the hulls' shadows on that are so far apart, they are. Where no such axis is found nothing is known.
-    """
-    moved = first @ turns.transpose(0, 2, 1) + shifts[:, None]  # the last digits of what is sure decide nothing
-    between = moved.mean(axis=1) - second.mean(axis=0)
-    sides = np.concatenate(
-        [between[:, None], np.broadcast_to(np.eye(3), turns.shape), turns.transpose(0, 2, 1)], axis=1
-    )
-    sides *= np.sign(sides @ between[:, :, None]) / np.sqrt((sides * sides).sum(axis=2, keepdims=True))
-    shadows = (sides @ moved.transpose(0, 2, 1)).min(axis=2) - (sides @ second.T).max(axis=2)
-    apart = np.asarray((shadows > distance).any(axis=1))
-    left = np.flatnonzero(~apart)
-    moved, between = moved[left], between[left]
-    for _ in range(STEPS):
-        if not len(left):
-            break
-        length = np.sqrt(_squares(between))
-        axis = between / np.maximum(length, 1e-12)[:, None]
-        nearest = (moved @ axis[:, :, None])[:, :, 0].argmin(axis=1)
-        corner = moved[np.arange(len(left)), nearest] - second[(axis @ second.T).argmax(axis=1)]
-        shown = (axis * corner).sum(axis=1) > distance
-        apart[left[shown]] = True
-        on = ~shown & (length > distance)  # the point itself is one of the difference: nearer they are not apart
-        if not on.all():
-            left, moved, between, corner = left[on], moved[on], between[on], corner[on]
-        way = between - corner
-        share = (between * way).sum(axis=1) / np.maximum(_squares(way), 1e-18)
-        between = between - np.clip(share, 0.0, 1.0)[:, None] * way
-    return apart
 
 
 def _around(solids: Solids, first: Index) -> Array:
@@ -444,6 +431,22 @@ def _boxes(solids: Solids) -> tuple[Array, Array]:
     return solids.centres - half, solids.centres + half
 
 
+def _by_row(frames: Array) -> Array:
+    """Return frames (f, 3, 4, n) as (n, f, 3, 4): all numbers of one lie together."""
+    return np.ascontiguousarray(np.moveaxis(frames, -1, 0))
+
+
+def _padded(bodies: Bodies) -> tuple[Array, Array]:
+    """Return the spheres of bodies: centres (m, 3, s) and radii (m, s); those that make up the number are nowhere."""
+    sizes = counts(bodies.first)
+    body = np.repeat(np.arange(len(bodies)), sizes)
+    number = np.arange(len(body)) - bodies.first[body]
+    most = int(sizes.max(initial=1))
+    centres, radii = np.zeros((len(bodies), 3, most)), np.full((len(bodies), most), -np.inf)
+    centres[body, :, number], radii[body, number] = bodies.solids.centres, bodies.solids.reach
+    return centres, radii
+
+
 def _placed(balls: Array, numbers: NDArray[np.intp], frames: Array) -> Array:
     """Return the centres (m, 3, n) in the map of balls (m, 4) in frames of these numbers (m,)."""
     centres = np.repeat(balls[:, :3, None], frames.shape[3], axis=2)
@@ -457,11 +460,6 @@ def _nearer(away: Array, far: Array) -> tuple[Index, Index]:
     """Return which vectors (k, 3, n) are shorter than some lengths (k, 1): numbers in k, then in n."""
     numbers, rows = np.nonzero(np.einsum("kin,kin->kn", away, away) < far * far)
     return numbers, rows
-
-
-def _squares(vectors: Array) -> Array:
-    """Return the squared lengths (k,) of vectors (k, 3)."""
-    return np.asarray(np.einsum("ki,ki->k", vectors, vectors))
 
 
 def _relative(frames: Array, others: Array) -> tuple[Array, Array]:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from itertools import islice
 from types import MappingProxyType
 from typing import Protocol
@@ -27,6 +27,7 @@ from executive.motion.effort import Effort
 from executive.motion.errors import ConstraintsContradict, OutOfEffort
 from planlang.geometry import Array
 from planlang.motion_constraints import MotionConstraint
+from planlang.records import dataclass
 
 BEGINNINGS = 16
 """Configurations from which ends are looked for: of 180 random problems one needed 8, all others 3."""
@@ -74,6 +75,9 @@ class Obstacles(Protocol):
 
     def sure(self, q: Array) -> NDArray[np.bool_]:
         """Return which configurations (m, n) are free for sure."""
+
+    def doubtful(self, q: Array) -> Sequence[Sequence[tuple[str, str]] | None]:
+        """Return the pairs that may touch at each configuration (m, n), no others do; None where that is not known."""
 
     def room(self, q: Array, within: float, among: Index | None = None) -> tuple[Index, Index, Array]:
         """Return pairs, of some or all, and configurations (k,) that have at most so much room [m]; how much (k,)."""

@@ -9,7 +9,6 @@ and every row of the timed motion is checked: functions, joint limits, and what 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
@@ -24,6 +23,7 @@ from planlang.geometry import Array
 from planlang.geometry.matrices import moved
 from planlang.motion_constraints import MotionConstraint, Speed
 from planlang.protocols import Trajectory
+from planlang.records import dataclass
 
 FAR = 0.12
 """Largest move of a joint between two waypoints [rad, m]."""
@@ -194,7 +194,13 @@ class Way:
         problem.effort.spend(AROUND)
         try:
             found = plan_path(
-                self.start, self.end, space, problem.obstacles, problem.touching, rng, iterations=SEARCHED
+                self.start,
+                self.end,
+                space,
+                problem.obstacles,
+                lambda q, _: problem.touching(q),
+                rng,
+                iterations=SEARCHED,
             )
         except MotionError:
             return None

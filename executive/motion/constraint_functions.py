@@ -8,7 +8,6 @@ distance of p from the line along n, or from c itself where n is 0. Directions a
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any
 
@@ -24,6 +23,7 @@ from planlang.designators import Object
 from planlang.geometry import Array
 from planlang.geometry.matrices import inverse, moved, product, rotated
 from planlang.motion_constraints import Feature, Measure, MotionConstraint
+from planlang.records import dataclass
 
 UNDEFINED = 1e-3
 """Vectors shorter than this have no heading."""

@@ -14,7 +14,7 @@ each other, what is left is spread over all that do, and over no others.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import lru_cache
 from typing import Any
 
@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from executive.motion.constraint_functions import ConstraintFunctions
 from executive.motion.effort import Effort
 from planlang.geometry import Array
+from planlang.records import dataclass
 
 STEPS = 40
 """Quadratic programs after which the best that was found is taken."""

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 from executive.motion.base_path import ESCAPE
 from executive.motion.clearance import TOUCHING, Band, Boxes, Grid
 from planlang.geometry import Array
+from planlang.records import dataclass
 
 Mask = NDArray[np.bool_]
 WINDING = 1.5

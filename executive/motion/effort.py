@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from executive.motion.errors import OutOfEffort
 from planlang.kernel import still_computing
+from planlang.records import dataclass
 
 
 @dataclass(slots=True)

@@ -16,7 +16,6 @@ there are.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import casadi
@@ -25,6 +24,7 @@ import numpy as np
 from planlang.geometry import Array
 from planlang.geometry.matrices import cross_matrix, product
 from planlang.geometry.urdf import Joint, displacement
+from planlang.records import dataclass
 
 BLOCKS = ((256, 97), (32, 7), (1, 0))
 """Rows of a call, and from how many rows on that are left it is made: where it begins to be the cheapest."""
@@ -79,7 +79,19 @@ class RowFunction:
 
 
 def _on_vectors(function: Any, size: int) -> Any:
-    """Return the same function with each number replaced by a vector of ``size`` rows."""
+    """Return the same function with each number replaced by a vector of ``size`` rows.
+
+    It rounds as the function does, so casadi must not simplify it: it would replace a - (a + b) by -b.
+    """
+    simplifies = casadi.GlobalOptions.getSimplificationOnTheFly()
+    casadi.GlobalOptions.setSimplificationOnTheFly(False)
+    try:
+        return _instructions_on_vectors(function, size)
+    finally:
+        casadi.GlobalOptions.setSimplificationOnTheFly(simplifies)
+
+
+def _instructions_on_vectors(function: Any, size: int) -> Any:
     arguments = [casadi.MX.sym(f"argument{i}", size, function.numel_in(i)) for i in range(function.n_in())]
     columns = [casadi.horzsplit(argument) for argument in arguments]
     results: list[list[Any]] = [[None] * function.numel_out(i) for i in range(function.n_out())]

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import ruckig
@@ -25,6 +24,7 @@ from executive.motion.kinematics import InverseKinematics
 from planlang.geometry import Array
 from planlang.geometry.matrices import cross_matrix, product, rotated
 from planlang.protocols import Trajectory
+from planlang.records import dataclass
 
 UNTURNED = 1e-12
 """Poses turned against each other by no more than half of this have the same rotation [rad]."""

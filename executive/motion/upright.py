@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 from executive.motion.kinematics import Chain
 from planlang.geometry import Array
 from planlang.geometry.matrices import rotated
+from planlang.records import dataclass
 
 INSIDE = 0.5
 """Share of the limit to which a configuration beyond it is moved."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import partial
 from pathlib import Path
 
@@ -22,6 +22,7 @@ from planlang.designators import Location
 from planlang.failures import LocationUnresolvable
 from planlang.geometry import Array
 from planlang.geometry.shapes import corners, outline_of
+from planlang.records import dataclass
 from sim.scene import BodyShape
 
 Bounds = tuple[float, float, float, float]

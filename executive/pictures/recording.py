@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -14,6 +13,7 @@ import numpy as np
 from planlang.diagnostics import BadInput, Diagnostic, error
 from planlang.geometry import Pose
 from planlang.geometry.shapes import SolidKind
+from planlang.records import dataclass
 
 if TYPE_CHECKING:
     import rerun

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 
 from executive.robots.mechanism import Mechanism
 from executive.robots.robot import side_of
 from planlang.geometry.urdf import Joint
+from planlang.records import dataclass
 
 LEAST_ARM = 4
 """Joints of an arm at least: what has fewer is a head, a finger or a sensor that turns."""

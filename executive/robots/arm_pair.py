@@ -8,7 +8,6 @@ up is not solved for: it is given.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -19,6 +18,7 @@ from executive.motion.arm_group import ArmGroup
 from executive.robots.arms import ArmModel
 from planlang.geometry import Array
 from planlang.geometry.matrices import inverse, product
+from planlang.records import dataclass
 
 TORSOS = 5
 """Positions of the torso that are tried beside the present one."""

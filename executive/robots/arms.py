@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,6 +17,7 @@ from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import product
 from planlang.geometry.urdf import Joint, displacement, joints_between, read_urdf
 from planlang.protocols import Configuration
+from planlang.records import dataclass
 from sim import Body, PlanningWorld, Scene
 
 SAMPLES = 400

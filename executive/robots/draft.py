@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import Enum
 from pathlib import Path
 from typing import Any
@@ -26,6 +26,7 @@ from executive.robots.srdf import Srdf, read_srdf
 from planlang.diagnostics import Diagnostic, Span, note, warning
 from planlang.geometry import Array
 from planlang.geometry.urdf import read_urdf
+from planlang.records import dataclass
 from sim import CameraModel, PlanningWorld, RobotBody, Scene
 from sim.description import read_description
 

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,6 +17,7 @@ from planlang.geometry import Array
 from planlang.geometry.matrices import inverse, moved, product, rotated
 from planlang.geometry.urdf import Joint
 from planlang.protocols import Configuration
+from planlang.records import dataclass
 from sim import PlanningWorld
 
 STRAIGHT, LOPSIDED = math.cos(math.radians(25)), math.cos(math.radians(45))

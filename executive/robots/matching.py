@@ -6,7 +6,7 @@ Three answers: available, missing, and unknown, when neither the self-model nor 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 from executive.robots.closed_world import ClosedWorld, compared, conjunction, disjunction, negation
 from executive.robots.requirements import (
@@ -23,6 +23,7 @@ from planlang.designators import local_name
 from planlang.diagnostics import Span
 from planlang.ontology import Ontology, expand
 from planlang.ontology.expressions import Expression
+from planlang.records import dataclass
 
 AVAILABLE, MISSING, UNKNOWN = Availability.AVAILABLE, Availability.MISSING, Availability.UNKNOWN
 

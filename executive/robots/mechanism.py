@@ -8,9 +8,8 @@ import shutil
 import tempfile
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import PackageNotFoundError, distribution
+from importlib.metadata import Distribution, PackageNotFoundError, distribution, distributions
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +20,7 @@ from planlang.diagnostics import Diagnostic, Span, note
 from planlang.geometry import Array
 from planlang.geometry.matrices import product
 from planlang.geometry.urdf import BadXml, Element, Joint, displacement, read_tree, read_urdf
+from planlang.records import dataclass
 
 BASE, MOUNT = "mobile_base", "mobile_base_mount"
 """Link and joint of a base that is added."""
@@ -45,13 +45,20 @@ ToolPoint = tuple[str, tuple[float, float, float]]
 
 
 def packaged(name: str, file: str) -> Path:
-    """Return a file of an installed distribution, by the end of its path; raises NotInstalled."""
+    """Return a file of an installed package, by the end of its path; raises NotInstalled.
+
+    The package is named as it is installed or as it is imported: what is imported as pybullet is installed under
+    different names for different versions of Python.
+    """
+    found: Distribution | None
     try:
-        entries = distribution(name).files or ()
+        found = distribution(name)
     except (PackageNotFoundError, ValueError):
-        raise NotInstalled(f"the package {name} is not installed") from None
+        found = next((one for one in distributions() if name in (one.read_text("top_level.txt") or "").split()), None)
+    if found is None:
+        raise NotInstalled(f"the package {name} is not installed")
     wanted = Path(file).parts
-    for entry in entries:
+    for entry in found.files or ():
         if entry.parts[-len(wanted) :] == wanted and (path := Path(str(entry.locate()))).is_file():
             return path.resolve()
     raise NotInstalled(f"the installed package {name} has no {file}")

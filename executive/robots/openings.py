@@ -6,7 +6,7 @@ Measured on the shapes of the fingers at a few openings from closed to opened, a
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from planlang.geometry import Array
 from planlang.geometry.matrices import inverse, moved
 from planlang.geometry.shapes import ConvexSolid
 from planlang.protocols import Configuration
+from planlang.records import dataclass
 from sim import PlanningWorld
 
 ROOM = 0.02
@@ -117,7 +118,7 @@ def _gaps(arm: Arm, gripper: Gripper, joints: Mapping[str, float], world: Planni
 def _outline(at: Array, hull: ConvexSolid, axes: Array) -> Array:
     """Return points (n, 2) that span a convex solid at a pose (4, 4), seen along two axes (3, 2)."""
     points = moved(at, hull.points) @ axes
-    extreme = points[np.unique((points @ AROUND).argmax(axis=0))]
+    extreme = points[sorted({*(points @ AROUND).argmax(axis=0).tolist()})]
     thick = hull.radius + hull.beyond
     return np.asarray((extreme[:, None] + thick * AROUND.T).reshape(-1, 2) if thick > 0 else extreme)
 

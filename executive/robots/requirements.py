@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from enum import Enum
 from typing import Any
 
@@ -12,6 +11,7 @@ from planlang.diagnostics import Span
 from planlang.ontology import Literal, Ontology, Term, expand
 from planlang.ontology.expression_text import expression_of, text_of
 from planlang.ontology.expressions import Expression
+from planlang.records import dataclass
 
 
 class Availability(Enum):

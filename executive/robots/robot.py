@@ -9,13 +9,14 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from itertools import combinations
 from pathlib import Path
 
 from planlang.designators import Device, Object, local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error
 from planlang.ontology import Literal, Ontology, expand
+from planlang.records import dataclass
 from sim import CameraModel, RobotBody
 
 

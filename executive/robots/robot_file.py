@@ -28,7 +28,7 @@ import math
 import re
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +36,7 @@ from executive.robots.mechanism import Mount, NotInstalled, ToolPoint, mounted, 
 from executive.robots.robot import Axis, BaseDrive, JointLimits
 from planlang.diagnostics import BadInput, Diagnostic, Span, error
 from planlang.files import open_regular, read_file
+from planlang.records import dataclass
 from sim import CameraModel
 
 _KEYS: dict[str, tuple[str, ...]] = {

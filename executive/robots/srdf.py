@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 from planlang.diagnostics import BadInput, Span, error
 from planlang.geometry.urdf import BadXml, Element, numbers, read_tree
+from planlang.records import dataclass
 
 HARMLESS = ("Never", "Adjacent")
 """Reasons why a pair is not checked that say nothing: it cannot touch, or is left out anyhow."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 from executive.robots.matching import Matcher, Missing, Possessions, lacking_in, missing_in
@@ -19,6 +19,7 @@ from planlang.designators import local_name
 from planlang.ontology import Ontology, expand, shorten
 from planlang.recipe import Recipe, RecipeSet, Step
 from planlang.recipe.actions import read_primitives
+from planlang.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,10 +129,16 @@ class _Tree:
         return Finding(FindingKind.TASK, text, recipe.iri, state, "", recipe.span, (*own.below, *performed))
 
     def step(self, step: Step, above: tuple[str, ...]) -> Finding:
-        """Return the finding about a step: what its class requires, and the best recipe that performs it."""
+        """Return the finding about a step: what its class requires, and the best recipe that performs it.
+
+        Of a step that is nothing but its alternatives one is enough.
+        """
         own = self.matcher.action(step.action_class, span=step.span)
         inner = [self.recipes[iri] for iri in step.recipes if iri in self.recipes and iri not in above]
-        performed = tuple(self.task(recipe, above) for recipe in inner)
+        if step.is_choice:
+            performed = tuple(self.step(one, above) for recipe in inner for one in recipe.steps)
+        else:
+            performed = tuple(self.task(recipe, above) for recipe in inner)
         if len(performed) > 1:
             state = together((one.state for one in performed), any_of=True)
             performed = (Finding(FindingKind.ALTERNATIVES, "one of", None, state, "", None, performed),)

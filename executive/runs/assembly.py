@@ -29,6 +29,7 @@ from executive.modules.effects import ActionEffects, ModuleWithEffects
 from executive.modules.platform import ArmChoices, Platform
 from executive.robots import CARRYING, Robot
 from executive.robots.arms import ArmModel, arm_models, gaze_of
+from executive.runs.final_state import Tilts
 from executive.runs.in_hands import InHand
 from planlang.action_classes import ancestors_of
 from planlang.designators import Action, Condition, Device, FixedPose, Location, Object, a_posture, action
@@ -164,6 +165,8 @@ class RobotExecutive:
         self.platform = platform
         self.world_as_left = False
         """True if the user states that the world is as a snapshot left it: it is not restored then."""
+        self.tilts = Tilts(platform.leaning)
+        """The largest tilts of what was carried, which are measured where the true world is watched."""
         self._effects = ActionEffects(platform)
         self.modules: Sequence[ProcessModule] = tuple(
             ModuleWithEffects(create(platform), self._effects) for create in modules
@@ -289,6 +292,7 @@ class RobotExecutive:
         state["rng"] = platform.rng.bit_generator.state
         state["arms"] = arms.choices.state()
         state["phases"] = platform.phases.snapshot()
+        state["tilts"] = self.tilts.snapshot()
         state["begun"] = [
             [arm, revision, list(base), _solution_json(solution)]
             for arm, (revision, base, solution) in arms.begun.items()
@@ -316,6 +320,7 @@ class RobotExecutive:
             arms = {arm.name: arm for arm in platform.scene.arms.all}
             platform.arms.choices = ArmChoices.restored(left["arms"], arms)
             platform.phases.restore(left["phases"])
+            self.tilts.restore(left["tilts"])
             platform.arms.begun = {
                 arms[arm].name: (int(revision), _base(base), _solution(solution, arms))
                 for arm, revision, base, solution in left["begun"]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from executive.belief import SemanticMap
 from executive.belief.in_hand import grip_of, held_by
@@ -11,6 +10,7 @@ from executive.modules.platform import Platform
 from executive.robots import Robot
 from planlang.geometry import Pose
 from planlang.protocols import Configuration
+from planlang.records import dataclass
 from sim import Body, PyBulletWorld, Scene
 
 

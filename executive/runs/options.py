@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import Enum
 from pathlib import Path
 
 from executive.runs.final_state import Tilts
 from planlang.diagnostics import Diagnostic
+from planlang.records import dataclass
 from planlang.runs import RecordedRun
 from sim import PyBulletWorld
 
@@ -69,6 +70,8 @@ class RunOptions:
     """The user states that the world is as that trace left it; else it is restored."""
     notes: tuple[Diagnostic, ...] = ()
     """Diagnostics of before."""
+    inner_actions: bool = False
+    """Tell the progress of actions that process modules perform inside of others, too."""
     progress: Callable[[str], None] = lambda line: None
     announce: Callable[[Sequence[Diagnostic]], None] = lambda found: None
     """Given the diagnostics once, before the plan runs."""

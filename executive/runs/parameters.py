@@ -5,8 +5,7 @@ from __future__ import annotations
 import inspect
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from difflib import get_close_matches
+from dataclasses import replace
 from typing import Any, get_args, get_type_hints
 
 from executive.belief import MapObject, SemanticMap, scene_of
@@ -18,6 +17,8 @@ from planlang.designators import ActionClass, Location, Object, Person, local_na
 from planlang.diagnostics import BadInput, Diagnostic, error, note, warning
 from planlang.language.plans import Plan
 from planlang.ontology import expand, shorten
+from planlang.records import dataclass
+from planlang.spelling import similar
 
 ON_WHAT_STAYS = ("OpeningSomething", "ClosingSomething", "TurningOnPoweredDevice", "TurningOffPoweredDevice")
 """Classes of actions on furniture and devices."""
@@ -182,8 +183,8 @@ def _named(
             yield settings[wanted], text
             continue
         known = ", ".join(one.setting for one in parameters.values()) or "none"
-        similar = get_close_matches(wanted, settings, n=1)
-        guess = f"did you mean {similar[0]}? " if similar else ""
+        alike = similar(wanted, settings)
+        guess = f"did you mean {alike[0]}? " if alike else ""
         problems.append(error("X004", f"the plan has no parameter {wanted!r}", help=f"{guess}its parameters: {known}"))
 
 
@@ -313,10 +314,10 @@ def _fitting(parameter: PlanParameter, semantic_map: SemanticMap, absent: str | 
     if absent is None:
         return said
     short = local_name(absent)
-    similar = get_close_matches(short, fitting, n=1) or get_close_matches(short, placed, n=1)
+    alike = similar(short, fitting) or similar(short, placed)
     others = [one for one in placed if one not in fitting]
-    if similar:
-        said = f"did you mean {similar[0]}? {said}"
+    if alike:
+        said = f"did you mean {alike[0]}? {said}"
     if fitting and others:
         said += f"; the map also has {_listed(others)}"
     if there := environments_with((absent,)):

@@ -8,7 +8,7 @@ import math
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -23,6 +23,7 @@ from planlang.language.plans import Plan
 from planlang.ontology import Ontology, expand, load, shorten
 from planlang.outputs import LONGEST, header
 from planlang.recipe import Actions, RecipeSet, read_recipe
+from planlang.records import dataclass
 
 
 def fixed_recipe(
@@ -34,12 +35,14 @@ def fixed_recipe(
     accepted: Sequence[str],
 ) -> Path:
     """Fix a recipe in a copy, which ``stack`` removes, also by guesses of accepted codes; ``found`` gets notes."""
-    from planlang.recipe.fixes.fixing import fix_recipe
+    from executive.runs.fixing import fixed  # most recipes are run as they are
 
-    fixed = fix_recipe(recipe, task=task, folders=folders, accepted=frozenset(accepted))
-    found.extend(note("C017", f"fixed {one.code} {one.message}", Span(str(recipe))) for one in fixed.done)
+    result = fixed(recipe, task=task, folders=folders, accepted=accepted)
+    found.extend(note("C017", f"fixed {one.code} {one.message}", Span(str(recipe))) for one in result.done)
+    for one, why in result.refused:
+        found.append(warning("C022", f"refused: {one.code} {one.message}; {why}", one.span, why.advice))
     copy = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="planlang-"))) / recipe.name
-    copy.write_bytes(fixed.after.encode(fixed.encoding))
+    copy.write_bytes(result.after.encode(result.encoding))
     return copy
 
 
@@ -59,11 +62,15 @@ def compiled_plan(
     found: list[Diagnostic],
     *,
     task: str | None = None,
+    performed: frozenset[str] = frozenset(),
 ) -> tuple[Path, RecipeSet]:
-    """Compile a recipe into a temporary folder that ``stack`` removes; warnings and notes go to ``found``."""
+    """Compile a recipe into a temporary folder that ``stack`` removes; warnings and notes go to ``found``.
+
+    ``performed`` are the action classes that process modules perform.
+    """
     from planlang.compiler import compile_ontology
 
-    compiled = compile_ontology(recipe, task=task)
+    compiled = compile_ontology(recipe, task=task, performed=lambda: performed)
     found.extend(compiled.diagnostics)
     folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="planlang-")))
     path = folder / f"{compiled.functions[-1]}.py"

@@ -6,7 +6,7 @@ import inspect
 import traceback
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -51,6 +51,7 @@ from planlang.language.performing import module_for
 from planlang.language.plans import Plan
 from planlang.language.running import known as run_header
 from planlang.ontology import load
+from planlang.records import dataclass
 from planlang.runs import Different, Past, RecordedRun, restore
 from planlang.runs.codec import dump
 from sim import PyBulletWorld, Scene
@@ -97,7 +98,9 @@ class Run:
                     file = fixed_recipe(file, stack, self.found, options.task, folders, options.accepted)
                     folders = (options.recipe.parent, *folders)
                 recipe = load(file, folders=folders, also=options.recipes)
-                self.path, recipes = compiled_plan(recipe, stack, self.found, task=options.task)
+                self.path, recipes = compiled_plan(
+                    recipe, stack, self.found, task=options.task, performed=self.registry.actions
+                )
                 self.found = [located(one, file, options.recipe) for one in self.found]
                 self._requirements = required(recipe, recipes)
             self.source = import_plan(self.path)
@@ -342,8 +345,10 @@ class Run:
         past: Past | None,
     ) -> RunResult:
         options = self.options
-        written = Written(options, executive.platform, truth)
-        written.ask(self.plan.name, bound, header, self.found)
+        written, count = Written(options, executive.platform.belief, executive.tilts, truth), len(self.found)
+        written.ask(self.plan.name, bound, header, self.found, past)
+        if new := self.found[count:]:
+            options.announce(new)
         trace = ListenedTrace.to(options.trace, header, tuple(written.listeners), past)
         world = WatchedWorld(truth, written.watchers)
         outcome, message, failures = Outcome.DONE, "done", tuple[str, ...]()
@@ -380,7 +385,9 @@ class Run:
             trace.close()
             written.save()
         state = tuple(state_lines(truth, bodies_of(bound, executive.platform.belief, truth)))
-        return RunResult(outcome, message, state, tuple(self.found), truth.steps / truth.rate, failures, written.tilts)
+        return RunResult(
+            outcome, message, state, tuple(self.found), truth.steps / truth.rate, failures, executive.tilts
+        )
 
     def _users_line(self, problem: Exception) -> str | None:
         """Return the line of the plan, or of a user's process module, that raised; None if planlang did, below it."""

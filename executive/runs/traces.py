@@ -6,7 +6,6 @@ import hashlib
 import math
 import stat
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,9 @@ from planlang.designators import Location, Object, local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
 from planlang.files import Bundled
 from planlang.kernel.tree import Node
+from planlang.language.performing import is_inner
 from planlang.object_changes import state_word
+from planlang.records import dataclass
 from planlang.runs import DamagedTrace, Past, RecordedRun, differences
 from planlang.runs.codec import load
 
@@ -53,20 +54,25 @@ class ListenedTrace(Trace):
                 self._fail(problem)
 
 
-def lines_of(say: Callable[[int, str], None]) -> Callable[[Record], None]:
-    """Return a listener that calls ``say`` with the world step and a line, for the records that people should see."""
+def lines_of(say: Callable[[int, str], None], *, inner: bool = False) -> Callable[[Record], None]:
+    """Return a listener that calls ``say`` with the world step and a line, for the records that people should see.
+
+    With ``inner`` those of actions that process modules perform inside of others, too.
+    """
 
     def tell(record: Record) -> None:
-        line = line_of(record)
+        line = line_of(record, inner=inner)
         if line is not None:
             say(record["step"], line)
 
     return tell
 
 
-def line_of(record: Record) -> str | None:
+def line_of(record: Record, *, inner: bool = False) -> str | None:
     """Return the line about a record of the trace; None for what people need not see."""
     match record:
+        case {"event": "started" | "ended", "node": Node(kind="perform") as node} if not inner and is_inner(node):
+            return None
         case {"event": "started", "node": Node(kind="perform"), "action": action}:
             return str(action)
         case {"event": "ended", "node": Node(kind="perform"), "failure": failure}:

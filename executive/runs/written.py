@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from executive.belief import Belief
-from executive.modules.platform import Platform
 from executive.runs.final_state import Tilts
 from executive.runs.options import RunOptions
 from executive.runs.parameters import Bound, things_of
@@ -15,26 +15,40 @@ from executive.runs.traces import Record, lines_of
 from planlang import PlanFailure
 from planlang.diagnostics import Diagnostic
 from planlang.outputs import replace as write_complete
+from planlang.runs import Past
 from sim import PyBulletWorld
+
+if TYPE_CHECKING:
+    from executive.runs.pose_log import PoseLog
 
 
 class Written:
     """Files that the options of a run ask for; ``listeners`` hear its events, ``watchers`` see the true world."""
 
-    def __init__(self, options: RunOptions, platform: Platform, truth: PyBulletWorld) -> None:
+    def __init__(self, options: RunOptions, belief: Belief, tilts: Tilts, truth: PyBulletWorld) -> None:
         """Tell the progress and measure tilts; nothing is written yet."""
-        self._options, self._belief, self._truth = options, platform.belief, truth
+        self._options, self._belief, self._truth = options, belief, truth
         self._files: list[tuple[Path, Callable[[Path], object]]] = []
-        self.tilts = Tilts(platform.leaning)
-        self.watchers: list[Callable[[PyBulletWorld], None]] = [self.tilts, *options.watchers]
+        self._poses: PoseLog | None = None
+        self.watchers: list[Callable[[PyBulletWorld], None]] = [tilts, *options.watchers]
         self.listeners: list[Callable[[Record], None]] = [
-            lines_of(lambda step, line: options.progress(f"{step / truth.rate:7.2f} s  {line}"))
+            lines_of(
+                lambda step, line: options.progress(f"{step / truth.rate:7.2f} s  {line}"), inner=options.inner_actions
+            )
         ]
 
     def ask(
-        self, title: str, bound: Mapping[str, Bound], header: Mapping[str, object], found: list[Diagnostic]
+        self,
+        title: str,
+        bound: Mapping[str, Bound],
+        header: Mapping[str, object],
+        found: list[Diagnostic],
+        past: Past | None,
     ) -> None:
-        """Ask for each file of the options; what their making finds is appended to ``found``."""
+        """Ask for each file of the options; what their making finds is appended to ``found``.
+
+        Raises BadInput for a log of poses that is not of the ``past`` that the run takes over.
+        """
         options, truth = self._options, self._truth
         if options.picture is not None:
             meant = partial(bodies_of, bound, self._belief, truth)  # at the end
@@ -47,11 +61,13 @@ class Written:
             self.watchers.append(lambda world: film.frame(world.steps))
             self._files.append((options.record, film.save))
         if options.poses is not None:
-            from executive.runs.pose_log import PoseLog
+            from executive.runs.pose_log import PoseLog, earlier_poses
 
-            log = PoseLog(truth, {**header, "seed": options.seed, "schedule": options.schedule})
-            self.watchers.append(log)
-            self._files.append((options.poses, log.save))
+            known = {**header, "seed": options.seed, "schedule": options.schedule, "rate": truth.rate}
+            last = None if past is None else past.last
+            earlier = [] if last is None else earlier_poses(options.poses, known, last.step, found)
+            self._poses = PoseLog(truth, options.poses, known, earlier)
+            self.watchers.append(self._poses)
         if options.update_map is not None:
             from executive.belief.map_updating import MapUpdate
 
@@ -60,7 +76,9 @@ class Written:
             self._files.append((options.update_map, update.save))
 
     def save(self) -> None:
-        """Write the files, each whole or not at all."""
+        """Write the files, each whole or not at all; the log of poses is written already."""
+        if self._poses is not None:
+            self._poses.close()
         for path, save in self._files:
             write_complete(path, save)
 

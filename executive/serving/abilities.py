@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Iterable
-from dataclasses import dataclass
 from functools import cache
 from typing import Any, cast
 
@@ -22,6 +21,7 @@ from planlang.knowledge.entries import Entry, Kind
 from planlang.knowledge.stores import Store
 from planlang.ontology import Ontology
 from planlang.recipe import Actions, read_recipe
+from planlang.records import dataclass
 
 _WORDS = {Availability.AVAILABLE: "yes", Availability.MISSING: "no", Availability.UNKNOWN: "unknown"}
 MOST_JUDGED = 32_000_000

@@ -6,14 +6,15 @@ checks and describes what it is given, with ``places`` of maps; ``catalogue`` fi
 ``problems`` and ``records`` write answers, ``bodies`` bounds requests.
 ``page``, ``asking``, ``uploading`` and ``watching`` are the web page: ``forms`` reads what it sends, ``details``,
 ``floor_plan`` and ``sources`` are what it shows of a content, ``pages`` writes it by ``templates/`` and ``static/``.
-``workers`` are processes in which all that takes long is computed (``worker``); ``rates`` bounds how often one asks.
+``workers`` are processes in which all that takes long is computed (``worker``); ``rates`` bounds how often one asks,
+``patience`` how long a search takes, ``connections`` how long one may hold a connection; ``access`` is the access log.
 """
 
 from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
 from typing import Any
 
@@ -22,6 +23,7 @@ from fastapi import APIRouter, FastAPI
 
 from executive.serving import asking, binaries, entries, feed, page, searching, sparql, uploading, watching
 from executive.serving.abilities import Abilities
+from executive.serving.access import Logged
 from executive.serving.bodies import BoundedBodies
 from executive.serving.catalogue import Catalogue
 from executive.serving.mirror import Mirror
@@ -88,10 +90,12 @@ def application(
     *,
     routers: Sequence[APIRouter] = ROUTERS,
     rates: Rates | None = None,
+    access: Callable[[str], None] | None = None,
 ) -> FastAPI:
     """Return the application that serves a store.
 
     ``staff``: its workers, in whose folders imports of uploads are looked for; several applications may share them.
+    ``access`` is given the lines of the access log.
     """
     staff, rates = staff or Staff(), rates or Rates()
     vocabulary = staff.vocabulary
@@ -111,4 +115,6 @@ def application(
     add_pages(app)
     app.add_middleware(BoundedBodies)
     app.add_middleware(Paced, rates=rates)
+    if access is not None:
+        app.add_middleware(Logged, write=access)
     return app

@@ -14,9 +14,10 @@ from pydantic import ValidationError
 from executive.serving.entries import known
 from executive.serving.forms import Filled, Form
 from executive.serving.pages import PageRoute, page
+from executive.serving.patience import Patience
 from executive.serving.problems import REFUSALS, Problem, refusal
 from executive.serving.searching import Question, answered
-from executive.serving.serving import Served, Serving
+from executive.serving.serving import Bounds, Served, Serving
 from planlang.diagnostics import BadInput
 from planlang.files import decode
 from planlang.knowledge.entries import Entry, Kind
@@ -32,19 +33,19 @@ router = APIRouter(route_class=PageRoute, include_in_schema=False)
 
 
 @router.get("/search")
-def search(request: Request, served: Served) -> Response:
+def search(request: Request, served: Served, bounds: Bounds) -> Response:
     """Return what fits a question, and what a robot of the store can do of it."""
     asked = _asked(request.query_params)
     robot = request.query_params.get("robot", "").strip()
     if robot and not asked:
         asked["kind"] = Kind.RECIPE.value
-    return _search_page(served, asked, robot)
+    return _search_page(served, bounds, asked, robot)
 
 
 @router.post("/search")
-def search_for_a_robot(form: Filled, served: Served) -> Response:
+def search_for_a_robot(form: Filled, served: Served, bounds: Bounds) -> Response:
     """Return what fits a question, and what a robot can do of it whose self-model was sent along."""
-    return _search_page(served, _asked(form.fields), sent=sent_model(form))
+    return _search_page(served, bounds, _asked(form.fields), sent=sent_model(form))
 
 
 def _asked(given: Mapping[str, str]) -> dict[str, str]:
@@ -56,7 +57,9 @@ def sent_model(form: Form) -> bytes:
     return form.files.get("model") or form.text("text").encode()
 
 
-def _search_page(served: Serving, asked: dict[str, str], robot: str = "", sent: bytes = b"") -> Response:
+def _search_page(
+    served: Serving, bounds: Patience, asked: dict[str, str], robot: str = "", sent: bytes = b""
+) -> Response:
     shown: dict[str, Any] = {"asked": asked, "robot": robot, "robots": stored_robots(served), "levels": tuple(LEVELS)}
     shown |= {"reason": "", "diagnostics": (), "found": None, "onward": None}
     if not asked:
@@ -65,7 +68,7 @@ def _search_page(served: Serving, asked: dict[str, str], robot: str = "", sent: 
         model = decode(sent, "model") if sent else None
         if robot:
             model = self_model(served, known(served, Kind.ROBOT, robot))
-        found = _found(served, asked, model)
+        found = _found(served, bounds, asked, model)
     except REFUSALS as problem:
         _, shown["reason"], shown["diagnostics"] = refusal(problem)
         return page("search", **shown)
@@ -74,10 +77,10 @@ def _search_page(served: Serving, asked: dict[str, str], robot: str = "", sent: 
     return page("search", **shown | {"found": found["entries"]})
 
 
-def _found(served: Serving, asked: dict[str, str], model: str | None) -> dict[str, Any]:
+def _found(served: Serving, bounds: Patience, asked: dict[str, str], model: str | None) -> dict[str, Any]:
     """Return what fits a question; with a self-model, what it can do of that. Raises BadInput, and Problem."""
     try:
-        question = Question.model_validate(asked)
+        question = Question.model_validate({"sort": "rating", **asked})
     except ValidationError as problem:
         reasons = "; ".join(f"{'.'.join(map(str, one['loc']))}: {one['msg']}" for one in problem.errors())
         raise Problem(HTTPStatus.UNPROCESSABLE_ENTITY, reasons) from None
@@ -91,7 +94,7 @@ def _found(served: Serving, asked: dict[str, str], model: str | None) -> dict[st
                 judgement = served.abilities.of(model, entry)
         return {"entry": entry, "judgement": judgement}
 
-    return answered(question, served, shown)
+    return answered(question, served, shown, bounds)
 
 
 def stored_robots(served: Serving) -> list[Entry]:

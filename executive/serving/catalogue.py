@@ -8,9 +8,8 @@ from __future__ import annotations
 import logging
 import threading
 from bisect import bisect_right, insort
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from itertools import islice
 
 import numpy as np
@@ -21,17 +20,22 @@ from executive.serving.workers import Failed, Workers
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput
 from planlang.knowledge.answers import Links
-from planlang.knowledge.axioms import THING
 from planlang.knowledge.descriptions import Description
-from planlang.knowledge.entries import Change, Kind
+from planlang.knowledge.entries import UNRATED, Change, Kind
 from planlang.knowledge.facts import LABEL, Facts, Unpacked
-from planlang.knowledge.index import Index
-from planlang.knowledge.questions import read_question
+from planlang.knowledge.index import Index, go_on
+from planlang.knowledge.names import Names
+from planlang.knowledge.questions import parse_question, with_names
 from planlang.knowledge.stores import Changed, Described, NoSuchEntry, Store
 from planlang.ontology.expressions import Expression
+from planlang.records import dataclass
 
 MOST_LINKS = 200
 """Links of one subject that are listed."""
+LONG = 500
+"""Characters from which on a question is read by a worker: a long one takes up to 50 ms."""
+AT_ONCE = 200
+"""Entries whose words are compared between two moments at which a search may be ended."""
 _LOG = logging.getLogger(__name__)
 _CONTENT = frozenset((Change.CREATED, Change.CHANGED))
 
@@ -63,12 +67,14 @@ class Catalogue:
         self._index = Index(vocabulary.axioms)
         self._listed: dict[str, Listed] = {}
         self._uids: dict[Kind | None, list[str]] = {kind: [] for kind in (None, *Kind)}
-        self._names: dict[str, set[str]] = {}
+        self.names = Names(vocabulary.names)
+        """What may be asked for by a local name: of the vocabulary, and of what entries define."""
         self._named: set[str] = set()
         self._stale: dict[str, None] = {}
         self._unread: set[str] = set()
         self._lock = threading.RLock()
         self._seen = store.last_news()
+        self._ratings = dict(store.ratings())
         self._add_all(store.descriptions())
 
     def __len__(self) -> int:
@@ -81,21 +87,18 @@ class Catalogue:
             self._follow()
             return uid in self._listed
 
-    def question(self, text: str) -> Expression:
-        """Return the class expression that a text is. Raises BadInput."""
+    def question(self, text: str, workers: Workers | None = None) -> Expression:
+        """Return the class expression that a text is. A long one is read by ``workers``. Raises BadInput, and Busy."""
         with self._lock:
             self._follow()
-            names = self._names.copy()
-        return read_question(text, self._vocabulary.names, names)
+        is_long = workers is not None and len(text) > LONG
+        parsed = workers.call(parsed_by_worker, text) if workers is not None and is_long else parse_question(text)
+        return with_names(parsed, self.names)
 
     def asked(self, iri: str) -> str:
         """Return how something is asked for: by its local name if that means nothing else."""
         name = local_name(iri)
-        if name == local_name(THING):
-            return name if iri == THING else f"<{iri}>"
-        with self._lock:
-            meant = {*self._vocabulary.names.get(name, ())} or {*self._names.get(name, ())}
-        return name if meant == {iri} else f"<{iri}>"
+        return name if self.names.of(name) == (iri,) else f"<{iri}>"
 
     @property
     def stale(self) -> int:
@@ -128,12 +131,9 @@ class Catalogue:
 
     def names_like(self, text: str, most: int) -> tuple[str, ...]:
         """Return names that may be asked for and that begin with a text, or else contain it, the shortest first."""
-        wanted = text.casefold()
         with self._lock:
             self._follow()
-            names = [*self._vocabulary.names, *self._names]
-        found = [name for name in names if wanted in name.casefold()]
-        return tuple(sorted(found, key=lambda name: (not name.casefold().startswith(wanted), len(name), name))[:most])
+        return self.names.like(text, most)
 
     def find(
         self,
@@ -141,20 +141,35 @@ class Catalogue:
         kind: Kind | None = None,
         label: str | None = None,
         place: Mapping[str, str] | None = None,
+        between: Callable[[], None] = go_on,
     ) -> tuple[str, ...]:
         """Return the entries that an expression includes and that fit otherwise, sorted. Raises CannotAnswer.
 
         ``label``: a part of a label or name. ``place``: the room, floor, building, ... by number, label or name.
+        ``between`` is called again and again meanwhile; what it raises ends the search.
         """
         part = (label or "").casefold()
         wanted = {level: text.casefold() for level, text in (place or {}).items()}
         with self._lock:
             self._follow()
-            uids = tuple(self._uids[None] if expression is None else self._index.answers(expression))
-            if kind is None and not part and not wanted:
-                return uids
-            listed = [self._listed[uid] for uid in uids]
-        return tuple(uid for uid, one in zip(uids, listed, strict=True) if one.fits(kind, part, wanted))
+            uids = tuple(self._uids[None])
+        if expression is not None:
+            uids = self._index.answers(expression, between)
+        if kind is None and not part and not wanted:
+            return uids
+        found: list[str] = []
+        for some in batched(uids, AT_ONCE):
+            between()
+            with self._lock:
+                listed = [(uid, self._listed.get(uid)) for uid in some]  # None: deleted meanwhile
+            found += (uid for uid, one in listed if one is not None and one.fits(kind, part, wanted))
+        return tuple(found)
+
+    def ranked(self, uids: Iterable[str]) -> tuple[str, ...]:
+        """Return identifiers in the order of ratings, the best first; those of one rating as they come."""
+        with self._lock:
+            ratings = {uid: self._ratings.get(uid, UNRATED) for uid in uids}
+        return tuple(sorted(ratings, key=lambda uid: -ratings[uid]))
 
     def links(self, uid: str) -> Links:
         """Return the properties and classes that an entry's subject is linked to, also by what its classes require.
@@ -168,6 +183,8 @@ class Catalogue:
 
     def _follow(self) -> None:
         while news := self._store.news(self._seen):
+            for uid in {one.uid: None for one in news if one.change in (Change.RATED, Change.DELETED)}:
+                self._rate(uid)
             changed = {one.uid: one.change for one in news if one.change in (*_CONTENT, Change.DELETED)}
             for uid, change in changed.items():
                 self._remove(uid)
@@ -177,6 +194,13 @@ class Catalogue:
                         stored = self._store.description(uid)
                         self._add_all([Described(uid, entry.kind, entry.about, entry.label, stored)])
             self._seen = news[-1].number
+
+    def _rate(self, uid: str) -> None:
+        self._ratings.pop(uid, None)
+        with suppress(NoSuchEntry):
+            rating = self._store.entry(uid).rating
+            if rating is not None:
+                self._ratings[uid] = rating
 
     def _add_all(self, entries: Iterable[Described]) -> None:
         found: dict[str, Facts] = {}
@@ -211,10 +235,7 @@ class Catalogue:
         for iri in stated:
             if iri not in self._named:
                 self._named.add(iri)
-                iri = iri.strip("{}")
-                name = local_name(iri)
-                if name not in self._vocabulary.names:
-                    self._names.setdefault(name, set()).add(iri)
+                self.names.add(iri.strip("{}"))
 
     def _remove(self, uid: str) -> None:
         listed = self._listed.pop(uid, None)
@@ -253,6 +274,16 @@ class Catalogue:
             self._store.describe(uid, stored, entry.etag)
             self._remove(uid)
             self._add_all([Described(uid, entry.kind, entry.about, entry.label, stored)])
+
+
+def parsed_by_worker(text: str, _: Vocabulary) -> Expression:
+    """Return the expression that a text is, with names as they are written. Raises BadInput."""
+    return parse_question(text)
+
+
+def batched(uids: Sequence[str], size: int) -> Iterator[Sequence[str]]:
+    """Yield parts of a sequence, each of ``size`` or, at its end, fewer."""
+    return (uids[start : start + size] for start in range(0, len(uids), size))
 
 
 def _links(description: Description) -> Iterator[tuple[str, str]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import islice
 
 from executive.robots import requirements
@@ -15,10 +15,12 @@ from planlang.compiler import compile_ontology
 from planlang.compiler.drawing import figure, task_graph
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic
-from planlang.knowledge.axioms import THING
+from planlang.knowledge.axioms import NOTHING, THING
+from planlang.knowledge.descriptions import Description, contradiction
 from planlang.knowledge.entries import Entry, Kind
 from planlang.ontology import Ontology
 from planlang.recipe import RecipeSet
+from planlang.records import dataclass
 
 MOST_STEPS = 200
 """Steps of a drawing on a page; larger ones are drawn by ``planlang compile --graph``."""
@@ -90,6 +92,8 @@ class Known:
     classes: Mapping[str, str] = field(default_factory=dict)
     expressions: Mapping[str, str] = field(default_factory=dict)
     place: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    impossible: str = ""
+    """The reason why nothing can be what the entry describes; empty if something can."""
 
 
 def known_of(stored: bytes, vocabulary: Vocabulary, asked: Callable[[str], str]) -> Known:
@@ -102,6 +106,7 @@ def known_of(stored: bytes, vocabulary: Vocabulary, asked: Callable[[str], str])
         return Known()
     description = kept.description()
     root = description.nodes[0]
+    impossible = impossible_by(description, vocabulary) if NOTHING in root.labels else ""
     classes = {local_name(label): asked(label) for label in _classes(root.labels)[:MOST_CLASSES]}
     expressions: dict[str, str] = {}
     for prop, target in root.links:
@@ -111,9 +116,19 @@ def known_of(stored: bytes, vocabulary: Vocabulary, asked: Callable[[str], str])
     place: dict[str, tuple[str, ...]] = {}
     for level, text in description.place[:MOST_PLACES]:
         place[level] = (*place.get(level, ()), text)
-    return Known(classes, dict(islice(expressions.items(), MOST_CLASSES)), place)
+    return Known(classes, dict(islice(expressions.items(), MOST_CLASSES)), place, impossible)
+
+
+def impossible_by(description: Description, vocabulary: Vocabulary) -> str:
+    """Return why nothing can be what a description says, as far as two named classes show it."""
+    found = contradiction(description, vocabulary.axioms)
+    if found is None:
+        return "what it states contradicts itself or this server's ontologies"
+    return "{} and {} exclude each other in this server's ontologies, and it needs something that is both".format(
+        *map(local_name, found)
+    )
 
 
 def _classes(labels: Iterable[str]) -> list[str]:
     """Return the IRIs of classes among labels, without individuals and what everything is."""
-    return [label for label in labels if label != THING and not label.startswith("{")]
+    return [label for label in labels if label not in (THING, NOTHING) and not label.startswith("{")]

@@ -92,7 +92,8 @@ def taken(entry: Entry, upload: Upload | None, status: HTTPStatus = HTTPStatus.O
     """Return what is answered to an upload that was taken."""
     diagnostics = [diagnostic_json(one) for one in upload.diagnostics] if upload else []
     body = {"entry": record(entry), "diagnostics": diagnostics}
-    return JSONResponse(body, int(status), {"ETag": entry.etag})
+    tag = entry.record_etag if status is HTTPStatus.CREATED else entry.etag  # of what Location names, or of the content
+    return JSONResponse(body, int(status), {"ETag": tag})
 
 
 def known(served: Serving, kind: Kind, uid: str) -> Entry:
@@ -107,15 +108,20 @@ def known(served: Serving, kind: Kind, uid: str) -> Entry:
 def read(kind: Kind, uid: str, served: Served, if_none_match: Annotated[str | None, Header()] = None) -> Response:
     """Return what is known of an entry, without its content."""
     entry = known(served, kind, uid)
-    if _names(if_none_match, entry.etag):
-        return Response(status_code=HTTPStatus.NOT_MODIFIED, headers={"ETag": entry.etag})
-    return JSONResponse(record(entry), headers={"ETag": entry.etag})
+    headers = {"ETag": entry.record_etag}
+    if _names(if_none_match, entry.record_etag):
+        return Response(status_code=HTTPStatus.NOT_MODIFIED, headers=headers)
+    return JSONResponse(record(entry), headers=headers)
 
 
 def _names(header: str | None, etag: str) -> bool:
     """Return True if a list of tags has a tag, or all."""
-    tags = [tag.strip().removeprefix("W/") for tag in (header or "").split(",")]
+    tags = _tags(header)
     return etag in tags or "*" in tags
+
+
+def _tags(header: str | None) -> list[str]:
+    return [tag.strip().removeprefix("W/") for tag in (header or "").split(",")]
 
 
 @router.get("/{kind}/{uid}/content")
@@ -149,10 +155,15 @@ DOWNLOADED = {
 
 
 def expected(if_match: str | None, entry: Entry) -> str:
-    """Return the tag that a change names. Raises Problem without one, and Changed for another's."""
+    """Return the tag of the content that a change names. Raises Problem without one, and Changed for another's.
+
+    The tag of a record will do: it names the revision, too, and a rating by somebody else is no reason to refuse.
+    """
     if if_match is None:
         raise Problem(HTTPStatus.PRECONDITION_REQUIRED, "a change names the revision that it changes: If-Match")
-    if not _names(if_match, entry.etag) or if_match.strip().startswith("W/"):
+    tags = _tags(if_match)
+    revisions = {'"{}"'.format("-".join(tag.strip('"').split("-")[:2])) for tag in tags}
+    if (entry.etag not in revisions and "*" not in tags) or if_match.strip().startswith("W/"):
         raise Changed(f"{entry.uid} is now {entry.etag}")
     return entry.etag
 

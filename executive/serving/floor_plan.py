@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from html import escape
 from itertools import product
 
@@ -18,6 +17,7 @@ from planlang.designators import local_name
 from planlang.diagnostics import BadInput
 from planlang.geometry import Array
 from planlang.knowledge.entries import Entry, Kind
+from planlang.records import dataclass
 
 MOST_THINGS = 2_000
 """Things of a map that are drawn."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from http import HTTPStatus
 from typing import Annotated, Any
 from urllib.parse import parse_qsl
@@ -15,6 +15,7 @@ from python_multipart.multipart import parse_options_header
 from executive.serving.bodies import LARGEST_BODY
 from executive.serving.problems import Problem
 from executive.serving.serving import Body
+from planlang.records import dataclass
 
 MOST_FIELDS = 50
 _LIMITS = {"MAX_MEMORY_FILE_SIZE": LARGEST_BODY + 1, "MAX_FIELD_SIZE": LARGEST_BODY}

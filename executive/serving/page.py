@@ -1,14 +1,14 @@
 """The web page: entries to browse, search, read, upload and rate, without any script of the browser's if need be.
 
 Every page is made from a template here; scripts only help to type. Keys come as fields of forms, never in addresses.
-A form that is refused is shown again with the reason, as a page like any other: browsers take 4xx for a broken page.
+A form that is refused is shown again with the reason, as a page like any other; its status is 401 or 403 for who may
+not send it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from http import HTTPStatus
 from typing import Annotated, Any
 from urllib.parse import urlencode
@@ -22,7 +22,7 @@ from executive.serving.details import details_of, known_of
 from executive.serving.entries import MOST_LISTED, known, listing
 from executive.serving.floor_plan import plan_of
 from executive.serving.forms import Filled, Form
-from executive.serving.pages import FILES, HEADERS, PageRoute, page
+from executive.serving.pages import FILES, HEADERS, PageRoute, page, status_of
 from executive.serving.problems import REFUSALS, Problem, Refusal, refusal
 from executive.serving.serving import Served, Serving, now
 from executive.serving.sources import LARGEST_SHOWN, MOST_SHOWN, lines_of, text_of
@@ -31,6 +31,7 @@ from planlang.diagnostics import BadInput, Diagnostic
 from planlang.files import decode
 from planlang.knowledge.entries import HIGHEST_RATING, LOWEST_RATING, Entry, Kind
 from planlang.knowledge.stores import NoSuchEntry
+from planlang.records import dataclass
 
 MOST_NAMES, MOST_NEWS = 12, 8
 
@@ -171,6 +172,7 @@ def _entry_page(
     text = text_of(data)
     return page(
         "entry",
+        status_of(problem),
         entry=entry,
         revision=revision or entry.revision.number,
         revisions=served.store.revisions(entry.uid),

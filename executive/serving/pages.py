@@ -14,7 +14,7 @@ from fastapi.responses import HTMLResponse
 from fastapi.routing import APIRoute
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from executive.serving.problems import REFUSALS, problem_response, refusal
+from executive.serving.problems import REFUSALS, Refusal, problem_response, refusal
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic
 from planlang.knowledge.entries import Kind, Syntax
@@ -77,6 +77,12 @@ class PageRoute(APIRoute):
                 return _refused(HTTPStatus.UNPROCESSABLE_ENTITY, "; ".join(one["msg"] for one in problem.errors()))
 
         return handled
+
+
+def status_of(problem: Refusal | None) -> HTTPStatus:
+    """Return the status of a form that is shown again: who may not do something is told so by it, too."""
+    status = HTTPStatus.OK if problem is None else refusal(problem)[0]
+    return status if status in (HTTPStatus.UNAUTHORIZED, HTTPStatus.FORBIDDEN) else HTTPStatus.OK
 
 
 def add_pages(app: FastAPI) -> None:

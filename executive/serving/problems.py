@@ -11,10 +11,20 @@ from fastapi import FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect
 
 from executive.serving.workers import Busy
 from planlang.diagnostics import BadInput, Diagnostic, Span
-from planlang.knowledge.stores import Changed, EntryExists, NoSuchEntry, NotTheAuthor, Refused, Unreachable
+from planlang.knowledge.stores import (
+    Changed,
+    EntryExists,
+    Full,
+    NoSuchEntry,
+    NotTheAuthor,
+    OwnEntry,
+    Refused,
+    Unreachable,
+)
 
 MEDIA_TYPE = "application/problem+json"
 
@@ -22,6 +32,7 @@ _REFUSALS: dict[type[Refused], HTTPStatus] = {
     NoSuchEntry: HTTPStatus.NOT_FOUND,
     EntryExists: HTTPStatus.CONFLICT,
     NotTheAuthor: HTTPStatus.FORBIDDEN,
+    OwnEntry: HTTPStatus.FORBIDDEN,
     Changed: HTTPStatus.PRECONDITION_FAILED,
 }
 
@@ -104,6 +115,8 @@ def refusal(problem: Refusal) -> tuple[HTTPStatus, str, tuple[Diagnostic, ...]]:
         return problem.status, problem.detail, problem.diagnostics
     if isinstance(problem, Refused):
         return _REFUSALS.get(type(problem), HTTPStatus.CONFLICT), str(problem), ()
+    if isinstance(problem, Full):
+        return HTTPStatus.INSUFFICIENT_STORAGE, str(problem), ()
     if isinstance(problem, Unreachable):
         return HTTPStatus.SERVICE_UNAVAILABLE, str(problem), ()
     if isinstance(problem, Busy):
@@ -137,6 +150,10 @@ def add_handlers(app: FastAPI) -> None:
         found = problem_response(HTTPStatus(problem.status_code), str(problem.detail))
         found.headers.update(problem.headers or {})
         return found
+
+    @app.exception_handler(ClientDisconnect)
+    def gone(_: Request, __: ClientDisconnect) -> Response:
+        return problem_response(HTTPStatus.REQUEST_TIMEOUT, "the body did not come to its end")
 
     @app.exception_handler(sqlite3.OperationalError)
     def unable(_: Request, problem: sqlite3.OperationalError) -> Response:

@@ -37,7 +37,7 @@ class Rates:
         """Count a request, and return 0.0; or after how many seconds it may be sent again."""
         if not self._each_second:
             return 0.0
-        asker, now = self._authors.get(_digest(authorization)) or _network(address), self._clock()
+        asker, now = self._authors.get(_digest(authorization)) or network(address), self._clock()
         until = max(now, self._until.pop(asker, now))
         wait = until - now - BURST
         self._until[asker] = until if wait > 0 else until + 1 / self._each_second
@@ -58,7 +58,8 @@ def _digest(authorization: str) -> str:
     return hashlib.sha256(authorization.encode()).hexdigest()
 
 
-def _network(address: str) -> str:
+def network(address: str) -> str:
+    """Return whom an address belongs to: itself, or the network of an IPv6 address."""
     try:
         found = ipaddress.ip_address(address.partition("%")[0])
     except ValueError:

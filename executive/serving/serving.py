@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 import threading
-from dataclasses import dataclass, field
+from dataclasses import field
 from datetime import UTC, datetime
 from http import HTTPStatus
 from typing import Annotated, cast
 
+from anyio import from_thread
 from fastapi import Depends, Request, Security
 from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 
 from executive.serving.abilities import Abilities
 from executive.serving.catalogue import Catalogue
 from executive.serving.mirror import Mirror
+from executive.serving.patience import Lanes, Patience
 from executive.serving.problems import Problem
 from executive.serving.rates import Rates
 from executive.serving.vocabulary import Vocabulary
 from executive.serving.workers import Staff
 from planlang.knowledge.stores import Store
+from planlang.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +36,7 @@ class Serving:
     staff: Staff
     rates: Rates
     writing: threading.Lock = field(default_factory=threading.Lock)
+    lanes: Lanes = field(default_factory=Lanes)
 
     def close(self) -> None:
         """End the processes that belong to it."""
@@ -64,6 +68,7 @@ def _asker(request: Request, given: Annotated[HTTPAuthorizationCredentials | Non
         served.rates.forget(request.headers["authorization"])
         raise Problem(HTTPStatus.UNAUTHORIZED, "this key is nobody's, or was dropped")
     served.rates.know(request.headers["authorization"], author)
+    request.state.author = author  # for the access log
     return author
 
 
@@ -71,6 +76,10 @@ def _author(asker: Annotated[str | None, Depends(_asker)]) -> str:
     if asker is None:
         raise Problem(HTTPStatus.UNAUTHORIZED, "this needs a key: Authorization: Bearer KEY")
     return asker
+
+
+def _patience(request: Request) -> Patience:
+    return Patience(_serving(request).lanes, lambda: from_thread.run(request.is_disconnected))
 
 
 async def _body(request: Request) -> bytes:
@@ -83,5 +92,7 @@ Asker = Annotated[str | None, Depends(_asker)]
 """The author who is asking; None for a stranger."""
 Author = Annotated[str, Depends(_author)]
 """The author who is asking, by a key."""
+Bounds = Annotated[Patience, Depends(_patience)]
+"""The bounds of a search."""
 Body = Annotated[bytes, Depends(_body)]
 """The body (its size is bounded by :mod:`executive.serving.bodies`)."""

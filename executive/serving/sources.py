@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from planlang.diagnostics import BadInput, Diagnostic
 from planlang.files import decode
+from planlang.records import dataclass
 
 LARGEST_SHOWN = 1_000_000
 """Bytes of a content that is shown, drawn and compared with robots unasked; larger ones are downloaded."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from http import HTTPStatus
 from typing import Annotated
 
@@ -11,13 +11,14 @@ from fastapi import APIRouter, Query, Response
 from executive.serving.entries import own
 from executive.serving.forms import Filled, Form
 from executive.serving.page import author_of
-from executive.serving.pages import PageRoute, page
+from executive.serving.pages import PageRoute, page, status_of
 from executive.serving.problems import REFUSALS, Problem, refusal
 from executive.serving.serving import Served, Serving, now
 from executive.serving.sources import MOST_SHOWN, is_own, lines_with, text_of
 from executive.serving.uploads import Upload, read_upload
 from planlang.diagnostics import Diagnostic, has_errors
 from planlang.knowledge.entries import Entry, Kind
+from planlang.records import dataclass
 
 router = APIRouter(route_class=PageRoute, include_in_schema=False)
 
@@ -77,7 +78,7 @@ def upload(form: Filled, served: Served) -> Response:
         kept = _kept(served, draft, checked, author)
     except REFUSALS as problem:
         _, reason, diagnostics = refusal(problem)
-        return _page(draft, Outcome(None, reason, diagnostics))
+        return _page(draft, Outcome(None, reason, diagnostics), status_of(problem))
     return _page(draft, Outcome(kept, diagnostics=checked.diagnostics))
 
 
@@ -98,12 +99,13 @@ def _kept(served: Serving, draft: Draft, checked: Upload, author: str) -> Entry:
         return served.store.create(checked.content, author, now())
 
 
-def _page(draft: Draft, outcome: Outcome | None) -> Response:
+def _page(draft: Draft, outcome: Outcome | None, status: HTTPStatus = HTTPStatus.OK) -> Response:
     text = text_of(draft.data) if outcome else None
     said = () if outcome is None else sorted(outcome.diagnostics, key=lambda one: not has_errors([one]))
     shown = said[:MOST_SHOWN]  # errors before notes
     return page(
         "upload",
+        status,
         draft=draft,
         outcome=outcome,
         errors=[one for one in shown if has_errors([one]) and is_own(one)],

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 from executive.belief.object_models import WHOLES
@@ -28,6 +28,7 @@ from planlang.knowledge.entries import Content, Kind, Syntax, uid_of
 from planlang.knowledge.places import places
 from planlang.ontology import BNode, Literal, Ontology, documents, expand, load
 from planlang.ontology.terms import OWL, RDF, RDFS
+from planlang.records import dataclass
 
 MOST_WORDS, LONGEST_WORD = 500, 200
 """Names and labels that an entry is found by, and characters of one."""

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from planlang.diagnostics import BadInput, Diagnostic
 from planlang.files import bundled
 from planlang.knowledge.axioms import Axioms, axioms_of
-from planlang.knowledge.questions import names_in
+from planlang.knowledge.names import names_in
 from planlang.ontology import Ontology, load
 from planlang.ontology.classes import twin
+from planlang.records import dataclass
 
 MOST_FILES = 150
 """Ontologies of the operator's folders that are read."""

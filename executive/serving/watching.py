@@ -9,8 +9,8 @@ from fastapi import APIRouter, Response
 
 from executive.serving.forms import Filled
 from executive.serving.page import author_of
-from executive.serving.pages import PageRoute, page
-from executive.serving.problems import REFUSALS, refusal
+from executive.serving.pages import PageRoute, page, status_of
+from executive.serving.problems import REFUSALS, Refusal, refusal
 from executive.serving.serving import Served, Serving, now
 from planlang.knowledge.entries import Entry, News
 from planlang.knowledge.stores import NoSuchEntry
@@ -39,7 +39,7 @@ def show(form: Filled, served: Served) -> Response:
                 else:
                     served.store.subscribe(author, uid, now())
     except REFUSALS as problem:
-        return _asking(refusal(problem)[1])
+        return _asking(problem)
     subscriptions = served.store.subscriptions(author)
     watched = _watched(served, subscriptions[:MOST_WATCHED])
     return page(
@@ -47,8 +47,9 @@ def show(form: Filled, served: Served) -> Response:
     )
 
 
-def _asking(reason: str = "") -> Response:
-    return page("news", author="", news=(), watched=(), count=0, reason=reason)
+def _asking(problem: Refusal | None = None) -> Response:
+    reason = "" if problem is None else refusal(problem)[1]
+    return page("news", status_of(problem), author="", news=(), watched=(), count=0, reason=reason)
 
 
 def _latest(served: Serving, author: str) -> list[tuple[News, bool]]:

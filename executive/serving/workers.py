@@ -18,13 +18,13 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
 from executive.serving.vocabulary import Vocabulary, read_vocabulary
 from planlang.diagnostics import BadInput, Diagnostic, error
+from planlang.records import dataclass
 
 T = TypeVar("T")
 
@@ -245,7 +245,7 @@ def _beyond(limits: Limits, *, is_late: bool) -> Diagnostic:
 
 
 class Staff:
-    """The workers of a server: those who check, those who let somebody read, and one for what can wait."""
+    """The workers of a server: who check, who let somebody read, one for questions, and one for what can wait."""
 
     def __init__(self, folders: Sequence[Path] = (), limits: Limits = LIMITS) -> None:
         """Employ workers who read the vocabulary in ``folders``, beside the bundled one."""
@@ -253,6 +253,7 @@ class Staff:
         self._source = Source(folders)
         self.checking = Workers(self._source, AT_A_TIME, limits)
         self.reading = Workers(self._source, AT_A_TIME, limits)
+        self.asking = Workers(self._source, 1, limits)
         self.behind = Workers(self._source, 1, limits, math.inf)
 
     @cached_property
@@ -270,6 +271,6 @@ class Staff:
 
     def close(self) -> None:
         """End all workers."""
-        for some in (self.checking, self.reading, self.behind):
+        for some in (self.checking, self.reading, self.asking, self.behind):
             some.close()
         self._source.close()

@@ -25,6 +25,7 @@ from planlang.compiler.structure import DONE, FALSE, TRUE
 from planlang.compiler.tree import (
     Achieve,
     Again,
+    Alternatives,
     Call,
     Case,
     Event,
@@ -215,6 +216,9 @@ class BodyWriter:
             case Parallel(branches):
                 before, named = self._branches(branches, depth)
                 return before, call(use("par"), **named)
+            case Alternatives(_, branches):
+                before, named = self._branches(branches, depth)
+                return before, call(use("try_in_order"), *named.values())
             case PartialOrder():
                 return self._partial_order(node, depth)
             case Machine():
@@ -450,6 +454,7 @@ def _comment(node: Node, depth: int) -> list[str]:
         case (
             Perform(name=name, label=str(label))
             | Call(name=name, label=str(label))
+            | Alternatives(name=name, label=str(label))
             | Scope(name=name, label=str(label))
         ):
             says_more = snake_case(label) != snake_case(name)

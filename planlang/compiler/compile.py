@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import textwrap
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TypeVar
@@ -21,7 +21,7 @@ from planlang.kernel.runner import quiet_collector
 from planlang.ontology import Ontology, load
 from planlang.outputs import NO_DATA_FLOW, NO_SCOPES, PlanHeader, digest
 from planlang.recipe import read_recipe
-from planlang.recipe.actions import Actions
+from planlang.recipe.actions import Actions, Performed
 from planlang.recipe.model import (
     Description,
     Filler,
@@ -37,6 +37,7 @@ from planlang.recipe.model import (
     Step,
     Thing,
 )
+from planlang.records import dataclass
 
 TYPES = {Kind.OBJECT: "Object", Kind.PERSON: "Person", Kind.DEVICE: "Device", Kind.PLACE: "Location"}
 MAKERS = {Kind.OBJECT: "an_object", Kind.PERSON: "a_person", Kind.DEVICE: "a_device"}
@@ -198,17 +199,19 @@ def compile_recipe(
     folders: Sequence[Path] = (),
     scopes: bool = True,
     data_flow: bool = True,
+    performed: Performed | None = None,
 ) -> CompiledPlan:
     """Compile the recipe in a file: RDF/XML or Manchester syntax, recognised by its content.
 
     ``task`` chooses one of several by local name or IRI; imports are looked for beside the file, then in ``folders``,
     then among the bundled ontologies. Without
     ``scopes`` base motions are steps like any other; without ``data_flow`` steps hand nothing on, and what they could
-    hand on orders nothing. Raises BadInput with all diagnostics if there is an error.
+    hand on orders nothing. ``performed`` returns the action classes that process modules perform: steps below them lack
+    no performer (R021). Raises BadInput with all diagnostics if there is an error.
     """
     with quiet_collector():  # nearly all that is read is kept to the end, too
         ontology = load(path, folders=folders)
-        return compile_ontology(ontology, task=task, scopes=scopes, data_flow=data_flow)
+        return compile_ontology(ontology, task=task, scopes=scopes, data_flow=data_flow, performed=performed)
 
 
 def compile_ontology(
@@ -217,14 +220,15 @@ def compile_ontology(
     task: str | None = None,
     scopes: bool = True,
     data_flow: bool = True,
+    performed: Performed | None = None,
 ) -> CompiledPlan:
     """Compile a recipe of an ontology whose main document is the recipe; see :func:`compile_recipe`."""
     with quiet_collector():  # nearly all that a compilation makes is kept to its end
-        return _compiled(ontology, task, scopes=scopes, data_flow=data_flow)
+        return _compiled(Actions(ontology, performed), task, scopes=scopes, data_flow=data_flow)
 
 
-def _compiled(ontology: Ontology, task: str | None, *, scopes: bool, data_flow: bool) -> CompiledPlan:
-    reading = read_recipe(Actions(ontology), task, scopes=scopes)
+def _compiled(read: Actions, task: str | None, *, scopes: bool, data_flow: bool) -> CompiledPlan:
+    ontology, reading = read.ontology, read_recipe(read, task, scopes=scopes)
     diagnostics = (*reading.diagnostics, *check_recoveries(reading.actions.recoveries))
     if reading.recipes is None or has_errors(diagnostics):
         raise BadInput(diagnostics)

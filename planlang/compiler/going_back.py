@@ -6,10 +6,11 @@ Then the step that got hold of it is run again, and after that the one in which 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from planlang.compiler.tree import Again, Handle, Node, Parallel, PartialOrder, Recover, Series
 from planlang.recipe.model import Thing
+from planlang.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
-from dataclasses import dataclass
+
+from planlang.records import dataclass
 
 WIDTH = 120
 """Columns of a line, as in planlang's own code: a step with its properties stands on one. ``ruff format --line-length

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from collections.abc import Set as AbstractSet
-from difflib import get_close_matches
 
 from planlang import failures
 from planlang.compiler.expressions import without_digits
@@ -13,6 +12,7 @@ from planlang.compiler.structure import Overlaps, machine, structured
 from planlang.compiler.terms import HandUse, Renaming, Roles, Terms, renamed_thing
 from planlang.compiler.tree import (
     Achieve,
+    Alternatives,
     Call,
     Condition,
     Function,
@@ -41,6 +41,7 @@ from planlang.recipe.fillers import action_class, is_vocabulary_class
 from planlang.recipe.model import Kind, Place, Recipe, RecipeSet, Step, Thing
 from planlang.recipe.order import Precedence, Unit, callees_first, recipe_order, scopes_of, single_steps
 from planlang.recoveries import Strategy, find_strategy, registered_strategies
+from planlang.spelling import similar
 
 NEXT_SOLUTION = "NextSolution"
 """The next solution, which is no registered strategy: a location scope performs it."""
@@ -101,8 +102,8 @@ def _other_than_a_scope(rule: RecoveryRule) -> Iterator[Diagnostic]:
 
 
 def _unknown(rule: RecoveryRule, what: str, name: str, known: AbstractSet[str]) -> Diagnostic:
-    similar = get_close_matches(name, sorted(known), n=1)
-    advice = f"did you mean {similar[0]}?" if similar else f"known: {', '.join(sorted(known))}"
+    alike = similar(name, sorted(known))
+    advice = f"did you mean {alike[0]}?" if alike else f"known: {', '.join(sorted(known))}"
     return error("R043", f"the recovery `{rule.name}` names an unknown {what} {name}", rule.span, advice)
 
 
@@ -200,8 +201,9 @@ class Lowering:
 
     def tree(self) -> PlanTree:
         """Return the plan tree of the whole set."""
-        functions = [self._function(recipe) for recipe in callees_first(self._recipes)]
+        functions = [self._function(recipe) for recipe in callees_first(self._recipes) if recipe.within is None]
         steps = (step for recipe in self._recipes.recipes.values() for step in self._terms.steps(recipe))
+        steps = (step for step in steps if not step.is_choice)
         classes = stated_classes(self._actions.ontology, map(self._terms.performed_class, steps))
         return PlanTree(tuple(functions), self._terms.devices_of_places(self._bases), classes)
 
@@ -352,18 +354,22 @@ class Steps:
     def node(self, recipe: Recipe, step: Step, holding: AbstractSet[str]) -> Node:
         """Return a step as a node; it holds its resources if it is one of ``holding`` (IRIs)."""
         node: Node
-        if step.recipes:
+        if step.is_choice:
+            node = Alternatives(step.name, tuple(self._ways(step)), step.iri, step.label)
+        elif step.recipes:
             calls = tuple(self._call(recipe, step, callee) for callee in step.recipes)
             label = step.label if self._actions.is_standard(step) else None  # other recipes have labels of their own
             node = Call(step.name, self._terms.action(recipe, step), calls, step.iri, label)
         else:
             once = step.is_abstract and recipe.machine is None
             node = Perform(step.name, self._terms.action(recipe, step), step.label, step.iri, once)
-        condition = None if step.is_abstract else self._goal(step)  # it is never skipped
+        # what is abstract is never skipped; alternatives have goals and recoveries of their own
+        condition = None if step.is_abstract or step.is_choice else self._goal(step)
         if condition is not None:
             node = Achieve(condition, node)
         written = self.recoveries.names(recipe.action_class)
         recoveries = self.recoveries.around_step(step.action_class, self._about(recipe, step), written)
+        recoveries = () if step.is_choice else recoveries
         if recoveries:
             node = Handle(node, recoveries)
         leaving = self.recoveries.around_scope(step, self.recoveries.looked_at(step))
@@ -371,6 +377,12 @@ class Steps:
         if step.iri in holding:
             node = Hold(step.name, self._roles.of(recipe, step), node)
         return node
+
+    def _ways(self, step: Step) -> Iterator[tuple[str, Node]]:
+        """Yield the alternatives of a step, each with its name."""
+        for name in step.recipes:
+            recipe = self._recipes.recipes[name]
+            yield from ((inner.name, self.node(recipe, inner, frozenset())) for inner in recipe.steps)
 
     def with_looking(self, recipe: Recipe, node: Node, steps: Iterable[Step]) -> Node:
         """Return the node with the recoveries of its steps that leave its place, one for each failure.
@@ -407,7 +419,8 @@ class Steps:
                 kept |= Keeping(let_go=self._actions.released(step))
             for callee in step.recipes:
                 renaming = self._terms.renaming(recipe, step, callee)
-                inner = self._open.get(callee, Keeping())
+                below = self._recipes.recipes[callee]
+                inner = self._open.get(callee, Keeping()) if not step.is_choice else self._kept_by(below, below.steps)
                 let_go = frozenset(renamed_thing(thing, renaming) if thing else None for thing in inner.let_go)
                 lasting = tuple(_renamed(recovery, renaming) for recovery in inner.lasting)
                 kept |= Keeping(lasting, let_go, inner.name)

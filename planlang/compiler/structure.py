@@ -9,7 +9,7 @@ each signal that they are ready, and wait for the other. States and transitions 
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from keyword import iskeyword
 from typing import TypeVar
 
@@ -19,6 +19,7 @@ from planlang.designators import local_name, snake_case
 from planlang.failures import ObjectNotFound, PlanFailure
 from planlang.recipe.model import Ending, Recipe, Step, Transition
 from planlang.recipe.order import Precedence
+from planlang.records import dataclass
 
 MOST_NESTED = 3
 """Greatest depth of nested constructs, for readers: deeper ones become one partial order, which means the same.

@@ -100,6 +100,8 @@ class Terms:
         too.
         """
         recipe = self._recipes.recipes[callee]
+        if recipe.within is not None:  # an alternative stands in the function of the step itself
+            return {thing: thing for thing in self.parameters(recipe)}
         return {thing: self._argument(caller, step, recipe, thing) for thing in self.parameters(recipe)}
 
     def action(self, recipe: Recipe, step: Step) -> ActionTerm:
@@ -210,11 +212,14 @@ class Terms:
         return self._devices.get(recipe.iri)
 
     def hand_uses(self, recipe: Recipe, steps: Iterable[Step]) -> Iterator[HandUse]:
-        """Yield the goals of the hand in some steps and in the recipes that they call, each once for a step."""
+        """Yield the goals of the hand in some steps and in the recipes that they call, each once for a step.
+
+        Of alternatives the first one counts: a base pose need not suit what is only tried when that has failed.
+        """
         for step in steps:
             for goal in self._actions.hand_goals(step):
                 yield self._goal(step, goal), self.device(recipe, step)
-            for callee in step.recipes:
+            for callee in step.recipes[:1]:
                 renaming = self.renaming(recipe, step, callee)
                 yield from ((renamed(where, renaming), device) for where, device in self._uses[callee])
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 from planlang.recipe.model import Constraint, Name, Part, Place, Thing
+from planlang.records import dataclass
 from planlang.recoveries import Strategy
 
 
@@ -176,6 +176,16 @@ class Parallel:
 
 
 @dataclass(frozen=True, slots=True)
+class Alternatives:
+    """Named branches, of which each is tried if those before it failed; ``name``, ``step``, ``label`` as in Perform."""
+
+    name: str
+    branches: tuple[tuple[str, Node], ...]
+    step: str = ""
+    label: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class PartialOrder:
     """Named branches and the pairs (before, after) of names that order them, none of which follows from others."""
 
@@ -250,7 +260,21 @@ class Machine:
     ends: tuple[str, ...]
 
 
-Node = Perform | Call | Achieve | Handle | Again | Hold | Scope | Parallel | PartialOrder | Series | Gate | Machine
+Node = (
+    Perform
+    | Call
+    | Achieve
+    | Handle
+    | Again
+    | Hold
+    | Scope
+    | Parallel
+    | Alternatives
+    | PartialOrder
+    | Series
+    | Gate
+    | Machine
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -279,7 +303,7 @@ def inside(node: Node) -> tuple[Node, ...]:
     match node:
         case Series(nodes):
             return nodes
-        case Parallel(branches) | PartialOrder(branches, _):
+        case Parallel(branches) | PartialOrder(branches, _) | Alternatives(_, branches):
             return tuple(branch for _, branch in branches)
         case Machine(states):
             return tuple(state.body for state in states)
@@ -329,7 +353,7 @@ class Passing:
         made: dict[str, None] = {}
         used: Counter[str] = Counter(_passed(node))
         events: Counter[Event] = Counter(_events(node) if isinstance(node, Gate) else ())
-        if isinstance(node, (Perform, Call)):
+        if isinstance(node, (Perform, Call, Alternatives)):
             made[node.step] = None
         for inner in inside(node):
             self._walk(inner, total)

@@ -9,18 +9,23 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
+from pathlib import Path
 from typing import Any
 
-from planlang.experience.traces import LATEST, roles_of
+from planlang.diagnostics import BadInput, Span, error
+from planlang.experience.traces import LATEST, LONGEST, roles_of
+from planlang.files import read_file
 from planlang.outputs import MARK
+from planlang.records import dataclass
 
 MAP = "map"
 """The frame of the environment; the robot's base and bodies are told in it."""
 BASE = "base"
 IDENTITY = ("seed", "schedule", "plan_sha256", "robot_sha256", "map_sha256")
 """Keys of a trace's header by which a log of poses tells whose it is."""
+LARGEST = 200_000_000
+"""Bytes of a log that are read."""
 EPOCH = datetime.fromtimestamp(0, UTC)
 """The beginning of a run of which nobody said when it was."""
 
@@ -108,10 +113,17 @@ def pose_lines(transforms: Iterable[Transform], rate: float, began: datetime | N
 
     Time stamps are in UTC, those of a run of which nobody said when it ``began`` from 1970 on.
     """
-    start = (EPOCH if began is None else began).astimezone(UTC)
     head = {"file": f"poses, {MARK}", "rate": rate, **known, "began": None if began is None else began.isoformat()}
     yield json.dumps(head) + "\n"
-    for number, one in enumerate(transforms):
+    yield from transform_lines(transforms, rate, began)
+
+
+def transform_lines(
+    transforms: Iterable[Transform], rate: float, began: datetime | None, first: int = 0
+) -> Iterator[str]:
+    """Yield the lines of transforms, which are numbered from ``first`` on."""
+    start = (EPOCH if began is None else began).astimezone(UTC)
+    for number, one in enumerate(transforms, first):
         moment = (start + timedelta(seconds=one.step / rate)).isoformat(timespec="microseconds")
         stamp = {"$date": moment.replace("+00:00", "Z")}
         line = {
@@ -146,6 +158,23 @@ def read_poses(lines: Sequence[str]) -> tuple[Mapping[str, Any], list[Transform]
         except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
             raise ValueError(f"line {number} tells no pose") from None
     return head, found
+
+
+def read_log(path: Path, header: Mapping[str, Any]) -> list[Transform]:
+    """Return the poses of a log that was written with the run of a trace, by its header. Raises BadInput."""
+    lines = read_file(path, "C001", largest=LARGEST).decode(errors="replace").splitlines(keepends=True)
+    try:
+        known, found = read_poses(lines)
+    except ValueError as problem:
+        raise BadInput([error("K081", f"this is no log of poses: {problem}", Span(str(path)))]) from None
+    if any(one.step > header["rate"] * LONGEST for one in found):
+        raise BadInput([error("K081", "a pose is too late for any run", Span(str(path)))])
+    differing = [key for key in IDENTITY if known.get(key) != header.get(key)]
+    if differing:
+        advice = "planlang run PLAN --trace run.jsonl --poses poses.jsonl writes both"
+        message = f"the poses are of another run: {', '.join(differing)} differ"
+        raise BadInput([error("K081", message, Span(str(path)), advice)])
+    return found
 
 
 def _transform(value: Any) -> Transform:

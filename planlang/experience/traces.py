@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import pairwise
 from typing import Any
 
@@ -23,6 +23,7 @@ from planlang.experience.model import (
     State,
     Thing,
 )
+from planlang.records import dataclass
 from planlang.runs.recorded_run import DamagedTrace, checked_records, details
 
 MOST_ACTIVITIES = 100_000

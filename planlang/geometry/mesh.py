@@ -13,15 +13,15 @@ from __future__ import annotations
 import re
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from planlang.files import open_regular
+from planlang.files import open_regular, read_at_most
 from planlang.geometry.matrices import Array, cross_matrix, moved, product
 from planlang.geometry.urdf import BadXml, tree_of
+from planlang.records import dataclass
 
 SUFFIXES = (".obj", ".stl", ".dae")
 LARGEST = 100_000_000
@@ -91,7 +91,7 @@ def mesh_places(urdf: Path, name: str) -> list[Path]:
 def mesh_content(path: Path) -> bytes:
     """Return the content of a mesh file; raises OSError if it cannot be read, :class:`BadMesh` if it is too large."""
     with open_regular(path) as file:
-        content = file.read(LARGEST + 1)
+        content = read_at_most(file, LARGEST + 1)
     if len(content) > LARGEST:
         raise BadMesh(f"it is larger than {LARGEST // 1_000_000} MB")
     return content

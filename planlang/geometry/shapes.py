@@ -8,13 +8,13 @@ of meshes.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planlang.geometry.matrices import Array, Pose, moved, rotated
+from planlang.records import dataclass
 
 Size = tuple[float, float, float]
 """Extents along a box's own axes [m]."""

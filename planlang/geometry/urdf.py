@@ -10,15 +10,15 @@ import math
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
-from dataclasses import dataclass
 from pathlib import Path
 from xml.parsers import expat
 
 import numpy as np
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, error
-from planlang.files import open_regular
+from planlang.files import open_regular, read_at_most
 from planlang.geometry.matrices import Array, cross_matrix, product, rigid, rotation_of
+from planlang.records import dataclass
 
 LARGEST = 16_000_000
 """Bytes; robot descriptions have up to 0.3 MB."""
@@ -26,6 +26,10 @@ DEEPEST = 100
 """Elements inside each other."""
 MOST = 200_000
 """Elements."""
+
+
+XACRO = "this is an expression of xacro; write it out first: xacro {0}.urdf.xacro > {0}.urdf"
+"""Advice for a URDF that still has to be expanded."""
 
 
 class BadXml(Exception):
@@ -66,7 +70,7 @@ def read_content(path: Path) -> bytes:
     """Return the content of a regular file. Raises BadXml."""
     try:
         with open_regular(path) as file:
-            content = file.read(LARGEST + 1)
+            content = read_at_most(file, LARGEST + 1)
     except FileNotFoundError:
         raise BadXml("there is no such file") from None
     except OSError as problem:
@@ -364,7 +368,7 @@ class _Checker:
                 wanted = _NUMBERS.get((element.tag, attribute))
                 if wanted is not None and len(numbers(text)) not in ({1, 3} if element.tag == "mesh" else {wanted}):
                     message = f"<{element.tag} {attribute}={text[:60]!r}>: {wanted} finite number(s) expected"
-                    self._bad(message, element)
+                    self._bad(message, element, XACRO.format(self.path.stem) if "${" in text or "$(" in text else None)
         for geometry in self.robot.iter("geometry"):
             for shape in geometry:
                 needed = extents_of(shape)
@@ -382,9 +386,9 @@ class _Checker:
             if lower and upper and lower[0] > upper[0]:
                 self._bad(f"joint {name!r} has limits [{lower[0]}, {upper[0]}] the wrong way round", joint)
 
-    def _bad(self, message: str, element: ElementTree.Element) -> None:
+    def _bad(self, message: str, element: ElementTree.Element, help: str | None = None) -> None:
         assert isinstance(element, Element)
-        self.found.append(error("B009", message, Span(str(self.path), element.line)))
+        self.found.append(error("B009", message, Span(str(self.path), element.line), help))
 
 
 def _linked(joint: ElementTree.Element, end: str) -> str:

@@ -340,8 +340,21 @@ class Scheduler:
         return self.timers.now, self.resumptions, self.births, self.beats
 
 
+class Home:
+    """The run that goes on in a thread, to be looked up from other threads."""
+
+    scheduler: Scheduler | None = None
+
+
 class _Running(threading.local):
     scheduler: Scheduler | None = None
+
+    def __init__(self) -> None:
+        self.home = Home()  # another one in each thread
+
+    def begin(self, scheduler: Scheduler | None) -> None:
+        """Note the run of this thread; None: it has ended."""
+        self.scheduler = self.home.scheduler = scheduler
 
 
 running = _Running()
@@ -354,9 +367,9 @@ def here() -> tuple[Scheduler, Task]:
     if scheduler is None or scheduler.current is None:
         raise PlanStructureError(
             contrast(
-                "no plan is running here; what plans are made of works inside of planlang.run() only, in its thread",
-                "asyncio.run(serve())    or a thread of your own",
-                "run(serve, host=VirtualHost())",
+                "no plan is running in this thread; the plan language works only inside planlang.run()",
+                "asyncio.run(serve()), in_thread(serve), or a thread of your own",
+                "run(serve, host=VirtualHost())    or, inside a plan, await serve()",
             )
         )
     return scheduler, scheduler.current

@@ -13,6 +13,7 @@ from types import CoroutineType, FunctionType
 from typing import Any
 
 from planlang.failures import PlanFailure
+from planlang.kernel.asyncio_calls import ADVICE, explained
 from planlang.kernel.cancel import MAX_DELIVERIES, STUCK, heed_interrupts
 from planlang.kernel.core import PARKED, BaseScope, Scheduler, Task
 from planlang.kernel.errors import (
@@ -29,17 +30,14 @@ from planlang.kernel.listing import blocked, explain_recursion, listing, locate,
 from planlang.kernel.primitives import refuse_arguments, refuse_result
 from planlang.kernel.threads import Calls
 from planlang.kernel.tree import EVAPORATED, FAILED, SUCCEEDED, Status
-from planlang.misuse import contrast
+from planlang.misuse import WrongType, contrast
 
 MAX_RESUMPTIONS = 100_000
 """Resumptions of tasks and decisions in one world step after which the run is considered to make no progress: more
 than 10,000 tasks need that end in one step, and less than a second of computing."""
 ORIGINS = 2
 """Frames of its making that a coroutine remembers: the call of a ``@plan`` function passes through one of ours."""
-THREADS_HINT = (
-    "what another thread sets is waited for with a RealTimeHost only, as long as a source of it is open: "
-    'with host.source("door"): ...'
-)
+THREADS_HINT = 'if another thread sets it, use a RealTimeHost, and in the thread: with host.source("door"): ...'
 
 
 def loop(scheduler: Scheduler, root: Task) -> None:
@@ -167,7 +165,8 @@ def _target(scheduler: Scheduler, root: Task, repeats: bool) -> int:
     else:
         target = max(due, following)
     if scheduler.max_steps is not None and target > scheduler.max_steps:
-        raise StepLimit(listing(f"more than {scheduler.max_steps} world steps", blocked(root)))
+        plan_time = f"{scheduler.max_steps / scheduler.rate:g} s of plan time"
+        raise StepLimit(listing(f"more than {scheduler.max_steps} world steps, {plan_time}", blocked(root)))
     return target
 
 
@@ -303,10 +302,10 @@ def _raised(scheduler: Scheduler, task: Task, error: BaseException) -> None:
         task.crash = error
         if isinstance(error, RecursionError):
             explain_recursion(error, task.path)
-        if not isinstance(error, Exception):  # such as SystemExit, which no construct may hold up
+        elif not isinstance(error, Exception):  # such as SystemExit, which no construct may hold up
             scheduler.fatal = error
-        if isinstance(error, RuntimeError) and str(error) == "no running event loop":
-            error.add_note(contrast("asyncio does not work in a plan", "await asyncio.sleep(1)", "await sleep(1)"))
+        elif isinstance(error, (RuntimeError, AttributeError)):
+            task.crash = explained(error) or error
     scheduler.finish(task, EVAPORATED if task.thrown else FAILED)
 
 
@@ -327,12 +326,11 @@ def _unexpected(scheduler: Scheduler, task: Task, signal: object) -> None:
         return
     scheduler.throw(
         task,
-        TypeError(
+        WrongType(
             contrast(
                 f"{task.path} awaits {type(signal).__module__}.{type(signal).__qualname__}{place_of(task)}, which "
                 "belongs to another event loop; plans await planlang's own sleep, wait_for and constructs",
-                "await asyncio.sleep(1)",
-                "await sleep(1)    after: from planlang import sleep",
+                *ADVICE,
             )
         ),
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from functools import partial
-from typing import Any, TypeVar
+from typing import Any, TypeVar, overload
 from weakref import WeakValueDictionary
 
 from planlang.kernel.cancel import checkpoint, deliver
@@ -13,7 +13,7 @@ from planlang.kernel.core import Scheduler, Task, here, park, running, serving
 from planlang.kernel.errors import PlanStructureError
 from planlang.kernel.signals import BaseFluent, Signal, Wait, same
 from planlang.kernel.tree import Node
-from planlang.misuse import Usage, contrast
+from planlang.misuse import Usage, WrongType, contrast, written
 
 T = TypeVar("T")
 _FLUENT = Usage("Fluent", {"value": "False"}, {"name": '"door_open"', "read": "world.door_is_open"})
@@ -47,6 +47,7 @@ class Fluent(BaseFluent[T]):
         """Number of changes of the value so far."""
         self.born: Node | None = None
         """The node of the tree in which it was made, if the run is observed."""
+        self._home = running.home
         scheduler = self._run = running.scheduler
         if scheduler is not None and scheduler.observer is not None and scheduler.current is not None:
             self.born = scheduler.current.node
@@ -65,7 +66,8 @@ class Fluent(BaseFluent[T]):
 
         From another thread than that of the run, the value is handed over to the run, which sets it between two steps
         of its tasks: in real time at once, in simulation while a call in a thread is waited for. Otherwise nothing in
-        a simulated run may depend on a thread: PlanStructureError, here and in the run.
+        a simulated run may depend on a thread: PlanStructureError, here and in the run. Where no run goes on, before
+        and after runs, any thread may set it.
         """
         if self._handed_over(self.set, value):
             return
@@ -92,16 +94,19 @@ class Fluent(BaseFluent[T]):
     def _handed_over(self, change: Callable[..., None], *values: Any) -> bool:
         """Return True if the fluent belongs to a run in another thread, which will make the change.
 
-        A fluent belongs to the run in which it was made, or was waited for last.
+        A fluent belongs to the run in which it was made, or was waited for last; without such a run, or after it, to
+        the one that goes on in the thread in which it was made, whether that has come to the fluent or not.
         """
         scheduler = self._run
+        if scheduler is None or scheduler.over:
+            scheduler = self._home.scheduler
         if scheduler is None or scheduler is running.scheduler or scheduler.over:
             return False
         if scheduler.live is None and not scheduler.awaits_threads:
             error = PlanStructureError(
                 contrast(
-                    f"{self} is set from thread {threading.current_thread().name} while a simulated run waits for it; "
-                    "what threads do has no place in simulated time, unless it is a call in_thread",
+                    f"{self} is set from thread {threading.current_thread().name} during a simulated run; what threads "
+                    "do has no place in simulated time, unless it is a call in_thread",
                     f"on_door(lambda: {self}.set(True))    with a VirtualHost or SimulationHost",
                     f"{self}.set(await in_thread(wait_for_door))    or a RealTimeHost with host.source({str(self)!r})",
                 )
@@ -156,7 +161,8 @@ class WorldFluent(Fluent[T]):
 
     def set(self, value: T) -> None:
         """Refused: the world sets it."""
-        raise TypeError(f"{self} is read from the world and cannot be set")
+        message = f"{self} is read from the world and cannot be set"
+        raise WrongType(contrast(message, f"{self}.set({written(value)})", "Fluent(False) is one that plans set"))
 
     def sample(self, step: int) -> bool:
         """Read the world; True if those who wait should look."""
@@ -229,12 +235,20 @@ class FluentWait(Wait):
 
 _LATE = object()
 _WAIT_FOR = Usage("await wait_for", {"signal": "door_open"}, {"timeout": "5"})
-SIGNAL = "a fluent or an expression over fluents, which can become true"
-"""Expected argument in the message; the usual mistake is to give its value, which does not change."""
+SIGNAL = "a fluent or an expression over fluents (the fluent itself: its .value is one value that does not change)"
+"""Expected argument in the message."""
 
 
+@overload
+async def wait_for(signal: Signal[T], timeout: None = None) -> T: ...
+@overload
+async def wait_for(signal: Signal[T], timeout: float | None) -> T | None: ...
 async def wait_for(signal: Signal[T], timeout: float | None = None) -> T | None:
-    """Wait until a fluent or expression is true; returns the first true value, or None when ``timeout`` [s] is over."""
+    """Wait until a fluent or expression is true; returns the first true value.
+
+    When ``timeout`` [s] is over it returns None, which is no true value: a wait that may end without one is no failure.
+    Where it is one, ``timeout(seconds, partial(wait_for, signal))`` raises Timeout.
+    """
     scheduler, task = here()
     if not isinstance(signal, Signal):
         raise _WAIT_FOR.wrong("signal", signal, SIGNAL)

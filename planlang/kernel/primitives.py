@@ -113,19 +113,14 @@ async def in_node(node: Node, body: Body, /, **details: object) -> Any:
 
 def called(function: Callable[..., Any], *arguments: Any, **named: Any) -> Any:
     """Call an async function, to be awaited at once; WrongType if it is not async or takes other arguments."""
-    result = given(function, *arguments, **named)
-    if not hasattr(result, "__await__"):
-        refuse_result(name_of(function), result)
-    return result
-
-
-def given(function: Callable[..., Any], *arguments: Any, **named: Any) -> Any:
-    """Return what a function gives; WrongType if it takes other arguments."""
     try:
-        return function(*arguments, **named)
+        result = function(*arguments, **named)
     except TypeError as error:
         refuse_arguments(function, error)
         raise
+    if not hasattr(result, "__await__"):
+        refuse_result(name_of(function), result)
+    return result
 
 
 def refuse_arguments(function: Callable[..., Any], error: TypeError) -> None:

@@ -55,24 +55,35 @@ def quiet_collector() -> Iterator[None]:
         gc.set_threshold(*before)
 
 
-@contextmanager
-def signals(on_interrupt: Callable[[FrameType | None], None]) -> Iterator[bool]:
-    """Call ``on_interrupt`` on Ctrl-C where Python's own handler is in place and this is the main thread.
+ENDING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
+"""Signals that may end a run in order."""
 
-    The value is whether that is so.
+
+@contextmanager
+def signals(is_answered: Callable[[FrameType | None], bool], interrupt: Callable[[], None]) -> Iterator[int | None]:
+    """In the main thread, let each signal whose handler raises KeyboardInterrupt call ``interrupt`` instead.
+
+    Python's own handler of SIGINT does so, and those that a program sets for SIGTERM or SIGHUP may. Signals that
+    ``is_answered`` takes were sent by the watchdog. Ignored signals stay ignored. Yields a signal that is handled here.
     """
-    ours = (
-        threading.current_thread() is threading.main_thread()
-        and signal.getsignal(signal.SIGINT) is signal.default_int_handler
-    )
-    if not ours:
-        yield False
-        return
-    signal.signal(signal.SIGINT, lambda number, frame: on_interrupt(frame))
+    before: dict[int, Any] = {}
+    if threading.current_thread() is threading.main_thread():
+        before = {number: handler for number in ENDING if callable(handler := signal.getsignal(number))}
+
+    def handle(number: int, frame: FrameType | None) -> None:
+        if not is_answered(frame):
+            try:
+                before[number](number, frame)
+            except KeyboardInterrupt:
+                interrupt()
+
+    for number in before:
+        signal.signal(number, handle)
     try:
-        yield True
+        yield next(iter(before), None)
     finally:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 _WARNING = re.compile(r"coroutine '(.+)' was never awaited")
@@ -160,11 +171,11 @@ _DEBUGGERS = ("bdb", "pdb", "pydevd", "_pydevd_bundle", "debugpy")
 class Watch:
     """One run as the watchdog sees it."""
 
-    def __init__(self, scheduler: Scheduler, period: float | None, by_signal: bool = False) -> None:
+    def __init__(self, scheduler: Scheduler, period: float | None, signal_number: int | None = None) -> None:
         self.scheduler = scheduler
         self.period = period
-        self.by_signal = by_signal
-        """Ctrl-C is handled here, in the main thread: the run can be interrupted by a signal."""
+        self.signal_number = signal_number
+        """Signal that is handled here, in the main thread, so that it can interrupt the run."""
         self._thread = threading.get_ident()
         self._mark: tuple[int, ...] = ()
         self._computed = 0.0
@@ -208,13 +219,13 @@ class Watch:
         if frame is None or is_own(frame.f_code.co_filename) or (kind is Overdue and _debugged(frame)):
             return
         self._summons = kind, self._mark
-        if self.by_signal and hasattr(signal, "pthread_kill"):
-            signal.pthread_kill(self._thread, signal.SIGINT)
+        if self.signal_number is not None and hasattr(signal, "pthread_kill"):
+            signal.pthread_kill(self._thread, self.signal_number)
         else:
             ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(self._thread), ctypes.py_object(kind))
 
     def answer(self, frame: FrameType | None) -> bool:
-        """Return False if the signal that is handled is a Ctrl-C; else raise what was meant, if it still applies."""
+        """Return False if the watchdog did not send the signal; else raise what it meant, if that still applies."""
         if self._summons is None:
             return False
         (kind, mark), self._summons = self._summons, None
@@ -318,7 +329,7 @@ def run_plan(scheduler: Scheduler, branch: Callable[[], Any]) -> Any:
 
 def _run(scheduler: Scheduler, root: Task) -> Any:
     observer = scheduler.observer
-    running.scheduler = scheduler
+    running.begin(scheduler)
     hooks = sys.get_asyncgen_hooks()
     sys.set_asyncgen_hooks(firstiter=partial(adopt, scheduler), finalizer=keep)
     try:
@@ -329,17 +340,17 @@ def _run(scheduler: Scheduler, root: Task) -> Any:
     finally:
         scheduler.over = True
         sys.set_asyncgen_hooks(*hooks)
-        running.scheduler = None
+        running.begin(None)
         if observer is not None:
             observer.end()
     return _outcome(scheduler, root)
 
 
 def _watched(scheduler: Scheduler, root: Task) -> None:
-    """Drive the run, with a watchdog and a handler for Ctrl-C."""
+    """Drive the run, with a watchdog and handlers of signals."""
     period = getattr(scheduler.host, "watchdog", WATCHDOG)
     watch = Watch(scheduler, period)
-    with signals(partial(_interrupt, scheduler, watch)) as watch.by_signal, watchdog.watching(watch):
+    with signals(watch.answer, partial(_interrupt, scheduler)) as watch.signal_number, watchdog.watching(watch):
         scheduler.enqueue(root)
         if scheduler.live is not None:
             scheduler.live.begin()
@@ -358,13 +369,12 @@ def _spoil(scheduler: Scheduler, error: BaseException) -> None:
     scheduler.spoilt = scheduler.spoilt or error
 
 
-def _interrupt(scheduler: Scheduler, watch: Watch, frame: FrameType | None) -> None:
+def _interrupt(scheduler: Scheduler) -> None:
     """Take note of a Ctrl-C between byte codes; the watchdog insists where the plan does not react."""
-    if not watch.answer(frame):
-        scheduler.interrupts += 1
-        scheduler.inbox.put(None)
-        if scheduler.interrupts > 1:
-            watchdog.nudge()
+    scheduler.interrupts += 1
+    scheduler.inbox.put(None)
+    if scheduler.interrupts > 1:
+        watchdog.nudge()
 
 
 def _outcome(scheduler: Scheduler, root: Task) -> Any:

@@ -10,10 +10,11 @@ import operator
 from collections.abc import Callable
 from typing import Any, Generic, TypeVar
 
-from planlang.misuse import Usage, WrongValue
+from planlang.misuse import Usage, WrongType, WrongValue, contrast
 
 T = TypeVar("T")
 MISSED = ("never", "once", "always")
+_COMBINED = "door_open & light_on    or    if door_open.value:"
 _PULSED = Usage("fluent.pulsed", {"missed": '"once"'})
 
 
@@ -57,7 +58,11 @@ class Signal(Generic[T]):
         """Take note that a wait has ended with a value."""
 
     def __bool__(self) -> bool:
-        raise TypeError(f"the truth of {self} is ambiguous: write .value for now, or wait_for(...) it")
+        message = (
+            f"{self} is a fluent, which is not true or false itself: &, | and ~ combine fluents, not and, or and not; "
+            "its current value is .value"
+        )
+        raise WrongType(contrast(message, "door_open and light_on    or    if door_open:", _COMBINED))
 
     def __str__(self) -> str:
         return self.name or type(self).__name__.lower()

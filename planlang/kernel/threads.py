@@ -10,18 +10,20 @@ import contextvars
 import inspect
 import threading
 from collections import deque
-from collections.abc import Callable
-from typing import Any, TypeVar
+from collections.abc import Callable, Coroutine
+from typing import Any, TypeVar, overload
 
+from planlang.kernel.asyncio_calls import AsyncioCall
 from planlang.kernel.cancel import deliver, delivery, heed_interrupts
 from planlang.kernel.core import Scheduler, Task, here, park, running
 from planlang.kernel.errors import Evaporated
+from planlang.kernel.primitives import pause
 from planlang.kernel.signals import Wait
 from planlang.kernel.tree import name_of
 from planlang.misuse import Usage, WrongType, contrast, written
 
 R = TypeVar("R")
-_IN_THREAD = Usage("await in_thread", {"function": "read_port"})
+_IN_THREAD = Usage("await in_thread", {"function": "read_port"}, {"takes": "0.5"})
 
 MOST_THREADS = 256
 """Calls of one run that are executed at the same time; further ones begin as earlier ones return."""
@@ -69,9 +71,12 @@ class Call(Wait):
         """Hand the result of the call over, in the run's thread."""
         self.returned = True
         if inspect.iscoroutine(self._value):
+            name = self._value.__name__
             self._value.close()
             self._value = None
-            self._error = _is_async(self.name, self.name)
+            self._error = _is_called(
+                name, f"await in_thread(lambda: {name}())", f"await in_thread({name})    or, for a plan, await {name}()"
+            )
         self._calls.arrived(self)
 
     def hand_over(self) -> None:
@@ -202,35 +207,68 @@ class Calls:
         return True
 
 
-def _is_async(name: str, code: str) -> WrongType:
-    message = f"{name} is async; await it, or pass a plain function to in_thread"
-    return WrongType(contrast(message, _IN_THREAD.shown("function", code), f"await {name}()"))
+def _is_called(name: str, wrong: str, right: str) -> WrongType:
+    return WrongType(
+        contrast(f"{name}() is a coroutine, which nothing runs here; pass the async function", wrong, right)
+    )
 
 
-async def in_thread(function: Callable[..., R], /, *arguments: Any, **named: Any) -> R:
-    """Call blocking code on a thread of its own and wait for what it returns or raises.
+def _is_asynchronous(function: object) -> bool:
+    return inspect.iscoroutinefunction(function) or inspect.iscoroutinefunction(type(function).__call__)
 
-    In simulation the call takes no plan time: the world stands still until all calls in flight have returned, callers
-    go on in order of submission, and an evaporated caller is released when its call has returned. In real time an
-    evaporated caller leaves its call behind on a daemon thread; a late result stands in the trace only. At most 256
-    calls of a run are executed at the same time.
 
-    Raises TypeError if ``function`` is async or not callable, before or after the call.
+@overload
+async def in_thread(
+    function: Callable[..., Coroutine[Any, Any, R]], /, *arguments: Any, takes: float = 0.0, **named: Any
+) -> R: ...
+@overload
+async def in_thread(function: Callable[..., R], /, *arguments: Any, takes: float = 0.0, **named: Any) -> R: ...
+async def in_thread(function: Callable[..., Any], /, *arguments: Any, takes: float = 0.0, **named: Any) -> Any:
+    """Call blocking code, or an async function of asyncio, on a thread of its own; wait for what it returns or raises.
+
+    An async function runs in an asyncio event loop of that thread.
+
+    In simulation the world stands still until all calls in flight have returned, callers go on in order of submission,
+    and an evaporated caller is released when its call has returned. So the call takes no plan time, unless ``takes``
+    says how much [s]: the caller then waits so long for the result, and timeouts around it fire. In real time a call
+    takes as long as it takes. An evaporated caller is released at once and leaves its call behind: an async function is
+    cancelled, a plain one goes on on a daemon thread; a late result stands in the trace only. At most 256 calls of a
+    run are executed at the same time.
+
+    Raises TypeError if ``function`` is not callable, or returns a coroutine.
     """
     scheduler, task = here()
-    if inspect.iscoroutine(function) or inspect.iscoroutinefunction(function):
-        raise _is_async(function.__name__, written(function))
-    _IN_THREAD.plain("function", function, "a plain function, which blocks")
+    if inspect.iscoroutine(function):
+        name, code = function.__name__, written(function)
+        raise _is_called(name, _IN_THREAD.shown("function", code), _IN_THREAD.shown("function", f"{name}, ..."))
+    if not callable(function):
+        raise _IN_THREAD.wrong("function", function, "a function that blocks, or an async function of asyncio")
     name = name_of(function)
+    steps = scheduler.steps(takes, _IN_THREAD, "takes")
     if task.doomed:
         await deliver(task)
     calls = scheduler.service(Calls)
-    call = calls.submit(scheduler, task, lambda: function(*arguments, **named), name)
+    work: Callable[[], Any] = lambda: function(*arguments, **named)  # noqa: E731
+    asynchronous = AsyncioCall(work) if _is_asynchronous(function) else None
+    call = calls.submit(scheduler, task, asynchronous or work, name)
     try:
-        return await park(call)  # type: ignore[no-any-return]
-    finally:
+        result = await park(call)
+    except BaseException as error:
         if call.waiting:
             calls.abandon(call)
+            if asynchronous is not None:
+                asynchronous.cancel()
+        elif isinstance(error, Exception):
+            await _take(scheduler, steps, name)
+        raise
+    await _take(scheduler, steps, name)
+    return result
+
+
+async def _take(scheduler: Scheduler, steps: int, name: str) -> None:
+    """Let the plan time of a call pass, which has returned; in real time it has passed."""
+    if steps and scheduler.live is None:
+        await pause(steps, f"the call of {name} in a thread")
 
 
 def still_computing() -> None:

@@ -8,7 +8,7 @@ import hashlib
 import json
 import re
 from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, fields, is_dataclass
+from dataclasses import MISSING, fields, is_dataclass
 from enum import Enum
 from functools import cache
 from types import NoneType, UnionType
@@ -17,6 +17,7 @@ from typing import Any, get_args, get_origin, get_type_hints
 from planlang.diagnostics import Diagnostic, Severity, Span
 from planlang.knowledge.entries import Entry, News, is_uid
 from planlang.knowledge.stores import Changed, EntryExists, NoSuchEntry, NotTheAuthor, Refused
+from planlang.records import dataclass
 
 Links = tuple[tuple[str, str], ...]
 """Pairs of a property and a class (IRIs)."""

@@ -7,13 +7,14 @@ follow from the rest are right, and some that would follow from all may be missi
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 from planlang.ontology import BNode, Ontology, Term
 from planlang.ontology.classes import twin
 from planlang.ontology.expression_text import expression_of
 from planlang.ontology.expressions import Expression
 from planlang.ontology.terms import OWL, RDF, RDFS, ROBOEARTH, XSD
+from planlang.records import dataclass
 
 THING, NOTHING = str(OWL.Thing), str(OWL.Nothing)
 

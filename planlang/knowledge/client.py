@@ -141,9 +141,11 @@ class Client:
         return reply.body
 
     def search(self, *, robot: str | None = None, most: int | None = None, **question: str | None) -> Iterator[Found]:
-        """Yield the entries that fit a question, by identifier, at most so many.
+        """Yield the entries that fit a question, by identifier or, with ``sort="rating"``, the best rated first.
 
-        ``question``: expression, label, kind, room, floor, building, street, city, as the server names them;
+        At most ``most`` of them.
+
+        ``question``: expression, label, kind, room, floor, building, street, city, sort, as the server names them;
         ``robot``: the text of a self-model, for which each answer says whether the robot can use it.
         """
         asked = {name: value for name, value in question.items() if value is not None}
@@ -236,7 +238,7 @@ class Client:
         self, path: str, asked: Mapping[str, str], robot: str | None = None, limit: int = PAGE
     ) -> Iterator[object]:
         """Yield the records of all pages; a server that does not get on is left."""
-        after = ""
+        after, seen = "", {""}
         while True:
             page = self._page(path, {**asked, "limit": str(limit), "after": after}, robot)
             records, following = page.get("entries"), read_as(str | None, page.get("next"))
@@ -245,9 +247,10 @@ class Client:
             yield from records
             if following is None:
                 return
-            if following <= after:
+            if following in seen:
                 raise NotAsAgreed("the server goes round in circles")
             after = following
+            seen.add(after)
 
     def _page(self, path: str, asked: Mapping[str, str], robot: str | None) -> Mapping[str, Any]:
         if robot is None:

@@ -8,9 +8,10 @@ reasoner ELK: only what a question reaches is completed. A concept is below a qu
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from planlang.knowledge.axioms import NOTHING, THING, And, Axioms, Concept, Some, together
+from planlang.records import dataclass
 
 FACTS_OF_A_NODE = 50
 """Labels and links of a node, in the mean, that are made at most where the number of nodes is bounded."""

@@ -10,7 +10,6 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from email.utils import parsedate_to_datetime
 from http.cookiejar import DefaultCookiePolicy
 from random import SystemRandom
@@ -20,6 +19,7 @@ import httpx
 
 from planlang.cache import Cache
 from planlang.knowledge.answers import NoAnswer, NotAsAgreed, TooMany, as_json, printed, refusal
+from planlang.records import dataclass
 
 LARGEST = 16_000_000
 """Bytes of an answer: as many as a server takes of a body."""

@@ -7,10 +7,10 @@ adds to the vocabulary, and names of the vocabulary for everything else.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 from planlang.knowledge.axioms import THING, Axioms, Concept, One
 from planlang.knowledge.completion import Completion, Node
+from planlang.records import dataclass
 
 MOST_NODES = 20_000
 """Nodes that the completion of one entry may have."""
@@ -107,6 +107,25 @@ def _most_specific(node: Node, stated: _Stated) -> tuple[Label, ...]:
             kept.append(label)
             implied |= above
     return tuple(kept)
+
+
+def contradiction(description: Description, vocabulary: Axioms, own: Axioms | None = None) -> tuple[str, str] | None:
+    """Return two classes that exclude each other and that something in a description would have to be, if there are.
+
+    What cannot be is below everything (owl:Nothing), and so is what has to be linked to such a thing.
+    """
+    disjoint: dict[str, set[str]] = {}
+    for one, other in (pair for known in (vocabulary, own or Axioms()) for pair in known.disjoint):
+        disjoint.setdefault(one, set()).add(other)
+        disjoint.setdefault(other, set()).add(one)
+    stated = _Stated(vocabulary)
+    linked = (end for node in description.nodes for _, end in node.links if isinstance(end, str))
+    for labels in (*(node.labels for node in description.nodes), *((label,) for label in linked)):
+        reached = set(labels).union(*map(stated.above, labels))
+        for one in sorted(reached):
+            if others := sorted(disjoint.get(one, set()) & reached):
+                return one, others[0]
+    return None
 
 
 class _Stated:

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import unicodedata
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import asdict
 from enum import StrEnum
+from statistics import median
 from urllib.parse import unquote
 
 from planlang.designators import local_name
+from planlang.records import dataclass
 
 LOWEST_RATING, HIGHEST_RATING = 0, 10
+UNRATED = (LOWEST_RATING + HIGHEST_RATING) / 2
+"""The rating by which an entry without any is ranked."""
 
 REVISIONS_KEPT = 10
 """Earlier revisions of an entry that are kept unless a store is told otherwise."""
@@ -76,8 +83,9 @@ class Entry:
     """A thing kept under one identifier, without its content.
 
     ``uid`` follows the entry's class and the author's own name for it (:func:`uid_of`) and never changes. ``about`` is
-    the IRI of the class (recipe, object model) or individual (map, robot) that the entry describes. ``rating`` is the
-    mean of ``ratings`` ratings, None without any. ``created`` and the revision's ``made`` are UTC in ISO 8601.
+    the IRI of the class (recipe, object model) or individual (map, robot) that the entry describes. ``rating`` is
+    :func:`rating_of` its ``ratings`` ratings by others, None without any. ``created`` and the revision's ``made`` are
+    UTC in ISO 8601.
     """
 
     uid: str
@@ -94,8 +102,14 @@ class Entry:
 
     @property
     def etag(self) -> str:
-        """The tag that a change has to name: of the content, not of attachments and ratings."""
+        """The tag of the content, which a change has to name: files and ratings are not part of it."""
         return f'"{self.revision.number}-{self.revision.sha256[:16]}"'
+
+    @property
+    def record_etag(self) -> str:
+        """The tag of the whole record, files and ratings included. It begins with that of the content."""
+        stated = json.dumps(asdict(self), sort_keys=True).encode()
+        return f'{self.etag[:-1]}-{hashlib.sha256(stated).hexdigest()[:16]}"'
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,6 +127,17 @@ class Content:
     syntax: Syntax
     data: bytes
     description: bytes = b""
+
+
+def rating_of(ratings: Iterable[int]) -> float | None:
+    """Return the rating of an entry: the median of its ratings and of two more in the middle of the scale.
+
+    The median is what few ratings cannot move far (Garcin, Faltings, Jurca and Joswig, Rating aggregation in
+    collaborative filtering systems, RecSys 2009); the two more, as in a Bayesian mean, let an entry with many good
+    ratings come before one with a single best one, and keep one low rating from sinking an entry. None without any.
+    """
+    given = list(ratings)
+    return float(median([*given, UNRATED, UNRATED])) if given else None
 
 
 class Change(StrEnum):

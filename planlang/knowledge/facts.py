@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planlang.knowledge.descriptions import Described, Description
+from planlang.records import dataclass
 
 Numbers = NDArray[np.int32]
 LABEL = -1

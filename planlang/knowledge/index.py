@@ -10,7 +10,8 @@ from __future__ import annotations
 import threading
 from array import array
 from bisect import bisect_left
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from functools import reduce
 from itertools import compress
 from operator import and_, or_
@@ -32,6 +33,14 @@ class CannotAnswer(Exception):
     """An expression has a part that is no question to the index; the text says which."""
 
 
+class _Moved(Exception):
+    """Entries were added or removed while a question was answered."""
+
+
+def go_on() -> None:
+    """Bound nothing: what is called between two steps of an answer may end it by raising an exception."""
+
+
 class Index:
     """The rows of all descriptions. Threads may share it.
 
@@ -43,6 +52,7 @@ class Index:
         self._vocabulary = vocabulary
         self._completion = Completion(vocabulary)
         self._lock = threading.RLock()
+        self._version = 0
         self._rows = 0
         self._numbers: dict[str, int] = {}
         self._names: list[str] = []
@@ -71,6 +81,7 @@ class Index:
     def add_all(self, entries: Mapping[str, Facts]) -> None:
         """Add entries by the facts of their descriptions, in the place of earlier ones."""
         with self._lock:
+            self._version += 1
             for uid in entries:
                 self.remove(uid)
             found = {uid: facts for uid, facts in entries.items() if facts.nodes}
@@ -122,6 +133,7 @@ class Index:
         with self._lock:
             rows = self._entries.pop(uid, None)
             if rows is not None:
+                self._version += 1
                 place = bisect_left(self._uids, uid)
                 del self._uids[place], self._subjects[place]
                 self._removed.append(rows)
@@ -180,23 +192,28 @@ class Index:
         for known, rows in zip(self._links[prop], (sources, targets), strict=True):
             known.frombytes(rows.astype(np.int32, copy=False).tobytes())
 
-    def answers(self, expression: Expression) -> tuple[str, ...]:
+    def answers(self, expression: Expression, between: Callable[[], None] = go_on) -> tuple[str, ...]:
         """Return the identifiers of the entries that an expression includes, sorted. Raises CannotAnswer.
 
-        What contradicts itself is no answer to everything, as in logic, but to what it was stated to be.
+        What contradicts itself is no answer to everything, as in logic, but to what it was stated to be. ``between`` is
+        called between the steps of the answer, each of which takes milliseconds; others may use the index meanwhile.
         """
-        with self._lock:
-            found = self._mask(expression)[of_array(self._subjects)]
-            return tuple(compress(self._uids, found.tolist()))
+        while True:
+            with suppress(_Moved), self._lock:
+                found = self._mask(expression, _Steps(self, between))[of_array(self._subjects)]
+                return tuple(compress(self._uids, found.tolist()))
 
-    def _mask(self, expression: Expression) -> Mask:
+    def _mask(self, expression: Expression, steps: _Steps) -> Mask:
+        steps.next()
         kind, parts = expression.kind, expression.parts
         if kind == "name":
             return self._members(str(expression.term))
+        if kind == "or" and all(part.kind == "name" for part in parts):
+            return self._members(*(str(part.term) for part in parts))
         if kind in ("and", "or"):
-            return reduce(and_ if kind == "and" else or_, (self._mask(part) for part in parts))
+            return reduce(and_ if kind == "and" else or_, (self._mask(part, steps) for part in parts))
         if kind == "one of":
-            return reduce(or_, map(self._member, parts))
+            return reduce(or_, (self._member(part, steps) for part in parts))
         if parts[0].kind == "inverse":
             raise CannotAnswer("an inverse property cannot be asked for; ask for what is linked by the property itself")
         if kind in ("some", "min", "value") and (kind != "min" or expression.number == 1):
@@ -204,21 +221,22 @@ class Index:
             if filler is None:
                 wanted = self._members(THING)
             else:
-                wanted = self._member(filler) if kind == "value" else self._mask(filler)
+                wanted = self._member(filler, steps) if kind == "value" else self._mask(filler, steps)
             return self._linked(str(parts[0].term), wanted)
         raise CannotAnswer(f"{kind} cannot be asked for; classes, and, or, some, value and min 1 can")
 
-    def _member(self, individual: Expression) -> Mask:
+    def _member(self, individual: Expression, steps: _Steps) -> Mask:
+        steps.next()
         if not isinstance(individual.term, str):
             raise CannotAnswer("a value that is a text or a number cannot be asked for; individuals can")
         return self._members(f"{{{individual.term}}}")
 
-    def _members(self, label: Label) -> Mask:
-        if label == THING:
+    def _members(self, *labels: Label) -> Mask:
+        if THING in labels:
             return np.ones(self._rows, dtype=np.bool_)
         mask = np.zeros(self._rows, dtype=np.bool_)
-        known = self._numbers.get(label)
-        mask[self._labels.of([*self._under.get(label, ()), *([] if known is None else [known])])] = True
+        numbers = {number for label in labels for number in (self._numbers.get(label), *self._under.get(label, ()))}
+        mask[self._labels.of(sorted(numbers - {None}))] = True
         return mask
 
     def _linked(self, prop: str, wanted: Mask) -> Mask:
@@ -228,6 +246,23 @@ class Index:
             sources, targets = self._links[below]
             mask[of_array(sources)[wanted[of_array(targets)]]] = True
         return mask
+
+
+class _Steps:
+    """The steps of one answer, for which the index must stay as it is: between them its lock is free."""
+
+    def __init__(self, index: Index, between: Callable[[], None]) -> None:
+        self._index, self._between, self._version = index, between, index._version
+
+    def next(self) -> None:
+        """Let others use the index. Raises _Moved if they changed it."""
+        self._index._lock.release()
+        try:
+            self._between()
+        finally:
+            self._index._lock.acquire()
+        if self._index._version != self._version:
+            raise _Moved
 
 
 def _labels(completion: Completion, node: int) -> tuple[Label, ...]:

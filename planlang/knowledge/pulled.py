@@ -1,24 +1,34 @@
 """Files that were pulled into a folder, and the record beside them by which they are known as a stranger's.
 
 The record is written before the files: none of them is ever there without it. Ontologies are data; Python that was
-pulled runs only when its user says so.
+pulled runs only when its user says so. It is known by its place in such a folder, edited or not, and anywhere else by
+its content, which the user's cache remembers: a copy under another name is still the stranger's.
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from hashlib import sha256
 from pathlib import Path
 
+from planlang.cache import Cache
 from planlang.diagnostics import BadInput, Diagnostic, error
 from planlang.files import read_file
 from planlang.knowledge.answers import NotAsAgreed, as_json, read_as
 from planlang.outputs import replace
+from planlang.records import dataclass
 
+PULLED = "pulled"
+"""The kind of cache that remembers where programs are from, by their SHA-256."""
+_PROGRAMS = Cache(PULLED, most=100_000, largest=10_000)
 RECORD = ".planlang-pulled.json"
 """Name of the record; no file of an entry can have it, as these begin with a letter or digit."""
+
+
+PROGRAM = ".py"
+"""The suffix of programs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +82,9 @@ def record(folder: Path, names: Mapping[str, Origin], *, force: bool) -> None:
         if not force:
             raise
         before = {}
+    for name, one in names.items():
+        if Path(name).suffix.lower() == PROGRAM:
+            _PROGRAMS.keep(one.sha256, json.dumps(asdict(one)).encode())
     listed = {name: asdict(one) for name, one in sorted({**before, **names}.items())}
     text = json.dumps({"files": listed}, indent=1, ensure_ascii=False) + "\n"
     replace(folder / RECORD, lambda temporary: temporary.write_text(text, encoding="utf-8"))
@@ -91,6 +104,14 @@ def has_digest(path: Path, *digests: str) -> bool:
 
 
 def origin_of(path: Path) -> Origin | None:
-    """Return where a file was pulled from; None for one of the user's own. Raises BadInput."""
+    """Return where a program was pulled from; None for one of the user's own. Raises BadInput."""
     real = path.resolve()
-    return origins(real.parent).get(real.name)
+    listed = origins(real.parent)
+    if real.name in listed:
+        return listed[real.name]
+    digest = sha256(read_file(real)).hexdigest()
+    known = _PROGRAMS.load(digest)
+    if known is not None:
+        origin: Origin = read_as(Origin, as_json(known))
+        return origin
+    return next((one for one in listed.values() if one.sha256 == digest), None)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
-from difflib import get_close_matches
+from collections.abc import Sequence
+from dataclasses import replace
 
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error
+from planlang.knowledge.names import Names
 from planlang.ontology.canonical import CannotSay, Graph
 from planlang.ontology.expression_text import Expressions
 from planlang.ontology.expressions import Expression
@@ -17,6 +17,10 @@ from planlang.ontology.terms import KNOWROB, OWL, VOCABULARIES
 
 LONGEST = 10_000
 """Characters of a question."""
+MOST_UNKNOWN, MOST_GUESSES = 10, 3
+"""Names that are reported as unknown, and names for which similar ones are looked for."""
+LONGEST_SHOWN = 100
+"""Characters of an unknown name in a message."""
 
 _FILE = "question"
 _HEAD = "".join(f"Prefix: {prefix}: <{start}>\n" for prefix, start in VOCABULARIES.items())
@@ -28,15 +32,28 @@ _ADVICE = f"a question is a class expression, such as {_EXAMPLE}; a label is sea
 _SEVERAL = re.compile(r":(?=\s|$)")
 
 
-def read_question(
-    text: str, names: Mapping[str, Iterable[str]], own: Mapping[str, Iterable[str]] | None = None
-) -> Expression:
+def read_question(text: str, names: Names) -> Expression:
     """Return the expression that a text is, with IRIs for names; positions are those in the text.
 
-    ``names`` has the IRIs of every local name that may be asked for. Names of ``own`` are no vocabulary's but what
-    entries call their classes: if several do, any of them is meant. Raises BadInput: K002 for a name that is unknown
-    or has several meanings, K003 for what is no single expression, and as the reader of Manchester syntax does.
+    Raises BadInput: K002 for a name that is unknown or has several meanings, K003 for what is no single expression, and
+    as the reader of Manchester syntax does.
     """
+    return with_names(parse_question(text), names)
+
+
+def with_names(expression: Expression, names: Names) -> Expression:
+    """Return a parsed question with IRIs for names. Raises BadInput with K002."""
+    problems: list[Diagnostic] = []
+    expression = _resolved(expression, names, problems)
+    if problems:
+        left_out = len(problems) - MOST_UNKNOWN
+        more = [error("K002", f"and {left_out} more names", Span(_FILE))] if left_out > 0 else []
+        raise BadInput([*problems[:MOST_UNKNOWN], *more])
+    return expression
+
+
+def parse_question(text: str) -> Expression:
+    """Return the expression that a text is, with names as they are written. Raises BadInput."""
     if len(text) > LONGEST:
         raise BadInput([error("K003", f"a question has at most {LONGEST:,} characters", Span(_FILE))])
     if not text.strip():
@@ -53,37 +70,13 @@ def read_question(
         expression, _ = Expressions(graph).of(stated)
     except (CannotSay, ValueError) as problem:
         raise BadInput([error("K003", f"this is no question: {problem}", Span(_FILE), _ADVICE)]) from None
-    problems: list[Diagnostic] = []
-    expression = _resolved(expression, _Names(names, own or {}), problems)
-    if problems:
-        raise BadInput(problems)
     return expression
-
-
-@dataclass(frozen=True, slots=True)
-class _Names:
-    """IRIs of local names: of the vocabulary, and of what entries define."""
-
-    vocabulary: Mapping[str, Iterable[str]]
-    own: Mapping[str, Iterable[str]]
-
-    def of(self, name: str) -> list[str]:
-        if name == local_name(OWL.Thing):  # vocabularies may have things of their own; whoever says no more means all
-            return [OWL.Thing]
-        return sorted(set(self.vocabulary.get(name) or self.own.get(name, ())))
-
-    def knows(self, iri: str) -> bool:
-        name = local_name(iri)
-        known = {*self.vocabulary.get(name, ()), *self.own.get(name, ())}
-        return not known or iri in known or iri == OWL.Thing
 
 
 _OF_CLASSES = frozenset(("and", "or", "not"))
 
 
-def _resolved(
-    expression: Expression, names: _Names, problems: list[Diagnostic], *, is_class: bool = True
-) -> Expression:
+def _resolved(expression: Expression, names: Names, problems: list[Diagnostic], *, is_class: bool = True) -> Expression:
     """Return an expression with known IRIs for names without namespace; appends what is wrong with others."""
     fillers = expression.kind not in ("value", "one of")
     parts = tuple(
@@ -96,23 +89,24 @@ def _resolved(
     if isinstance(term, str) and (is_assumed or term.startswith(_LOCAL)):
         name = local_name(term)  # the reader takes words of the vocabulary for KnowRob's
         meant = names.of(name)
-        if len(meant) > 1 and is_class and name not in names.vocabulary:
+        if len(meant) > 1 and is_class and names.is_of_entries(name):
             return Expression("or", span, parts=tuple(Expression("name", span, iri) for iri in meant))
         if len(meant) != 1:
-            problems.append(_unclear(name, meant, names, span))
+            problems.append(_unclear(name, meant, names, span, is_guessed=len(problems) < MOST_GUESSES))
         return replace(expression, parts=parts, span=span, term=meant[0] if meant else None)
     if isinstance(term, str) and expression.kind == "name" and not names.knows(term):
         problems.append(error("K002", f"nothing here knows <{term}>", span))
     return replace(expression, parts=parts, span=span, term=term)
 
 
-def _unclear(name: str, meant: list[str], names: _Names, span: Span) -> Diagnostic:
+def _unclear(name: str, meant: Sequence[str], names: Names, span: Span, *, is_guessed: bool) -> Diagnostic:
     if meant:
         advice = "write one of " + ", ".join(f"<{iri}>" for iri in meant[:5])
         return error("K002", f"{name} has several meanings", span, advice)
-    similar = get_close_matches(name, {**names.own, **names.vocabulary}, n=3)
+    similar = names.similar(name) if is_guessed else []
     guess = f"did you mean {' or '.join(similar)}?" if similar else None
-    return error("K002", f"nothing here is called {name}", span, guess)
+    shown = name if len(name) <= LONGEST_SHOWN else f"{name[:LONGEST_SHOWN]}..."
+    return error("K002", f"nothing here is called {shown}", span, guess)
 
 
 def _shifted(diagnostic: Diagnostic) -> Diagnostic:
@@ -124,11 +118,3 @@ def _shifted(diagnostic: Diagnostic) -> Diagnostic:
 
 def _in_text(span: Span) -> Span:
     return span._replace(line=max(1, span.line - _LINES_ABOVE))
-
-
-def names_in(iris: Iterable[str]) -> dict[str, list[str]]:
-    """Return the IRIs of each local name."""
-    found: dict[str, list[str]] = {}
-    for iri in iris:
-        found.setdefault(local_name(iri), []).append(iri)
-    return found

@@ -1,7 +1,8 @@
 """SPARQL 1.1 questions to a mirror of all entries, in forks of a child process that end at their limits.
 
-Each entry is a graph ``urn:entry:UID``; the default graph is all of them together. The engine would follow ``SERVICE``
-to any address and knows no limit of time, so it works where it can open no connection and can be ended.
+Each entry is a graph ``urn:entry:UID``; the default graph is all of them together, or those that ``FROM`` names. The
+engine would follow ``SERVICE`` to any address and knows no limit of time, so it works where it can open no connection
+and can be ended.
 """
 
 from __future__ import annotations
@@ -11,8 +12,10 @@ import subprocess
 import sys
 import threading
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any
+
+from planlang.records import dataclass
 
 N_TRIPLES = "application/n-triples"
 

@@ -14,9 +14,12 @@ import resource
 import signal
 import sys
 from collections.abc import Callable, Iterable
+from itertools import pairwise
 from typing import Any
 
 import pyoxigraph as ox
+
+from planlang.knowledge.sparql_text import DEEPEST, is_too_deep, words
 
 _FORMATS = {
     "application/rdf+xml": ox.RdfFormat.RDF_XML,
@@ -58,8 +61,14 @@ def _is_open(number: int) -> bool:
 
 def answer(store: ox.Store, text: str, most: int) -> dict[str, Any]:
     """Return the answer to a question in SPARQL's JSON form, at most ``most`` rows, or ``{"error": reason}``."""
+    stated = tuple(words(text))
+    if is_too_deep(text):
+        return {"error": f"it has more than {DEEPEST} brackets inside each other, or signs in a row"}
+    if any(one == "SERVICE" and other != "SILENT" for one, other in pairwise((*stated, ""))):
+        return {"error": "SERVICE asks another server, which is not done here: ask that server itself"}
     try:
-        found = store.query(text, use_default_graph_as_union=True)
+        # a question that names its graphs (FROM) is about these alone
+        found = store.query(text, use_default_graph_as_union="FROM" not in stated)
     except (SyntaxError, ValueError, OSError) as problem:
         return {"error": str(problem)}
     try:
@@ -136,7 +145,7 @@ def _changed(store: ox.Store, message: dict[str, Any], content: bytes) -> dict[s
 
 
 def _asked(store: ox.Store, message: dict[str, Any]) -> dict[str, Any] | None:
-    """Let a fork answer a question; returns which limit it exceeded, None if it has answered."""
+    """Let a fork answer a question; returns why it has not, None if it has."""
     child = os.fork()
     if child == 0:
         status = 1
@@ -151,7 +160,10 @@ def _asked(store: ox.Store, message: dict[str, Any]) -> dict[str, Any] | None:
     _, status = os.waitpid(child, 0)
     if status == 0:
         return None
-    is_late = os.WIFSIGNALED(status) and os.WTERMSIG(status) == signal.SIGALRM
+    ended_by = os.WTERMSIG(status) if os.WIFSIGNALED(status) else None
+    if ended_by == signal.SIGSEGV:
+        return {"error": "it is too long a chain of one operator, or too deep, for its reader"}
+    is_late = ended_by == signal.SIGALRM
     limit = f"{message['seconds']:g} s" if is_late else f"{message['memory'] / 1e6:g} MB of memory"
     return {"exceeded": limit}
 

@@ -11,8 +11,7 @@ from __future__ import annotations
 import hashlib
 import json
 import secrets
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
 from typing import Any
 from urllib.parse import quote
 
@@ -22,8 +21,6 @@ from obstore.exceptions import BaseError
 from obstore.store import ObjectStore, from_url
 
 from planlang.knowledge.entries import (
-    HIGHEST_RATING,
-    LOWEST_RATING,
     REVISIONS_KEPT,
     Attachment,
     Change,
@@ -34,6 +31,7 @@ from planlang.knowledge.entries import (
     News,
     Revision,
     Syntax,
+    rating_of,
     uid_of,
 )
 from planlang.knowledge.stores import (
@@ -45,7 +43,9 @@ from planlang.knowledge.stores import (
     NotTheAuthor,
     Request,
     Unreachable,
+    check_rating,
 )
+from planlang.records import dataclass
 
 _GRAPH = "urn:planlang:catalogue"
 _SECONDS = 30.0
@@ -145,9 +145,9 @@ class SparqlStore:
         attachments: dict[str, list[Attachment]] = {}
         for row in self._ask(_FILE, rest="ORDER BY ?uid ?name"):
             attachments.setdefault(row["uid"], []).append(_attachment(row))
-        ratings: dict[str, list[int]] = {}
+        ratings: dict[str, list[Row]] = {}
         for row in self._ask("?r p:rates ?uid; p:rating ?rating"):
-            ratings.setdefault(row["uid"], []).append(int(row["rating"]))
+            ratings.setdefault(row["uid"], []).append(row)
         for row in self._ask(wanted + _ENTRY, _FIELDS, "ORDER BY ?uid"):
             yield _entry(row, attachments.get(row["uid"], []), ratings.get(row["uid"], []))
 
@@ -159,8 +159,7 @@ class SparqlStore:
         attachments = [
             _attachment(row) for row in self._ask(f"{_FILE} FILTER(?uid = {_text(uid)})", rest="ORDER BY ?name")
         ]
-        ratings = [int(row["rating"]) for row in self._ask(f"?r p:rates {_text(uid)}; p:rating ?rating")]
-        return _entry(rows[0], attachments, ratings)
+        return _entry(rows[0], attachments, self._ask(f"?r p:rates {_text(uid)}; p:rating ?rating"))
 
     def content(self, uid: str, revision: int | None = None) -> bytes:
         """Return the content of an entry's last revision, or of another that is kept. Raises NoSuchEntry."""
@@ -307,17 +306,24 @@ class SparqlStore:
     # authors, ratings, news
 
     def rate(self, uid: str, author: str, rating: int, now: str) -> Entry:
-        """Keep an author's rating, 0 to 10, in the place of an earlier one. Raises NoSuchEntry, ValueError."""
-        if not LOWEST_RATING <= rating <= HIGHEST_RATING:
-            raise ValueError(f"a rating is a whole number from {LOWEST_RATING} to {HIGHEST_RATING}, not {rating}")
+        """Keep an author's rating, 0 to 10, in the place of an earlier one.
+
+        Raises NoSuchEntry, OwnEntry, ValueError.
+        """
+        entry = self.entry(uid)
+        check_rating(entry, author, rating)
         node = _node("rating", uid, author)
         update = _Update(
             f"{_node('entry', uid)} p:uid {_text(uid)}. OPTIONAL {{ {node} p:rating ?before }}",
             f"{node} p:rates {_text(uid)}; p:rating {rating}.",
             f"{node} p:rating ?before.",
         )
-        self._change(update, Change.RATED, uid, self.entry(uid).kind, author, now)
+        self._change(update, Change.RATED, uid, entry.kind, author, now)
         return self.entry(uid)
+
+    def ratings(self) -> Mapping[str, float]:
+        """Return the rating of each entry that has one, by identifier."""
+        return {one.uid: one.rating for one in self.entries() if one.rating is not None}
 
     def new_key(self, author: str, now: str) -> str:
         """Return a new key of an author (256 random bits); only its SHA-256 is kept. Earlier keys stay valid."""
@@ -388,7 +394,9 @@ class SparqlStore:
 _FILE = "?file p:fileOf ?uid; p:name ?name; p:mediaType ?type; p:sha256 ?sha256; p:size ?size."
 
 
-def _entry(row: Row, attachments: list[Attachment], ratings: list[int]) -> Entry:
+def _entry(row: Row, attachments: list[Attachment], rated: list[Row]) -> Entry:
+    own = _node("rating", row["uid"], row["author"]).strip("<>")  # an earlier version may have kept it
+    ratings = [int(one["rating"]) for one in rated if one["r"] != own]
     revision = Revision(int(row["number"]), row["sha256"], row["by"], row["changed"])
     return Entry(
         uid=row["uid"],
@@ -400,7 +408,7 @@ def _entry(row: Row, attachments: list[Attachment], ratings: list[int]) -> Entry
         created=row["created"],
         revision=revision,
         attachments=tuple(attachments),
-        rating=sum(ratings) / len(ratings) if ratings else None,
+        rating=rating_of(ratings),
         ratings=len(ratings),
     )
 

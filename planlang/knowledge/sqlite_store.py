@@ -10,14 +10,12 @@ import hashlib
 import secrets
 import sqlite3
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, error
 from planlang.knowledge.entries import (
-    HIGHEST_RATING,
-    LOWEST_RATING,
     REVISIONS_KEPT,
     Attachment,
     Change,
@@ -28,13 +26,24 @@ from planlang.knowledge.entries import (
     News,
     Revision,
     Syntax,
+    rating_of,
     uid_of,
 )
-from planlang.knowledge.stores import Changed, Described, EntryExists, NoSuchEntry, NotTheAuthor, Request
+from planlang.knowledge.stores import (
+    Changed,
+    Described,
+    EntryExists,
+    Full,
+    NoSuchEntry,
+    NotTheAuthor,
+    Request,
+    check_rating,
+)
 
 VERSION = 2
 """The layout of the tables; a file of another one is refused."""
 
+_NO_ROOM = (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR_WRITE)
 _PATIENCE = 10.0
 """Seconds that a writer waits for another process's transaction."""
 
@@ -72,6 +81,9 @@ _LAST = """SELECT e.uid, e.kind, e.about, e.label, e.author, e.syntax, e.created
     FROM entries e JOIN revisions r ON r.uid = e.uid
     AND r.number = (SELECT max(number) FROM revisions WHERE uid = e.uid)"""
 
+_RATED = "SELECT r.uid, r.rating FROM ratings r JOIN entries e ON e.uid = r.uid AND e.author != r.author"
+"""Ratings by others than the author, whose own an earlier version may have kept."""
+
 
 def _no_base(path: Path, problem: sqlite3.DatabaseError) -> Diagnostic:
     if path.is_dir():
@@ -98,6 +110,7 @@ class SqliteStore:
         try:
             self._prepare()
         except sqlite3.DatabaseError as problem:
+            self.close()
             raise BadInput([_no_base(path, problem)]) from None
 
     def _prepare(self) -> None:
@@ -119,13 +132,13 @@ class SqliteStore:
         found: sqlite3.Connection | None = getattr(self._local, "database", None)
         if found is None:
             found = sqlite3.connect(self._path, timeout=_PATIENCE, isolation_level=None, check_same_thread=False)
-            found.execute("PRAGMA synchronous = FULL")
-            found.execute("PRAGMA foreign_keys = ON")
             self._local.database = found
-            with self._opening:
+            with self._opening:  # before it is asked for anything: close() has to know it, also after a failure
                 for thread in [one for one in self._connections if not one.is_alive()]:
                     self._connections.pop(thread).close()
                 self._connections[threading.current_thread()] = found
+            found.execute("PRAGMA synchronous = FULL")
+            found.execute("PRAGMA foreign_keys = ON")
         return found
 
     @contextmanager
@@ -136,8 +149,11 @@ class SqliteStore:
             try:
                 yield database
                 database.execute("COMMIT")
-            except BaseException:
-                database.execute("ROLLBACK")
+            except BaseException as problem:
+                if database.in_transaction:  # a full disk has ended it already
+                    database.execute("ROLLBACK")
+                if getattr(problem, "sqlite_errorcode", None) in _NO_ROOM:
+                    raise Full(f"the store is full: {problem}") from None
                 raise
 
     # entries
@@ -148,13 +164,12 @@ class SqliteStore:
         attachments: dict[str, list[Attachment]] = {}
         for uid, *row in database.execute("SELECT uid, name, media_type, sha256, size FROM attachments ORDER BY 1, 2"):
             attachments.setdefault(uid, []).append(Attachment(*row))
-        rated = "SELECT uid, avg(rating), count(*) FROM ratings GROUP BY uid"
-        ratings = {uid: (mean, count) for uid, mean, count in database.execute(rated)}
+        ratings = self._all_ratings()
         wanted = "" if kind is None else " WHERE e.kind = ?"
         for row in database.execute(
             f"{_LAST}{wanted} ORDER BY e.uid", () if kind is None else (kind.value,)
         ).fetchall():
-            yield _entry(row, tuple(attachments.get(row[0], ())), *ratings.get(row[0], (None, 0)))
+            yield _entry(row, tuple(attachments.get(row[0], ())), ratings.get(row[0], []))
 
     def entry(self, uid: str) -> Entry:
         """Return an entry. Raises NoSuchEntry."""
@@ -164,8 +179,8 @@ class SqliteStore:
             raise NoSuchEntry(f"there is no entry {uid}")
         listed = "SELECT name, media_type, sha256, size FROM attachments WHERE uid = ? ORDER BY name"
         attachments = tuple(Attachment(*one) for one in database.execute(listed, (uid,)))
-        rated = "SELECT avg(rating), count(*) FROM ratings WHERE uid = ?"
-        return _entry(row, attachments, *database.execute(rated, (uid,)).fetchone())
+        ratings = [rating for _, rating in database.execute(f"{_RATED} WHERE e.uid = ?", (uid,))]
+        return _entry(row, attachments, ratings)
 
     def content(self, uid: str, revision: int | None = None) -> bytes:
         """Return the content of an entry's last revision, or of another that is kept. Raises NoSuchEntry."""
@@ -288,14 +303,27 @@ class SqliteStore:
     # what others say of it
 
     def rate(self, uid: str, author: str, rating: int, now: str) -> Entry:
-        """Keep an author's rating, 0 to 10, in the place of an earlier one. Raises NoSuchEntry, ValueError."""
-        if not LOWEST_RATING <= rating <= HIGHEST_RATING:
-            raise ValueError(f"a rating is a whole number from {LOWEST_RATING} to {HIGHEST_RATING}, not {rating}")
+        """Keep an author's rating, 0 to 10, in the place of an earlier one.
+
+        Raises NoSuchEntry, OwnEntry, ValueError.
+        """
         with self._transaction() as database:
             entry = self.entry(uid)
+            check_rating(entry, author, rating)
             database.execute("INSERT OR REPLACE INTO ratings VALUES (?, ?, ?, ?)", (uid, author, rating, now))
             _tell(database, Change.RATED, uid, entry.kind, author, now)
         return self.entry(uid)
+
+    def ratings(self) -> Mapping[str, float]:
+        """Return the rating of each entry that has one, by identifier."""
+        found = ((uid, rating_of(ratings)) for uid, ratings in self._all_ratings().items())
+        return {uid: rating for uid, rating in found if rating is not None}
+
+    def _all_ratings(self) -> dict[str, list[int]]:
+        found: dict[str, list[int]] = {}
+        for uid, rating in self._database.execute(_RATED):
+            found.setdefault(uid, []).append(rating)
+        return found
 
     # authors
 
@@ -363,10 +391,11 @@ class SqliteStore:
                 connection.close()
 
 
-def _entry(row: tuple[str, ...], attachments: tuple[Attachment, ...], mean: float | None, count: int) -> Entry:
+def _entry(row: tuple[str, ...], attachments: tuple[Attachment, ...], ratings: list[int]) -> Entry:
     uid, kind, about, label, author, syntax, created, number, *revision = row
     last = Revision(int(number), *revision)
-    return Entry(uid, Kind(kind), about, label, author, Syntax(syntax), created, last, attachments, mean, count)
+    rating, count = rating_of(ratings), len(ratings)
+    return Entry(uid, Kind(kind), about, label, author, Syntax(syntax), created, last, attachments, rating, count)
 
 
 def _check_tag(entry: Entry, expected: str) -> None:

@@ -6,11 +6,21 @@ nothing but what would damage themselves: what an entry says has been checked be
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
 from typing import Protocol
 
-from planlang.knowledge.entries import Attachment, Content, Entry, File, Kind, News, Revision
+from planlang.knowledge.entries import (
+    HIGHEST_RATING,
+    LOWEST_RATING,
+    Attachment,
+    Content,
+    Entry,
+    File,
+    Kind,
+    News,
+    Revision,
+)
+from planlang.records import dataclass
 
 SCHEME = "sparql+"
 """The beginning of the address of a store over a SPARQL endpoint, before http or https."""
@@ -32,12 +42,28 @@ class NotTheAuthor(Refused):
     """Only the author of an entry changes or deletes it."""
 
 
+class OwnEntry(Refused):
+    """Nobody rates an entry of their own."""
+
+
 class Changed(Refused):
     """The entry is not any more what the asker believes: the tag given is another revision's."""
 
 
 class Unreachable(Exception):
     """Something that a store stands on does not answer; the text says what. The same call may succeed later."""
+
+
+class Full(Unreachable):
+    """There is no room left for what was to be kept; the store is as it was before."""
+
+
+def check_rating(entry: Entry, author: str, rating: int) -> None:
+    """Raise ValueError for a rating that is none, and OwnEntry for one of the author's own entry."""
+    if not LOWEST_RATING <= rating <= HIGHEST_RATING:
+        raise ValueError(f"a rating is a whole number from {LOWEST_RATING} to {HIGHEST_RATING}, not {rating}")
+    if entry.author == author:
+        raise OwnEntry(f"{entry.uid} is your own: others rate it")
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +131,13 @@ class Store(Protocol):
         """Return a file of an entry. Raises NoSuchEntry."""
 
     def rate(self, uid: str, author: str, rating: int, now: str) -> Entry:
-        """Keep an author's rating, 0 to 10, in the place of an earlier one. Raises NoSuchEntry, ValueError."""
+        """Keep an author's rating, 0 to 10, in the place of an earlier one.
+
+        Raises NoSuchEntry, OwnEntry, ValueError.
+        """
+
+    def ratings(self) -> Mapping[str, float]:
+        """Return the rating of each entry that has one, by identifier."""
 
     def new_key(self, author: str, now: str) -> str:
         """Return a new key of an author (256 random bits); only its SHA-256 is kept. Earlier keys stay valid."""

@@ -84,17 +84,43 @@ _UNWIND_PROTECT = Usage("await unwind_protect", {"body": "reach", "cleanup": "re
 _TRY_EACH = Usage("await try_each_in_order", {"values": "cups", "body": "reach"})
 
 
-async def seq(*branches: Branch, name: str | None = None, **named: Branch) -> list[Any]:
-    """Run branches one after another; returns the list of their results; the first failure is raised at once."""
-    result: list[Any] = await node("seq", name or "seq", partial(_each, named_branches("seq", branches, named, name)))
-    return result
+@overload
+async def seq(
+    first: Callable[[], Awaitable[A]], second: Callable[[], Awaitable[B]], /, *, name: str | None = None
+) -> tuple[A, B]: ...
+@overload
+async def seq(
+    first: Callable[[], Awaitable[A]],
+    second: Callable[[], Awaitable[B]],
+    third: Callable[[], Awaitable[C]],
+    /,
+    *,
+    name: str | None = None,
+) -> tuple[A, B, C]: ...
+@overload
+async def seq(
+    first: Callable[[], Awaitable[A]],
+    second: Callable[[], Awaitable[B]],
+    third: Callable[[], Awaitable[C]],
+    fourth: Callable[[], Awaitable[D]],
+    /,
+    *,
+    name: str | None = None,
+) -> tuple[A, B, C, D]: ...
+@overload
+async def seq(
+    *branches: Callable[[], Awaitable[V]], name: str | None = None, **named: Callable[[], Awaitable[V]]
+) -> tuple[V, ...]: ...
+async def seq(*branches: Branch, name: str | None = None, **named: Branch) -> Any:
+    """Run branches one after another; returns the tuple of their results; the first failure is raised at once."""
+    return await node("seq", name or "seq", partial(_each, named_branches("seq", branches, named, name)))
 
 
-async def _each(branches: Iterable[tuple[str, Branch]]) -> list[Any]:
+async def _each(branches: Iterable[tuple[str, Branch]]) -> tuple[Any, ...]:
     results = [await node("branch", name, partial(called, branch)) for name, branch in branches]
     if not results:
         await checkpoint()
-    return results
+    return tuple(results)
 
 
 async def try_in_order(
@@ -184,16 +210,23 @@ class _Par(_SideBySide):
                 self.fail([one for one in dead if one.outcome is not SUCCEEDED])
                 return
 
-    def finish(self) -> list[Any]:
+    def finish(self) -> tuple[Any, ...]:
         self.raise_failure()
-        return self.results
+        return tuple(self.results)
 
 
-@overload
-async def par(first: Callable[[], Awaitable[A]], second: Callable[[], Awaitable[B]], /) -> tuple[A, B]: ...
 @overload
 async def par(
-    first: Callable[[], Awaitable[A]], second: Callable[[], Awaitable[B]], third: Callable[[], Awaitable[C]], /
+    first: Callable[[], Awaitable[A]], second: Callable[[], Awaitable[B]], /, *, name: str | None = None
+) -> tuple[A, B]: ...
+@overload
+async def par(
+    first: Callable[[], Awaitable[A]],
+    second: Callable[[], Awaitable[B]],
+    third: Callable[[], Awaitable[C]],
+    /,
+    *,
+    name: str | None = None,
 ) -> tuple[A, B, C]: ...
 @overload
 async def par(
@@ -202,15 +235,18 @@ async def par(
     third: Callable[[], Awaitable[C]],
     fourth: Callable[[], Awaitable[D]],
     /,
+    *,
+    name: str | None = None,
 ) -> tuple[A, B, C, D]: ...
 @overload
-async def par(*branches: Branch, name: str | None = None, **named: Branch) -> list[Any]: ...
+async def par(
+    *branches: Callable[[], Awaitable[V]], name: str | None = None, **named: Callable[[], Awaitable[V]]
+) -> tuple[V, ...]: ...
 async def par(*branches: Branch, name: str | None = None, **named: Branch) -> Any:
-    """Run branches side by side; succeeds when all do, with the list of their results in textual order.
+    """Run branches side by side; succeeds when all do, with the tuple of their results in textual order.
 
     At the first failure the other branches are evaporated, and when all are dead it is raised. Failures of branches
-    that died at the same decision are attached to it as ``siblings``. (Two to four positional branches are typed as
-    a tuple, so that ``a, b = await par(f, g)`` is typed; at run time it is a list too.)
+    that died at the same decision are attached to it as ``siblings``.
     """
     return await _Par("par", name, named_branches("par", branches, named, name)).execute()
 

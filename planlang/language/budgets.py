@@ -13,7 +13,7 @@ from planlang.kernel.primitives import charge as note_charge
 from planlang.kernel.scope import Single
 from planlang.kernel.tree import name_of
 from planlang.language.branches import Branch
-from planlang.misuse import Usage
+from planlang.misuse import Usage, WrongType, amount, contrast, written
 
 if TYPE_CHECKING:
     from planlang.kernel.hosts import Timer
@@ -75,6 +75,9 @@ async def timeout(seconds: float, body: Callable[[], Awaitable[V]]) -> V:
 
     A body that is dead when all other tasks of that step have come to rest was in time.
     """
+    if amount(body) is not None and callable(seconds):
+        code, right = f"await timeout({written(seconds)}, {body})", f"await timeout({body}, {written(seconds)})"
+        raise WrongType(contrast("the arguments of timeout are swapped: the seconds come first", code, right))
     _TIMEOUT.branch("body", body)
     result: V = await _Timeout(seconds, here()[0].steps(seconds, _TIMEOUT), body).execute()
     return result

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import Any, TypeVar
 
@@ -32,6 +31,7 @@ from planlang.language.executive import executive_for
 from planlang.language.recovery import Recovery, Return, check_further, recovering
 from planlang.misuse import Usage, WrongType, contrast, written
 from planlang.plan_failure import PlanFailure, attach_cleanup
+from planlang.records import dataclass
 
 V = TypeVar("V")
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextvars import ContextVar
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, cast
 
 from planlang.designators import Action, Condition, Location
 from planlang.failures import PlanFailure
@@ -24,7 +24,10 @@ if TYPE_CHECKING:
 
 
 class ProcessModule(Protocol):
-    """Performs actions of some classes, one at a time, and raises typed failures."""
+    """Performs actions of some classes, one at a time, and raises typed failures.
+
+    :class:`FullProcessModule` has what a module may say besides.
+    """
 
     @property
     def name(self) -> str:
@@ -43,6 +46,21 @@ class ProcessModule(Protocol):
 
     async def execute(self, action: Action) -> Any:
         """Perform the action; on evaporation stop the robot."""
+
+
+class FullProcessModule(ProcessModule, Protocol):
+    """A process module with the optional members, too; one that leaves them out means False, False and all actions."""
+
+    @property
+    def physical(self) -> bool:
+        """True if its motions pour and turn things over themselves: these effects are not applied to the true world."""
+
+    @property
+    def by_hand(self) -> bool:
+        """True if its hand switches devices itself: this effect is not applied to the true world."""
+
+    def performs(self, action: Action) -> bool:
+        """Return True if it performs this action of its classes."""
 
 
 class Executive(Protocol):
@@ -101,37 +119,70 @@ def executive_for(construct: str) -> Executive:
     return executive
 
 
+def selects(module: object) -> bool:
+    """Return True if a module, or a class of modules, decides which actions of its classes it performs."""
+    if isinstance(module, WrappedModule):
+        return module.selects
+    return getattr(module, "performs", None) is not None
+
+
 def performs(module: ProcessModule, action: Action) -> bool:
-    """Return whether a module performs an action of its classes: all, unless it has a method of this name."""
-    said = getattr(module, "performs", None)
-    return said is None or bool(said(action))
+    """Return True if a module performs an action of its classes."""
+    return not selects(module) or bool(cast(FullProcessModule, module).performs(action))
 
 
 class WrappedModule:
-    """The base of modules that add to another one: a module says of itself what that one says."""
+    """Base of modules that add to another one: forwards all of :class:`FullProcessModule` to ``wrapped``."""
 
     def __init__(self, module: ProcessModule) -> None:
         self._module = module
-        self.name = module.name
-        if hasattr(module, "performs"):
-            self.performs = self._performs
+
+    @property
+    def wrapped(self) -> ProcessModule:
+        """The module that this one adds to."""
+        return self._module
+
+    @property
+    def name(self) -> str:
+        """Shown in the trace."""
+        return self.wrapped.name
 
     @property
     def actions(self) -> Sequence[str]:
         """Action classes that it performs."""
-        return self._module.actions
+        return self.wrapped.actions
 
     @property
     def failures(self) -> Sequence[type[Exception]]:
         """Failure classes that it may raise."""
-        return self._module.failures
+        return self.wrapped.failures
 
-    def _performs(self, action: Action) -> bool:
-        return performs(self._module, action)
+    @property
+    def physical(self) -> bool:
+        """True if its motions pour and turn things over themselves."""
+        return bool(getattr(self.wrapped, "physical", False))
+
+    @property
+    def by_hand(self) -> bool:
+        """True if its hand switches devices itself."""
+        return bool(getattr(self.wrapped, "by_hand", False))
+
+    @property
+    def selects(self) -> bool:
+        """True if it decides which actions of its classes it performs."""
+        return selects(self.wrapped)
+
+    def performs(self, action: Action) -> bool:
+        """Return True if it performs this action of its classes."""
+        return performs(self.wrapped, action)
 
     def resources(self, action: Action) -> tuple[str, ...]:
         """Return what the action needs exclusively."""
-        return tuple(self._module.resources(action))
+        return tuple(self.wrapped.resources(action))
+
+    async def execute(self, action: Action) -> Any:
+        """Perform the action."""
+        return await self.wrapped.execute(action)
 
 
 class RecordedModule(WrappedModule):
@@ -147,14 +198,17 @@ class RecordedModule(WrappedModule):
         needs = super().resources
         return tuple(self._recorded.answer(question, lambda: needs(action)))
 
-    def _performs(self, action: Action) -> bool:
-        question = f"{self.name} performs {action}"
-        return bool(self._recorded.answer(question, lambda: performs(self._module, action)))
+    def performs(self, action: Action) -> bool:
+        """Return True if it performs this action of its classes; asked and recorded only if it selects actions."""
+        if not self.selects:
+            return True
+        decide = super().performs
+        return bool(self._recorded.answer(f"{self.name} performs {action}", lambda: decide(action)))
 
     async def execute(self, action: Action) -> Any:
         """Perform the action, and record its result or failure."""
         try:
-            result = await self._module.execute(action)
+            result = await super().execute(action)
         except Exception as error:
             if isinstance(error, PlanFailure) and error.where is None:  # now, so that the place is recorded with it
                 scheduler, task = here()

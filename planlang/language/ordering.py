@@ -8,7 +8,7 @@ from collections.abc import Awaitable, Callable, Iterable, Mapping, Sequence, Se
 from functools import partial
 from itertools import pairwise
 from types import FunctionType
-from typing import Any, TypeVar
+from typing import Any, TypeVar, overload
 
 from planlang.designators import Location, Object, snake_case
 from planlang.kernel import All, Task
@@ -75,6 +75,22 @@ class _PartialOrder(All):
         return {name: result for (name, _), result in zip(self.steps, self.results, strict=True)}
 
 
+@overload
+async def partial_order(
+    steps: Mapping[str, Callable[..., Awaitable[T]]],
+    orderings: Iterable[tuple[str, str]],
+    limit: int | None = None,
+    *,
+    name: str | None = None,
+) -> dict[str, T]: ...
+@overload
+async def partial_order(
+    steps: Mapping[str, Step],
+    orderings: Iterable[tuple[str, str]],
+    limit: int | None = None,
+    *,
+    name: str | None = None,
+) -> dict[str, Any]: ...
 async def partial_order(
     steps: Mapping[str, Step],
     orderings: Iterable[tuple[str, str]],

@@ -22,7 +22,7 @@ from planlang.language.executive import current, executive_for, performs
 from planlang.language.plans import Handle, Plan, Restarting, join
 from planlang.language.recovery import Recovery, recoveries_of, recovering
 from planlang.language.resources import using
-from planlang.misuse import Usage, WrongType, contrast, written
+from planlang.misuse import Usage, WrongType, contrast, did_you_mean, written
 
 if TYPE_CHECKING:
     from planlang.designators import Action
@@ -144,6 +144,9 @@ async def perform(
     module raises, ActionUnresolvable if there is none; a failure that the module does not declare is a programming
     error.
 
+    A module may perform actions itself, by this function: inside of its own, with the resources that this one holds,
+    and with no recoveries but those that it gives.
+
     ``otherwise`` runs instead, and gives the result, where no module is registered for the action's class or an
     ancestor; if it is the plan of one of these (``@plan(IRI)``), modules for farther ones do not replace it. ``until``
     is a goal, as ``achieve`` takes it: if it holds nothing is performed, and the result is None;
@@ -166,10 +169,10 @@ async def _performed(action: Action, name: str | None, once: bool, otherwise: Br
     if executive is None or module is None:
         if otherwise is not None:
             return await _instead(action, path_element, partial(called, otherwise))
-        return await _instead(action, path_element, partial(_fail, ActionUnresolvable(designator=str(action))))
+        return await _instead(action, path_element, partial(_fail, _unresolvable(action, executive_for("perform"))))
     resources = tuple(module.resources(action))
     pose = held_pose.get()
-    if pose is not None and pose.displaced and "base" not in resources:
+    if pose is not None and pose.displaced and "base" not in resources and not _inside_module.get():
         announce()  # driving back is part of the request: an asynchronous one counts as made
         await pose.establish()
     if pose is not None and once:
@@ -182,6 +185,15 @@ async def _performed(action: Action, name: str | None, once: bool, otherwise: Br
     if pose is not None and releases:
         pose.released(action)
     return result
+
+
+def _unresolvable(action: Action, executive: Executive) -> ActionUnresolvable:
+    """Return the failure of an action that no module performs, with the class that may be meant if it is misspelt."""
+    failure = ActionUnresolvable(designator=str(action))
+    known = {cls for module in executive.modules for cls in module.actions}
+    if hint := did_you_mean(local_name(action.type), known, alike=0.8):
+        failure.message = f"{failure}{hint}"
+    return failure
 
 
 class _Instead(Node):
@@ -215,6 +227,14 @@ def actions_around() -> Iterator[Action]:
         node = node.parent
 
 
+def is_inner(node: Node) -> bool:
+    """Return True for what a process module does inside of the action that the plan has asked it for."""
+    around = node.parent
+    while around is not None and not isinstance(around, _Perform):
+        around = around.parent
+    return around is not None
+
+
 async def _fail(failure: PlanFailure) -> NoReturn:
     raise failure
 
@@ -235,6 +255,8 @@ class _Perform(Restarting):
         return _described(self.action)
 
 
+_inside_module: ContextVar[bool] = ContextVar("inside a process module", default=False)
+"""True where a process module performs actions itself: where the base has to be is its matter, not the plan's."""
 asked: ContextVar[Fluent[bool] | None] = ContextVar("asked", default=None)
 """Set to true when a request takes its place in the queue of its module, or something has to be done before."""
 
@@ -250,6 +272,7 @@ async def _request(module: ProcessModule, action: Action, resources: tuple[str, 
     announce()
     async with using(f"module {module.name}", *resources):
         record("request", module=module.name, action=action)
+        token = _inside_module.set(True)
         try:
             return await module.execute(action)
         except Exception as failure:
@@ -262,6 +285,8 @@ async def _request(module: ProcessModule, action: Action, resources: tuple[str, 
                     f"declared: {', '.join(kind.__name__ for kind in module.failures) or 'none'}"
                 ) from failure
             raise
+        finally:
+            _inside_module.reset(token)
 
 
 _WITH_REQUESTS = Usage("await with_requests", {"body": "serve"})

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import Enum
 from functools import partial
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from planlang.failures import CompositeFailure, PlanFailure
 from planlang.kernel.core import here
-from planlang.kernel.primitives import called, given, node, record
+from planlang.kernel.primitives import called, node, record
 from planlang.language.branches import evaporating
 from planlang.language.budgets import take_attempt
-from planlang.misuse import Usage, WrongType, WrongValue, contrast, is_iterable, written
+from planlang.misuse import Usage, WrongType, WrongValue, contrast, is_iterable, takes, written
+from planlang.records import dataclass
 
 if TYPE_CHECKING:
     from planlang.kernel.hosts import Timer
@@ -37,6 +38,7 @@ _ALTERNATIVES = "a mapping from keywords of the body to functions that make the 
 _RECOVERIES = "a list of recoveries"
 _OTHERWISE = "None, a failure class, a function that makes a failure from one, or Return(value)"
 _DECIDES = "async def do(failure): ...; return RETRY"
+"""The right form of a function that recovers."""
 
 
 class _Decision(Enum):
@@ -57,14 +59,15 @@ class Return(Generic[T]):
     value: T
 
 
-Decision = _Decision | Return[Any]
-Do = Callable[[PlanFailure], Awaitable[Decision]]
+RecoveryResult = _Decision | Return[Any]
+"""What a recovery function returns: RETRY, PROPAGATE or ``Return(value)``."""
+Do = Callable[[PlanFailure], Awaitable[RecoveryResult]]
 Otherwise = type[PlanFailure] | Callable[[PlanFailure], PlanFailure] | Return[Any]
 _AS_DO_SAYS: Any = object()
 """Default of ``otherwise``, which no recovery keeps."""
 
 
-async def retry(failure: PlanFailure) -> Decision:
+async def retry(failure: PlanFailure) -> RecoveryResult:
     """Run the body again, and do nothing before."""
     return RETRY
 
@@ -73,13 +76,14 @@ async def retry(failure: PlanFailure) -> Decision:
 class Recovery:
     """A rule for failures of the classes ``on``: what to do about them, how often, and what then.
 
-    ``do`` is called with the failure after the body is fully unwound, at most ``attempts`` times per entry, and
-    returns RETRY, ``Return(value)`` or PROPAGATE. ``within`` [s] of active time after entry it no longer retries.
+    ``do`` is an async function of the failure. It is called after the body is fully unwound, at most ``attempts``
+    times per entry, and returns a ``RecoveryResult``: RETRY, ``Return(value)`` or PROPAGATE. It does not retry once
+    ``within`` seconds of active time have passed since entry.
     ``alternatives``: keyword -> function that makes an iterable; the body gets the first value of each as keyword
     argument, and with each retry by this recovery the next. When attempts, time or alternatives are used up, ``do``
-    is not called and ``otherwise`` decides: None lets the failure go outward, a failure class or a function of the
-    failure gives what is raised from it, ``Return(value)`` leaves with a value. Left out, it is what ``do`` has as
-    an attribute ``otherwise``, as strategies have whose end means one thing whatever they recover from
+    is not called and ``otherwise`` decides: None lets the failure propagate, a failure class or a function of the
+    failure gives what is raised from it, ``Return(value)`` leaves with a value. Left out, it is the attribute
+    ``otherwise`` of ``do``, which strategies have that always end in the same failure
     (:func:`planlang.recoveries.recovery_strategy`); without that attribute it is None.
     """
 
@@ -92,11 +96,16 @@ class Recovery:
 
     def __post_init__(self) -> None:
         _RECOVERY.branch("do", self.do)
+        if not takes(self.do, 1):
+            name = written(self.do)
+            message = f"{name} cannot be called with the failure; a recovery function takes it, and nothing else"
+            right = _DECIDES.replace("do(", f"{name}(" if name.isidentifier() else "do(")
+            raise WrongType(contrast(message, _RECOVERY.shown("do", name), right))
         if self.otherwise is _AS_DO_SAYS:
             object.__setattr__(self, "otherwise", getattr(self.do, "otherwise", None))
         for kind in self.on if isinstance(self.on, tuple) else (self.on,):
             if not (isinstance(kind, type) and issubclass(kind, PlanFailure)):
-                message = f"a recovery is for plan failures, which {written(kind)} is not; programming errors are fixed"
+                message = f"recovery handles plan failures; {written(kind)} is not a subclass of PlanFailure"
                 raise WrongType(contrast(message, _RECOVERY.shown("on", written(kind)), _RECOVERY.shown("on")))
         if self.on == ():
             raise _RECOVERY.wrong("on", self.on, "a failure class, or a tuple with some", WrongValue)
@@ -273,10 +282,10 @@ async def _recover(failure: PlanFailure, entries: list[_Entry], keywords: dict[s
     return None
 
 
-def _asked(recovery: Recovery, failure: PlanFailure) -> Awaitable[Decision]:
-    asked = given(recovery.do, failure)
+def _asked(recovery: Recovery, failure: PlanFailure) -> Awaitable[RecoveryResult]:
+    asked = recovery.do(failure)
     if hasattr(asked, "__await__"):
-        return asked  # type: ignore[no-any-return]
+        return asked
     name = type(failure).__name__
     code = asked.name if isinstance(asked, _Decision) else written(asked)
     message = f"do of the Recovery for {name} returned {code} at once; do is a function written with async def"

@@ -10,7 +10,6 @@ from __future__ import annotations
 import contextvars
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import Any, NoReturn, cast
 
 from planlang.designators import Action
@@ -22,6 +21,7 @@ from planlang.language.executive import Executive, RecordedExecutive
 from planlang.language.resources import Arbiter, Lease, holding
 from planlang.language.running import inside_of
 from planlang.misuse import Usage
+from planlang.records import dataclass
 from planlang.runs import Different, RecordedRun
 from planlang.runs.codec import failure_class
 from planlang.runs.recorded_run import Line

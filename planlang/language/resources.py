@@ -6,6 +6,7 @@ turns there. So a scope may hold the base while the steps in it, one at a time, 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from contextvars import ContextVar, Token
 from types import TracebackType
 
@@ -42,6 +43,13 @@ class Lease(Wait):
         self._arbiter = arbiter
         self.scheduler = scheduler
         self.task = task
+
+    def around(self) -> Iterator[Lease]:
+        """Yield the leases inside of which this one was asked for, the innermost first."""
+        outer = self.outer
+        while outer is not None:
+            yield outer
+            outer = outer.outer
 
     def recheck(self) -> None:
         """Take the turn, if it is this one's and it is no longer held."""
@@ -84,20 +92,28 @@ class Arbiter:
             raise
 
     def grant(self) -> None:
-        """Grant what is free to those who wait, in order; tasks that are held do not get a turn."""
-        wanted: set[_Lock] = set()
+        """Grant what is free to those who wait, in order; tasks that are held do not get a turn.
+
+        A request does not wait for an earlier one that itself waits for a lease around this request: that lease ends
+        only after it.
+        """
+        earlier: dict[_Lock, list[set[Lease]]] = {}  # of each request that goes on waiting, the leases it waits for
         for lease in tuple(self._waiting):
             if lease.task.holds:
                 continue
-            if all(lock.holder is None and lock not in wanted for lock in lease.locks):
+            around = set(lease.around())
+            ahead = [needs for lock in lease.locks for needs in earlier.get(lock, ()) if around.isdisjoint(needs)]
+            needs = {lock.holder for lock in lease.locks if lock.holder is not None}
+            if not needs and not ahead:
                 del self._waiting[lease]
                 lease.granted = True
                 for name, lock in zip(lease.names, lease.locks, strict=True):
                     lock.holder = lease
-                    _touch(lease.outer, name)
+                    _touch(lease, name)
                 lease.scheduler.wake(lease.task)
             else:
-                wanted.update(lease.locks)
+                for lock in lease.locks:
+                    earlier.setdefault(lock, []).append(needs.union(*ahead))
 
     def release(self, lease: Lease) -> None:
         """Give back, and let others have their turn."""
@@ -148,8 +164,7 @@ def holding() -> Lease | None:
     return _lease.get()
 
 
-def _touch(lease: Lease | None, name: str) -> None:
-    while lease is not None:
-        if name in lease.inner:
-            lease.touched.add(name)
-        lease = lease.outer
+def _touch(lease: Lease, name: str) -> None:
+    for outer in lease.around():
+        if name in outer.inner:
+            outer.touched.add(name)

@@ -5,22 +5,24 @@ from __future__ import annotations
 import contextvars
 import functools
 from collections.abc import Awaitable, Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 from planlang.kernel import Host, PlanStructureError, Scheduler, run_plan
 from planlang.kernel.hosts import LiveHost
 from planlang.kernel.schedule import Schedule, described, source_of
+from planlang.kernel.tracebacks import without_internals
 from planlang.kernel.tree import Node, name_of
 from planlang.language.budgets import charge
 from planlang.language.executive import RecordedExecutive, current
 from planlang.language.plans import Frame, frame
-from planlang.misuse import Usage, WrongValue, whole_number
+from planlang.misuse import Usage, WrongType, WrongValue, contrast, whole_number, written
 from planlang.runs import Past, Trace, refuse_other
 from planlang.runs.journal import Journal
 
 if TYPE_CHECKING:
     from planlang.language.executive import Executive
 
+P = ParamSpec("P")
 V = TypeVar("V")
 RUN = Usage(
     "run",
@@ -41,6 +43,25 @@ PARTS = ("modules", "ancestors", "revision", "record")
 """Parts that every executive has; the others are for plans that use locations or conditions."""
 
 
+def _for_plan_authors(function: Callable[P, V]) -> Callable[P, V]:
+    """Ask for the host, and keep planlang's own frames out of the traceback of what leaves the run."""
+
+    @functools.wraps(function)
+    def run(*arguments: P.args, **named: P.kwargs) -> V:
+        try:
+            if "host" not in named:
+                plan = written(arguments[0]) if arguments else "serve"
+                message = "run needs a host, which lets plan time pass"
+                raise WrongType(contrast(message, f"run({plan})", f"run({plan}, host=VirtualHost())"))
+            return function(*arguments, **named)
+        except BaseException as error:
+            without_internals(error)
+            raise
+
+    return run
+
+
+@_for_plan_authors
 def run(
     plan: Callable[[], Awaitable[V]],
     *,

@@ -1,15 +1,17 @@
-"""The task tree of a run, read from its trace, and its exports: JSON Lines, dot, Mermaid."""
+"""The task tree of a run, read from its trace, and its exports: text, JSON Lines, dot, Mermaid."""
 
 from __future__ import annotations
 
 import json
 import os
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from typing import Any
 
+from planlang.designators import local_name
 from planlang.misuse import Usage
+from planlang.records import dataclass
 from planlang.runs import DamagedTrace, RecordedRun, Trace
 from planlang.runs.recorded_run import details
 
@@ -51,6 +53,26 @@ class TaskNode:
     def reason(self) -> str:
         """Return why it ended as it did: ``TYPE: MESSAGE`` of its failure; empty if it has none."""
         return "" if self.failure is None else f"{self.failure['type']}: {self.failure['message']}"
+
+    @property
+    def action(self) -> str | None:
+        """The class of the performed action, by its local name."""
+        text = self.parameters.get("action")
+        return local_name(text.split("(", 1)[0]) if isinstance(text, str) else None
+
+    def summary(self, longest: int | None = None) -> str:
+        """Return when and how it ran, in a line; the message of a failure is cut to ``longest`` characters."""
+        if self.start is None:
+            return f"{self.status} before it began"
+        span = f"{self.start:g} s" if self.start == self.end else f"{self.start:g} to {self.end or 0:g} s"
+        if self.end is None:
+            span = f"{self.start:g} s on"
+        if self.failure is None:
+            return f"{span}, {self.status}"
+        message = self.failure["message"]
+        if longest is not None and len(message) > longest:
+            message = f"{message[: longest - 3]}..."
+        return f"{span}, {self.status} with {self.failure['type']}: {message}"
 
     def record(self) -> dict[str, Any]:
         """Return a JSON object, keys in a fixed order; result and failure where there is one."""
@@ -146,6 +168,10 @@ class TaskTree:
             yield node
             stack.extend(reversed(node.children))
 
+    def __str__(self) -> str:
+        """Return the tree as indented text, a line per node: when and how it ran, and where a failure arose."""
+        return tree_of(self.roots)
+
     def json_lines(self) -> str:
         """Return a JSON object per node, parents first: path, parent, kind, name, status, start, end [s], and more."""
         return "".join(json.dumps(node.record(), ensure_ascii=False) + "\n" for node in self)
@@ -170,6 +196,30 @@ class TaskTree:
             lines.append(f'  n{number}["{label}"]:::{node.status}')
         lines += [f"  n{numbers[node.parent]} --> n{number}" for node, number in numbers.items() if node.parent]
         return "\n".join([*lines, ""])
+
+
+def tree_of(nodes: Iterable[TaskNode]) -> str:
+    """Return the trees of the roots among some nodes as indented text: when and how each ran, and where it failed."""
+    lines: list[str] = []
+    stack = [(node, 0) for node in reversed([*nodes]) if node.parent is None]
+    while stack:
+        node, depth = stack.pop()
+        children = node.children
+        if node.kind == "perform" and len(children) == 1 and children[0].kind == "branch":
+            children = children[0].children  # the module's own node adds nothing
+        arose_below = bool(node.reason) and any(child.reason == node.reason for child in children)
+        text = node.summary().split(" with ", 1)[0] if arose_below else node.summary()
+        lines.append(f"{'  ' * depth}{_title(node)}: {text}")
+        stack.extend((child, depth + 1) for child in reversed(children))
+    return "\n".join(lines)
+
+
+def _title(node: TaskNode) -> str:
+    text = node.parameters.get("action")
+    if not isinstance(text, str):
+        return node.name
+    is_named_by_class = node.name.split("#", 1)[0] == node.action
+    return node.name + text[text.index("(") :] if is_named_by_class else f"{node.name}, {text}"
 
 
 _COLOURS = {"succeeded": "#c8e6c9", "failed": "#ffcdd2", "evaporated": "#e0e0e0", "running": "#fff9c4"}

@@ -23,8 +23,8 @@ class Graph:
     ``written`` holds what has been written; what is not in it at the end is lost.
     """
 
-    def __init__(self, triples: Iterable[Triple]) -> None:
-        self.triples = labelled(triples)
+    def __init__(self, triples: Iterable[Triple], *, by_file: bool = False) -> None:
+        self.triples = labelled(triples, by_file=by_file)
         self.written: dict[Triple, None] = {}
         self._about: dict[str | BNode, list[Triple]] = {}
         self._with: dict[BNode, list[Triple]] = {}
@@ -112,8 +112,10 @@ MOST_TIES = 200
 """Nodes that are told apart by mere choice when everything said of them is alike."""
 
 
-def labelled(triples: Iterable[Triple]) -> list[Triple]:
+def labelled(triples: Iterable[Triple], *, by_file: bool = False) -> list[Triple]:
     """Return the triples sorted, each once, with labels b1, b2, ... for the nameless nodes in order of use.
+
+    With ``by_file`` they come in the order of their positions in the file.
 
     IRIs come before values before nameless nodes. The order depends on the graph alone, not on labels nor on the order
     of the triples. Nodes whose statements cannot be told apart are in the order in which they come; in what real files
@@ -142,7 +144,7 @@ def labelled(triples: Iterable[Triple]) -> list[Triple]:
         subject = label(triple.subject)
         assert not isinstance(subject, Literal)
         result.append(Triple(subject, triple.predicate, label(triple.object), triple.span))
-    return result
+    return sorted(result, key=lambda triple: triple.span) if by_file else result
 
 
 def differences(before: Iterable[Triple], after: Iterable[Triple]) -> tuple[list[Triple], list[Triple]]:
@@ -306,8 +308,9 @@ class Subjects:
 _LETTER = (
     "A-Za-z\u00c0-\u00d6\u00d8-\u00f6\u00f8-\u02ff\u0370-\u037d\u037f-\u1fff\u2c00-\u2fef\u3001-\ud7ff\uf900-\ufdcf"
 )
-_LOCAL = re.compile(rf"[{_LETTER}_0-9](?:[{_LETTER}_0-9.\-\u00b7]*[{_LETTER}_0-9\-\u00b7])?")
-_PREFIX = re.compile(rf"(?:[{_LETTER}](?:[{_LETTER}_0-9.\-]*[{_LETTER}_0-9\-])?)?")
+# texts, which re compiles when it first needs them: that takes 9 ms, and few commands write an ontology
+_LOCAL = rf"[{_LETTER}_0-9](?:[{_LETTER}_0-9.\-\u00b7]*[{_LETTER}_0-9\-\u00b7])?"
+_PREFIX = rf"(?:[{_LETTER}](?:[{_LETTER}_0-9.\-]*[{_LETTER}_0-9\-])?)?"
 _NAMESPACE = re.compile(r"[^\s<>\"{}|^`\\]+[#/:_-]")
 
 
@@ -320,7 +323,7 @@ class Names:
     def __init__(self, prefixes: Mapping[str, str], own: str | None = None) -> None:
         spaces: dict[str, str] = {}
         for name, space in sorted(prefixes.items()):
-            if name and _PREFIX.fullmatch(name) and _fits(space):
+            if name and re.fullmatch(_PREFIX, name) and _fits(space):
                 spaces.setdefault(space, name)
         default = own.rstrip("#/") + "#" if own else prefixes.get("", "")
         if _fits(default):
@@ -343,16 +346,23 @@ class Names:
 
     def _splits(self, iri: str) -> Iterator[tuple[str, str]]:
         for space, name in self._spaces.items():
-            if iri.startswith(space) and _LOCAL.fullmatch(local := iri.removeprefix(space)):
+            if iri.startswith(space) and re.fullmatch(_LOCAL, local := iri.removeprefix(space)):
                 yield name, local
 
     def known(self) -> list[tuple[str, str]]:
         """Return all prefixes with their namespaces, sorted."""
         return sorted((name, space) for space, name in self._spaces.items())
 
-    def used(self) -> list[tuple[str, str]]:
-        """Return the used prefixes, with their namespaces, sorted."""
-        return sorted((name, space) for space, name in self._spaces.items() if name in self._used)
+    def used(self, declared: Mapping[str, str] | None = None) -> list[tuple[str, str]]:
+        """Return the used prefixes, with their namespaces, sorted; and those that a file has declared, if given.
+
+        Of those of OWL itself only the used ones count: every file has them, declared or not.
+        """
+        found = {name: space for space, name in self._spaces.items() if name in self._used}
+        for name, space in (declared or {}).items():
+            if name not in ("owl", "rdf", "rdfs", "xsd") and re.fullmatch(_PREFIX, name) and _fits(space):
+                found.setdefault(name, space)
+        return sorted(found.items())
 
 
 def _fits(space: str) -> bool:

@@ -20,6 +20,7 @@ from planlang.files import bundled
 from planlang.ontology.classes import namesakes
 from planlang.ontology.terms import KNOWROB, OWL, RDF, RDFS, XSD, BNode, Literal, Term, Triple
 from planlang.ontology.triples import Triples, counted
+from planlang.spelling import similar
 
 OLD_HOST = "http://ias.cs.tum.edu/kb/"
 HOST = "http://knowrob.org/kb/"
@@ -444,7 +445,7 @@ def _similar(ontology: Declarations, name: str) -> str | None:
     local = local_name(name)
     namespace = name.removesuffix(local)
     others = [other.removeprefix(namespace) for other in ontology.class_names() if other.startswith(namespace)]
-    return next(iter(get_close_matches(local, others, n=1, cutoff=0.75)), None)
+    return next(iter(similar(local, others, least=0.75)), None)
 
 
 def _individuals_as_classes(ontology: Declarations, rows: range) -> Iterator[Diagnostic]:

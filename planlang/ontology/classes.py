@@ -202,6 +202,23 @@ def _opened(triples: Triples, expressions: Iterable[int]) -> Iterator[int]:
                 stack += [*items(triples, lists[inner])][::-1]
 
 
+def disjuncts(triples: Triples, expression: int) -> Iterator[int]:
+    """Yield the members of a union, flattened, each once; nothing for anything else. Terms by number."""
+    union = triples.find(OWL.unionOf)
+    found: set[int] = set()
+
+    def within(node: int) -> Iterator[int]:
+        for row in triples.about(node):
+            if triples.predicates[row] == union:
+                for member in items(triples, triples.objects[row]):
+                    if member not in found:
+                        found.add(member)
+                        inner = list(within(member)) if triples.is_node(member) else []
+                        yield from inner or [member]
+
+    yield from within(expression)
+
+
 def items(triples: Triples, cell: int) -> Iterator[int]:
     """Yield the items of an RDF list; a cyclic list ends where it repeats. Terms by number."""
     first, rest, end = triples.find(RDF.first), triples.find(RDF.rest), triples.find(RDF.nil)

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from enum import Enum
 from pathlib import Path
 
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, note, warning
+from planlang.files import decode, position_of
 from planlang.ontology.canonical import differences, labelled
 from planlang.ontology.checks import malformed, repair
-from planlang.ontology.documents import base_of, read_bytes, read_syntax
+from planlang.ontology.documents import Syntax, base_of, read_bytes, read_syntax, syntax_of
 from planlang.ontology.manchester_writer import manchester
 from planlang.ontology.nested_writers import ntriples, rdfxml, turtle
 from planlang.ontology.terms import OWL, RDF, BNode, Literal, Term, Triple
+from planlang.records import dataclass
 
 
 class Target(Enum):
@@ -35,36 +38,49 @@ class Converted:
     diagnostics: tuple[Diagnostic, ...]
 
 
-def write(triples: Iterable[Triple], target: Target, prefixes: Mapping[str, str]) -> tuple[str, list[Triple]]:
-    """Return the text of a graph, and the triples that the syntax cannot express; deterministic for equal graphs."""
+def write(
+    triples: Iterable[Triple], target: Target, prefixes: Mapping[str, str], *, by_file: bool = False
+) -> tuple[str, list[Triple]]:
+    """Return the text of a graph, and the triples that the syntax cannot express; deterministic for equal graphs.
+
+    With ``by_file`` statements keep the order of their positions, and prefixes are kept that nothing uses.
+    """
     given = list(triples)
     own = next((t.subject for t in given if t.predicate == RDF.type and t.object == OWL.Ontology), None)
     name = own if isinstance(own, str) else None
     match target:
         case Target.MANCHESTER:
-            return manchester(given, prefixes)
+            return manchester(given, prefixes, by_file=by_file)
         case Target.TURTLE:
-            return turtle(given, prefixes, name), []
+            return turtle(given, prefixes, name, by_file=by_file), []
         case Target.NTRIPLES:
-            return ntriples(labelled(given)), []
+            return ntriples(labelled(given, by_file=by_file)), []
         case Target.RDFXML:
-            return rdfxml(given, prefixes, name)
+            return rdfxml(given, prefixes, name, by_file=by_file)
 
 
 def convert(path: Path, target: Target, value: Callable[[Literal], Literal] | None = None) -> Converted:
-    """Read a file in any syntax and write it in another; its imports are left as they are.
+    """Read a file in any syntax and write it in another, in the same order; its imports are left as they are.
 
     ``value`` changes values: their units.
     The text is read again and compared: what is lost, or said otherwise, is told. Mistakes that were repaired on
     reading are repaired in the text, too, and told. Raises BadInput if the file cannot be read.
     """
-    return convert_content(read_bytes(path), path, target, value)
+    return convert_content(read_bytes(path), path, target, value, by_file=True)
 
 
 def convert_content(
-    content: bytes, path: Path, target: Target, value: Callable[[Literal], Literal] | None = None
+    content: bytes,
+    path: Path,
+    target: Target,
+    value: Callable[[Literal], Literal] | None = None,
+    *,
+    by_file: bool = False,
 ) -> Converted:
-    """Write what is or was in a file of some name in another syntax, as :func:`convert` does."""
+    """Write what is or was in a file of some name in another syntax, as :func:`convert` does.
+
+    Without ``by_file`` in an order of its own: equal graphs give equal texts.
+    """
     file = str(path)
     base = base_of(path)
     parsed = read_syntax(content, file, base=base, label="b")
@@ -74,10 +90,34 @@ def convert_content(
         triples = [
             replace(one, object=value(one.object)) if isinstance(one.object, Literal) else one for one in triples
         ]
-    text, lost = write(triples, target, parsed.prefixes)
+    beside = _beside(content, file, parsed.prefixes, target) if by_file else []
+    text, lost = write(triples, target, parsed.prefixes, by_file=by_file)
     again = read_syntax(text.encode(), "the text", base=base, label="b").triples if text.strip() else ()
     compared = _compared(triples, lost, again, target, Span(file))
-    return Converted(text, tuple(triples), (*parsed.diagnostics, *repairs, *malformed(parsed.triples), *compared))
+    return Converted(
+        text, tuple(triples), (*parsed.diagnostics, *repairs, *malformed(parsed.triples), *compared, *beside)
+    )
+
+
+_COMMENT = re.compile(r'"""[\s\S]*?"""|"(?:\\.|[^"\\])*"|<!--|<[^<>\s]*>|(#[^\n]*)')
+"""Texts and IRIs, in which nothing is a comment, and comments: of XML its beginning, else (the group) the whole."""
+
+
+def _beside(content: bytes, file: str, prefixes: Mapping[str, str], target: Target) -> list[Diagnostic]:
+    """Return a note about what a file holds beside its statements that is not kept: comments, and prefixes."""
+    text = decode(content, file)
+    is_xml = syntax_of(text, file) in (Syntax.RDFXML, Syntax.URDF)
+    places = [
+        found.start() for found in _COMMENT.finditer(text) if (found[0] == "<!--" if is_xml else found[1] is not None)
+    ]
+    lost = [f"{len(places)} comments" if len(places) > 1 else "a comment"] if places else []
+    if target is Target.NTRIPLES and prefixes:
+        lost.append(f"{len(prefixes)} prefixes" if len(prefixes) > 1 else "a prefix")
+    if not lost:
+        return []
+    verb = "are" if len(places) > 1 or len(lost) > 1 or lost[0][0] != "a" else "is"
+    where = position_of(text, places[0], file) if places else Span(file)
+    return [note("O053", f"{' and '.join(lost)} {verb} not kept", where)]
 
 
 def _compared(

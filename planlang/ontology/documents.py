@@ -11,7 +11,6 @@ import hashlib
 import os
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from enum import Enum
 from functools import cache, lru_cache
 from pathlib import Path
@@ -23,6 +22,7 @@ from planlang.files import LARGEST_ONTOLOGY, bundled, decode, read_file
 from planlang.ontology.checks import HOST, OLD_HOST, canonical, malformed, repair, use_canonical_names
 from planlang.ontology.terms import OWL, RDF, RDFS, VOCABULARIES, BNode, Triple
 from planlang.ontology.triples import Parsed, Triples
+from planlang.records import dataclass
 
 
 class Syntax(Enum):
@@ -44,8 +44,8 @@ _MANCHESTER = re.compile(
 )
 _URDF = re.compile(r"(?:\s|<\?[^>]*\?>|<!--.*?-->|<!DOCTYPE[^>\[]*(?:\[[^\]]*\]\s*)?>)*+<robot\b", re.DOTALL)
 _GRID = re.compile(r"(?:image|resolution|origin|negate|occupied_thresh|free_thresh|mode)[ \t]*:[ \t\r\n]")
-_SENSED = (b"# Oc", b"# .P", b"VERS", b"ply\n", b"ply\r")
-"""The beginnings of files of octrees and points."""
+_SENSED = re.compile(rb"#|VERS|ply[\r\n]|[-+0-9]")
+"""The beginnings that files of octrees and points may have."""
 _NOTHING_SAID = re.compile(r"(?:[^\S\r\n]*(?:#[^\r\n]*)?(?:\r\n?|\n))*(?:[^\S\r\n]*#[^\r\n]*\Z)?")
 _TURTLE = re.compile(
     r"""@prefix\b|@base\b|(?i:prefix|base)\s
@@ -81,7 +81,7 @@ def syntax_of(text: str, file: str) -> Syntax:
 
 def read_syntax(content: bytes, file: str, *, base: str, label: str) -> Parsed:
     """Return the triples of a file in any of the syntaxes. Raises BadInput as their readers do."""
-    if content[:4] in _SENSED:
+    if _SENSED.match(content):
         from planlang.ontology.map_file import read_map_file, sensed_map
 
         if (cls := sensed_map(content)) is not None:

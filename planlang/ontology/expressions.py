@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from planlang.diagnostics import Span
 from planlang.ontology.terms import OWL, RDF, RDFS, XSD, BNode, Literal, Term
 from planlang.ontology.triples import Triples, check_room
+from planlang.records import dataclass
 
 FACETS = {
     "<": "maxExclusive",

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
@@ -14,6 +13,7 @@ from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
 from planlang.ontology.expressions import FACETS, QUANTIFIERS, Expression, Statements
 from planlang.ontology.terms import OWL, RDF, RDFS, XSD, BNode, Literal, Term
 from planlang.ontology.triples import check_room
+from planlang.records import dataclass
 
 DEEPEST = 100
 """Expressions inside each other."""

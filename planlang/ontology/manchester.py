@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import marshal
 import re
+import sys
 from collections.abc import Callable, Iterable
 from difflib import get_close_matches
 from functools import cache
@@ -11,8 +13,11 @@ from threading import Lock
 from typing import Any
 
 from lark import Lark, Token, Transformer, UnexpectedInput, UnexpectedToken
-from lark.lexer import PatternStr
+from lark import __version__ as lark_version
+from lark.grammar import Rule
+from lark.lexer import PatternStr, TerminalDef
 
+from planlang.cache import Cache
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note
 from planlang.files import decode, offset_of, position_of
 from planlang.ontology.expressions import Statements
@@ -151,6 +156,9 @@ _COUNTED = ("LPAR", "LBRACE", "NOT", "INVERSE", "SOME", "ONLY", "MIN", "MAX", "E
 """Terminals behind which expressions or annotations can go deeper, and the comma."""
 
 
+_CACHE = Cache("parser", most=4)
+
+
 class _Relay(Transformer[Token, None]):
     """Stands in the parser for the frames of the file that is parsed now: building a parser takes longer than a file.
 
@@ -175,10 +183,22 @@ class _Relay(Transformer[Token, None]):
 
 @cache
 def _parser() -> tuple[Lark, _Relay]:
+    """Return the parser and its relay; the tables of the parser are kept, as making them takes longer than using them.
+
+    They are plain numbers and texts: unlike a pickle, loading them runs nothing.
+    """
     relay = _Relay()
-    grammar = str(Path(__file__).parent / "manchester.lark")
-    told = dict.fromkeys(_COUNTED, relay.told)
-    return Lark.open(grammar, parser="lalr", lexer="contextual", transformer=relay, lexer_callbacks=told), relay
+    own: dict[str, Any] = {"transformer": relay, "lexer_callbacks": dict.fromkeys(_COUNTED, relay.told)}
+    grammar = (Path(__file__).parent / "manchester.lark").read_text(encoding="utf-8")
+    key = f"{lark_version} {sys.implementation.cache_tag} {grammar}"
+    kept = _CACHE.load(key)
+    if kept is not None:
+        return Lark.__new__(Lark)._load(marshal.loads(kept), **own), relay
+    made = Lark(grammar, parser="lalr", lexer="contextual", **own)
+    data, memo = made.memo_serialize([TerminalDef, Rule])
+    data["options"] = {name: value for name, value in data["options"].items() if name not in own}
+    _CACHE.keep(key, marshal.dumps({"data": data, "memo": memo}))
+    return made, relay
 
 
 def read_manchester(content: bytes | str, file: str, *, base: str, label: str = "b") -> Parsed:

@@ -1,28 +1,34 @@
-"""Manchester syntax: the frames of a graph, sorted, whatever the order of its triples."""
+"""Manchester syntax: the frames of a graph, sorted, whatever the order of its triples, or in the order of a file."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import partial
 
 from planlang.ontology.canonical import ANNOTATION, AXIOM, CannotSay, Graph, Names
 from planlang.ontology.expression_text import FORMS, Expressions, Words
 from planlang.ontology.terms import OWL, RDF, RDFS, XSD, BNode, Literal, Term, Triple
+from planlang.records import dataclass
 
 
-def manchester(triples: Iterable[Triple], prefixes: Mapping[str, str]) -> tuple[str, list[Triple]]:
+def manchester(
+    triples: Iterable[Triple], prefixes: Mapping[str, str], *, by_file: bool = False
+) -> tuple[str, list[Triple]]:
     """Return the text of a graph, and the triples that Manchester syntax cannot express.
 
-    The same graph gives the same text. What is nowhere declared is given a frame, which declares it.
+    The same graph gives the same text. What is nowhere declared is given a frame, which declares it. With ``by_file``
+    frames and their items keep the order of their positions, and prefixes are kept that nothing uses.
     """
-    graph = Graph(triples)
-    return _Writer(graph, prefixes).text(), list(graph.rest())
+    graph = Graph(triples, by_file=by_file)
+    return _Writer(graph, prefixes, by_file=by_file).text(), list(graph.rest())
 
 
 class _Writer:
-    def __init__(self, graph: Graph, prefixes: Mapping[str, str]) -> None:
+    def __init__(self, graph: Graph, prefixes: Mapping[str, str], *, by_file: bool) -> None:
         self._graph = graph
+        self._by_file = by_file
+        self._declared = prefixes if by_file else None
         self._ontology = next(
             (
                 t
@@ -48,8 +54,10 @@ class _Writer:
         for subject in subjects:
             if isinstance(subject, BNode) and (self._ontology is None or subject != self._ontology.subject):
                 self._nameless(subject)
-        frames = [self._frames[key].text() for key in sorted(self._frames, key=self._place)]
-        several = sorted(text for text in (*found, *self._pairs) if text)
+        keys = list(self._frames) if self._by_file else sorted(self._frames, key=self._place)
+        frames = [self._frames[key].text(by_file=self._by_file) for key in keys]
+        several = [text for text in (*found, *self._pairs) if text]
+        several = several if self._by_file else sorted(several)
         parts = [self._prefixes(), header, *frames, *several]
         return "\n".join(part for part in parts if part)
 
@@ -58,7 +66,7 @@ class _Writer:
         return list(FRAMES.values()).index(word), isinstance(subject, BNode), str(subject)
 
     def _prefixes(self) -> str:
-        return "".join(f"Prefix: {name}: <{space}>\n" for name, space in self._names.used())
+        return "".join(f"Prefix: {name}: <{space}>\n" for name, space in self._names.used(self._declared))
 
     # the ontology
 
@@ -448,10 +456,12 @@ class Frame:
     heads: list[str]
     sections: dict[str, list[str]] = field(default_factory=dict)
 
-    def text(self) -> str:
+    def text(self, *, by_file: bool) -> str:
         lines = [f"{self.word}: {head}" for head in self.heads]
         for name in ORDER:
-            if items := sorted(self.sections.get(name, ()), key=lambda item: (" " in item, item)):
+            items = self.sections.get(name, [])
+            items = items if by_file else sorted(items, key=lambda item: (" " in item, item))
+            if items:
                 single = name in SINGLE or (self.word, name) == ("Datatype", "EquivalentTo")
                 alone = [item for item in items if single or item.startswith("Annotations: ")]
                 together = [item for item in items if item not in alone]

@@ -14,9 +14,13 @@ from planlang.ontology.triples import Parsed, Triples
 
 ROBOEARTH = "http://www.roboearth.org/kb/roboearth.owl#"
 OCCUPANCY_GRID, POINTS, OCTREE = (f"{ROBOEARTH}{name}" for name in ("OccupancyGridMap", "PointMap", "OctoMap"))
+_COMMENTS = rb"(?:#[^\n]{0,200}\n){0,10}"
+_NUMBER = rb"[-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?"
 _BEGINNINGS = {
     OCTREE: re.compile(rb"# Octomap OcTree "),
-    POINTS: re.compile(rb"ply\r?\n|(?:#[^\n]{0,200}\n){0,10}(?:VERSION|FIELDS)[ \t]"),
+    POINTS: re.compile(
+        rb"ply\r?\n|" + _COMMENTS + rb"(?:(?:VERSION|FIELDS)[ \t]|" + _NUMBER + rb"(?:[ \t]+" + _NUMBER + rb"){2})"
+    ),
 }
 
 

@@ -49,17 +49,24 @@ DEEPEST_IN_TURTLE = 40
 """Nameless nodes written inside each other; what is deeper has a label."""
 
 
-def turtle(triples: Iterable[Triple], prefixes: Mapping[str, str], own: str | None = None) -> str:
-    """Return the text of a graph; the same graph gives the same text. ``own`` is the name of the ontology."""
-    writer = _TurtleWriter(labelled(triples), Names(prefixes, own))
+def turtle(
+    triples: Iterable[Triple], prefixes: Mapping[str, str], own: str | None = None, *, by_file: bool = False
+) -> str:
+    """Return the text of a graph; the same graph gives the same text. ``own`` is the name of the ontology.
+
+    With ``by_file`` statements keep the order of their positions, and prefixes are kept that nothing uses.
+    """
+    writer = _TurtleWriter(labelled(triples, by_file=by_file), Names(prefixes, own), by_file=by_file)
     body = "\n".join(writer.paragraphs())
-    head = "".join(f"@prefix {name}: {iri(space)} .\n" for name, space in writer.names.used())
+    spaces = writer.names.used(prefixes if by_file else None)
+    head = "".join(f"@prefix {name}: {iri(space)} .\n" for name, space in spaces)
     return "\n".join(part for part in (head, body) if part)
 
 
 class _TurtleWriter:
-    def __init__(self, triples: list[Triple], names: Names) -> None:
+    def __init__(self, triples: list[Triple], names: Names, *, by_file: bool) -> None:
         self.names = names
+        self._by_file = by_file
         self._subjects = Subjects(triples)
         self._about = self._subjects.about
         self._inside = self._nested(self._subjects.once)
@@ -84,13 +91,15 @@ class _TurtleWriter:
                 yield f"{self._term(subject)} {self._said(said, 1)} .\n"
 
     def _said(self, said: list[Triple], depth: int) -> str:
-        """Return ``property value, value ; property value``: rdf:type first, then by property."""
+        """Return ``property value, value ; property value``: rdf:type first, then by property or as in the file."""
         values: dict[str, list[str]] = {}
-        for triple in sorted(said, key=lambda one: (one.predicate != RDF.type, one.predicate)):
+        for triple in _sorted(said, by_file=self._by_file):
             values.setdefault(triple.predicate, []).append(self._value(triple.object, depth))
+        if not self._by_file:
+            values = {prop: sorted(texts) for prop, texts in values.items()}
         indent = "\n" + "    " * depth
         parts = (
-            f"{'a' if prop == RDF.type else self._iri(prop)} {(',' + indent + '    ').join(sorted(texts))}"
+            f"{'a' if prop == RDF.type else self._iri(prop)} {(',' + indent + '    ').join(texts)}"
             for prop, texts in values.items()
         )
         return f" ;{indent}".join(parts)
@@ -123,6 +132,11 @@ class _TurtleWriter:
         return f"{found[0]}:{found[1]}" if found else iri(value)
 
 
+def _sorted(said: list[Triple], *, by_file: bool) -> list[Triple]:
+    """Return what is said of a subject: its types first, then by property, or in the order of the file."""
+    return sorted(said, key=lambda one: (one.predicate != RDF.type, "" if by_file else one.predicate))
+
+
 DEEPEST_IN_XML = 30
 """Nameless nodes written inside each other; what is deeper has a label."""
 
@@ -133,18 +147,25 @@ _SYNTAX = frozenset(RDF + name for name in ("RDF", "ID", "about", "parseType", "
                                            "Description", "bagID", "aboutEach", "aboutEachPrefix"))  # fmt: skip
 
 
-def rdfxml(triples: Iterable[Triple], prefixes: Mapping[str, str], own: str | None = None) -> tuple[str, list[Triple]]:
+def rdfxml(
+    triples: Iterable[Triple], prefixes: Mapping[str, str], own: str | None = None, *, by_file: bool = False
+) -> tuple[str, list[Triple]]:
     """Return the text of a graph, and the triples that RDF/XML cannot express.
 
     These have a property whose IRI does not end in a name, or a text with characters that XML does not have. The same
-    graph gives the same text. ``own`` is the name of the ontology.
+    graph gives the same text. ``own`` is the name of the ontology, ``by_file`` as in :func:`turtle`.
     """
-    given = labelled(triples)
+    given = labelled(triples, by_file=by_file)
     lost = [triple for triple in given if not _can_be_written(triple)]
-    writer = _RdfXmlWriter([triple for triple in given if _can_be_written(triple)], Names(prefixes, own))
+    names = Names(prefixes, own)
+    writer = _RdfXmlWriter([triple for triple in given if _can_be_written(triple)], names, by_file=by_file)
     body = "".join(writer.elements())
     spaces = {"rdf": RDF} | writer.spaces
-    head = "".join(f"\n    xmlns:{name}={quoteattr(space)}" for name, space in sorted(spaces.items()))
+    for name, space in names.used(prefixes) if by_file else ():
+        if not name.lower().startswith("xml"):
+            spaces.setdefault(name, space)
+    named = ((f"xmlns:{name}" if name else "xmlns", space) for name, space in sorted(spaces.items()))
+    head = "".join(f"\n    {name}={quoteattr(space)}" for name, space in named)
     return f'<?xml version="1.0" encoding="UTF-8"?>\n<rdf:RDF{head}>\n{body}</rdf:RDF>\n', lost
 
 
@@ -173,7 +194,8 @@ def _texts(term: Term) -> tuple[str, ...]:
 
 
 class _RdfXmlWriter:
-    def __init__(self, triples: list[Triple], names: Names) -> None:
+    def __init__(self, triples: list[Triple], names: Names, *, by_file: bool) -> None:
+        self._by_file = by_file
         self.spaces: dict[str, str] = {}
         self._names = {space: name for name, space in names.known() if name and not name.lower().startswith("xml")}
         self._names[RDF] = "rdf"
@@ -204,7 +226,7 @@ class _RdfXmlWriter:
             yield f"{pad}<{tag}{name}/>\n"
             return
         yield f"{pad}<{tag}{name}>\n"
-        for triple in sorted(rest, key=lambda one: (one.predicate != RDF.type, one.predicate)):
+        for triple in _sorted(rest, by_file=self._by_file):
             yield from self._property(triple, depth + 1)
         yield f"{pad}</{tag}>\n"
 

@@ -18,6 +18,7 @@ from planlang.ontology.classes import (
     alias_edges,
     by_distance,
     conjuncts,
+    disjuncts,
     edges,
     namesakes,
     restrictions_of,
@@ -72,6 +73,7 @@ class Ontology:
         self._listed: dict[tuple[str, ...], tuple[str, ...]] = {}
         self._kinds: dict[tuple[str, ...], dict[int, int]] = {}
         self._words: dict[tuple[str, ...], dict[int, None]] = {}
+        self._types: dict[int, tuple[str, ...]] = {}
         found = [diagnostic for reading in readings for diagnostic in reading.diagnostics]
         self.diagnostics: tuple[Diagnostic, ...] = (
             *found,
@@ -219,11 +221,15 @@ class Ontology:
 
     def types(self, individual: str | BNode) -> tuple[str, ...]:
         """Return the named classes that an individual is stated to be of, without those of OWL itself."""
-        return tuple(
-            cls
-            for cls in self._values(individual, (self._kind,))
-            if isinstance(cls, str) and not cls.startswith(_LANGUAGE)
-        )
+        number = self._number(individual)
+        if number is None:
+            return ()
+        found = self._types.get(number)
+        if found is None:
+            stated = self._values(individual, (self._kind,))
+            found = tuple(cls for cls in stated if isinstance(cls, str) and not cls.startswith(_LANGUAGE))
+            self._types[number] = found
+        return found
 
     def is_class(self, iri: str) -> bool:
         """Return True if it is declared a class, or stated to be below, above or the same as one."""
@@ -396,6 +402,11 @@ class Ontology:
         """Return the members of an intersection, flattened; of anything else the expression itself."""
         number = self.store.find(expression) if isinstance(expression, BNode) else None
         return (expression,) if number is None else tuple(map(self.store.term, conjuncts(self.store, number)))
+
+    def alternatives(self, expression: Term) -> tuple[Term, ...]:
+        """Return the members of a union in their order, flattened; nothing for anything else."""
+        number = self.store.find(expression) if isinstance(expression, (str, BNode)) else None
+        return () if number is None else tuple(map(self.store.term, disjuncts(self.store, number)))
 
     def inherited_restrictions(self, cls: str, p: str | None = None) -> tuple[Restriction, ...]:
         """Return the restrictions of a class and its ancestors, nearest first; only of ``p`` and below, if given."""

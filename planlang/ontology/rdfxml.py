@@ -108,8 +108,8 @@ def _parsed(text: str, file: str, base: str, label: str, *, in_pieces: bool) -> 
     try:
         parser.Parse(text, True)
     except expat.ExpatError as problem:
-        lines = [frame.line for frame in handler.frames[1:]]
-        raise BadInput([explain(problem, text, file, lines, handler.entities.names)]) from None
+        opened = [Span(file, frame.line, frame.column) for frame in handler.frames[1:]]
+        raise BadInput([explain(problem, text, file, opened, handler.entities.names)]) from None
     if not all(map(str.isspace, handler.gaps)):
         raise _Stray
     return Parsed(handler.triples, counted(handler.diagnostics, handler.unsaid), handler.prefixes)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, note
@@ -17,6 +17,7 @@ from planlang.ontology.checks import is_malformed
 from planlang.ontology.nested_writers import rdfxml
 from planlang.ontology.ontology import Ontology
 from planlang.ontology.terms import OWL, RDF, RDFS, XSD, BNode, Literal, Term, Triple
+from planlang.records import dataclass
 
 _INTEGERS = frozenset(
     XSD + name

@@ -18,7 +18,7 @@ import subprocess
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from enum import Enum
 from importlib.util import find_spec
 from pathlib import Path
@@ -28,6 +28,7 @@ from planlang.diagnostics import BadInput, Diagnostic, Span, error
 from planlang.ontology.ontology import Ontology
 from planlang.ontology.reasoner_input import NAMESPACE, ReasonerInput, reasoner_input
 from planlang.ontology.terms import Triple
+from planlang.records import dataclass
 
 MEMORY = 2000
 """Memory of a reasoner [MB]."""

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
 from functools import cache, lru_cache
 from urllib.parse import urljoin
 
 from planlang.designators import local_name
 from planlang.diagnostics import Span
 from planlang.files import bundled
+from planlang.records import dataclass
 
 _INTEGER = re.compile(r"[+-]?[0-9]+")
 _SCHEME = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*:")

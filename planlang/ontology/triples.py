@@ -13,12 +13,13 @@ import sys
 from array import array
 from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property
 from typing import overload
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, error
 from planlang.ontology.terms import OWL, BNode, Literal, Term, Triple
+from planlang.records import dataclass
 
 MOST_TRIPLES = 1_000_000
 """Triples of one file."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from fnmatch import fnmatchcase
 from functools import cache
 from math import isfinite
@@ -19,6 +19,7 @@ from typing import Any
 from planlang.diagnostics import BadInput, Diagnostic, Span, error
 from planlang.files import bundled, read_file
 from planlang.ontology.terms import is_vocabulary
+from planlang.records import dataclass
 
 LARGEST = 1_000_000
 """Bytes of a file of labels."""

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote
 
@@ -23,6 +22,7 @@ from planlang.geometry.urdf import Element, Joint, Urdf, numbers, read_urdf
 from planlang.ontology.terms import OWL, RDF, XSD, Literal, expand
 from planlang.ontology.triples import Parsed, Triples, counted
 from planlang.ontology.urdf_labels import Label, Labels, labels_for
+from planlang.records import dataclass
 
 NAMESPACE = "http://planlang.org/kb/urdf/"
 """The name that a URDF gives itself is put behind it; links are names in there."""

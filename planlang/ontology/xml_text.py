@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cache
 from xml.parsers import expat
 from xml.sax.saxutils import quoteattr
@@ -17,6 +17,7 @@ from planlang.diagnostics import BadInput, Declaration, Diagnostic, Span, error,
 from planlang.files import bundled, offset_of, position_of
 from planlang.ontology.terms import OWL, PREFIXES
 from planlang.ontology.triples import counted
+from planlang.records import dataclass
 
 LARGEST_EXPANSION = 10_000_000
 """Characters that all references of a file may expand to together, if the file itself is not longer."""
@@ -122,11 +123,11 @@ def _too_much(name: str, limit: int, span: Span) -> Diagnostic:
 
 
 def explain(
-    problem: expat.ExpatError, text: str, file: str, open_lines: Sequence[int], entities: frozenset[str]
+    problem: expat.ExpatError, text: str, file: str, opened: Sequence[Span], entities: frozenset[str]
 ) -> Diagnostic:
     """Return the diagnostic that explains an expat error.
 
-    ``open_lines`` are where the open elements begin, the innermost last; ``entities`` what may be referred to.
+    ``opened`` are where the open elements begin, the innermost last; ``entities`` what may be referred to.
     """
     span = Span(file, problem.lineno, problem.offset + 1)
     reason = expat.ErrorString(problem.code) or "not well-formed"
@@ -141,12 +142,35 @@ def explain(
     elif reason == "unbound prefix":
         advice = 'declare the prefix in the first element: xmlns:prefix="http://...#"'
     elif reason in ("no element found", "unclosed token", "unclosed CDATA section"):
-        if open_lines:
-            reason = f"the file ends too early, {len(open_lines)} elements are not closed"
+        if opened:
+            reason = f"the file ends too early, {len(opened)} elements are not closed"
         advice = "the file seems to be cut off"
-    elif reason.startswith("mismatched tag") and open_lines:
-        advice = f"the innermost open element begins in line {open_lines[-1]}"
+    elif reason.startswith("mismatched tag") and opened:
+        return _mismatched(text, span, opened)
     return error("O005", f"this is not XML: {reason}", span, advice)
+
+
+def _mismatched(text: str, span: Span, opened: Sequence[Span]) -> Diagnostic:
+    """Return the diagnostic of an end tag that does not fit: at the element that is not closed, if it closes another.
+
+    Readers of XML notice a missing end tag only at the end of the element around it, which may be far below.
+    """
+    names = [found[1] for one in opened if (found := _OPENS.match(text, offset_of(text, one)))]
+    found = _CLOSES.match(text, text.rfind("</", 0, offset_of(text, span) + 2))
+    if not names or found is None:
+        return error(
+            "O005", "this is not XML: mismatched tag", span, f"it closes the element of line {opened[-1].line}"
+        )
+    if found[1] in names[:-1]:
+        message = f"this is not XML: the element {names[-1]} is not closed"
+        advice = f"add </{names[-1]}>, at the latest in line {span.line}, in which </{found[1]}> closes another element"
+        return error("O005", message, opened[-1], advice)
+    message = f"this is not XML: </{found[1]}> closes no element that is open"
+    advice = f"the innermost open element is {names[-1]}, which begins in line {opened[-1].line}"
+    return error("O005", message, span, advice)
+
+
+_OPENS, _CLOSES = re.compile(r"<([^\s/>]+)"), re.compile(r"</([^\s>]+)")
 
 
 def must_be_rdf(tag: str, span: Span) -> None:

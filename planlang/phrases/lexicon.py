@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from difflib import get_close_matches
 
 from planlang.designators import GRASPS, Device, Object, Person, local_name
 from planlang.ontology import Literal, Ontology, expand, shorten
 from planlang.ontology.terms import RDFS
+from planlang.records import dataclass
 from planlang.relations import RELATIONS, Sense
 
 GRASP_FORMS: dict[str, tuple[str, ...]] = {

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, error
@@ -12,6 +12,9 @@ from planlang.recipe.model import Filler, Kind, Place, Recipe, RecipeSet, Slot, 
 from planlang.recipe.readers import statements_of
 from planlang.recipe.slots import read_slots
 from planlang.recipe.statements import Statements
+from planlang.records import dataclass
+
+Performed = Callable[[], frozenset[str]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,10 +36,15 @@ _BASE_MOTION = expand("BaseMotionCapability")
 
 
 class Actions:
-    """The action classes of one ontology."""
+    """The action classes of one ontology.
 
-    def __init__(self, ontology: Ontology) -> None:
+    ``performed`` returns the classes (IRIs, or local names of the vocabulary) that process modules outside of the
+    ontology perform. It is asked only about steps that nothing in the ontology performs: importing modules takes long.
+    """
+
+    def __init__(self, ontology: Ontology, performed: Performed | None = None) -> None:
         self.ontology = ontology
+        self.performed: Performed = performed or frozenset
         self.primitives: dict[str, Primitive] = read_primitives(ontology)
         self.goals: dict[str, Goal] = read_goals(ontology)
         self.library: dict[str, list[str]] = read_library(ontology)
@@ -47,12 +55,17 @@ class Actions:
         self.performers: dict[str, tuple[tuple[str, ...], str | None]] = {}
         """Action (IRI) -> who performs it, as :func:`planlang.recipe.performers.recipes_for` returns it."""
         self._statements: dict[str, Statements | None] = {}
+        self._slots: dict[tuple[str, ...], dict[str, Slot]] = {}
         self._last_moving: tuple[RecipeSet, tuple[frozenset[str], frozenset[str]]] | None = None
 
     def statements(self, iri: str) -> Statements | None:
         """Return the recipe that a class or an individual states; None if it states none. Each is read once."""
         if iri not in self._statements:
-            self._statements[iri] = statements_of(self.ontology, iri)
+            found = self._statements[iri] = statements_of(self.ontology, iri)
+            for sub in found.sub_actions if found is not None else ():
+                for name, member in sub.alternatives:
+                    assert found is not None
+                    self._statements[name] = Statements(name, found.dialect, (member,))
         return self._statements[iri]
 
     def is_a(self, step: Step | Recipe, *classes: str) -> bool:
@@ -135,12 +148,16 @@ class Actions:
         """Return the properties (IRIs) that the vocabulary lists for an action class or an ancestor of it."""
         return frozenset(self.ontology.valid_properties(cls))
 
-    def slots(self, cls: str) -> dict[str, Slot]:
+    def slots(self, cls: str) -> Mapping[str, Slot]:
         """Return the slots of an action class by property: those of the nearest class that declares each."""
-        found: dict[str, Slot] = {}
-        for ancestor in self.ontology.ancestors(cls):
-            for name, slot in self.declared_slots.get(ancestor, {}).items():
-                found.setdefault(name, slot)
+        declaring = tuple(filter(self.declared_slots.__contains__, self.ontology.ancestors(cls)))
+        found = self._slots.get(declaring)
+        if found is None:
+            found = {}
+            for above in declaring:
+                for name, slot in self.declared_slots[above].items():
+                    found.setdefault(name, slot)
+            self._slots[declaring] = found
         return found
 
     def goal(self, cls: str) -> Goal | None:

@@ -34,13 +34,14 @@ class _Supply:
         self._actions = actions
         self._ontology = actions.ontology
         self._task = recipes.task
+        self._recipes = recipes.recipes
         self._asked: dict[str, dict[str, tuple[Slot, Recipe, Step]]] = {}
         """The slots that callers of a recipe (IRI) fill, by property, and which step of it needs them first."""
         self.found: dict[Diagnostic, None] = {}
 
     def recipe(self, recipe: Recipe) -> Recipe:
         """Return a recipe whose steps have what they need; those that it calls must have been asked for before."""
-        self._asked[recipe.iri] = {}
+        self._asked.setdefault(recipe.iri, {})
         more = {step.iri: self._more(recipe, step) for step in recipe.steps}
         if not any(more.values()):
             return recipe
@@ -80,24 +81,26 @@ class _Supply:
         around = offered(self._ontology, recipe, slot)
         if len(around) == 1:
             return [replace(around[0], is_inherited=True)]
-        is_called = recipe.iri != self._task
-        own = self._actions.slots(recipe.action_class).get(slot.property)
+        home = self._recipes[recipe.within] if recipe.within is not None else recipe
+        is_called = home.iri != self._task
+        is_target = slot.absence is Absence.ERROR
+        own = self._actions.slots(home.action_class).get(slot.property)
         is_own = own is not None and own.absence is Absence.PARAMETER
         slot = own if own is not None and is_own else slot
         if around:
-            thing = parameter_for(slot, f"{recipe.name}.{step.name}" if is_called else step.name)
-            self._report(recipe, step, thing, [one.filler for one in around])
-        elif slot.absence is Absence.ERROR and shorten(recipe.iri) != recipe.iri:
+            thing = parameter_for(slot, f"{home.name}.{step.name}" if is_called else step.name)
+            self._report(home, step, thing, [one.filler for one in around])
+        elif slot.absence is Absence.ERROR and shorten(home.iri) != home.iri:
             return []  # a recipe of the vocabulary says what belongs to an action, not where
         elif is_called:
-            thing = parameter_for(slot, recipe.name)
-            self._asked[recipe.iri].setdefault(slot.property, (slot, recipe, step))
+            thing = parameter_for(slot, home.name)
+            self._asked.setdefault(home.iri, {}).setdefault(slot.property, (slot, home, step))
         elif slot.absence is Absence.ERROR:
-            self._report_target(recipe, step, slot)
+            self._report_target(home, step, slot)
             return []
         else:
-            thing = parameter_for(slot, recipe.name if is_own else step.name)
-            self._report(recipe, recipe if is_own else step, thing)
+            thing = parameter_for(slot, home.name if is_own else step.name)
+            self._report(home, home if is_own and not is_target else step, thing)
         return [Parameter(slot.property, thing, step.span, is_inherited=True)]
 
     def _check_one(self, recipe: Recipe, step: Step, slot: Slot, callee: str) -> None:

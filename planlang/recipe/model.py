@@ -21,13 +21,14 @@ of a recipe may be individuals of the same class. Whatever is looked up in the t
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import Enum
 from typing import Any, NamedTuple
 
 from planlang.designators import local_name
 from planlang.diagnostics import Span
 from planlang.motion_constraints import ConstraintKind, Speed
+from planlang.records import dataclass
 
 
 class _Named:
@@ -96,6 +97,8 @@ class Absence(Enum):
     """The filler is a parameter of the plan."""
     CONSTRAINED = "requiresIfConstrained"
     """It is a parameter of the plan if a constraint of the motion is about it."""
+    EXPECTED = "expects"
+    """The action does without it, but a recipe should say it."""
     ALLOWED = "accepts"
 
 
@@ -251,6 +254,7 @@ class Step(_Action):
     whose recipes perform the step, more than one if they are alternatives; ``primitive`` is the class (IRI) listed as
     a primitive. A step that has neither is abstract. ``cls`` is the class of a step that is an individual, None for
     one that is a class itself. ``condition`` is what a step that checks something finds to be true or false.
+    ``is_choice`` if the step is nothing but its alternatives: then ``recipes`` have one step each.
     """
 
     iri: str
@@ -262,6 +266,7 @@ class Step(_Action):
     span: Span | None = None
     cls: str | None = None
     condition: Description | None = None
+    is_choice: bool = False
 
     @property
     def is_abstract(self) -> bool:
@@ -414,6 +419,8 @@ class Recipe(_Action):
     cls: str | None = None
     phases: tuple[str, ...] = ()
     """Processes (IRIs) that go on meanwhile; nothing performs them, but steps stand in relations to them."""
+    within: str | None = None
+    """The recipe (IRI) that this is an alternative of a step in, if it is one: its only step is that alternative."""
     derived: dict[str, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
     """Results that were computed from the rest; see :mod:`planlang.recipe.order`."""
 

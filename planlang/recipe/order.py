@@ -14,16 +14,15 @@ from __future__ import annotations
 
 import heapq
 from bisect import bisect_left
-from collections.abc import Hashable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from itertools import pairwise
 from typing import Any, Generic, TypeVar
 
-import networkx as nx
-
+from planlang.recipe import graphs as nx
 from planlang.recipe.actions import Actions, Movers
 from planlang.recipe.model import Ordering, Overlap, Place, Point, Recipe, RecipeSet, Thing
+from planlang.records import dataclass
 
 Node = TypeVar("Node", bound=Hashable)
 
@@ -71,9 +70,17 @@ class Precedence(Generic[Node]):
                     reached |= self._later[after] | 1 << after
             self._later[position] = reached
 
-    def extended(self, pairs: Iterable[tuple[Node, Node]]) -> Precedence[Node]:
-        """Return this order with further pairs."""
-        return Precedence(self.nodes, [*self.reduction(), *pairs])
+    def extended(self, pairs: Iterable[tuple[Node, Node]], weak: Iterable[tuple[Node, Node]] = ()) -> Precedence[Node]:
+        """Return this order with further pairs; of the ``weak`` ones those that contradict none before them."""
+        found = [*self.reduction(), *pairs]
+        follows: dict[Node, list[Node]] = {}
+        for before, after in found:
+            follows.setdefault(before, []).append(after)
+        for before, after in weak:
+            if not leads_to(follows, after, before):
+                found.append((before, after))
+                follows.setdefault(before, []).append(after)
+        return Precedence(self.nodes, found)
 
     def before(self, first: Node, second: Node) -> bool:
         """Return True if the first comes before the second in every linear extension."""
@@ -157,6 +164,19 @@ def order_graph(nodes: Iterable[Node], orderings: Iterable[tuple[Node, Node]]) -
     graph.add_nodes_from(nodes)
     graph.add_edges_from((before, after) for before, after in orderings if before in graph and after in graph)
     return graph
+
+
+def leads_to(follows: Mapping[Node, Iterable[Node]], start: Node, goal: Node) -> bool:
+    """Return True if a path leads from one step to another."""
+    seen, waiting = {start}, [start]
+    while waiting:
+        step = waiting.pop()
+        if step == goal:
+            return True
+        new = [other for other in follows.get(step, ()) if other not in seen]
+        seen.update(new)
+        waiting += new
+    return False
 
 
 def recipe_order(recipe: Recipe) -> Precedence[str]:

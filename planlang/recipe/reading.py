@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
-from difflib import get_close_matches
+from dataclasses import replace
 from graphlib import CycleError, TopologicalSorter
 from typing import TypeVar
 
@@ -22,6 +21,8 @@ from planlang.recipe.checks import (
     losses,
     orderings,
     parameters,
+    preconditions,
+    resources,
     slots,
     steps,
 )
@@ -35,6 +36,8 @@ from planlang.recipe.order import implied_by_overlaps
 from planlang.recipe.performers import meant, recipes_for, recipes_of_task, statements_for
 from planlang.recipe.readers import loose_parts, made, tasks_of
 from planlang.recipe.statements import KINDS, Statements, SubAction, facts, is_word
+from planlang.records import dataclass
+from planlang.spelling import similar
 
 _TYPE = "http://www.w3.org/1999/02/22-rdf-syntax-ns#type"
 
@@ -101,6 +104,7 @@ def _below(actions: Actions, task: str) -> set[str]:
     statements = actions.statements(task)
     assert statements is not None
     below = set(statements.mentioned())
+    below |= {way.iri for sub in statements.sub_actions for _, way in sub.alternatives if way.iri is not None}
     return below | {recipe for name in below for recipe in recipes_for(actions, name)[0]}
 
 
@@ -133,8 +137,8 @@ def named_action(actions: Actions, wanted: str, span: Span) -> str:
         raise BadInput([error("R002", f"{wanted} names several tasks", span, "use one of " + ", ".join(matches))])
     if not ontology.defined(task):
         known = {local_name(name): name for name in stated}
-        similar = get_close_matches(wanted, known, n=1)
-        guess = f"did you mean {similar[0]}? " if similar else ""
+        alike = similar(wanted, known)
+        guess = f"did you mean {alike[0]}? " if alike else ""
         raise BadInput(
             [error("R001", f"there is no task {wanted}", span, f"{guess}this file states {', '.join(known) or 'none'}")]
         )
@@ -147,14 +151,18 @@ def read_recipes(actions: Actions, task: str) -> RecipeSet:
     A task without sub-actions of its own takes those of its nearest ancestor that has any.
     """
     found: dict[str, Recipe] = {}
-    waiting = [(task, recipes_of_task(actions, task)[0])]
+    waiting: list[tuple[str, str, Recipe | None]] = [(task, recipes_of_task(actions, task)[0], None)]
     while waiting:
-        cls, stating = waiting.pop()
+        cls, stating, within = waiting.pop()
         if cls in found:
             continue
-        recipe = found[cls] = read_recipe_of(actions, stating, cls)
-        below = [callee for step in recipe.steps for callee in step.recipes]
-        waiting += [(callee, callee) for callee in reversed(below) if callee not in found]
+        recipe = read_recipe_of(actions, stating, cls)
+        if within is not None:
+            inherited = (replace(one, is_inherited=True) for one in within.parameters)
+            recipe = replace(recipe, parameters=tuple(inherited), within=within.within or within.iri)
+        found[cls] = recipe
+        below = [(callee, recipe if step.is_choice else None) for step in recipe.steps for callee in step.recipes]
+        waiting += [(callee, callee, around) for callee, around in reversed(below) if callee not in found]
     document = actions.ontology.documents[0]
     return RecipeSet(task, found, Source(printable(document.path.name), document.sha256))
 
@@ -165,6 +173,8 @@ def read_step(actions: Actions, sub_action: SubAction, known: frozenset[str] = f
     ``known`` are individuals that need not be defined, as another step creates them.
     """
     ontology, iri = actions.ontology, sub_action.iri
+    if sub_action.alternatives:
+        return _read_choice(ontology, sub_action)
     if iri is None or not ontology.defined(iri):
         return None
     cls = None if ontology.is_class(iri) else action_class(ontology, iri)
@@ -181,6 +191,23 @@ def read_step(actions: Actions, sub_action: SubAction, known: frozenset[str] = f
         cls,
         _condition(ontology, cls or iri),
     )
+
+
+def _read_choice(ontology: Ontology, sub_action: SubAction) -> Step:
+    """Return a sub-action that is a union as a step; the class of a nameless union is the nearest one above all."""
+    assert sub_action.iri is not None
+    iri, ways = sub_action.iri, [way.iri for _, way in sub_action.alternatives if way.iri is not None]
+    cls = None if ontology.is_class(iri) else action_class(ontology, iri)
+    if not ontology.defined(iri):
+        above = [ontology.ancestors(way) for way in ways]
+        cls = next((one for one in above[0] if all(one in others for others in above)), None) if above else None
+    label = _label(ontology, iri)
+    labels = [(_label(ontology, way), local_name(way)) for way in ways]
+    if label is None and any(own for own, _ in labels):
+        label = ", else ".join(own or name for own, name in labels)
+    names = tuple(name for name, _ in sub_action.alternatives)
+    action = nearest_in_vocabulary(ontology, cls or iri)
+    return Step(iri, action, (), names, None, label, sub_action.span, cls, is_choice=True)
 
 
 def read_recipe_of(actions: Actions, stating: str, task: str | None = None) -> Recipe:
@@ -289,6 +316,7 @@ ANY_RECIPE: tuple[Check[[CheckedRecipe], Iterable[Diagnostic]], ...] = (
     orderings.incomplete_constraints,
     parameters.unlisted_properties,
     slots.wrong_kinds,
+    slots.unstated,
     parameters.fillers,
     parameters.left_out,
     parameters.unrelated_places,
@@ -302,9 +330,10 @@ ORDERED_STEPS: tuple[Check[[CheckedRecipe], Iterable[Diagnostic]], ...] = (
     orderings.repeated_constraints,
     orderings.redundant_constraints,
     orderings.contradictions,
+    preconditions.late_preconditions,
     orderings.missing_orders,
     orderings.unordered_base_motions,
-    orderings.shared_resources,
+    resources.shared_resources,
     orderings.free_steps,
 )
 """Checks of recipes whose steps stand in a partial order."""
@@ -346,12 +375,12 @@ def read_recipe(actions: Actions, task: str | None = None, *, scopes: bool = Tru
     misspelt = misspellings(actions.ontology)
     right = corrected(actions.ontology, misspelt)
     if right is not actions.ontology:
-        actions = Actions(right)
+        actions = Actions(right, actions.performed)
     recipes, found = _read(actions, task, scopes=scopes)
     found = (*actions.ontology.diagnostics, *found)
     guessed = corrected(actions.ontology, misspelt, guessing=True)
     if guessed is not actions.ontology:  # whichever name is meant: what the guess would mend is a consequence
-        left = _read(Actions(guessed), task, scopes=scopes)[1]
+        left = _read(Actions(guessed, actions.performed), task, scopes=scopes)[1]
         found = tuple(one for one in found if one in {*guessed.diagnostics, *left})
     return Reading(recipes, (*misspelt, *found), actions, misspelt)
 

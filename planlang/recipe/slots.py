@@ -62,7 +62,7 @@ def takes(ontology: Ontology, slot: Slot, filler: Filler) -> bool:
 def needed(step: Step, slot: Slot) -> bool:
     """Return True if a step does not do without a filler of a slot."""
     if slot.absence is not Absence.CONSTRAINED:
-        return slot.absence is not Absence.ALLOWED
+        return slot.absence in (Absence.ERROR, Absence.PARAMETER)
     constraints = (one for one in step.fillers(CONSTRAINED_BY) if isinstance(one, Constraint))
     wholes = (part.of.type for one in constraints for part in (one.tool, one.world))
     return any(STANDING_FOR.get(cls) == slot.property for cls in wholes)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass
 from functools import lru_cache
 from itertools import chain
 from typing import NamedTuple
@@ -13,6 +12,7 @@ from planlang.designators import local_name
 from planlang.diagnostics import Span
 from planlang.ontology import BNode, Ontology, Restriction, Term, shorten
 from planlang.recipe.model import Dialect, Ending, Flow, Ordering, Overlap, StateMachine, Transition
+from planlang.records import dataclass
 
 KINDS = ("some", "value", "min", "exactly")
 """Kinds of restrictions that say that there is something."""
@@ -30,13 +30,16 @@ class Filling(NamedTuple):
 class SubAction:
     """A sub-action as the file states it: a class or an individual, and what is filled in where it is mentioned.
 
-    ``iri`` is None for an expression that names nothing. ``times`` is how often it is to be performed.
+    ``iri`` is None for an expression that names nothing. ``times`` is how often it is to be performed. If it is a union
+    of classes, ``alternatives`` are the members in their order, each with the name (IRI) of the recipe that it alone is
+    the step of.
     """
 
     iri: str | None
     fillings: tuple[Filling, ...]
     span: Span
     times: int = 1
+    alternatives: tuple[tuple[str, SubAction], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

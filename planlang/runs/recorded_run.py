@@ -11,11 +11,12 @@ import json
 import os
 from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Any
 
 from planlang.kernel.schedule import checked_draws
+from planlang.records import dataclass
 from planlang.runs.codec import SCHEMA, Exact, load, load_failure
 
 LONGEST_LINE = 20_000_000

@@ -9,7 +9,7 @@ from planlang.testing.exploring import Exploration, ScheduleDependence, explore
 from planlang.testing.extensions import Extensions, all_linear_extensions
 from planlang.testing.faults import Fault
 from planlang.testing.history import Count, History, NoSuchStep, Step, Verdict
-from planlang.testing.running import PlanRun, compiled, replay, run_plan
+from planlang.testing.running import PlanRun, UnusedRule, compiled, replay, run_plan
 from planlang.testing.script import Belief, Rule, Script
 from planlang.testing.scripted import ScriptedExecutive
 
@@ -27,6 +27,7 @@ __all__ = [
     "Script",
     "ScriptedExecutive",
     "Step",
+    "UnusedRule",
     "Verdict",
     "all_linear_extensions",
     "compiled",

@@ -8,7 +8,6 @@ import json
 import math
 from collections import Counter, deque
 from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from random import Random
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
@@ -16,11 +15,12 @@ from planlang.failures import PlanFailure
 from planlang.kernel.core import ChoiceSource
 from planlang.kernel.schedule import ListedSchedule, RandomSchedule
 from planlang.misuse import Usage
+from planlang.records import dataclass
 from planlang.runs import with_paths
 from planlang.runs.codec import encode
 from planlang.testing.faults import Fault
 from planlang.testing.history import History
-from planlang.testing.running import PlanRun, attempt, made
+from planlang.testing.running import PlanRun, UnusedRule, attempt, made
 
 if TYPE_CHECKING:
     from planlang.kernel import Task
@@ -231,6 +231,7 @@ def explore(
     seed: int = 0,
     within: float = 86_400.0,
     shrinking_runs: int = 1000,
+    allow_unused: bool = False,
 ) -> Exploration:
     """Run a plan under all schedules if they are few, else under some.
 
@@ -239,7 +240,8 @@ def explore(
     With ``check`` an assertion about each run (``def check(run): assert ...``) has to hold under all of them; without
     it the outcome, value or failure, has to be the same. Otherwise raises :class:`ScheduleDependence`, whose message
     shows the shortest list of choices that does it and the two traces side by side; ``run_plan(plan, schedule=list)``
-    repeats it. The plan has to make what it changes anew each time; ValueError if two equal runs differ.
+    repeats it. The plan has to make what it changes anew each time; ValueError if two equal runs differ. A rule or a
+    fault of the script for a step that occurred in no run raises UnusedRule, unless ``allow_unused``.
     """
     _EXPLORE.branch("plan", plan)
 
@@ -250,6 +252,8 @@ def explore(
     broken = explorer.broken(schedules)
     if broken is None:
         runs, complete = explorer.seen.total(), explorer.complete
+        if explorer.unmatched and not allow_unused:
+            raise UnusedRule(explorer.unmatched, f"{runs} runs of {explorer.usual.name}")
         return Exploration(explorer.expected, runs, len(explorer.seen), complete)
     shrinker = Shrinker(explorer.breaks, shrinking_runs)
     choices = shrinker.shrink(broken)
@@ -273,6 +277,8 @@ class _Explorer(Generic[V]):
     def __init__(self, run: Callable[[ChoiceSource], PlanRun[V]], check: Check | None) -> None:
         """Run as usual; raises what that does, and ValueError if it does another thing the second time."""
         self._run, self._check = run, check
+        self.unmatched: Mapping[str, str] | None = None
+        """Rules and faults of the script whose steps occurred in no run."""
         self.usual, self._first = self.run(None)
         made.append(self.usual)
         if self.usual.error is not None:
@@ -296,6 +302,8 @@ class _Explorer(Generic[V]):
         recorder = Recorder(source)
         ended = self._run(recorder)
         ended.schedule = trimmed(recorder.choices)
+        known = ended.unmatched if self.unmatched is None else self.unmatched
+        self.unmatched = {rule: hint for rule, hint in known.items() if rule in ended.unmatched}
         return ended, recorder
 
     def wrong(self, run: PlanRun[V]) -> str | None:

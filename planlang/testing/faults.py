@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
 
 from planlang.action_classes import ancestors_of
@@ -13,6 +12,7 @@ from planlang.kernel import Scheduler, Task
 from planlang.kernel.cancel import break_off
 from planlang.kernel.core import here
 from planlang.kernel.tree import Node
+from planlang.records import dataclass
 
 Raises = type[BaseException] | BaseException | Callable[[], BaseException]
 
@@ -58,6 +58,11 @@ class Injector:
     def unused(self) -> tuple[Fault, ...]:
         """Faults that did not happen."""
         return tuple(f for f, happened in zip(self._faults, self._happened, strict=True) if not happened)
+
+    @property
+    def unmatched(self) -> tuple[Fault, ...]:
+        """Faults of steps that did not begin."""
+        return tuple(fault for fault, begun in zip(self._faults, self._begun, strict=True) if not begun)
 
     def __call__(self, node: Node) -> None:
         """Let a node of the tree fail as it begins, in its task, or set an alarm for it."""

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import difflib
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 from planlang.designators import local_name
 from planlang.failures import PlanFailure
-from planlang.language.tasktree import TaskNode
+from planlang.language.tasktree import TaskNode, tree_of
+from planlang.misuse import did_you_mean
+from planlang.records import dataclass
 from planlang.runs import with_paths
 
 
@@ -28,6 +29,8 @@ class Step(TaskNode):
     last: int = sys.maxsize
     repeats: list[float] = field(default_factory=list)
     """Times at which a with_failure_handling ran its body [s]."""
+    is_request: bool = False
+    """True for the node of a process module that performs an action."""
 
     def _outward(self) -> Iterator[Step]:
         """Yield this step, the one around it, and so on."""
@@ -37,10 +40,11 @@ class Step(TaskNode):
             step = step.parent
 
     @property
-    def action(self) -> str | None:
-        """The class of the performed action, by its local name."""
-        text = self.parameters.get("action")
-        return local_name(text.split("(", 1)[0]) if isinstance(text, str) else None
+    def inner(self) -> bool:
+        """True for what a process module does inside of the action that the plan has asked it for."""
+        outward = self._outward()
+        next(outward)
+        return any(step.is_request for step in outward)
 
     def called(self, query: str) -> bool:
         """Return True if a name, ``parent/name``, or class of action means this step; ``#2``: the second."""
@@ -55,20 +59,6 @@ class Step(TaskNode):
     def within(self, other: Step) -> bool:
         """Return True if this step is inside the other one."""
         return self is not other and any(step is other for step in self._outward())
-
-    def summary(self, longest: int | None = None) -> str:
-        """Return when and how it ran, in a line; the message of a failure is cut to ``longest`` characters."""
-        if self.start is None:
-            return f"{self.status} before it began"
-        span = f"{self.start:g} s" if self.start == self.end else f"{self.start:g} to {self.end or 0:g} s"
-        if self.end is None:
-            span = f"{self.start:g} s on"
-        if self.failure is None:
-            return f"{span}, {self.status}"
-        message = self.failure["message"]
-        if longest is not None and len(message) > longest:
-            message = f"{message[: longest - 3]}..."
-        return f"{span}, {self.status} with {self.failure['type']}: {message}"
 
     def __repr__(self) -> str:
         return f"<{self.path}: {self.summary()}>"
@@ -99,40 +89,14 @@ def read_steps(events: Iterable[Mapping[str, Any]], rate: int) -> list[Step]:
                 step.first = place
         elif what == "attempt":
             step.repeats.append(time)
+        elif what == "request":
+            step.is_request = True
     return steps
 
 
 def _parameters(event: Mapping[str, Any]) -> dict[str, Any]:
     known = ("step", "event", "node", "parent", "kind", "name", "status")
     return {key: value for key, value in event.items() if key not in known}
-
-
-def tree_of(steps: Sequence[Step]) -> str:
-    """Return the task tree as indented text, with time, status and, where it arose, the failure."""
-    lines: list[str] = []
-    stack = [(step, 0) for step in reversed(steps) if step.parent is None]
-    while stack:
-        step, depth = stack.pop()
-        children = step.children
-        if step.kind == "perform" and len(children) == 1 and children[0].kind == "branch":
-            children = children[0].children  # the module's own node adds nothing
-        inner = step.failure is not None and any(_same(child.failure, step.failure) for child in children)
-        text = step.summary() if not inner else step.summary().split(" with ", 1)[0]
-        lines.append(f"{'  ' * depth}{_title(step)}: {text}")
-        stack.extend((child, depth + 1) for child in reversed(children))
-    return "\n".join(lines)
-
-
-def _title(step: Step) -> str:
-    text = step.parameters.get("action")
-    if not isinstance(text, str):
-        return step.name
-    named_by_class = step.name.split("#", 1)[0] == step.action
-    return step.name + text[text.index("(") :] if named_by_class else f"{step.name}, {text}"
-
-
-def _same(one: Mapping[str, Any] | None, other: Mapping[str, Any]) -> bool:
-    return one is not None and (one["type"], one["message"]) == (other["type"], other["message"])
 
 
 Event = Mapping[str, Any]
@@ -185,9 +149,12 @@ class History:
                     return Verdict(True, f"{_name(first)} ({_line(one)}), {_name(second)} ({_line(other)})")
         return Verdict(False, f"{_name(first)} ({_all(ones)}), {_name(second)} ({_all(others)})")
 
-    def attempts(self, what: What) -> Count:
-        """Count how often a step began; for with_failure_handling, how often it ran its body."""
-        steps = [step for step in self.steps(what) if step.start is not None]
+    def attempts(self, what: What, *, inner: bool = False) -> Count:
+        """Count how often a step of the plan began; for with_failure_handling, how often it ran its body.
+
+        With ``inner`` what process modules perform themselves inside of an action counts, too.
+        """
+        steps = [step for step in self.steps(what) if step.start is not None and (inner or not step.inner)]
         lines = [
             line
             for step in steps
@@ -250,8 +217,12 @@ class History:
         found = self.steps(what)
         if not found:
             assert isinstance(what, str)
-            raise NoSuchStep(what, [name for step in self.steps() for name in (step.name, step.action) if name])
+            raise NoSuchStep(what, self.names())
         return found
+
+    def names(self) -> list[str]:
+        """Return the names of the steps and the classes of the actions that were performed, in order of beginning."""
+        return list(dict.fromkeys(name for step in self.steps() for name in (step.name, step.action) if name))
 
     def _begun(self, what: What) -> list[Step]:
         found = [step for step in self._of(what) if step.start is not None]
@@ -321,8 +292,7 @@ class NoSuchStep(AssertionError):
 
     def __init__(self, step: str, names: Iterable[str]) -> None:
         known = list(dict.fromkeys(names))
-        close = difflib.get_close_matches(step, known, 1, 0.7)
-        hint = f"; did you mean {close[0]!r}?" if close else f"; steps that did: {', '.join(known)}"
+        hint = did_you_mean(step, known) or f"; steps that did: {', '.join(known)}"
         super().__init__(f"no step {step!r} ran{hint}")
 
 

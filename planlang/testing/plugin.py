@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Generator
 from typing import Any
 
 import pytest
 
-from planlang.failures import PlanFailure
-from planlang.kernel import PlanStructureError, RunError
+from planlang.kernel.tracebacks import VARIABLE, without_internals
 from planlang.testing import running
 from planlang.testing.history import Count
 from planlang.testing.running import PlanRun, run_plan
 from planlang.testing.script import Script
-
-PLUMBING = ("planlang.kernel", "planlang.language", "planlang.runs", "planlang.testing")
-"""Packages whose frames say nothing about a plan."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -43,6 +38,15 @@ def scripted_run(script: Script) -> Callable[..., PlanRun[Any]]:
     return run
 
 
+@pytest.hookimpl(hookwrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, None, None]:
+    """Keep planlang's own frames in tracebacks with ``pytest --full-trace``."""
+    with pytest.MonkeyPatch.context() as patch:
+        if item.config.getoption("fulltrace"):
+            patch.setenv(VARIABLE, "1")
+        yield
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup(item: pytest.Item) -> None:
     """Forget the runs of earlier tests."""
@@ -51,27 +55,17 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 
 @pytest.hookimpl(hookwrapper=True)
 def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) -> Generator[None, Any, None]:
-    """Hide planlang's own frames in the report of a failing test, and add the task trees.
-
-    Between a line of a plan and the line that awaits it stand a dozen frames of the kernel. ``pytest --full-trace``
-    shows them.
-    """
+    """Hide planlang's own frames in the report of a failing test, and add the task trees."""
     if call.excinfo is not None:
-        for name, module in tuple(sys.modules.items()):
-            if name.startswith(PLUMBING):
-                vars(module)["__tracebackhide__"] = _is_no_fault_of_ours
+        shown = without_internals(call.excinfo.value).__traceback__
+        assert shown is not None  # of the test, at least
+        call.excinfo.traceback = type(call.excinfo.traceback)(shown)
     outcome = yield
     report: pytest.TestReport = outcome.get_result()
     if report.when == "call" and report.failed and item.config.getoption("--plan-trace"):
         for number, ended in enumerate(running.made, 1):
             title = "plan trace" if len(running.made) == 1 else f"plan trace {number} of {len(running.made)}"
             report.sections.append((title, f"{ended!r}\n{ended.tree()}"))
-
-
-def _is_no_fault_of_ours(raised: pytest.ExceptionInfo[BaseException]) -> bool:
-    """Return False for an exception that arose inside planlang and is none that plans and tests are meant to see."""
-    meant = isinstance(raised.value, (PlanFailure, PlanStructureError, RunError, AssertionError))
-    return meant or not raised.traceback[-1].frame.f_globals.get("__name__", "").startswith(PLUMBING)
 
 
 def pytest_assertrepr_compare(config: pytest.Config, op: str, left: object, right: object) -> list[str] | None:

@@ -6,7 +6,7 @@ import functools
 import linecache
 import os
 from collections import deque
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
@@ -15,12 +15,13 @@ from planlang.failures import PlanFailure
 from planlang.files import bundled
 from planlang.kernel import VirtualHost
 from planlang.kernel.schedule import Schedule
+from planlang.kernel.tracebacks import without_internals
 from planlang.kernel.tree import name_of
 from planlang.language.plans import Plan
 from planlang.language.replaying import Replay
 from planlang.language.replaying import replay as replay_recorded
 from planlang.language.running import run
-from planlang.misuse import Usage
+from planlang.misuse import Usage, did_you_mean
 from planlang.runs import Past, RecordedRun, Trace, restore
 from planlang.testing.faults import Fault, Injector
 from planlang.testing.history import History
@@ -28,6 +29,7 @@ from planlang.testing.history import History
 if TYPE_CHECKING:
     from planlang.language.executive import Executive
     from planlang.testing.script import Belief, Script
+    from planlang.testing.scripted import ScriptedExecutive
 
 V = TypeVar("V")
 
@@ -50,6 +52,9 @@ class PlanRun(History, Generic[V]):
         self.error: BaseException | None = None
         self.unused: tuple[str, ...] = ()
         """Rules and faults of the script that never applied: maybe they name no step of the plan."""
+        self.unmatched: Mapping[str, str] = {}
+        """Those of them whose step did not occur, each with the name that may be meant. Steps that a failed plan has
+        not come to are no reason, unless a step that occurred is called alike."""
         self._value: V | None = None
         self._belief: Belief | None = None
 
@@ -58,7 +63,7 @@ class PlanRun(History, Generic[V]):
         """The result of the plan; raises its failure if it failed."""
         raised = self.failure or self.error
         if raised is not None:
-            raise raised
+            raise without_internals(raised)
         return self._value  # type: ignore[return-value]
 
     @property
@@ -83,6 +88,14 @@ class PlanRun(History, Generic[V]):
         return f"<run of {self.name}: {how} after {self.seconds:g} s>"
 
 
+class UnusedRule(AssertionError):
+    """A script names steps that did not occur in a run, so that a misspelt rule does not pass for one that holds."""
+
+    def __init__(self, unmatched: Mapping[str, str], what: str) -> None:
+        lines = "\n  ".join(f"{rule}{hint}" for rule, hint in unmatched.items())
+        super().__init__(f"the script names steps that did not occur:\n  {lines}\n{what}; allow_unused=True permits it")
+
+
 _RUN_PLAN = Usage("run_plan", {"plan": "serve"})
 
 
@@ -98,13 +111,14 @@ def run_plan(
     within: float = 86_400.0,
     resumable: bool = False,
     resume: PlanRun[Any] | Trace | RecordedRun | None = None,
+    allow_unused: bool = False,
 ) -> PlanRun[V]:
     """Run a plan in virtual time and return how it went.
 
     ``script`` is what process modules do (an empty one without it), unless an ``executive`` is given. ``faults``
     are added to those of the script. ``schedule`` as in :func:`planlang.run`. A plan failure is part of the result;
     what else ends the run is raised: programming errors, DeadlockError, StepLimit after ``within`` seconds of plan
-    time, NoProgress.
+    time, NoProgress. A rule or a fault for a step that did not occur raises UnusedRule, unless ``allow_unused``.
 
     With ``resumable`` the trace notes which steps of the top-level plan have completed; see :func:`planlang.run`.
     ``resume`` is such a run, its trace, or one read from a file: steps that completed in it are not run again but give
@@ -125,7 +139,9 @@ def run_plan(
     )
     made.append(ended)
     if ended.error is not None:
-        raise ended.error
+        raise without_internals(ended.error)
+    if ended.unmatched and not allow_unused and resume is None:
+        raise UnusedRule(ended.unmatched, repr(ended))
     return ended
 
 
@@ -175,10 +191,20 @@ def attempt(
         ended.failure = failure
     except Exception as error:
         ended.error = error
-    rules = () if scripted is None else scripted.unused
-    ended.unused = (*(f"rule {rule}" for rule in rules), *(f"fault {fault}" for fault in injector.unused))
     ended._belief = None if scripted is None else scripted.belief
+    _note_unused(ended, scripted, injector)
     return ended
+
+
+def _note_unused(ended: PlanRun[Any], scripted: ScriptedExecutive | None, injector: Injector) -> None:
+    """Note which rules and faults of the script never applied, and which of these name no step that occurred."""
+    ended.unused = tuple(f"fault {fault}" for fault in injector.unused)
+    hints = {f"fault {fault}": did_you_mean(fault.step, ended.names()) for fault in injector.unmatched}
+    if scripted is not None:
+        ended.unused = (*(f"rule {rule}" for rule in scripted.unused), *ended.unused)
+        hints = {f"rule {rule}": did_you_mean(rule.step, scripted.performed) for rule in scripted.unmatched} | hints
+    # A plan that failed may not have come to all steps: there only what looks misspelt counts.
+    ended.unmatched = {what: hint for what, hint in hints.items() if hint or ended.failure is None}
 
 
 def recorded_run(source: PlanRun[Any] | Trace | RecordedRun) -> RecordedRun:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 from planlang.designators import Action, Condition, Location, Object, Posture
+from planlang.misuse import Usage
+from planlang.records import dataclass
 from planlang.testing.faults import Fault, Raises
 
 Base = tuple[float, float, float]
@@ -25,7 +27,8 @@ class Belief:
     holding: list[str] = field(default_factory=list)
     """Names of what the robot holds."""
     at: dict[str, Any] = field(default_factory=dict)
-    """Places of things, in whatever terms the test uses: ``belief.at["bottle1"] = "table"``."""
+    """Places of things that are not held: the name of what they were put down on, or of whom they were handed to; or
+    whatever the test writes, ``belief.at["bottle1"] = "table"``."""
     facts: dict[str, bool] = field(default_factory=dict)
     """Other conditions by their text, e.g. ``"open(fridge1)"``."""
     places: dict[str, Sequence[Base]] = field(default_factory=dict)
@@ -33,6 +36,8 @@ class Belief:
     base: Base = (0.0, 0.0, 0.0)
     around: str | None = None
     """The thing between the open fingers, ready to be grasped."""
+    lowered: dict[str, str] = field(default_factory=dict)
+    """Names of the places to which things that are held were lowered."""
     contents: dict[str, dict[str, float]] = field(default_factory=dict)
     """Substances in things, and on them [ml]: ``belief.contents["bowl1"] = {"Milk": 200.0}``."""
     heated: dict[str, tuple[float, float]] = field(default_factory=dict)
@@ -58,6 +63,7 @@ class Belief:
         facts: dict[str, bool],
         base: Base,
         around: str | None,
+        lowered: dict[str, str],
         revision: int,
         made_up: dict[str, list[Base]],
         contents: dict[str, dict[str, float]],
@@ -70,6 +76,7 @@ class Belief:
         self.contents, self.heated, self.made, self.gone, self.on = contents, heated, made, gone, on
         self.holding[:] = holding
         self.at, self.facts, self.base, self.around, self.made_up = at, facts, base, around, made_up
+        self.lowered = lowered
         self._seen, self._revision = self._state(), revision
 
     @property
@@ -94,6 +101,8 @@ class Belief:
         match condition.predicate:
             case "holding":
                 return first in self.holding and all(what in self.holding for what in others)
+            case "located" if others:
+                return self.at.get(others[0]) in (first, *_names(condition.arguments[0]))
             case "contains":
                 amount = self.contents.get(first, {}).get(others[0], 0.0)
                 return amount >= others[1] if len(others) > 1 else amount > 0
@@ -129,9 +138,18 @@ class Belief:
         self.made[thing] = list(of)
         self.gone[:] = [one for one in self.gone if one != thing]
 
+    def hold(self, what: str | None) -> None:
+        """Hold something: it is at no place any more."""
+        if what is not None and what not in self.holding:
+            self.holding.append(what)
+            self.at.pop(what, None)
+
     def drop(self, what: str | None = None) -> None:
-        """Let something go, or everything."""
-        self.holding[:] = [] if what is None else [held for held in self.holding if held != what]
+        """Let something go, or everything; what was lowered before is where it was lowered to."""
+        for held in [held for held in self.holding if what in (None, held)]:
+            self.holding.remove(held)
+            if held in self.lowered:
+                self.at[held] = self.lowered.pop(held)
 
     def places_of(self, location: Location) -> Sequence[Base]:
         """Return the base poses for a location, best first."""
@@ -154,38 +172,48 @@ class Belief:
             case "Reaching":
                 self.around = _inside_hand(action.get("to_location"))
             case "ClosingAGripper":
-                what = _name(action.get("object_acted_on")) or self.around
-                if what is not None and what not in self.holding:
-                    self.holding.append(what)
+                self.hold(_name(action.get("object_acted_on")) or self.around)
             case "GraspingSomething" | "PickingUpAnObject":
-                what = _name(action.get("object_acted_on"))
-                if what is not None and what not in self.holding:
-                    self.holding.append(what)
+                self.hold(_name(action.get("object_acted_on")))
+            case "LoweringAnObject":
+                self._lower(action)
             case "TurningOnPoweredDevice":
                 device = _name(action.get("object_acted_on"))
                 self.on.extend([device] if device is not None and device not in self.on else [])
             case "TurningOffPoweredDevice":
                 self.on[:] = [one for one in self.on if one != _name(action.get("object_acted_on"))]
-            case "OpeningAGripper" | "PuttingDownAnObject":
+            case "PuttingDownAnObject":
+                self._lower(action)
+                self.drop(_name(action.get("object_acted_on")))
+            case "OpeningAGripper" | "ReleasingGraspOfSomething":
                 self.drop(_name(action.get("object_acted_on")))
             case "HandingOverAnObject":
                 what, taker = _name(action.get("object_acted_on")), _name(action.get("recipient"))
+                self.drop(what)
                 if what is not None and taker is not None:
                     self.at[what] = taker
-                self.drop(what)
             case "OpeningAContainerArtifact" | "ClosingAContainerArtifact" as name:
                 what, opens = _name(action.get("object_acted_on")), name == "OpeningAContainerArtifact"
                 self.facts |= {f"open({what})": opens, f"closed({what})": not opens}
+
+    def _lower(self, action: Action) -> None:
+        """Note where the thing of an action, or else all that is held, is lowered to, if the action says so."""
+        where, what = action.get("to_location"), _name(action.get("object_acted_on"))
+        place = _name(where) or next(_names(where), None) if isinstance(where, (Object, Location)) else where
+        if place is not None:
+            self.lowered |= {held: str(place) for held in self.holding if what in (None, held)}
 
     def _state(self) -> tuple[object, ...]:
         changed = self.contents, self.heated, self.made, self.gone, self.on
         return tuple(self.holding), repr(self.at), repr(self.facts), repr(changed)
 
 
+_ON = Usage("script.on", {"step": '"Reaching"'}, {"after": "1.5", "times": "2"})
 EFFECTIVE = frozenset(
     (
         *("Translation-LocationChange", "Reaching", "ClosingAGripper", "OpeningAGripper", "GraspingSomething"),
-        *("PickingUpAnObject", "PuttingDownAnObject", "HandingOverAnObject"),
+        *("PickingUpAnObject", "LoweringAnObject", "PuttingDownAnObject", "ReleasingGraspOfSomething"),
+        *("HandingOverAnObject",),
         *("TurningOnPoweredDevice", "TurningOffPoweredDevice"),
         *("OpeningAContainerArtifact", "ClosingAContainerArtifact"),
     )
@@ -207,9 +235,9 @@ def _inside_hand(location: object) -> str | None:
     return None
 
 
-def _names(location: Location) -> Iterator[str]:
+def _names(location: object) -> Iterator[str]:
     """Yield the names of things that a location is about, nearest first."""
-    for relation in location.relations:
+    for relation in location.relations if isinstance(location, Location) else ():
         if relation.reference.name is not None:
             yield relation.reference.name
         if isinstance(relation.reference, Location):
@@ -279,10 +307,10 @@ class Script:
         time ``since`` up to ``until`` [s]. Of several rules the first that applies counts. A class of actions that a
         rule names can be performed; see :meth:`performs`.
         """
-        if after is not None and not after >= 0:
-            raise ValueError(f"after is a number of seconds, at least 0, not {after!r}")
-        if times is not None and times < 1:
-            raise ValueError(f"times is a number of times, at least 1, not {times!r}")
+        if after is not None:
+            _ON.seconds("after", after)
+        if times is not None:
+            times = _ON.whole("times", times, 0, "times")
         self.rules.append(Rule(step, fails, returns, does, after, times, since, until))
         return self
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from planlang.action_classes import ancestors_of
@@ -13,7 +12,10 @@ from planlang.failures import LocationUnresolvable, PlanFailure
 from planlang.kernel import now, sleep
 from planlang.kernel.core import here
 from planlang.kernel.tree import Node
+from planlang.misuse import WrongValue
 from planlang.protocols import Solution
+from planlang.records import dataclass
+from planlang.roles import meant_role
 from planlang.runs.codec import dump, load
 from planlang.testing.faults import made
 from planlang.testing.script import Belief, Rule, Script
@@ -61,12 +63,13 @@ class ScriptedModule:
     async def execute(self, action: Action) -> Any:
         """Wait, change the belief, and return or raise what the script wants."""
         executive = self.executive
+        executive.begin(action)
         rule = executive.rule_for(action, _step_name())
         seconds = rule.after if rule is not None and rule.after is not None else executive.script.takes
         await sleep(seconds)
         result = None
         if rule is None or rule.fails is None:
-            executive.belief.done(action, executive.ancestors(action.type))
+            executive.done(action)
         if rule is not None and rule.does is not None:
             result = rule.does(executive.belief, action)
             if inspect.isawaitable(result):
@@ -86,7 +89,10 @@ class ScriptedExecutive:
         self.script = script
         self.belief: Belief = script.belief()
         self._left = [rule.times for rule in script.rules]
-        self._used = [False] * len(script.rules)
+        self._used = [rule.times == 0 for rule in script.rules]
+        self._matched = list(self._used)
+        self.performed: dict[str, None] = {}
+        """Names and classes of the actions that were performed."""
         self._write: Callable[[str, Mapping[str, Any]], None] | None = None
         self._reported = self.belief.revision
         known = {cls for classes in ORDINARY.values() for cls in classes}
@@ -102,9 +108,18 @@ class ScriptedExecutive:
         """Rules that never applied."""
         return tuple(rule for rule, used in zip(self.script.rules, self._used, strict=True) if not used)
 
+    @property
+    def unmatched(self) -> tuple[Rule, ...]:
+        """Rules for steps that were not performed, at whatever time."""
+        return tuple(rule for rule, matched in zip(self.script.rules, self._matched, strict=True) if not matched)
+
     def rule_for(self, action: Action, step: str | None) -> Rule | None:
         """Return the rule that applies to a step that begins now, and count its use."""
-        names = {step, action.name, *self.ancestors(action.type)}
+        names = {name: None for name in (step, action.name, *self.ancestors(action.type)) if name is not None}
+        self.performed |= names
+        self._matched = [
+            found or rule.step in names for found, rule in zip(self._matched, self.script.rules, strict=True)
+        ]
         for number, rule in enumerate(self.script.rules):
             left = self._left[number]
             if rule.step in names and rule.since <= now() < rule.until and left != 0:
@@ -113,6 +128,17 @@ class ScriptedExecutive:
                     self._left[number] = left - 1
                 return rule
         return None
+
+    def begin(self, action: Action) -> None:
+        """Refuse an action with a misspelt role: whatever performs it on a robot would not find the filler."""
+        for role, _ in action.properties:
+            meant = meant_role(role)
+            if meant is not None:
+                raise WrongValue(f"{action.type} has no role {role}: did you mean {meant}?")
+
+    def done(self, action: Action) -> None:
+        """Apply the effect of an action that has succeeded on the belief."""
+        self.belief.done(action, self.ancestors(action.type))
 
     def changed(self) -> None:
         """Write into the trace that the belief has changed, if it has."""
@@ -173,7 +199,13 @@ class ScriptedExecutive:
         """Return the belief, and how often rules have applied, as JSON; what of them does not survive JSON as text."""
         belief = self.belief
         state: dict[str, Any] = {"holding": belief.holding, "at": belief.at, "facts": belief.facts, "base": belief.base}
-        state |= {"around": belief.around, "revision": self.revision(), "left": self._left, "used": self._used}
+        state |= {
+            "around": belief.around,
+            "lowered": belief.lowered,
+            "revision": self.revision(),
+            "left": self._left,
+            "used": self._used,
+        }
         state |= {"made_up": belief.made_up, "contents": belief.contents, "heated": belief.heated}
         state |= {"made": belief.made, "gone": belief.gone, "on": belief.on}
         return {key: dump(value) for key, value in state.items()}

@@ -2,7 +2,8 @@ from functools import partial
 
 import pytest
 
-from planlang import *
+from planlang import Recovery, achieve, at_location, holding, par, perform, plan
+from planlang.designators import a_location, a_person, a_posture, action, an_object
 from planlang.failures import ContainerStuck, GraspSlipped, HandoverNotTaken, ObjectUndeliverable
 from planlang.testing import explore
 

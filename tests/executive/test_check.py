@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from dropped_orders import twelve_steps, without
 from typer.testing import CliRunner, Result
 
 from executive.cli import app as cli
@@ -80,7 +81,9 @@ def test_an_edited_plan_shows_its_edits(recipe: Path) -> None:
     change(plan, "attempts=2", "attempts=9")
     state, codes, difference, code = checked(plan)
     assert (state, codes, code) == ("an edited plan", ["C010"], 0)
-    assert next(line for line in difference.splitlines() if "attempts=9" in line).startswith("-")
+    assert difference == ""
+    answer = json.loads(CliRunner().invoke(app, ["check", str(plan), "--json"]).stdout)
+    assert next(line for line in answer["edits"].splitlines() if "attempts=9" in line).startswith("+")
 
 
 def test_another_compiler_is_told_from_an_edit(recipe: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -321,3 +324,17 @@ def test_a_file_without_recipe_and_without_places_states_no_recipe(tmp_path: Pat
     path = tmp_path / "classes.omn"
     path.write_text("Ontology: <http://test/classes>\nClass: <http://test/classes#Thing>\n", encoding="utf-8")
     assert "R001" in CliRunner().invoke(app, ["check", str(path)]).stderr
+
+
+def test_a_fix_that_would_do_harm_is_refused_and_says_what_to_write_instead(tmp_path: Path) -> None:
+    path = tmp_path / "twelve.omn"
+    path.write_text(
+        without(twelve_steps(), ["GoToBottleThenOpenHand", "GoToPatientThenLookAtPatient"]), encoding="utf-8"
+    )
+    result = CliRunner().invoke(app, ["check", str(path), "--fix", "--accept", "R040", "--json"])
+    answer = json.loads(result.stdout)
+    (told,) = (one for one in answer["diagnostics"] if one["code"] == "C022")
+    assert told["severity"] == "warning"
+    assert told["message"].endswith("`GiveBottle` needs holding(bottle1), which `CloseHand` brings about only after it")
+    assert (told["help"], told["span"]["file"]) == ("order `CloseHand` before `GiveBottle`", str(path))
+    assert answer["fixed"] is None

@@ -22,6 +22,7 @@ from planlang.failures import GraspMissed
 from planlang.files import bundled
 from planlang.knowledge.entries import Kind
 from planlang.knowledge.index import Index
+from planlang.knowledge.names import Names
 from planlang.knowledge.questions import read_question
 from planlang.ontology import load
 from planlang.runs.recorded_run import read_records
@@ -197,7 +198,7 @@ def test_a_failure_that_ended_the_run_was_not_recovered() -> None:
         ("Episode and includesRecoveredFailure some GripperFailure", ("run2",)),
         ("includesAction some (recoveredFrom some GraspMissed)", ("run2",)),
     ):
-        assert index.answers(read_question(question, vocabulary.names)) == found
+        assert index.answers(read_question(question, Names(vocabulary.names))) == found
 
 
 def test_each_word_for_experience_has_one_meaning_for_a_server() -> None:

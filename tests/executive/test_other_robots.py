@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -20,7 +21,7 @@ from typer.testing import CliRunner, Result
 from executive.cli.app import app
 from executive.robots import bind_robot
 from executive.robots.arms import with_carrying
-from planlang.files import bundled
+from planlang.files import Bundled, bundled
 from planlang.protocols import Configuration
 from sim import PlanningWorld, Scene
 
@@ -183,10 +184,20 @@ def inspected(*arguments: str | Path) -> Result:
     return CliRunner().invoke(app, ["robot", "inspect", *map(str, arguments)], prog_name="planlang")
 
 
+def test_a_robot_on_a_mount_is_told_by_the_file_that_the_user_named() -> None:
+    lines = inspected("panda").stdout.splitlines()
+    assert lines[0] == f"panda ({Bundled.ROBOT.find('panda')})"
+    assert "arm, from panda_link0 to panda_grasptarget" in lines
+    (reach,) = (line for line in lines if line.startswith("  reach"))
+    assert re.fullmatch(
+        r"  reach, on a grid of 5 cm and 15 degrees: \S+ grasps from the side, \S+ tilted ones, \S+ from above", reach
+    )
+
+
 def test_it_tells_chains_limits_postures_and_draws_what_the_arms_reach(tmp_path: Path) -> None:
     result = inspected("amigo", "--picture", tmp_path / "reach.png")
     assert result.exit_code == 0, result.output
-    for said in ("spindle_joint", "0.090 ..    0.400", "arm left", "carrying:", "reaches, of poses", "missing"):
+    for said in ("spindle_joint", "0.090 ..    0.400", "arm left", "carrying:", "grasps from the side", "missing"):
         assert said in result.stdout
     pixels = np.asarray(Image.open(tmp_path / "reach.png").convert("RGB"))
     yellow = (pixels[..., 0] > 150) & (pixels[..., 2] < 110)

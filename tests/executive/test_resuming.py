@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +16,7 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from executive.cli.app import app
+from tests.support.extras import skip_without_pr2
 
 PLAN = '''"""Take the bottle, then bring it, in steps of their own."""
 
@@ -71,11 +75,82 @@ def lines(path: Path) -> list[str]:
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The trace of a bundled run that was not interrupted, in a world that differs from its map."""
-    path = tmp_path_factory.mktemp("whole") / "run.jsonl"
-    assert answer("run", "serve_a_drink", "--seed", 3, "--trace", path)["exit_code"] == 0
-    return path
+def logged(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+    """The folder of trace and poses of a bundled run in a world that differs from its map; what it answered."""
+    folder = tmp_path_factory.mktemp("whole")
+    files = ("--trace", folder / "run.jsonl", "--poses", folder / "poses.jsonl")
+    found = answer("run", "serve_a_drink", "--seed", 3, *files)
+    assert found["exit_code"] == 0
+    return folder, found
+
+
+@pytest.fixture(scope="module")
+def whole(logged: tuple[Path, dict[str, Any]]) -> Path:
+    """The trace of a bundled run that was not interrupted."""
+    return logged[0] / "run.jsonl"
+
+
+def killed_with_poses(logged: Path, to: Path, records: int) -> Path:
+    """Return the trace that a run leaves that was killed after so many records, beside its log of poses."""
+    part = killed(logged / "run.jsonl", to / "run.jsonl", records)
+    last = json.loads(lines(part)[-1])["step"] + 7
+    head, *poses = (logged / "poses.jsonl").read_text().splitlines(keepends=True)
+    written = "".join([head, *(line for line in poses if json.loads(line)["step"] <= last)])
+    (to / "poses.jsonl").write_text(written + '{"header": {"se')
+    return part
+
+
+def exported(trace: Path) -> list[str]:
+    """What ``export`` writes of a trace and the log of poses beside it, without the digest of the trace."""
+    poses, to = trace.with_name("poses.jsonl"), trace.with_name("neem")
+    assert answer("export", trace, "--to", "neem", "-o", to, "--poses", poses)["exit_code"] == 0
+    digest = hashlib.sha256(trace.read_bytes()).hexdigest()
+    files = (to / "narrative.ttl", to / "poses.jsonl")
+    return [file.read_text().replace(digest, "").replace(digest[:16], "") for file in files]
+
+
+@pytest.mark.parametrize(
+    "later", [20, *(pytest.param(one, marks=pytest.mark.long) for one in (-40, 0, 1, 40, 61, 62, 63))]
+)
+def test_a_resumed_run_tells_tilts_poses_and_experience_of_all_of_it(
+    later: int, logged: tuple[Path, dict[str, Any]], tmp_path: Path
+) -> None:
+    """It is killed so many records later than the bottle was grasped, which the first step has done."""
+    folder, whole = logged
+    part = killed_with_poses(folder, tmp_path, completions(folder / "run.jsonl")[0] + later)
+    ended = answer("run", "--resume", part, "--poses", tmp_path / "poses.jsonl")
+    assert codes(ended) == []
+    assert (ended["final_state"], ended["largest_tilts"]) == (whole["final_state"], whole["largest_tilts"])
+    assert whole["largest_tilts"], "something was carried"
+    assert (tmp_path / "poses.jsonl").read_bytes() == (folder / "poses.jsonl").read_bytes()
+    assert exported(part) == exported(folder / "run.jsonl")
+
+
+@pytest.mark.long
+def test_poses_from_before_a_run_was_resumed_are_said_to_be_missing_or_of_another_run(
+    logged: tuple[Path, dict[str, Any]], tmp_path: Path
+) -> None:
+    folder, _ = logged
+    part = killed_with_poses(folder, tmp_path, completions(folder / "run.jsonl")[-1])
+    other = tmp_path / "other.jsonl"
+    other.write_text((tmp_path / "poses.jsonl").read_text().replace('"seed": 3', '"seed": 4', 1))
+    refused = answer("run", "--resume", part, "--poses", other)
+    assert (refused["exit_code"], codes(refused)) == (2, ["K081"])
+    ended = answer("run", "--resume", part, "--poses", tmp_path / "new.jsonl")
+    assert (ended["exit_code"], codes(ended)) == (0, ["K081"])
+    assert "are not known" in ended["diagnostics"][0]["message"]
+
+
+@pytest.mark.long
+def test_a_run_of_the_pr2_is_resumed_byte_for_byte(tmp_path: Path) -> None:
+    """Behind its first step, in a process in which less inverse kinematics was solved before."""
+    skip_without_pr2("--robot pr2")
+    options = ("--robot", "pr2", "--environment", "soup_kitchen")
+    assert answer("run", "stir_soup", *options, "--trace", tmp_path / "whole.jsonl")["exit_code"] == 0
+    part = killed(tmp_path / "whole.jsonl", tmp_path / "run.jsonl", completions(tmp_path / "whole.jsonl")[0])
+    command = [sys.executable, "-m", "executive", "run", "stir_soup", *options, "--resume", str(part)]
+    subprocess.run(command, check=True, capture_output=True)
+    assert lines(part) == lines(tmp_path / "whole.jsonl")
 
 
 @pytest.fixture(scope="module")

@@ -24,7 +24,7 @@ from executive.runs.final_state import Tilts
 from executive.runs.options import Outcome, RunOptions, RunResult
 from executive.runs.plan_run import run_plan_file
 from executive.runs.traces import ListenedTrace, line_of, lines_of
-from planlang import VirtualHost, a_constraint, a_feature, run, sleep
+from planlang import VirtualHost, a_constraint, a_feature, perform, run, sleep
 from planlang.designators import action, an_object
 from planlang.diagnostics import BadInput
 from planlang.failures import ObjectNotFound
@@ -32,6 +32,7 @@ from planlang.files import bundled
 from planlang.kernel.core import Task
 from planlang.kernel.tree import Node
 from planlang.ontology import load
+from planlang.testing import Script, ScriptedExecutive
 from sim import PlanningWorld, PyBulletWorld
 from tests.support.examples import some
 
@@ -108,7 +109,7 @@ def test_the_trace_tells_what_was_learnt_and_held(served: tuple[RunResult, Path,
 
 def test_progress_tells_people_what_is_done_in_order(served: tuple[RunResult, Path, list[str]]) -> None:
     text = "\n".join(served[2])
-    order = ["LookingForSomething", "CloseGripper", "bottle1 grasped", "HandOverBottle", "bottle1 released"]
+    order = ["ReachForBottle", "CloseGripper", "bottle1 grasped", "HandOverBottle", "bottle1 released"]
     places = [text.index(word) for word in order]
     assert places == sorted(places)
     assert all(re.match(r" *\d+\.\d\d s  ", line) for line in served[2])
@@ -362,6 +363,16 @@ def test_each_line_comes_with_its_step_of_the_world() -> None:
     tell({"step": 45, "event": "started", "node": PERFORMED, "action": action("X", object_acted_on=what)})
     tell({"step": 46, "event": "acquired", "node": PERFORMED})
     assert said == [(45, "X(object_acted_on=bottle1)")]
+
+
+@pytest.mark.parametrize("inner", [False, True])
+def test_what_a_module_performs_itself_is_told_only_to_who_asks(inner: bool) -> None:
+    said: list[str] = []
+    look, reach = action("LookingForSomething"), action("Reaching")
+    executive = ScriptedExecutive(Script().on("Reaching", does=lambda belief, asked: perform(look)))
+    trace = ListenedTrace.to(None, {}, (lines_of(lambda step, line: said.append(line), inner=inner),))
+    run(partial(perform, reach), host=VirtualHost(), executive=executive, trace=trace)
+    assert said == ["Reaching()", *["LookingForSomething()"] * inner]
 
 
 def test_of_a_motion_under_constraints_people_are_told_these_by_name() -> None:

@@ -197,6 +197,7 @@ def test_modules_that_are_imported_on_demand_are_what_is_stated_of_them(module: 
     place, _, name = module.place.partition(":")
     cls = getattr(import_module(place), name)
     assert (cls.name, cls.actions, cls.failures) == (module.name, module.actions, module.failures)
+    assert not hasattr(cls, "performs"), "which of its actions it performs is stated there as well"
 
 
 @pytest.mark.long

@@ -68,19 +68,32 @@ def test_a_recipe_and_its_plan_serve_the_drink_alike_and_leave_their_files(
     assert older == (tmp_path / "run.jsonl").read_bytes(), "the older trace is kept, and equal"
 
 
+IN_THE_BACKGROUND = ("sh", "-c", 'trap "" INT; exec "$@"', "sh")
+"""Starts a command as a shell script does that puts it into the background: SIGINT is ignored."""
+
+
 @pytest.mark.parametrize(
-    ("number", "code"),
-    some([(signal.SIGTERM, 143), (signal.SIGINT, 130), (signal.SIGHUP, 129)]),
+    ("number", "code", "started_by"),
+    some(
+        [
+            (signal.SIGTERM, 143, IN_THE_BACKGROUND),
+            (signal.SIGTERM, 143, ()),
+            (signal.SIGINT, 130, ()),
+            (signal.SIGHUP, 129, IN_THE_BACKGROUND),
+            (signal.SIGHUP, 129, ()),
+        ],
+        every=5,
+    ),
 )
 def test_a_signal_ends_a_run_with_cleanup_a_complete_trace_and_valid_files(
-    number: int, code: int, tmp_path: Path
+    number: int, code: int, started_by: tuple[str, ...], tmp_path: Path
 ) -> None:
     if signal.getsignal(number) is signal.SIG_IGN:
         pytest.skip("whoever runs the tests ignores this signal (nohup), and so does what they start")
-    command = [sys.executable, "-m", "executive", "run", "serve_a_drink", "--trace", "run.jsonl", "--picture", "s.png"]
+    run = [sys.executable, "-m", "executive", "run", "serve_a_drink", "--trace", "run.jsonl", "--picture", "s.png"]
     environment = {**os.environ, "PYTHONPATH": str(CHECKOUT), "PYTHONUNBUFFERED": "1"}
     with subprocess.Popen(
-        command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment
+        [*started_by, *run], cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment
     ) as process:
         assert process.stderr is not None
         for line in process.stderr:

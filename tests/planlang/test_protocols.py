@@ -110,11 +110,11 @@ MODULES = (Navigation, Reaching, Grasping, Head, Perception, Handover)
 
 
 @pytest.mark.parametrize("module", MODULES)
-def test_a_process_module_says_what_it_performs_and_how_it_may_fail(module: type) -> None:
+def test_a_process_module_says_what_it_performs_and_how_it_may_fail(module: type[ProcessModule]) -> None:
     assert public(ProcessModule) <= set(dir(module))
-    assert module.__dict__["actions"]
-    assert all(issubclass(failure, PlanFailure) for failure in module.__dict__["failures"])
-    assert any(issubclass(failure, LowLevelFailure) for failure in module.__dict__["failures"])
+    assert module.actions
+    assert all(issubclass(failure, PlanFailure) for failure in module.failures)
+    assert any(issubclass(failure, LowLevelFailure) for failure in module.failures)
 
 
 def test_no_two_modules_perform_the_same_class_or_share_a_name() -> None:

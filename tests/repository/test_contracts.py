@@ -1,13 +1,17 @@
-"""Import contracts notice what breaks them; the table of facts names tests that exist, and has every fact."""
+"""Import contracts bite; no process module reaches into another; the table of facts names tests that exist."""
 
 from __future__ import annotations
 
+import ast
 import re
 import shutil
 import subprocess
 import sys
 import tomllib
+from collections.abc import Iterator
 from pathlib import Path
+
+import pytest
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 PACKAGES = ("planlang", "executive", "sim")
@@ -27,7 +31,7 @@ BREACHES = {
     "the language stands on recorded runs, these on the kernel": ("planlang/kernel", "import planlang.runs"),
     "phrases know designators and ontologies only": ("planlang/phrases", "import planlang.failures"),
     "the language does not know recipes": ("planlang/language", "import planlang.recipe"),
-    "only tests use planlang.testing": ("executive/cli", "import planlang.testing"),
+    "only tests, and rehearsals of fixes, use planlang.testing": ("executive/cli", "import planlang.testing"),
     "belief and places know no recipes": ("executive/robots/__init__.py", "import executive.robots.tasks"),
     "the executive imports one way": ("executive/robots", "import executive.belief"),
 }
@@ -74,6 +78,69 @@ def test_each_contract_is_broken_by_an_import_that_it_forbids(tmp_path: Path) ->
     assert broken == set(contracts), found.stdout + found.stderr
     for package in packages:
         assert f"No cycles are allowed in {package}." in found.stdout
+
+
+REGISTRY = "executive/modules/bundled.py"
+"""The file that may name process modules: it registers those that come with planlang."""
+REACHES_IN = (
+    "from executive.modules.process_modules import Navigation",
+    "def late():\n    from executive.modules.process_modules import Navigation as Drive",
+    "from executive.modules import process_modules",
+    "import executive.modules.process_modules",
+    "import executive.modules.process_modules as bundled",
+)
+"""Statements that reach into a file for the process module in it."""
+
+
+def process_modules_imported(folder: Path) -> list[tuple[str, str]]:
+    """Return each import of a process module, or of all of its file, by another file of the executive.
+
+    The registry may have a user's module for the same actions, which would be passed over.
+    """
+    trees = {path: ast.parse(path.read_text(encoding="utf-8")) for path in sorted((folder / "executive").rglob("*.py"))}
+    classes = {
+        ".".join(path.relative_to(folder).with_suffix("").parts): {
+            node.name for node in tree.body if isinstance(node, ast.ClassDef) and any(map(_marks, node.decorator_list))
+        }
+        for path, tree in trees.items()
+    }
+    forbidden = {module: {"", *names} for module, names in classes.items() if names}
+    return [
+        (path.relative_to(folder).as_posix(), f"{module}:{name}")
+        for path, tree in trees.items()
+        if path != folder / REGISTRY
+        for module, name in _imported(tree)
+        if name in forbidden.get(module, ())
+    ]
+
+
+def _marks(decorator: ast.expr) -> bool:
+    return isinstance(decorator, ast.Name) and decorator.id == "process_module"
+
+
+def _imported(tree: ast.Module) -> Iterator[tuple[str, str]]:
+    """Yield what a file imports: each module, with a name in it, or with "" for all of it."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from ((one.name, "") for one in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            for one in node.names:
+                yield from ((node.module or "", one.name), (f"{node.module}.{one.name}", ""))
+
+
+def test_no_process_module_is_imported_but_by_the_registry() -> None:
+    advice = "ask for the action by perform(), or move what is shared to a class that is no process module"
+    assert process_modules_imported(CHECKOUT) == [], advice
+
+
+@pytest.mark.parametrize("statement", REACHES_IN)
+def test_reaching_for_a_process_module_is_found(tmp_path: Path, statement: str) -> None:
+    modules = tmp_path / "executive" / "modules"
+    shutil.copytree(CHECKOUT / "executive" / "modules", modules, ignore=shutil.ignore_patterns("__pycache__"))
+    with (modules / "hand_work.py").open("a") as file:
+        file.write(f"{statement}\n")
+    ((file, what),) = process_modules_imported(tmp_path)
+    assert (file, what.partition(":")[0]) == ("executive/modules/hand_work.py", "executive.modules.process_modules")
 
 
 TESTS = CHECKOUT / "tests" / "planlang"

@@ -3,6 +3,7 @@
 import struct
 import subprocess
 import sys
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from planlang.geometry import Pose
 from planlang.protocols import Configuration
 from sim import Body, CameraModel, PyBulletWorld
 from sim.camera import save_png
+from sim.engine import bullet
 from tests.sim.conftest import AMIGO, MakeWorld, grasp
 
 LINK = "openni_rgb_optical_frame"
@@ -138,3 +140,23 @@ def test_nothing_is_printed_by_the_physics_engine() -> None:
     )
     done = subprocess.run([sys.executable, "-c", program], cwd=root, capture_output=True, text=True, check=True)
     assert (done.stdout, done.stderr) == ("only this\n", "")
+
+
+def test_pictures_are_the_same_whether_pybullet_was_built_with_numpy_or_returns_tuples(
+    looking: PyBulletWorld, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    take, made = bullet.getCameraImage, []
+
+    def seen_by(convert: Callable[[object], object]) -> tuple[object, ...]:
+        def taken(*size: int, **options: object) -> tuple[object, ...]:
+            made.append([convert(one) for one in take(*size, **options)])
+            return tuple(made[-1])
+
+        monkeypatch.setattr(bullet, "getCameraImage", taken)
+        ends, shown = looking.scan(LINK)
+        return looking.detect(LINK), ends.tobytes(), shown.tobytes(), looking.render(32, 24, of=["bottle"]).tobytes()
+
+    arrays, tuples = seen_by(np.asarray), seen_by(lambda one: tuple(np.ravel(np.asarray(one)).tolist()))
+    assert isinstance(made[0][2], np.ndarray)
+    assert isinstance(made[-1][2], tuple)
+    assert arrays == tuples

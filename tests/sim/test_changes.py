@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from planlang.geometry import Pose
 from sim import Body, PyBulletWorld, Scene
 from sim.changes import amount_of, came_to_be, is_baked, origins_of
+from sim.engine import bullet
 from sim.matter import Heating, Matter, Portion, Rules
 from tests.sim.conftest import AMIGO
 
@@ -83,6 +84,22 @@ def test_dough_becomes_a_pancake_and_is_baked_when_both_sides_are(kitchen: MakeK
     assert is_baked(world.changes, "cake")
     assert is_baked(world.changes, "cake", 2.0)
     assert not is_baked(world.changes, "cake", 2.5)
+
+
+def test_while_nothing_moves_no_ray_is_cast_to_find_what_heats(
+    kitchen: MakeKitchen, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    world, cast = kitchen(CAKE), []
+    world.changes.switch("maker", "DeviceStateOn")
+    world.step()
+    original = bullet.rayTestBatch
+    monkeypatch.setattr(bullet, "rayTestBatch", lambda *a, **named: cast.append(a) or original(*a, **named))
+    seconds(world, 1.0)
+    assert not cast
+    world.set_pose("cake", Pose((1.5, 0.9, 0.754)))
+    world.step()
+    assert cast
+    assert world.changes.heated_by("cake") is None
 
 
 def test_heat_goes_through_a_pan_but_not_through_the_air(kitchen: MakeKitchen) -> None:

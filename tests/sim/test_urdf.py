@@ -410,3 +410,20 @@ def test_axes_of_the_box_of_an_inertia_are_those_next_to_the_axes_of_the_link() 
 def test_angles_give_the_rotation_that_they_are_taken_from(angles: tuple[float, float, float]) -> None:
     rotation = rotation_of(*angles)
     assert np.allclose(rotation_of(*angles_of(rotation)), rotation, atol=1e-6)
+
+
+def test_an_expression_of_xacro_is_recognised(tmp_path: Path) -> None:
+    turn = ARM.replace("0 0 1", "$(optenv ARM_XYZ 0 0 1)", 1)
+    with pytest.raises(BadInput) as refused:
+        read_description(write(tmp_path, f'<link name="base"/><link name="arm"/>{turn}'))
+    (found,) = refused.value.diagnostics
+    assert found.help == "this is an expression of xacro; write it out first: xacro cart.urdf.xacro > cart.urdf"
+
+
+def test_of_too_many_joints_the_fixed_ones_are_counted_as_those_that_could_go(tmp_path: Path) -> None:
+    joint = '<link name="l{0}"/><joint name="j{0}" type="fixed"><parent link="base"/><child link="l{0}"/></joint>'
+    inside = '<link name="base"/><link name="arm"/>' + ARM + "".join(joint.format(number) for number in range(128))
+    with pytest.raises(BadInput, match="129 joints; the simulator takes at most 127") as refused:
+        read_description(write(tmp_path, inside))
+    (found,) = refused.value.diagnostics
+    assert found.help == "128 of them are fixed: merge links that never move into the link that carries them"

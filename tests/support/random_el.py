@@ -10,7 +10,8 @@ from random import Random
 from planlang.knowledge.axioms import Axioms, axioms_of, own_axioms_of
 from planlang.knowledge.descriptions import Description, described
 from planlang.knowledge.index import Index
-from planlang.knowledge.questions import names_in, read_question
+from planlang.knowledge.names import Names, names_in
+from planlang.knowledge.questions import read_question
 from planlang.ontology import load
 from planlang.ontology.convert import Target, convert_content
 
@@ -43,7 +44,7 @@ class Drawn:
         index = Index(axioms)
         for uid, frames in self.entries.items():
             index.add(uid, self._described(folder, uid, frames, axioms))
-        names = names_in(START + name for name in (*_CLASSES, *_PROPERTIES, *_INDIVIDUALS))
+        names = Names(names_in(START + name for name in (*_CLASSES, *_PROPERTIES, *_INDIVIDUALS)))
         return [set(index.answers(read_question(text, names))) for text in self.questions]
 
     @staticmethod

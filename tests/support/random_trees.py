@@ -43,7 +43,7 @@ def plan_of(tree: Tree, fluents: list[Fluent[bool]]) -> Branch:
         "try_in_order": try_in_order,
         "par": par,
         "pursue": pursue,
-        "race": race,
+        "race": result_of_race,
         "try_all": try_all,
         "retry_after_suspension": retry_after_suspension,
     }
@@ -101,13 +101,9 @@ async def called(branch: Branch) -> Any:
     return await branch()
 
 
-def bare(result: Any) -> Any:
-    """Results without the names that race gives: the model knows branches by number only."""
-    if isinstance(result, tuple):
-        return bare(result[1])
-    if isinstance(result, list):
-        return [bare(one) for one in result]
-    return {name: bare(one) for name, one in result.items()} if isinstance(result, dict) else result
+async def result_of_race(*branches: Branch) -> Any:
+    """The result of a race without the name of its winner: the model knows branches by number only."""
+    return (await race(*branches))[1]
 
 
 def told(failure: PlanFailure) -> Any:
@@ -152,7 +148,7 @@ def outcome_of(
 
     how: Outcome
     try:
-        how = ("value", bare(run(top, host=VirtualHost(1), schedule=schedule, trace=trace)))
+        how = ("value", run(top, host=VirtualHost(1), schedule=schedule, trace=trace))
     except PlanFailure as failure:
         how = ("failure", told(failure))
     except (Bug, CleanupOverrun):

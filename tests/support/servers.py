@@ -5,7 +5,7 @@ from __future__ import annotations
 import socket
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 if TYPE_CHECKING:
+    from executive.serving.connections import Guarded
     from executive.serving.workers import Limits
 
 NOW = "2026-01-01T00:00:00Z"
@@ -38,6 +39,11 @@ class RunningServer:
         """The address."""
         return f"http://127.0.0.1:{self._port}"
 
+    @property
+    def connections(self) -> Iterable[Guarded]:
+        """The connections that are open."""
+        return self._server.server_state.connections  # type: ignore[return-value]
+
     def key(self, author: str) -> str:
         """Return a new key of an author."""
         return self.store.new_key(author, NOW)
@@ -46,7 +52,17 @@ class RunningServer:
         """Answer, at the same address as before."""
         import uvicorn
 
-        config = uvicorn.Config(self._app, port=self._port, log_level="critical", ws="none", lifespan="off")
+        from executive.serving.connections import MOST, Guarded
+
+        config = uvicorn.Config(
+            self._app,
+            port=self._port,
+            log_level="critical",
+            lifespan="off",
+            limit_concurrency=MOST,
+            http=Guarded,
+            ws="none",
+        )
         listening = config.bind_socket()
         listening.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)  # as a real server's
         self._port = listening.getsockname()[1]

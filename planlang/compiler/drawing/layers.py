@@ -8,10 +8,12 @@ from __future__ import annotations
 
 from bisect import bisect_right, insort
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import pairwise
 
 import networkx as nx
+
+from planlang.records import dataclass
 
 SWEEPS = 12
 """Sweeps down and up; Sugiyama and others find that few drawings become better after that many."""

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from html import escape
 from itertools import pairwise
 
 from planlang.compiler.drawing.layers import Layers, Point, layered
 from planlang.compiler.drawing.task_graph import (
+    BOLD,
     INDENT,
     LONGEST_LINE,
     Arrow,
@@ -19,11 +20,12 @@ from planlang.compiler.drawing.task_graph import (
     shown,
     width,
 )
+from planlang.records import dataclass
 
 MARGIN, HEAD = 24.0, 52.0
 
 STYLE = """\
-text { font-family: Helvetica, Arial, "Liberation Sans", sans-serif; fill: #1f2d3a; }
+text { font-family: Helvetica, Arial, "Liberation Sans", "DejaVu Sans", sans-serif; fill: #1f2d3a; }
 .title { font-size: 18px; font-weight: bold; }
 .small, .line { font-size: 11px; fill: #51606e; }
 .name { font-size: 13px; font-weight: bold; }
@@ -57,7 +59,7 @@ def figure(graph: TaskGraph, *inside: str) -> str:
     has_added = any(route.arrow.order is Order.ADDED for route in found.routes)
     legend = "dashed: added by the compiler, as steps at one place are performed together" if has_added else ""
     title, subtitle = shown(graph.title, 80), shown(graph.subtitle, 120)
-    wide = max(found.width, width(title, 19), width(subtitle, LINE_SIZE), width(legend, LINE_SIZE)) + 2 * MARGIN
+    wide = max(found.width, width(title, 18) * BOLD, width(subtitle, LINE_SIZE), width(legend, LINE_SIZE)) + 2 * MARGIN
     high = found.height + HEAD + 2 * MARGIN + (LINE_HEIGHT * 1.5 if legend else 0.0)
     left, top = (wide - found.width) / 2, MARGIN + HEAD
     lines = [
@@ -295,7 +297,7 @@ def _laid_out(group: Group) -> _Recipe:
 
 def _sized(box: Box) -> Placed:
     lines = box.text()
-    wide = max(width(lines[0], NAME_SIZE) * 1.08, *(width(line, LINE_SIZE) for line in ("", *lines[1:]))) + 2 * PADDING
+    wide = max(width(lines[0], NAME_SIZE) * BOLD, *(width(line, LINE_SIZE) for line in ("", *lines[1:]))) + 2 * PADDING
     high = _text_height(lines)
     inside = tuple(map(_laid_out, box.groups))
     if inside:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from enum import Enum
 from itertools import count
 from textwrap import wrap
@@ -13,11 +12,13 @@ from textwrap import wrap
 from planlang.designators import local_name
 from planlang.diagnostics import Span
 from planlang.recipe.model import (
+    Constraint,
     Description,
     Filler,
     Name,
     Ordering,
     Parameter,
+    Part,
     Place,
     Reason,
     Recipe,
@@ -28,6 +29,7 @@ from planlang.recipe.model import (
     Transition,
 )
 from planlang.recipe.order import recipe_order
+from planlang.records import dataclass
 from planlang.relations import RELATIONS
 
 
@@ -146,13 +148,20 @@ class _Builder:
             keys[step.iri] = box.key
             boxes.append(box)
         arrows = _transitions(recipe, keys) if recipe.machine is not None else self._arrows(recipe, keys)
-        return Group(key, shown(recipe.name), tuple(boxes), (*arrows, *_overlaps(recipe, keys)))
+        return Group(key, shown(self._name(recipe.iri)), tuple(boxes), (*arrows, *_overlaps(recipe, keys)))
+
+    def _name(self, iri: str) -> str:
+        """Return the name of a recipe; an alternative is called like its only step."""
+        recipe = self._recipes.recipes[iri]
+        return recipe.name if recipe.within is None or not recipe.steps else recipe.steps[0].name
 
     def _box(self, recipe: Recipe, step: Step) -> Box:
         key = f"s{next(self._numbers)}"
         lines = [_parameter(parameter) for parameter in step.parameters]
         if step.condition is not None:
             lines.append(_condition(step.condition))
+        if len(step.recipes) > 1:
+            lines.append(f"tried in order: {', '.join(map(self._name, step.recipes))}")
         again = [local_name(callee) for callee in step.recipes if callee in self._drawn]
         if again:
             lines.append(f"as drawn elsewhere: {', '.join(again)}")
@@ -265,10 +274,25 @@ def _filler(filler: Filler) -> str:
             return f"{filler.name} ({stated or 'posture'})"
         case Name():
             return local_name(filler.iri)
+        case Part():
+            return f"{filler.name} of {filler.of.name}" if filler.path else filler.name
+        case Constraint():
+            return _constraint(filler)
         case bool():
             return "true" if filler else "false"
         case _:
             return str(filler)
+
+
+def _constraint(constraint: Constraint) -> str:
+    """Return a constraint with its features and limits, such as ``Height (Tip of knife to board, 0.1 to 0.2 m)``."""
+    kind = constraint.kind.value
+    low, high = (None if limit is None else f"{limit:g}" for limit in (constraint.lower, constraint.upper))
+    limits = f"{low} to {high}" if low and high else f"at least {low}" if low else f"at most {high}" if high else ""
+    if limits and kind.unit:
+        limits += f" {kind.unit}"
+    features = f"{_filler(constraint.tool)} to {_filler(constraint.world)}"
+    return f"{constraint.name} ({', '.join(filter(None, (features, limits)))})"
 
 
 def _reference(reference: Thing | Place) -> str:
@@ -312,12 +336,20 @@ def broken(text: str) -> list[str]:
 
 
 _WIDTHS = (
-    ("ijl|'!.,:;", 0.26),
-    ("ft()[]/\\ \N{NO-BREAK SPACE}rI-", 0.34),
-    ("mwMW@%", 0.88),
-    ("ABCDEFGHJKLNOPQRSTUVXYZ&#", 0.70),
-    ("…", 1.0),
+    ("ijlI|'\\/:;,. \N{NO-BREAK SPACE}", 0.34),
+    ("frt()[]!-", 0.41),
+    ("csz*`J", 0.55),
+    ("CRUHN", 0.75),
+    ("DGOQw&", 0.82),
+    ("M#+<=>^~", 0.86),
+    ("mW%@\N{HORIZONTAL ELLIPSIS}", 1.02),
+    ("EKPSYAVBXZ", 0.69),
 )
+"""Widths in DejaVu Sans, the widest of the usual sans-serif fonts: Helvetica is not there on most Linux machines."""
+
+BOLD = 1.14
+"""Width of bold letters, by that of others."""
+
 _WIDTH_OF = {character: width for characters, width in _WIDTHS for character in characters}
 
 
@@ -328,5 +360,5 @@ def width(text: str, size: float) -> float:
         if unicodedata.east_asian_width(character) in "WF":
             total += 1.05
         else:
-            total += _WIDTH_OF.get(character, 0.57)
+            total += _WIDTH_OF.get(character, 0.64)
     return total * size

@@ -10,7 +10,7 @@ them.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import Generic, ParamSpec, TypeVar
 
@@ -20,6 +20,7 @@ from planlang.recipe.actions import Actions
 from planlang.recipe.model import Recipe, RecipeSet, Step
 from planlang.recipe.order import added_by_scopes
 from planlang.recipe.statements import Statements
+from planlang.records import dataclass
 
 MOST_NAMES = 5
 """Names that one message lists: as many fit on two lines of a terminal."""

@@ -33,6 +33,7 @@ from planlang.recipe.statements import (
     words_of,
 )
 from planlang.relations import owl_properties
+from planlang.spelling import similar
 
 _W3C = (OWL, RDF, RDFS, XSD)
 _NAMING = (
@@ -357,12 +358,12 @@ def guess(
         if name != written:
             known.setdefault(telling(name), name)
     short = telling(written)
-    similar = get_close_matches(short, known, n=2, cutoff=least)
-    if not similar:
+    alike = similar(short, known, n=2, least=least)
+    if not alike:
         return None
-    near = [name for name in similar if SequenceMatcher(None, name, short).ratio() >= SURE]
+    near = [name for name in alike if SequenceMatcher(None, name, short).ratio() >= SURE]
     is_sure = len(near) == 1 and _digits(near[0]) == _digits(short)
-    return Rename(written, known[similar[0]], is_sure=is_sure)
+    return Rename(written, known[alike[0]], is_sure=is_sure)
 
 
 class Neighbours:

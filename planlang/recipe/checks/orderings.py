@@ -8,22 +8,23 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from difflib import get_close_matches
+from dataclasses import replace
 from functools import cache
-from itertools import combinations, pairwise
-
-import networkx as nx
+from itertools import pairwise
 
 from planlang.designators import local_name, told_apart
 from planlang.diagnostics import Diagnostic, Order, Span, error, note, warning
 from planlang.ontology import Ontology, expand
 from planlang.recipe.actions import Actions
 from planlang.recipe.checks import CheckedRecipe, check
+from planlang.recipe.checks.joints import joints
 from planlang.recipe.checks.misspellings import guess
-from planlang.recipe.model import Filler, Ordering, Overlap, Place, Reason, Recipe, RecipeSet, Step, Thing
-from planlang.recipe.order import Intervals, Precedence, recipe_cycle, recipe_order
+from planlang.recipe.model import Ordering, Overlap, Reason, Recipe, Step
+from planlang.recipe.order import Intervals, Precedence, leads_to, recipe_cycle, recipe_order
+from planlang.recipe.preconditions import named
 from planlang.recipe.statements import LooseEnd, Statements
+from planlang.records import dataclass
+from planlang.spelling import similar
 
 
 @check("R011")
@@ -70,7 +71,10 @@ def ordered_strangers(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     """Report names that are ordered but no sub-actions, each once, at its first mention."""
     ontology, statements, recipe = checked.ontology, checked.statements, checked.recipe
     stated = dict.fromkeys((*statements.names, *statements.phases))
-    undefined = [iri for iri in statements.names if not ontology.defined(iri)]
+    members = {way.iri: sub.iri or "" for sub in statements.sub_actions for _, way in sub.alternatives}
+    undefined = [
+        sub.iri for sub in statements.sub_actions if sub.iri and not (sub.alternatives or ontology.defined(sub.iri))
+    ]
     mentions: dict[str, list[Ordering | Overlap]] = {}
     for ordering in recipe.orderings:
         for name in (ordering.before, ordering.after):
@@ -82,11 +86,13 @@ def ordered_strangers(checked: CheckedRecipe) -> Iterator[Diagnostic]:
                 mentions.setdefault(name, []).append(overlap)
     for name, orderings in mentions.items():
         short = local_name(name)
-        if undefined:
+        if name in members:
+            guess = f"it is an alternative of the step `{local_name(members[name])}`, of which only one is performed"
+        elif undefined:
             other = local_name(undefined[0])
             guess = f"did you mean `{short}` as the sub-action instead of `{other}`, which is not defined?"
-        elif similar := get_close_matches(short, [local_name(iri) for iri in statements.names], n=1):
-            guess = f"did you mean `{similar[0]}`?"
+        elif alike := similar(short, [local_name(iri) for iri in statements.names]):
+            guess = f"did you mean `{alike[0]}`?"
         else:
             guess = f"add `subAction some {short}` to `{recipe.name}`, or remove these constraints"
         spans = [span for ordering in orderings for span in [_mention(ontology, ordering, name)] if span is not None]
@@ -196,9 +202,6 @@ RECURSIVE = ("R022", "R023")
 ORDERS_UNKNOWN = ("R010", "R011", "R020")
 """Codes of mistakes by which it is not known what the file orders: an order may only seem to be missing."""
 
-MOST_STEPS = 200
-"""Steps with resources of one recipe that are compared pair by pair: 20,000 pairs take about 20 ms."""
-
 ROLES: dict[str, tuple[str, ...]] = {
     "acquires": ("GraspingSomething", "PickingUpAnObject", "TakingSomething"),
     "delivers": ("PuttingDownAnObject", "PuttingSomethingSomewhere", "HandingOverAnObject"),
@@ -237,20 +240,30 @@ WORK = (
 
 @dataclass(frozen=True, slots=True)
 class _Facts:
-    """The roles of a step, and the things and places (IRIs) that it is about."""
+    """The roles of a step, the things and places (IRIs) that it is about, and those of them where it happens."""
 
     roles: frozenset[str]
     about: frozenset[str]
+    where: frozenset[str] = frozenset()
 
 
 @check("R042", unless=(*RECURSIVE, "R012"))
 def missing_orders(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     """Report each ordering that is missing and probably meant."""
     recipe = checked.recipe
-    for before, after, why in plausible_orders(checked.actions, recipe, checked.added):
+    for before, after, why in plausible(checked):
         message = f"`{local_name(before)}` should probably come before `{local_name(after)}`: {why}"
         advice = ordering_to_write(recipe, before, after)
         yield warning("R042", message, recipe.step(after).span, advice, Order(recipe.iri, before, after))
+
+
+def plausible(checked: CheckedRecipe) -> tuple[tuple[str, str, str], ...]:
+    """Return :func:`plausible_orders`, which several checks ask for."""
+    derived, key = checked.recipe.derived, f"plausible with {checked.added}"
+    if key not in derived:
+        derived[key] = tuple(plausible_orders(checked.actions, checked.recipe, checked.added))
+    found: tuple[tuple[str, str, str], ...] = derived[key]
+    return found
 
 
 def plausible_orders(
@@ -268,34 +281,43 @@ def plausible_orders(
         return
     facts = {step.iri: _facts(actions, step) for step in recipe.steps}
     all_roles = [role for fact in facts.values() for role in fact.roles]
-    grasps = actions.is_a(recipe, *ROLES["acquires"])
+    # where a step lets go by itself, as handing over does, the gripper is opened for the grasp
+    grasps = actions.is_a(recipe, *ROLES["acquires"]) or "delivers" in all_roles
     active = [step.iri for step in recipe.steps if facts[step.iri].roles]
     if len(active) < 2:
         return
     order = recipe_order(recipe)
+
+    def reason(first: str, second: str) -> str | None:
+        return _why(facts[first], facts[second], all_roles, grasps=grasps)
+
+    if joined := joints(actions, recipe, order, reason):
+        yield from joined
+        return
     rank = {iri: number for number, iri in enumerate(active)}
     users: dict[frozenset[str], int] = {}
-    """The bits of the steps that do the same."""
-    for iri in active:
+    for iri in active:  # the bits of the steps that do the same
         users[facts[iri].roles] = users.get(facts[iri].roles, 0) | order.bit(iri)
-    wished = nx.DiGraph([*order.reduction(), *added])
-    wished.add_nodes_from(order.nodes)
+    follows: dict[str, list[str]] = {}
+    for before, after in order.reduction():
+        follows.setdefault(before, []).append(after)
     suggested: dict[tuple[str, str], str] = {}
     for first in active:
         reasonable = sum(bits for roles, bits in users.items() if _may(facts[first].roles, roles, all_roles, grasps))
         unordered = reasonable & ~(order.later(first) | order.earlier(first) | order.bit(first))
         for second in sorted(order.members(unordered), key=rank.__getitem__):
-            why = _why(facts[first], facts[second], all_roles, grasps=grasps)
-            if why is not None and not nx.has_path(wished, second, first):
-                wished.add_edge(first, second)
+            why = reason(first, second)
+            if why is not None and not leads_to(follows, second, first):
+                follows.setdefault(first, []).append(second)
                 suggested[first, second] = why
-    if suggested:
-        wider: Precedence[str] = Precedence(order.nodes, wished.edges)
-        yield from (
-            (before, after, suggested[before, after])
-            for before, after in wider.reduction()
-            if (before, after) in suggested
-        )
+    if not suggested:
+        yield from joints(actions, recipe, order, reason, single=True)
+        return
+    # a scope's orders give way: the compiler adds them anew, once the suggestions are accepted
+    wider = order.extended(suggested, weak=added)
+    yield from (
+        (before, after, suggested[before, after]) for before, after in wider.reduction() if (before, after) in suggested
+    )
 
 
 def _by_number(recipe: Recipe) -> list[str]:
@@ -313,7 +335,7 @@ def _may(first: frozenset[str], second: frozenset[str], all_roles: list[str], gr
     """Return True if steps with these roles should be in order, at least when they concern the same object."""
     nothing, same = frozenset[str](), frozenset({""})
     return any(
-        _why(_Facts(first, about), _Facts(second, about), all_roles, grasps=grasps) is not None
+        _why(_Facts(first, about, about), _Facts(second, about, about), all_roles, grasps=grasps) is not None
         for about in (nothing, same)
     )
 
@@ -321,7 +343,7 @@ def _may(first: frozenset[str], second: frozenset[str], all_roles: list[str], gr
 def _why(first: _Facts, second: _Facts, all_roles: list[str], *, grasps: bool) -> str | None:
     """Return the reason why the first step should come before the second; None if there is no reason.
 
-    ``all_roles`` are the roles of all steps, ``grasps`` is true if the recipe as a whole grasps something.
+    ``all_roles`` are the roles of all steps, ``grasps`` is true if a gripper is opened to grasp, not to let go.
     """
     is_related = not first.about.isdisjoint(second.about)
     a, b = first.roles, second.roles
@@ -341,7 +363,7 @@ def _why(first: _Facts, second: _Facts, all_roles: list[str], *, grasps: bool) -
         return "something is taken out of a container before it is closed"
     if "carries" in a and b & {"lets go", "delivers"}:
         return "an object is moved before it is let go"
-    if "moves the base" in a and "moves the base" not in b and is_related:
+    if "moves the base" in a and "moves the base" not in b and not first.where.isdisjoint(second.where or second.about):
         return "the base goes there before the hand reaches there"
     if "reaches" in a:
         if b & {"acquires", "moves a handle"} and not {"delivers", "lets go"} & set(all_roles):
@@ -365,25 +387,17 @@ def _roles_by_class() -> dict[str, tuple[str, ...]]:
     return {expand(cls): tuple(role for role, names in ROLES.items() if cls in names) for cls in classes}
 
 
+_ABOUT = ("objectActedOn", "toLocation", "recipient")
+
+
 def _facts(actions: Actions, step: Step) -> _Facts:
     known = _roles_by_class()
     roles = {role for ancestor in actions.ontology.ancestors(step.action_class) for role in known.get(ancestor, ())}
     if actions.is_base_motion(step):
         roles.add("moves the base")
-    about: set[str] = set()
-    for parameter in step.parameters:
-        if parameter.property in ("objectActedOn", "toLocation"):
-            about.update(_named(parameter.filler))
-    return _Facts(frozenset(roles), frozenset(about))
-
-
-def _named(filler: Filler) -> Iterator[str]:
-    if isinstance(filler, Thing):
-        yield filler.iri or filler.stated
-    elif isinstance(filler, Place):
-        yield filler.iri
-        for _, reference in filler.relations:
-            yield from _named(reference)
+    about = {name: frozenset(one for filler in step.fillers(name) for one in named(filler)) for name in _ABOUT}
+    where = about["toLocation"] | about["recipient"]
+    return _Facts(frozenset(roles), about["objectActedOn"] | about["toLocation"], where)
 
 
 @check("R040", unless=(*RECURSIVE, "R012"))
@@ -395,74 +409,16 @@ def unordered_base_motions(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     order = recipe_order(recipe)
     movers = checked.actions.movers(recipe, checked.file.recipes)
     moving = [step for step in order.extension if step in movers.opening | movers.ending]
-    for first, second in pairwise(moving):
-        if not order.before(first, second):
-            one, other = told_apart(first, second)
-            message = f"`{one}` and `{other}` both move the base, but are not ordered"
-            advice = ordering_to_write(recipe, first, second)
-            yield error("R040", message, recipe.step(second).span, advice, Order(recipe.iri, first, second))
-
-
-@check("R045", unless=(*RECURSIVE, "R012", *ORDERS_UNKNOWN))
-def shared_resources(checked: CheckedRecipe) -> Iterator[Diagnostic]:
-    """Report steps that need the same resource of the robot and are unordered, unless R042 orders them."""
-    actions, recipe, recipes = checked.actions, checked.recipe, checked.file.recipes
-    narrow: dict[str, frozenset[str]] = {}
-    wide: dict[str, frozenset[str]] = {}
-    own = {step.iri: _resources(actions, step, recipes, narrow, with_implied=False) for step in recipe.steps}
-    whole = {step.iri: _resources(actions, step, recipes, wide, with_implied=True) for step in recipe.steps}
-    using = [step for step in recipe.steps if whole[step.iri]][:MOST_STEPS]
-    if len(using) < 2:
-        return
-    order = recipe_order(recipe)
-    suggested = [(before, after) for before, after, _ in plausible_orders(actions, recipe, checked.added)]
-    if checked.added or suggested:
-        order = order.extended([*checked.added, *suggested])
-
-    def shared(first: Step, second: Step) -> frozenset[str]:
-        """Return what both steps need; a recipe also holds what its steps need, process modules take turns by step."""
-        needs = whole if first.recipes or second.recipes else own
-        return needs[first.iri] & needs[second.iri]
-
-    pairs = [
-        (first, second)
-        for first, second in combinations(using, 2)
-        if shared(first, second) and not order.ordered(first.iri, second.iri)
-    ]
-    if pairs:
-        first, second = pairs[0]
-        both = " and the ".join(sorted(shared(first, second)))
-        more = f" (and {len(pairs) - 1} more such pairs)" if len(pairs) > 1 else ""
-        one, other = told_apart(first.iri, second.iri)
-        message = f"`{one}` and `{other}` both need the {both}, but are not ordered: either may come first{more}"
-        advice = ordering_to_write(recipe, first.iri, second.iri)
-        yield warning("R045", message, second.span, advice, Order(recipe.iri, first.iri, second.iri))
-
-
-def _resources(
-    actions: Actions, step: Step, recipes: RecipeSet, known: dict[str, frozenset[str]], *, with_implied: bool
-) -> frozenset[str]:
-    """Return the roles that a step and the steps below it need; a role of the hand with its device if that is stated.
-
-    With ``with_implied`` those of what primitives do on the way, too. ``known`` are those of recipes (IRIs) that were
-    asked for before.
-    """
-    primitive = actions.primitive(step)
-    if primitive is not None:
-        devices = sorted(thing.name for thing in step.fillers("deviceUsed") if isinstance(thing, Thing))
-        on_the_way = (actions.primitives.get(action) for action in primitive.implies if with_implied)
-        roles = {role for one in (primitive, *on_the_way) if one is not None for role in one.resources}
-        return frozenset(
-            f"{role} of {devices[0]}" if devices and role in ("arm", "gripper") else role
-            for role in roles
-            if role != "base"  # the order of base motions is judged by R040
-        )
-    for callee in step.recipes:
-        if callee not in known:
-            below = [_resources(actions, one, recipes, known, with_implied=with_implied) for one in
-                     recipes.recipes[callee].steps]  # fmt: skip
-            known[callee] = frozenset().union(*below)
-    return frozenset(role for callee in step.recipes for role in known[callee])
+    apart = [(first, second) for first, second in pairwise(moving) if not order.before(first, second)]
+    suggested = [one[:2] for one in plausible(checked)] if apart else []
+    wider = order.extended(suggested, weak=checked.added)
+    for first, second in apart:
+        one, other = told_apart(first, second)
+        message = f"`{one}` and `{other}` both move the base, but are not ordered"
+        is_implied = len(suggested) == 1 and wider.ordered(first, second)
+        before, after = suggested[0] if is_implied else (first, second)
+        advice = ordering_to_write(recipe, before, after)
+        yield error("R040", message, recipe.step(second).span, advice, Order(recipe.iri, before, after))
 
 
 @check("R047", unless=(*RECURSIVE, "R012", *ORDERS_UNKNOWN, "R040", "R042", "R045"))

@@ -370,13 +370,13 @@ def _literal(ontology: Ontology, owner: str, property_name: str, literal: Litera
 
 
 def _meant(ontology: Ontology, undefined: str) -> Rename | None:
-    """Return a name of the main document that is similar to an undefined one."""
+    """Return a name of the main document, else a class of the vocabulary, that is similar to an undefined one."""
     names = {
         triple.subject: None
         for triple in ontology.triples(p=RDF.type)
         if isinstance(triple.subject, str) and not isinstance(triple.subject, BNode) and ontology.main(triple.subject)
     }
-    return guess(undefined, names)
+    return guess(undefined, names) or guess(undefined, filter(is_vocabulary_class, ontology.class_names()), least=SURE)
 
 
 def _asked(meant: Rename | None) -> str:
@@ -403,9 +403,11 @@ def _unrelated(actions: Actions, owner: Step | Recipe, place: Place, span: Span 
     """Yield an error for a place of the base without relation, a warning for the hand's unless it names a posture."""
     if not place.is_posture or place.pose is not None:
         return
-    where = actions.ontology.span(place.iri) or span
+    is_own = actions.ontology.main(place.iri)  # else the mistake is the step's, not the vocabulary's
+    where = (actions.ontology.span(place.iri) if is_own else None) or span
     nothing = "anything" if not any(references(actions.ontology, place.iri)) else "anything that is somewhere"
-    advice = f"add one of {', '.join(owl_properties())} to `{place.name}`"
+    target = f"`{place.name}`" if is_own else f"a place of your own below `{place.name}`, and name that"
+    advice = f"add one of {', '.join(owl_properties())} to {target}"
     if isinstance(owner, Step) and actions.is_base_motion(owner):
         message = f"`{owner.name}` moves the base to `{place.name}`, which has no relation to {nothing}"
         yield error("R036", message, where, advice)

@@ -10,17 +10,17 @@ import re
 from collections.abc import Iterator
 from difflib import get_close_matches
 
-import networkx as nx
-
 from planlang.designators import local_name, told_apart
 from planlang.diagnostics import Diagnostic, Rename, Span, error, note, warning
 from planlang.ontology import BNode, Ontology, Restriction, expand, shorten
+from planlang.recipe import graphs as nx
 from planlang.recipe.actions import Actions
 from planlang.recipe.checks import CheckedFile, CheckedRecipe, check, listing
-from planlang.recipe.checks.misspellings import guess
+from planlang.recipe.checks.misspellings import SURE, guess
 from planlang.recipe.model import Ending, Recipe, RecipeSet, Step, Transition
 from planlang.recipe.performers import recipes_for
 from planlang.recipe.statements import Statements, SubAction, is_word
+from planlang.spelling import similar
 
 MOST_ABOVE = 2
 """Superclasses that advice on a module names: a module for those farther up would have to do very different things."""
@@ -34,15 +34,31 @@ here, where a plan that calls as many functions in each other might end at Pytho
 def undefined_sub_actions(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     """Report sub-actions that nothing defines, or that name no class."""
     ontology, name = checked.ontology, checked.recipe.name
+    within = checked.recipe.within
+    article, kind = ("a", "sub-action") if within is None else ("an", "alternative")
+    name = name if within is None else local_name(within)
     for sub_action in _once(checked):
         iri = sub_action.iri
+        if sub_action.alternatives:
+            continue  # each of them is judged as the step of a recipe
         if iri is None:
-            message = f"a sub-action of `{name}` is an expression without a named action class"
+            message = f"{article} {kind} of `{name}` is an expression without a named action class"
             yield error("R020", message, sub_action.span, "name an action class in it")
+        elif within is not None and ontology.defined(iri) and not _is_action(checked, iri):
+            message = f"`{local_name(iri)}` is an alternative of a step of `{name}`, but no class of actions"
+            advice = f"name a class below knowrob:Action, or give `{local_name(iri)}` sub-actions"
+            yield error("R020", message, sub_action.span, advice)
         elif not ontology.defined(iri):
-            message = f"sub-action `{local_name(iri)}` of `{name}` is not defined"
+            message = f"{kind} `{local_name(iri)}` of `{name}` is not defined"
             advice, meant = _instead(ontology, checked.statements, iri)
             yield error("R020", message, sub_action.span, advice, meant)
+
+
+def _is_action(checked: CheckedRecipe, iri: str) -> bool:
+    ontology = checked.ontology
+    return any(ontology.is_a(iri, expand(name)) for name in ("Action", "Event")) or (
+        checked.actions.statements(iri) is not None
+    )
 
 
 @check("R024")
@@ -78,7 +94,8 @@ def foreign_words(checked: CheckedRecipe) -> Iterator[Diagnostic]:
 def abstract_steps(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     """Report steps that nothing performs yet: a process module that a program registers may."""
     for step in checked.recipe.steps:
-        if step.is_abstract:
+        is_told = checked.recipe.within is None or _is_action(checked, step.iri)
+        if step.is_abstract and is_told and not _is_performed(checked, step.action_class):
             message = f"nothing performs `{step.name}` yet: it is not a primitive and has no recipe"
             yield warning("R021", message, step.span, _performers_to_add(checked, step.action_class))
 
@@ -145,6 +162,14 @@ def _instead(ontology: Ontology, statements: Statements, undefined: str) -> tupl
     return f"define `{local_name(undefined)}` as a subclass of an action class", None
 
 
+def _is_performed(checked: CheckedRecipe, cls: str) -> bool:
+    """Return True if a process module performs a class (IRI) or one above it."""
+    performed = checked.actions.performed()
+    return bool(performed) and any(
+        not performed.isdisjoint((one, shorten(one), local_name(one))) for one in checked.ontology.ancestors(cls)
+    )
+
+
 def _performers_to_add(checked: CheckedRecipe, cls: str) -> str:
     """Return what would perform a class (IRI): a process module, a recipe, a class nearby that is performed.
 
@@ -160,6 +185,9 @@ def _performers_to_add(checked: CheckedRecipe, cls: str) -> str:
     below = f", or place it below `{local_name(near.meant)}`" if near else ""
     above = [f"`{local_name(one)}`" for one in ontology.ancestors(cls)[1:] if not actions.is_any(one)][:MOST_ABOVE]
     module = " or ".join([f"`{local_name(cls)}`", *above])
+    for known in map(local_name, checked.ontology.ancestors(cls)):
+        if not actions.is_any(expand(known)) and (misspelt := similar(known, sorted(actions.performed()), least=SURE)):
+            return f"a process module performs `{misspelt[0]}`: did you mean `{known}` in its actions?"
     return f"register a process module for {module} (docs/modules.md), or add sub-actions{below}"
 
 

@@ -8,10 +8,12 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from pathlib import Path
 from typing import NamedTuple
 
 from planlang.diagnostics import Declaration, Span
+from planlang.recipe.preconditions import Unmet
+from planlang.records import dataclass
 
 SAFE = ("O012", "O013", "O016", "O042", "O043", "R010", "R011", "R013", "R014", "R020", "R024", "R030", "R033", "R038",
         "R046", "R049", "R050", "R051", "R057", "R058")  # fmt: skip
@@ -53,6 +55,8 @@ WITHOUT = {
     "R062": "the file does not say which thing or place",
     "R063": "the file does not say what is needed",
     "R065": "the file does not say which constraint was meant",
+    "R067": "any of the orderings may be wrong",
+    "R068": "the file does not say which thing or place",
 }
 """Code -> why there is no fix: there is more than one right text, or none follows from the file."""
 
@@ -67,6 +71,28 @@ class Edit(NamedTuple):
 
 class CannotEdit(Exception):
     """The text is not written in a way that is understood there; the message says what is in the way."""
+
+
+class Worse(CannotEdit):
+    """A fix would make the recipe worse; ``advice`` says what to write instead."""
+
+    def __init__(self, why: str, advice: str) -> None:
+        super().__init__(why)
+        self.advice = advice
+
+
+class Rehearsal(NamedTuple):
+    """What goes wrong when the plan of a recipe is run by a scripted robot.
+
+    ``unmet`` are the actions that came before what they need was brought about, ``failure`` is how the run failed.
+    """
+
+    unmet: tuple[Unmet, ...]
+    failure: str = ""
+
+
+Rehearse = Callable[[Path], Rehearsal | None]
+"""Compiles the recipe in a file and runs its plan; returns None if the recipe does not compile."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,11 +1,14 @@
-"""Fixing a recipe's text: every fix is tried, and kept only if what it is for is gone and nothing else got wrong."""
+"""Fixing a recipe's text: every fix is tried, and kept only if what it is for is gone and nothing else got worse.
+
+A fix that a person accepted is judged by the checks and by a rehearsal of the plan, before and after it.
+"""
 
 from __future__ import annotations
 
 import tempfile
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 
@@ -14,11 +17,12 @@ from planlang.files import decode
 from planlang.ontology import load
 from planlang.ontology.documents import Syntax, read_bytes, syntax_of
 from planlang.recipe.actions import Actions
-from planlang.recipe.fixes import CannotEdit, Edit, Editable, Fix
+from planlang.recipe.fixes import CannotEdit, Edit, Editable, Fix, Rehearsal, Rehearse, Worse
 from planlang.recipe.fixes.manchester_text import ManchesterText
 from planlang.recipe.fixes.proposals import declarations, proposed, renames
 from planlang.recipe.fixes.xml_text import XmlText
 from planlang.recipe.reading import read_recipe, read_recipes
+from planlang.records import dataclass
 
 MOST_FIXES = 100
 """Fixes made or tried in one file. Each takes a reading of the whole file, a tenth of a second for a real recipe."""
@@ -28,7 +32,9 @@ _ENCODINGS = ("utf-8", "utf-8-sig", "utf-16", "iso8859-1", "iso8859-15", "cp1252
 
 @dataclass(frozen=True, slots=True)
 class Fixed:
-    """A recipe's text before and after, what was done, and what was left: not accepted, or not possible (and why).
+    """A recipe's text before and after, what was done, and what was left.
+
+    Left is what was not accepted, what was not possible, and what would have made the recipe worse, each with why.
 
     Spans of what was left are positions in the text after.
     """
@@ -39,6 +45,7 @@ class Fixed:
     done: tuple[Fix, ...]
     unaccepted: tuple[Fix, ...]
     impossible: tuple[tuple[Fix, str], ...]
+    refused: tuple[tuple[Fix, Worse], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +60,9 @@ class _State:
     def errors(self) -> Counter[tuple[str, str]]:
         return Counter((one.code, one.message) for one in self.diagnostics if one.severity is Severity.ERROR)
 
+    def count(self, severity: Severity) -> int:
+        return sum(one.severity is severity for one in self.diagnostics)
+
 
 def fix_recipe(
     path: Path,
@@ -60,19 +70,21 @@ def fix_recipe(
     task: str | None = None,
     folders: Sequence[Path] = (),
     accepted: frozenset[str] = frozenset(),
+    rehearse: Rehearse | None = None,
 ) -> Fixed:
     """Fix the recipe in a file, which stays as it is.
 
-    Fixes that are not safe are made only if their code is ``accepted``. The other arguments are those of
+    Fixes that are not safe are made only if their code is ``accepted``, and if neither the checks nor a rehearsal of
+    the plan find that they make the recipe worse. The other arguments are those of
     :func:`planlang.recipe.read_recipe`. Raises BadInput if the file cannot be read at all.
     """
-    fixing = _Fixing(path, task, folders)
+    fixing = _Fixing(path, task, folders, rehearse)
     state = fixing.first()
     done: list[Fix] = []
-    impossible: dict[tuple[str, str], tuple[Fix, str]] = {}
-    while len(done) + len(impossible) < MOST_FIXES:
+    failed: dict[tuple[str, str], tuple[Fix, CannotEdit]] = {}
+    while len(done) + len(failed) < MOST_FIXES:
         wanted = [fix for fix in state.fixes if fix.is_safe or fix.code in accepted]
-        waiting = [fix for fix in wanted if (fix.code, fix.message) not in impossible]
+        waiting = [fix for fix in wanted if (fix.code, fix.message) not in failed]
         if not waiting:
             break
         safe = [fix for fix in waiting if fix.is_safe]
@@ -83,23 +95,26 @@ def fix_recipe(
                 break
             except CannotEdit as problem:
                 if some is not safe:
-                    impossible[waiting[0].code, waiting[0].message] = (waiting[0], str(problem))
+                    failed[waiting[0].code, waiting[0].message] = (waiting[0], problem)
     unaccepted = [fix for fix in state.fixes if not fix.is_safe and fix.code not in accepted]
+    left = [(replace(fix, span=fixing.in_file(fix.span)), why) for fix, why in failed.values()]
     return Fixed(
         fixing.before,
         state.text,
         fixing.encoding,
         tuple(done),
         tuple(replace(fix, span=fixing.in_file(fix.span)) for fix in unaccepted),
-        tuple((replace(fix, span=fixing.in_file(fix.span)), why) for fix, why in impossible.values()),
+        tuple((one, str(why)) for one, why in left if not isinstance(why, Worse)),
+        tuple((one, why) for one, why in left if isinstance(why, Worse)),
     )
 
 
 class _Fixing:
     """A recipe's file, of which changed texts are read as if they were in it."""
 
-    def __init__(self, path: Path, task: str | None, folders: Sequence[Path]) -> None:
-        self._path, self._task, self._folders = path, task, folders
+    def __init__(self, path: Path, task: str | None, folders: Sequence[Path], rehearse: Rehearse | None) -> None:
+        self._path, self._task, self._folders, self._rehearse = path, task, folders, rehearse
+        self._rehearsals: dict[str, Rehearsal | None] = {}
         content = read_bytes(path)
         self.before = decode(content, str(path))
         self.encoding = _encoding(content, self.before)
@@ -139,9 +154,50 @@ class _Fixing:
         left = {(fix.code, fix.message) for fix in new.fixes}
         if any((fix.code, fix.message) in left for fix in fixes):
             raise CannotEdit("the change to the text had no effect")
-        if all(fix.is_safe for fix in fixes) and new.errors() - state.errors():
+        if not all(fix.is_safe for fix in fixes):
+            self._judge(state, new, fixes[0])
+        elif new.errors() - state.errors():
             raise CannotEdit("there would be errors that are not there now")
         return new
+
+    def _judge(self, before: _State, after: _State, fix: Fix) -> None:
+        """Raise Worse if checks or rehearsal find more that is wrong after a fix than before it."""
+        fixed = next((one.severity for one in before.diagnostics if one.code == fix.code), Severity.NOTE)
+        new = [
+            one
+            for one in after.diagnostics
+            if one.severity is Severity.ERROR and (one.code, one.message) not in before.errors()
+        ]
+        errors = after.count(Severity.ERROR) - before.count(Severity.ERROR)
+        if new and (errors > 0 or fixed is not Severity.ERROR):
+            raise Worse(f"there would be the error {new[0].code}: {new[0].message}", new[0].help or "change it by hand")
+        if not errors and after.count(Severity.WARNING) > before.count(Severity.WARNING):
+            old = {(one.code, one.message) for one in before.diagnostics}
+            more = next(one for one in after.diagnostics if (one.code, one.message) not in old)
+            raise Worse(f"there would be the {more.severity.value} {more.code}: {more.message}", more.help or "")
+        self._judge_rehearsals(self._rehearsed(before), self._rehearsed(after))
+
+    @staticmethod
+    def _judge_rehearsals(before: Rehearsal | None, after: Rehearsal | None) -> None:
+        if after is None:
+            return
+        known = before.unmet if before is not None else ()
+        for unmet in after.unmet:
+            if unmet not in known:
+                raise Worse(f"in the plan, {unmet}", unmet.advice)
+        if before is not None and after.failure and not before.failure:
+            raise Worse(f"the plan would fail: {after.failure}", "change it by hand")
+
+    def _rehearsed(self, state: _State) -> Rehearsal | None:
+        """Return how the plan of a text goes; None if it does not compile, or nobody rehearses."""
+        if self._rehearse is None:
+            return None
+        if state.text not in self._rehearsals:
+            with tempfile.TemporaryDirectory(prefix="planlang-") as folder:
+                copy = Path(folder) / self._path.name
+                copy.write_bytes(state.text.encode(self.encoding))
+                self._rehearsals[state.text] = self._rehearse(copy)
+        return self._rehearsals[state.text]
 
     def in_file(self, span: Span | None) -> Span | None:
         """Return the position in the file itself instead of its temporary copy."""

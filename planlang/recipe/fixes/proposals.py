@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator
-from difflib import get_close_matches
 from operator import methodcaller
 from typing import TypeVar
 
@@ -21,6 +20,7 @@ from planlang.recipe.model import Recipe, RecipeSet, Step, Thing
 from planlang.recipe.performers import statements_for
 from planlang.recipe.readers.partial_order import is_sub_action
 from planlang.recipe.statements import Statements, is_word
+from planlang.spelling import similar
 
 _T = TypeVar("_T")
 
@@ -138,10 +138,10 @@ def _names(ontology: Ontology, statements: Statements, recipe: Recipe) -> Iterat
                 message = f"the sub-action `{local_name(wrong.iri or '')}` of `{recipe.name}` becomes `{short}`"
                 yield Fix("R010", message, wrong.span, _renamed([wrong.span], mentions[0]), is_safe=False)
             continue
-        similar = get_close_matches(short, by_name, n=2)
-        if len(similar) == 1:
-            message = f"`{short}` in the orderings of `{recipe.name}` becomes `{similar[0]}`"
-            yield Fix("R010", message, min(mentions), _renamed(mentions, by_name[similar[0]].span))
+        alike = similar(short, by_name, n=2)
+        if len(alike) == 1:
+            message = f"`{short}` in the orderings of `{recipe.name}` becomes `{alike[0]}`"
+            yield Fix("R010", message, min(mentions), _renamed(mentions, by_name[alike[0]].span))
 
 
 def _renamed(places: list[Span], like: Span) -> Callable[[Editable], list[Edit]]:

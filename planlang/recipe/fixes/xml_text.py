@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from xml.parsers import expat
 from xml.sax.saxutils import escape
 
@@ -14,6 +14,7 @@ from planlang.ontology.checks import canonical, meant_term
 from planlang.ontology.terms import OWL, RDF, RDFS
 from planlang.ontology.xml_text import place_of_declarations
 from planlang.recipe.fixes import CannotEdit, Edit, Editable, Place
+from planlang.records import dataclass
 
 _START = re.compile(r"<[^\s/>\"'<]+(?:[^\"'<>]|\"[^\"<]*\"|'[^'<]*')*>")
 _KINDS = {"some": "someValuesFrom", "value": "hasValue"}

@@ -10,18 +10,18 @@ a class or an individual states, so that one file may mix dialects. ``register``
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import product
-
-import networkx as nx
 
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, error
 from planlang.ontology import BNode, Literal, Ontology, expand, shorten
 from planlang.ontology.terms import OWL
+from planlang.recipe import graphs as nx
 from planlang.recipe.fillers import fillings
 from planlang.recipe.model import Flow, Ordering, Reason
 from planlang.recipe.readers import action_table, finite_state, partial_order, workflow
+from planlang.recipe.readers.alternatives import with_alternatives
 from planlang.recipe.statements import (
     REGISTERED_WORDS,
     Filling,
@@ -33,6 +33,7 @@ from planlang.recipe.statements import (
     filled,
     is_word,
 )
+from planlang.records import dataclass
 
 OUTPUTS = ("outputsCreated", "outputs")
 
@@ -258,7 +259,7 @@ def statements_of(ontology: Ontology, iri: str) -> Statements | None:
     for reader in READERS:
         found = reader.read(ontology, iri)
         if found is not None:
-            return read_data_flow(ontology, found)
+            return with_alternatives(ontology, read_data_flow(ontology, found))
     return None
 
 

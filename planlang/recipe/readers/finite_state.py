@@ -26,7 +26,7 @@ def read(ontology: Ontology, iri: str) -> Statements | None:
     transitions, loose = _transitions(ontology, restrictions)
     starts, ends = (_states(restrictions, word) for word in ("taskStartState", "taskEndState"))
     subs = partial_order.in_stated_order(one for one in restrictions if partial_order.is_sub_action(one))
-    stated = [partial_order.read_sub_action(ontology, one) for one in subs]
+    stated = [partial_order.read_sub_action(ontology, one, iri) for one in subs]
     orderings, open_constraints = partial_order.read_constraints(ontology, tuple(restrictions))
     if not stated:
         stated = _told_by_transitions(transitions, starts, ends, ontology.span(iri) or Span(""))

@@ -12,6 +12,7 @@ from collections.abc import Iterable, Iterator
 from planlang.ontology import BNode, Ontology, Restriction
 from planlang.ontology.terms import OWL, RDF, RDFS
 from planlang.recipe.model import EQUIVALENT, FLAT, INTERSECTION, SUB_EVENTS, Dialect, Ordering
+from planlang.recipe.readers.alternatives import mention, read_union
 from planlang.recipe.statements import (
     CONSTRAINT_CLASSES,
     KINDS,
@@ -50,7 +51,7 @@ def read(ontology: Ontology, iri: str) -> Statements | None:
     return Statements(
         iri,
         _dialect(subs),
-        tuple(read_sub_action(ontology, restriction) for restriction in subs),
+        tuple(read_sub_action(ontology, restriction, iri) for restriction in subs),
         orderings,
         loose=loose,
         foreign=foreign_words(ontology, restrictions),
@@ -74,17 +75,20 @@ def in_stated_order(restrictions: Iterable[Restriction]) -> list[Restriction]:
     return [one for one in inside if one.form != "flat"] + flat
 
 
-def read_sub_action(ontology: Ontology, restriction: Restriction) -> SubAction:
-    """Return the sub-action of a restriction: of an intersection the first named member, with its restrictions."""
+def read_sub_action(ontology: Ontology, restriction: Restriction, task: str) -> SubAction:
+    """Return the sub-action of a restriction of a task.
+
+    Of an intersection it is the first named member, with its restrictions; a union states alternatives.
+    """
     filler, times = restriction.filler, restriction.cardinality or 1
     if isinstance(filler, str):
         return SubAction(filler, (), restriction.span, times)
     assert isinstance(filler, BNode)
+    union = read_union(ontology, filler, task, restriction.span, times)
+    if union is not None:
+        return union
     name = next((member for member in ontology.members(filler) if isinstance(member, str)), None)
-    span = restriction.span
-    if name is not None:
-        mentions = [triple.span for triple in ontology.triples(o=name) if triple.predicate.endswith("#first")]
-        span = min((mention for mention in mentions if mention >= span), default=span)
+    span = mention(ontology, name, restriction.span)
     return SubAction(name, filled(ontology.restrictions(filler)), span, times)
 
 

@@ -4,6 +4,7 @@
     python -m tests.benchmarks.locations --rooms 20               less of it
     python -m tests.benchmarks.locations --parts hard,infeasible  only parts whose names begin so
     python -m tests.benchmarks.locations --parts hard --first 200 other rooms
+    python -m tests.benchmarks.locations --parts anew --first 5000 96 rooms, half of them with a crowded table
     python -m tests.benchmarks.locations --keep results.json      goes on after the last part that was finished
 
 Times are CPU time of this process. Exit code 1 if an answer is wrong.
@@ -98,6 +99,7 @@ def _parts(chosen: argparse.Namespace, robots: list[Robot]) -> Parts:
             number = rooms if kind == "normal" else fewer
             every[f"reach {robot.name} {kind}"] = partial(parts.reaching, robot, kind, number, first)
     every["infeasible rooms"] = partial(parts.infeasible, main, max(1, rooms // 20))
+    every["anew"] = partial(parts.anew, main, max(1, rooms * 12 // 25), first)
     every["visible from"] = partial(parts.visible, main, max(2, rooms // 2))
     every["on"] = partial(parts.on, main, max(3, rooms // 2))
     every["conjunctions"] = partial(parts.areas, main, max(2, rooms // 10))

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import statistics
+from collections.abc import Iterator
 
 from executive.robots import Robot
 from planlang.designators import a_location
 from tests.benchmarks.locations import ik
 from tests.benchmarks.locations.promises import Report
+from tests.support.locations.crowded_tables import ASKED, KIND, crowded_table
+from tests.support.locations.dense_sampler import refutation
 from tests.support.locations.infeasible import infeasible_rooms
 from tests.support.locations.oracle import Oracle
 from tests.support.locations.queries import check_areas
@@ -15,13 +18,14 @@ from tests.support.locations.reach import (
     HEAD,
     Case,
     first_reasons,
+    judged,
     milliseconds,
     reach,
     summary,
     told_reason,
     unsolved,
 )
-from tests.support.locations.rooms import SUPPORTS, THE_BOTTLE, rooms, thing
+from tests.support.locations.rooms import SUPPORTS, THE_BOTTLE, Room, asked, room_of, rooms, thing
 from tests.support.locations.stage import Stage
 
 MAIN = "amigo"
@@ -167,3 +171,56 @@ def areas(robot: Robot, number: int) -> Report:
     what = f"places that break their words, of {answered} answers to {asked_for} conjunctions"
     report.none(what, report.wrong)
     return report
+
+
+OTHER_KINDS = ("normal", "hard", "cluttered floor", "narrow passage")
+"""Kinds of rooms that are drawn anew beside crowded tables; in all of them the bottle is asked for."""
+
+
+def anew(robot: Robot, number: int, first: int) -> Report:
+    """Rooms drawn anew, half of them crowded tables at which the bottle is grasped from the side, all in one run.
+
+    PyBullet judges each place; a dense sampler of its own tries to refute each answer that there is none.
+    """
+    report, times = Report(), {True: list[float](), False: list[float]()}
+    refuted = 0
+    warm = Stage(crowded_table(0), robot)  # functions are written down at the first question of a process
+    warm.ask(ASKED)
+    warm.close()
+    print("| room | answer | CPU time [ms] | judged |\n|---|---|---|---|")
+    for room in _drawn(number, first):
+        location = ASKED if room.kind == KIND else asked(room)
+        stage, oracle = Stage(room, robot), Oracle(room, robot)
+        answer = stage.ask(location)
+        times[answer.solved].append(answer.seconds)
+        if answer.solved:
+            problem = judged(stage, oracle, answer, location)
+            report.wrong += problem is not None
+            verdict = problem or "confirmed"
+        else:
+            claim = refutation(oracle, "bottle", side=room.kind == KIND)
+            refuted += claim is not None
+            verdict = "none found by sampling" if claim is None else f"refuted: {claim.arm} from {claim.base}"
+        said = f"yes: {answer.solutions[0].base}" if answer.solved else f"no: {first_reasons(answer)}"
+        print(f"| {room.name} | {said} | {1e3 * answer.seconds:.0f} | {verdict} |", flush=True)
+        stage.close()
+        oracle.close()
+    for solved, name in ((True, "yes"), (False, "no")):
+        some = sorted(times[solved])
+        if some:
+            report.add(f"{name}, rooms", str(len(some)), "", True)
+            report.add(f"{name}, median", f"{1e3 * statistics.median(some):.0f} ms", "", True)
+            report.at_most(f"{name}, p95", 1e3 * some[round(0.95 * (len(some) - 1))], 300.0, " ms")
+            report.at_most(f"{name}, longest", 1e3 * some[-1], 2000.0, " ms")
+    report.none("yes that PyBullet does not confirm", report.wrong)
+    report.none("no that the sampler refutes", refuted)
+    report.wrong += refuted
+    return report
+
+
+def _drawn(number: int, first: int) -> Iterator[Room]:
+    """Yield rooms of the seeds from the first one on: each second one a crowded table, the others by turns."""
+    for index in range(number):
+        seed = first + index
+        kind = OTHER_KINDS[index // 2 % len(OTHER_KINDS)]
+        yield crowded_table(seed) if index % 2 == 0 else room_of(kind, seed)

@@ -288,7 +288,7 @@ def test_points_are_named_by_a_map_or_given_beside_one(kind: str, tmp_path: Path
         f"Individual: <http://example.org/named.owl#points>\n    Types: roboearth:PointMap\n"
         f'    Facts: knowrob:linkToMapFile "cloud{suffix}"\n'
     )
-    for given_file in [named, *([path] if suffix != ".xyz" else [])]:
+    for given_file in (named, path):
         bodies = scene_of(read_map(load(ROOM, also=[given_file]))).bodies
         boxes = [(body.pose, body.size) for body in bodies if body.name.startswith(OBSTACLE)]
         assert covers(boxes, cube).all()

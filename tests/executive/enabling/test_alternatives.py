@@ -70,7 +70,7 @@ def put_task(store: SqliteStore, task: str, needs: str) -> None:
 def explained(tmp_path: Path, who: Possessions, task: str, limit: int = MOST_READ) -> Explanation:
     shelf = LocalShelf(tmp_path / "kb.sqlite")
     stock = Stock(shelf, Folder.read(tmp_path / "folder"), limit=limit)
-    enabling = Enabling(who, stock, performed_by((), []), own_map=Path("any.omn"))
+    enabling = Enabling(who, stock, performed_by((), []))
     found = Explanation(enabling, enabling.combination(enabling.task(task)))
     shelf.close()
     return found

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import sqlite3
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -100,7 +101,7 @@ def test_a_content_that_is_not_what_its_entry_states_is_refused(tmp_path: Path) 
     wrong = store.entry(PIECES["recognition model Patient"]).revision.sha256
     store.close()
     assert hashlib.sha256(b"").hexdigest() not in (sha256, wrong)
-    with sqlite3.connect(tmp_path / "kb.sqlite") as database:
+    with closing(sqlite3.connect(tmp_path / "kb.sqlite")) as database, database:
         database.execute("UPDATE blobs SET data = ? WHERE sha256 = ?", (b"", wrong))
     code, found = enable(tmp_path / "kb.sqlite", tmp_path / "amigo")
     assert (code, found["missing"]) == (3, ["recognition model Patient"])

@@ -9,6 +9,7 @@ import pytest
 from executive.locations.reachability import GraspClass
 from executive.modules.platform import SHARE
 from executive.motion import MotionError
+from executive.motion.kinematics import InverseKinematics
 from executive.robots import CARRYING
 from planlang import perform
 from planlang.designators import a_posture, action
@@ -77,6 +78,14 @@ def test_a_bottle_in_a_hand_of_either_roll_is_brought_to_the_carrying_posture(ro
     room.run(lambda: perform(CARRY))
     assert room.truth.pose("bottle").rotation[2, 2] > math.cos(math.radians(1.0))
     assert not room.platform.arms.untucked()
+
+
+def test_postures_that_were_found_once_are_kept(room: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert hold(room, 0.4, 1, GraspClass.SIDE, (0.45, -0.25, 0.97))
+    arm = next(arm for arm in room.platform.scene.arms.all if arm.name == "right")
+    found = room.platform.arms.postures(arm, CARRYING)
+    monkeypatch.setattr(InverseKinematics, "solve", lambda *_: pytest.fail("solved again"))
+    assert np.array_equal(room.platform.arms.postures(arm, CARRYING), found)
 
 
 def test_a_bottle_that_lay_when_it_was_grasped_may_be_turned(room: Stage) -> None:

@@ -84,6 +84,14 @@ def test_a_device_stays_off_whose_button_the_hand_did_not_meet(stack: ExitStack)
     assert not stage.executive.holds(Condition("switched_on", (stage.designator("maker"),)))
 
 
+def test_a_device_that_a_push_has_switched_off_stays_off_in_the_true_world(stack: ExitStack) -> None:
+    stage = room(stack, (TABLE, MAKER, button()))
+    stage.truth.changes.matter.states["maker"] = "DeviceStateOn"  # which the robot does not know
+    stage.do(ON, "maker")
+    assert not stage.truth.changes.matter.is_on("maker")
+    assert stage.executive.holds(Condition("switched_on", (stage.designator("maker"),))), "it believes that it is on"
+
+
 def test_a_button_that_is_seen_elsewhere_is_pushed_there(stack: ExitStack) -> None:
     stage = room(stack, (TABLE, MAKER, button()), truth=(TABLE, MAKER, button(0.12)))
     stage.do(ON, "maker")

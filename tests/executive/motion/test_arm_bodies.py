@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 from executive.motion import Chain
 from executive.motion.arm_bodies import ArmShapes, Room, links_of
 from executive.motion.bodies import MOST, Solids, Spheres, faces_of, kept_spheres, spheres_in
-from executive.motion.collision import TOUCHING, QuickCheck, are_apart
+from executive.motion.collision import TOUCHING, QuickCheck
+from executive.motion.separation import are_apart
 from executive.robots import bind_robot
 from planlang.geometry import Array, Pose
 from planlang.geometry.shapes import ConvexSolid, SolidKind, convex_solid

@@ -16,10 +16,11 @@ LOW, HIGH = np.zeros(2), np.ones(2) * 4
 SQUARE = JointSpace.of(LOW, HIGH, resolution=0.02)
 START, GOAL = np.array([0.5, 0.5]), np.array([3.5, 3.5])
 IsFree = Callable[[Array], bool]
+Pairs = Sequence[tuple[str, str]]
 
 
 class Rough:
-    """Quick answers that come from ``is_free``; nothing is ever sure."""
+    """Quick answers that come from ``is_free``; any pair may always touch."""
 
     def __init__(self, is_free: IsFree = lambda q: True) -> None:
         self.is_free = is_free
@@ -30,14 +31,31 @@ class Rough:
             return self.is_free.rows(q)
         return np.array([self.is_free(row) for row in q], bool)
 
-    def sure(self, q: Array) -> NDArray[np.bool_]:
-        return np.zeros(len(q), bool)
+    def doubtful(self, q: Array) -> Sequence[Pairs | None]:
+        return [None] * len(q)
 
     def keep(self, distance: float, ends: Sequence[Array]) -> None:
         pass
 
     def learn(self, q: Array, pairs: Sequence[tuple[str, str]]) -> None:
         self.learnt.append((q, pairs))
+
+
+class Asked(Rough):
+    """A quick check with one answer about the pairs in doubt; as an exact check it notes what it is told of them."""
+
+    def __init__(self, answer: Sequence[Pairs]) -> None:
+        super().__init__()
+        self.answer, self.calls = answer, 0
+        self.among: list[Pairs | None] = []
+
+    def doubtful(self, q: Array) -> Sequence[Pairs | None]:
+        self.calls += 1
+        return list(self.answer) * len(q)
+
+    def __call__(self, q: Array, among: Pairs | None) -> Pairs:
+        self.among.append(among)
+        return ()
 
 
 class Maze:
@@ -60,9 +78,14 @@ class Maze:
         return np.asarray(outside.all(axis=1))
 
 
-def touching(is_free: IsFree) -> Callable[[Array], list[tuple[str, str]]]:
+def touching(is_free: IsFree) -> Callable[[Array, Pairs | None], Pairs]:
     """The exact check that goes with it."""
-    return lambda q: [] if is_free(q) else [("point", "wall")]
+    return lambda q, among: [] if is_free(q) else [("point", "wall")]
+
+
+def nothing_touches(q: Array, among: Pairs | None) -> Pairs:
+    """An exact check where everything is free."""
+    return ()
 
 
 def crosses(path: Array, is_free: IsFree) -> bool:
@@ -99,7 +122,7 @@ def test_a_quick_check_that_sees_nothing_is_overruled_and_told_so() -> None:
 
 def test_a_quick_check_that_allows_nothing_is_overruled_at_last() -> None:
     far = Rough(lambda q: bool(np.abs(q - START).max() < 0.1 or np.abs(q - GOAL).max() < 0.1))
-    path = plan_path(START, GOAL, SQUARE, far, lambda q: [], np.random.default_rng(0), iterations=50)
+    path = plan_path(START, GOAL, SQUARE, far, nothing_touches, np.random.default_rng(0), iterations=50)
     assert path.tolist() == [START.tolist(), GOAL.tolist()]
 
 
@@ -113,9 +136,9 @@ def test_exact_checks_are_few_where_the_quick_check_is_right() -> None:
     asked: list[tuple[float, ...]] = []
     is_free = Maze(4)
 
-    def exact(q: Array) -> list[tuple[str, str]]:
+    def exact(q: Array, among: Pairs | None) -> Pairs:
         asked.append(tuple(q))
-        return touching(is_free)(q)
+        return touching(is_free)(q, among)
 
     path = plan_path(START, GOAL, SQUARE, Rough(is_free), exact, np.random.default_rng(0))
     assert len(asked) == len(set(asked)), "no configuration is asked for twice"
@@ -123,13 +146,23 @@ def test_exact_checks_are_few_where_the_quick_check_is_right() -> None:
 
 
 def test_what_is_sure_needs_no_exact_check() -> None:
-    class Sure(Rough):
-        def sure(self, q: Array) -> NDArray[np.bool_]:
-            return np.ones(len(q), bool)
+    exact = Asked([()])
+    plan_path(START, GOAL, SQUARE, exact, exact, np.random.default_rng(0))
+    assert exact.among == [None, ()], "start and goal"
 
-    asked: list[Array] = []
-    plan_path(START, GOAL, SQUARE, Sure(), lambda q: asked.append(q) or [], np.random.default_rng(0))  # type: ignore[func-returns-value]
-    assert len(asked) == 2, "start and goal"
+
+def test_the_exact_check_is_told_which_pairs_may_touch() -> None:
+    exact = Asked([(("point", "wall"),)])
+    plan_path(START, GOAL, SQUARE, exact, exact, np.random.default_rng(0))
+    assert exact.among[0] is None, "at the start everything is looked at"
+    assert set(exact.among[1:]) == {(("point", "wall"),)}
+
+
+def test_the_quick_check_is_asked_about_a_whole_path_in_a_few_calls() -> None:
+    exact = Asked([()])
+    path = plan_path(START, GOAL, SQUARE, exact, exact, np.random.default_rng(0))
+    assert len(SQUARE.points(path)) == 150
+    assert exact.calls <= 7
 
 
 def test_moments_that_are_added_are_looked_at() -> None:
@@ -144,7 +177,7 @@ def test_moments_that_are_added_are_looked_at() -> None:
 
 
 def test_straight_way_is_taken_when_it_is_free() -> None:
-    path = plan_path(START, GOAL, SQUARE, Rough(), lambda q: [], np.random.default_rng(0))
+    path = plan_path(START, GOAL, SQUARE, Rough(), nothing_touches, np.random.default_rng(0))
     assert path.tolist() == [START.tolist(), GOAL.tolist()]
 
 
@@ -172,7 +205,7 @@ def test_start_or_goal_in_collision_is_refused_with_the_pair() -> None:
 
 def test_goal_outside_the_limits_is_refused() -> None:
     with pytest.raises(OutsideLimits, match="the goal is outside its limits"):
-        plan_path(START, [4.1, 0.5], SQUARE, Rough(), lambda q: [], np.random.default_rng(0))
+        plan_path(START, [4.1, 0.5], SQUARE, Rough(), nothing_touches, np.random.default_rng(0))
 
 
 def test_start_outside_the_limits_is_no_obstacle() -> None:
@@ -184,7 +217,7 @@ def test_start_outside_the_limits_is_no_obstacle() -> None:
 
 def test_wrong_arguments_are_refused() -> None:
     with pytest.raises(ValueError, match="got shapes"):
-        plan_path([0.0], GOAL, SQUARE, Rough(), lambda q: [], np.random.default_rng(0))
+        plan_path([0.0], GOAL, SQUARE, Rough(), nothing_touches, np.random.default_rng(0))
     with pytest.raises(ValueError, match="finite"):
         JointSpace.of(-np.inf * HIGH, HIGH)
     with pytest.raises(ValueError, match="positive"):
@@ -195,9 +228,9 @@ RING = JointSpace.of([-1.0, 0.0], [1.0, 4.0], continuous=[True, False], resoluti
 
 
 def test_joint_that_turns_without_end_goes_the_shorter_way_around() -> None:
-    path = plan_path([3.0, 1.0], [-3.0, 1.0], RING, Rough(), lambda q: [], np.random.default_rng(0))
+    path = plan_path([3.0, 1.0], [-3.0, 1.0], RING, Rough(), nothing_touches, np.random.default_rng(0))
     np.testing.assert_allclose(path, [[3.0, 1.0], [2 * np.pi - 3.0, 1.0]])
-    path = plan_path([50.0, 1.0], [0.0, 1.0], RING, Rough(), lambda q: [], np.random.default_rng(0))
+    path = plan_path([50.0, 1.0], [0.0, 1.0], RING, Rough(), nothing_touches, np.random.default_rng(0))
     assert abs(path[-1, 0] - 50.0) <= np.pi
     assert np.cos(path[-1, 0]) == pytest.approx(1.0)
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from executive.motion.kinematics import ANGLE_TOLERANCE, POSITION_TOLERANCE, Chain, InverseKinematics
+from executive.motion.symbolic import WORTH, RowFunction
 from planlang.geometry import Array
 
 ROBOTS = ["amigo", "pr2", "panda"]
@@ -63,6 +64,20 @@ def test_solution_does_not_depend_on_the_other_targets(chain_of: Callable[[str],
         alone, alone_ok = solver.solve(targets[i : i + 1], seeds[i : i + 1])
         assert np.array_equal(alone[0], together[i])
         assert alone_ok[0] == ok[i]
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_a_step_on_many_rows_at_once_rounds_as_on_each_alone(robot: str, chain_of: Callable[[str], Chain]) -> None:
+    """So that a solution does not depend on how much was solved before, and a resumed run goes on as the whole one."""
+    chain = chain_of(robot)
+    rng = np.random.default_rng(0)
+    q, poses = chain.sample(rng, 600).T, chain.fk(chain.sample(rng, 600))
+    targets = np.concatenate([poses[:, :3, :3].reshape(-1, 9), poses[:, :3, 3]], axis=1).T
+    function = chain.functions.symbolic.step_function(chain.lower, chain.upper)
+    together, alone = RowFunction(function)(q, targets), RowFunction(function)
+    each = [alone(q[:, [k]], targets[:, [k]]) for k in range(WORTH)]  # those after them would be on vectors
+    for number, results in enumerate(together):
+        assert np.array_equal(results[:, :WORTH], np.concatenate([one[number] for one in each], axis=1))
 
 
 def test_seed_that_is_a_solution_is_returned_unchanged(chain_of: Callable[[str], Chain]) -> None:

@@ -14,7 +14,7 @@ from robot_files import BASE, PANDA_ARM
 
 from executive.motion import Chain
 from executive.robots import Robot, bind_robot, robots
-from executive.robots.mechanism import Mount, NotInstalled, mounted
+from executive.robots.mechanism import Mount, NotInstalled, mounted, packaged
 from planlang.designators import Device
 from planlang.diagnostics import BadInput
 from planlang.geometry import Pose
@@ -323,6 +323,12 @@ def test_a_base_of_a_primitive_shape_is_put_under_the_root(
     assert f"<{shape}" in made.read_text()
     assert mounted(tmp_path / "arm.urdf", Mount(size, (0.1, 0.0, 0.6))) == made
     assert mounted(tmp_path / "arm.urdf", Mount(size, (0.2, 0.0, 0.6))) != made
+
+
+def test_a_package_is_found_by_the_name_of_its_import_too() -> None:
+    with pytest.raises(PackageNotFoundError):
+        distribution("PIL")
+    assert packaged("PIL", "PIL/Image.py") == packaged("pillow", "PIL/Image.py")
 
 
 @pytest.mark.parametrize(

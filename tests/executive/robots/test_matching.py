@@ -214,6 +214,21 @@ Class: :Breakfast
     assert any("one of - available" in line for line in found.lines())
 
 
+def test_of_a_union_of_actions_one_member_is_enough(tmp_path: Path) -> None:
+    text = """
+Class: :Driving
+    SubClassOf: knowrob:Translation-LocationChange
+Class: :Breakfast
+    SubClassOf: knowrob:Action, knowrob:subAction some (:Driving or :Pouring)
+"""
+    path = written(tmp_path, TASK.replace("{requires}", "") + ROBOT.replace("{claims}", CLAIM) + text)
+    found = matched(path, modelled(path), task="Breakfast")
+    assert found.feasible is True, "\n".join(found.lines())
+    lines = [line.strip(" |`-") for line in found.lines()]
+    assert "one of - available" in lines
+    assert any(line.startswith("Driving (Translation-LocationChange) - missing") for line in lines)
+
+
 def test_a_robot_without_self_model_is_unknown_where_its_shape_shows_nothing(tmp_path: Path) -> None:
     arm = Part("arm", frozenset({"http://knowrob.org/kb/srdl2-comp.owl#ArmComponent"}))
     bare = Possessions("bare", (arm,), {})

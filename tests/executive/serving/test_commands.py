@@ -17,9 +17,12 @@ from typer.testing import CliRunner, Result
 
 from executive.cli.app import app
 from planlang.files import Bundled
+from planlang.knowledge.client import Client
+from planlang.knowledge.connection import kept_answers
 from tests.support.servers import RunningServer, running_server
 
 RECIPE = Bundled.RECIPE.find("serve_a_drink")
+BOTTLE = Path(__file__).resolve().parents[3] / "docs" / "examples" / "bottle_model.omn"
 DIAGNOSTICS = Path(__file__).resolve().parents[2] / "diagnostics"
 BARE_ROBOT = """Prefix: : <http://example.org/bare.owl#>
 Prefix: knowrob: <http://knowrob.org/kb/knowrob.owl#>
@@ -72,7 +75,7 @@ def at_work(server: RunningServer, tmp_path: Path, monkeypatch: pytest.MonkeyPat
     monkeypatch.setenv("PLANLANG_KEY", server.key("ada"))
 
 
-@pytest.mark.parametrize("command", ["search", "pull", "push", "rate", "watch"])
+@pytest.mark.parametrize("command", ["search", "pull", "push", "rate", "delete", "watch"])
 def test_help_ends_with_an_example(command: str) -> None:
     assert f"Example: planlang {command}" in invoke(command, "--help").stdout
 
@@ -113,6 +116,26 @@ def test_what_is_pulled_is_what_was_pushed() -> None:
     assert checked.exit_code == 0, checked.output
 
 
+def test_an_improved_recognition_model_is_pulled_by_who_pulled_the_entry_before(server: RunningServer) -> None:
+    model = Path("bottle.model")
+    model.write_bytes(b"first")
+    pushed = invoke("push", BOTTLE, "--kind", "object", "--name", "seen")
+    assert pushed.exit_code == 0, pushed.output
+    assert invoke("pull", "bottlemodel.seen", "-o", "mine").exit_code == 0
+    update = ("push", BOTTLE, "--kind", "object", "--name", "bottlemodel.seen", "--update", "--attach", model)
+    for data in (b"first", b"improved"):
+        model.write_bytes(data)
+        assert "attached bottle.model" in invoke(*update).stdout
+        pulled = invoke("pull", "bottlemodel.seen", "-o", "mine")
+        assert (pulled.exit_code, Path("mine/bottle.model").read_bytes()) == (0, data), pulled.output
+    with Client(server.url, cache=kept_answers()) as reader, Client(server.url, server.key("eve")) as eve:
+        assert reader.entry("bottlemodel.seen").ratings == 0
+        eve.rate(reader.entry("bottlemodel.seen"), 9)
+        assert reader.entry("bottlemodel.seen").ratings == 1
+    with Client(server.url, server.key("ada")) as ada:
+        ada.delete(ada.entry("bottlemodel.seen"))
+
+
 def test_refusals_tell_what_else_there_is() -> None:
     unkept = invoke("pull", "serveadrink.ben", "--revision", "99")
     assert unkept.exit_code == 2
@@ -141,9 +164,23 @@ def test_a_pulled_recipe_needs_no_trust_and_a_pulled_plan_never_runs_without() -
     assert Path("was_here").exists()
 
 
+def test_a_pulled_plan_is_known_by_its_content_wherever_it_is_copied_to() -> None:
+    invoke("pull", "serveadrink.ada", "-o", "pulled")
+    Path("elsewhere").mkdir()
+    for copy in ("elsewhere/mine.py", "pulled/renamed.py"):
+        shutil.copy("pulled/hello.py", copy)
+        refused = invoke("run", copy, "--robot", "amigo", "--environment", "hospital_room")
+        assert (refused.exit_code, codes(refused)) == (2, ["K038"]), refused.output
+        assert "serveadrink.ada by ada" in refused.stderr
+    for edited, code in (("pulled/hello.py", 2), ("elsewhere/mine.py", 0)):
+        Path(edited).write_text(PLAN + "# edited\n")
+        ran = invoke("run", edited, "--robot", "amigo", "--environment", "hospital_room")
+        assert ran.exit_code == code, ran.output
+
+
 def test_a_plan_of_ones_own_beside_pulled_files_runs() -> None:
     invoke("pull", "serveadrink.ada")
-    Path("own.py").write_text(PLAN)
+    Path("own.py").write_text(PLAN + "# mine\n")
     ran = invoke("run", "own.py", "--robot", "amigo", "--environment", "hospital_room")
     assert ran.exit_code == 0, ran.output
 
@@ -215,7 +252,7 @@ def test_who_changes_something_needs_a_key_which_is_never_shown(
     assert codes(invoke("rate", "serveadrink.ada", "8", "--key-file", tmp_path / "odd")) == ["K034"]
     (tmp_path / "right").write_text(server.key("carl") + "\n")
     right = invoke("rate", "serveadrink.ada", "8", "--key-file", tmp_path / "right")
-    assert right.stdout == "serveadrink.ada: rated 8.0 by 1\n", right.output
+    assert right.stdout == "serveadrink.ada: your 8 is counted; rated 5.0 by 1\n", right.output
 
 
 def test_news_are_those_of_what_was_subscribed_to() -> None:
@@ -294,3 +331,25 @@ def test_the_file_of_a_store_in_place_of_an_address_is_named_with_what_serves_it
     refused = invoke("search", "--from", "nothing.sqlite")
     assert "nothing.sqlite" in refused.output
     assert "planlang serve --store FILE" in refused.output
+
+
+def test_an_entry_a_file_and_a_subscription_end_by_their_commands(
+    server: RunningServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PLANLANG_KEY", server.key("dora"))
+    for name in ("a.model", "b.model"):
+        Path(name).write_text(name)
+    words = ("--kind", "object", "--name", "old", "--attach", "a.model", "--attach", "b.model")
+    assert invoke("push", BOTTLE, *words).exit_code == 0
+    assert "watching bottlemodel.old" in invoke("watch", "bottlemodel.old", "--once").output
+    kept = invoke("watch", "bottlemodel.older", "--stop")
+    assert (kept.exit_code, codes(kept)) == (2, ["K047"])
+    assert invoke("watch", "bottlemodel.old", "--stop").exit_code == 0
+    assert "you have subscribed to nothing" in invoke("watch", "--once").output
+    assert invoke("delete", "bottlemodel.old", "--file", "a.model").stdout == "bottlemodel.old: deleted a.model\n"
+    assert [one.name for one in server.store.entry("bottlemodel.old").attachments] == ["b.model"]
+    for others in ("serveadrink.ben", "none.none"):
+        refused = invoke("delete", others)
+        assert refused.exit_code == 2, refused.output
+    assert invoke("delete", "bottlemodel.old").stdout == "bottlemodel.old: deleted all of it\n"
+    assert "bottlemodel.old" not in [one.uid for one in server.store.entries()]

@@ -42,7 +42,7 @@ def served(store: Path) -> Iterator[tuple[str, subprocess.Popen[str]]]:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("ending", some([signal.SIGTERM, signal.SIGINT]))
+@pytest.mark.parametrize("ending", some([signal.SIGTERM, signal.SIGINT, signal.SIGHUP]))
 def test_a_server_that_is_ended_answers_what_was_asked_and_its_successor_knows_it(
     tmp_path: Path, ending: signal.Signals
 ) -> None:

@@ -8,11 +8,13 @@ from http import HTTPStatus
 from pathlib import Path
 
 import pytest
+from fastapi import FastAPI
 from fastapi.testclient import TestClient
 
 from executive.serving.app import application
 from executive.serving.workers import Staff
 from planlang.files import Bundled
+from planlang.knowledge.entries import rating_of
 from planlang.knowledge.sqlite_store import SqliteStore
 from planlang.ontology import load
 
@@ -39,6 +41,29 @@ def test_a_recipe_is_kept_as_it_was_handed_in(client: TestClient, stranger: Test
     assert content.headers["Repr-Digest"] == f"sha-256=:{digest}:"
     assert stranger.get("/v1/recipes").json() == {"entries": [entry], "next": None}
     assert stranger.get("/v1/robots").json() == {"entries": [], "next": None}
+
+
+def test_a_records_tag_changes_with_files_and_ratings_and_names_its_revision(
+    client: TestClient, other: TestClient
+) -> None:
+    tags = [create(client)]
+    assert client.get(ENTRY, headers={"If-None-Match": tags[0]}).status_code == HTTPStatus.NOT_MODIFIED
+    for ask in (
+        lambda: client.put("/v1/binaries/serveadrink.ward/a.model", content=b"1"),
+        lambda: client.put("/v1/binaries/serveadrink.ward/a.model", content=b"2"),
+        lambda: other.put(f"{ENTRY}/rating", json={"rating": 7}),
+        lambda: client.delete("/v1/binaries/serveadrink.ward/a.model"),
+    ):
+        assert ask().is_success
+        answer = client.get(ENTRY, headers={"If-None-Match": tags[-1]})
+        assert answer.status_code == HTTPStatus.OK
+        tags.append(answer.headers["ETag"])
+    assert len(set(tags)) == len(tags)
+    changed = client.put(f"{ENTRY}/content", content=CHANGED, headers={"If-Match": tags[0]})
+    assert changed.status_code == HTTPStatus.OK, "a file is no other revision"
+    for tag in (tags[-1], '"1-"', '""'):
+        refused = client.put(f"{ENTRY}/content", content=RECIPE, headers={"If-Match": tag})
+        assert refused.status_code == HTTPStatus.PRECONDITION_FAILED
 
 
 def test_an_entry_of_another_kind_is_not_there(client: TestClient) -> None:
@@ -159,8 +184,9 @@ def test_a_change_stays_about_what_the_entry_is_about(client: TestClient) -> Non
 
 
 def test_what_is_known_already_is_not_sent_again(client: TestClient) -> None:
-    tag = create(client)
+    create(client)
     for path in (ENTRY, f"{ENTRY}/content"):
+        tag = client.get(path).headers["ETag"]
         known = client.get(path, headers={"If-None-Match": f'"x", {tag}'})
         assert (known.status_code, known.content) == (HTTPStatus.NOT_MODIFIED, b"")
         assert client.get(path, headers={"If-None-Match": '"x"'}).status_code == HTTPStatus.OK
@@ -180,14 +206,18 @@ def test_a_content_is_given_in_the_syntax_that_is_asked_for(
     assert client.get(f"{ENTRY}/content", headers={"Accept": "image/png"}).status_code == HTTPStatus.NOT_ACCEPTABLE
 
 
-def test_ratings_have_a_mean(client: TestClient, other: TestClient) -> None:
+def test_others_rate_an_entry_and_its_author_does_not(
+    client: TestClient, other: TestClient, app: FastAPI, store: SqliteStore
+) -> None:
     create(client)
-    client.put(f"{ENTRY}/rating", json={"rating": 4})
+    assert client.put(f"{ENTRY}/rating", json={"rating": 10}).status_code == HTTPStatus.FORBIDDEN
+    eve = {"Authorization": f"Bearer {store.new_key('eve', '2026-01-01T00:00:00Z')}"}
+    assert other.put(f"{ENTRY}/rating", json={"rating": 8}, headers=eve).is_success
     other.put(f"{ENTRY}/rating", json={"rating": 1})
     rated = other.put(f"{ENTRY}/rating", json={"rating": 9}).json()
-    assert (rated["rating"], rated["ratings"]) == (6.5, 2)
+    assert (rated["rating"], rated["ratings"]) == (rating_of([8, 9]), 2)
     for wrong in (11, -1, 2.5, "7", None):
-        assert client.put(f"{ENTRY}/rating", json={"rating": wrong}).status_code == HTTPStatus.UNPROCESSABLE_ENTITY
+        assert other.put(f"{ENTRY}/rating", json={"rating": wrong}).status_code == HTTPStatus.UNPROCESSABLE_ENTITY
 
 
 def test_files_belong_to_an_entry(client: TestClient, stranger: TestClient) -> None:
@@ -209,7 +239,7 @@ def test_news_tell_what_happened_to_what_an_author_subscribed_to(client: TestCli
     assert other.put("/v1/subscriptions/serveadrink.ward").status_code == HTTPStatus.NO_CONTENT
     assert other.put("/v1/subscriptions/none.none").status_code == HTTPStatus.NOT_FOUND
     assert other.get("/v1/subscriptions").json() == {"subscriptions": ["serveadrink.ward"]}
-    client.put(f"{ENTRY}/rating", json={"rating": 4})
+    other.put(f"{ENTRY}/rating", json={"rating": 4})
     everything = client.get("/v1/news").json()
     assert [one["change"] for one in everything["news"]] == ["created", "created", "rated"]
     assert client.get("/v1/news", params={"after": everything["next"]}).json()["news"] == []

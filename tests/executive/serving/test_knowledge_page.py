@@ -28,6 +28,7 @@ def outputs(folder: Path, corpus: Path) -> list[tuple[str, str, str]]:
     with running_server(folder / "kb.sqlite") as server, pytest.MonkeyPatch.context() as patch:
         patch.setenv("PLANLANG_SERVER", server.url)
         patch.setenv("PLANLANG_KEY", server.key("ada"))
+        (folder / "ben.key").write_text(server.key("ben"))
         patch.setenv("XDG_CACHE_HOME", str(folder / "cache"))
         for command, shown in BLOCK.findall(PAGE.read_text(encoding="utf-8")):
             if not command.startswith(WITHOUT_END):

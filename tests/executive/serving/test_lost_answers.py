@@ -11,6 +11,7 @@ from planlang.files import Bundled
 from planlang.knowledge.answers import Declined
 from planlang.knowledge.client import Client
 from planlang.knowledge.entries import Kind
+from planlang.knowledge.stores import NotTheAuthor
 from tests.support.servers import RunningServer, running_server
 
 RECIPE = Bundled.RECIPE.find("serve_a_drink").read_bytes()
@@ -47,8 +48,11 @@ def test_what_is_sent_again_is_done_once(server: RunningServer) -> None:
         entry = client.attach(made.uid, "note.txt", "text/plain", b"first")
         assert client.attachment(entry, entry.attachments[0]) == b"first"
         client.subscribe(made.uid)
-        rated = client.rate(entry, 7)
-        assert (rated.rating, rated.ratings) == (7.0, 1)
+        with pytest.raises(NotTheAuthor):
+            client.rate(entry, 7)
+        with Client(server.url, server.key("bob"), transport=transport, sleep=lambda _: None) as bob:
+            rated = bob.rate(entry, 7)
+        assert (rated.rating, rated.ratings) == (5.0, 1)
         assert [one.number for one in client.revisions(entry)] == [2, 1]
         assert client.content(entry, 1) == RECIPE
         assert [one.uid for one in client.entries(Kind.RECIPE)] == [made.uid]

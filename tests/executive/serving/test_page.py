@@ -133,21 +133,34 @@ def test_without_a_key_nothing_is_taken_or_rated(client: TestClient, key: str, g
     assert [entry.ratings for entry in store.entries()] == [0]
 
 
-def test_a_rating_is_kept_and_shown(client: TestClient, key: str) -> None:
+def test_a_rating_is_kept_and_shown(client: TestClient, key: str, store: SqliteStore) -> None:
     upload(client, key)
-    page = client.post("/recipes/serveadrink.ward/rating", data={"rating": "7", "key": key})
+    rating = {"rating": "7", "key": store.new_key("eve", NOW)}
+    page = client.post("/recipes/serveadrink.ward/rating", data=rating)
     assert str(page.url).endswith("/recipes/serveadrink.ward#rating")
-    assert "7.0<small> of 10, 1 rating</small>" in page.text
-    assert "Not done:" in client.post("/recipes/serveadrink.ward/rating", data={"rating": "11", "key": key}).text
+    assert "5.0<small> of 10, 1 rating</small>" in page.text
+    assert "Not done:" in client.post("/recipes/serveadrink.ward/rating", data=rating | {"rating": "11"}).text
 
 
-def test_an_author_watches_an_entry_and_is_told_what_happened_to_it(client: TestClient, key: str) -> None:
+def test_who_may_not_do_something_is_told_so_by_the_status_too(client: TestClient, key: str) -> None:
+    upload(client, key)
+    for sent, status in (("", 401), ("nobody", 401), (key, 403)):
+        page = client.post("/recipes/serveadrink.ward/rating", data={"rating": "7", "key": sent})
+        assert (page.status_code, "Not done:" in page.text) == (status, True)
+    assert client.post("/news", data={"key": "nobody"}).status_code == 401
+    assert client.post("/upload", data={"key": "nobody", "name": "x", "text": RECIPE}).status_code == 401
+
+
+def test_an_author_watches_an_entry_and_is_told_what_happened_to_it(
+    client: TestClient, key: str, store: SqliteStore
+) -> None:
     upload(client, key)
     watching = {"uid": "serveadrink.ward", "key": key}
     assert "What <bdi>ada</bdi> watches" in client.post("/news", data={**watching, "do": "watch"}).text
-    client.post("/recipes/serveadrink.ward/rating", data={"rating": "7", "key": key})
+    eve = store.new_key("eve", NOW)
+    client.post("/recipes/serveadrink.ward/rating", data={"rating": "7", "key": eve})
     told = client.post("/news", data={"key": key}).text
-    assert re.search(r"serveadrink\.ward</a> rated by <bdi>ada</bdi>", told)
+    assert re.search(r"serveadrink\.ward</a> rated by <bdi>eve</bdi>", told)
     assert told.index(" rated by ") < told.index(" uploaded by ")
     assert " rated by " not in client.post("/news", data={**watching, "do": "stop"}).text
 
@@ -308,3 +321,26 @@ def test_a_damaged_form_is_read_or_refused(start: int, length: int, written: byt
 def test_any_question_has_an_answer(client: TestClient, field: str, text: str) -> None:
     assert client.get("/search", params={"label": "a", field: text}).status_code == 200
     assert client.post("/search", data={"label": "a", field: text}).status_code == 200
+
+
+IMPOSSIBLE = """Prefix: : <http://example.org/damp.owl#>
+Prefix: owl: <http://www.w3.org/2002/07/owl#>
+Ontology: <http://example.org/damp.owl>
+Class: DampTowel
+    SubClassOf: :Dry, :Wet
+Class: Wet
+Class: Dry
+"""
+
+
+def test_an_entry_that_nothing_can_be_says_why(tmp_path: Path, store: SqliteStore, key: str) -> None:
+    words = "Ontology: <http://example.org/words.owl>\nClass: <{0}Dry>\n    DisjointWith: <{0}Wet>\nClass: <{0}Wet>\n"
+    (tmp_path / "words.omn").write_text(words.format("http://example.org/damp.owl#"))
+    staff = Staff([tmp_path])
+    client = TestClient(application(store, staff))
+    upload(client, key, IMPOSSIBLE, kind="objects", about="DampTowel")
+    page = client.get("/objects/damptowel.ward").text
+    assert "Nothing can be this" in page
+    assert "Dry and Wet exclude each other in this server&#39;s ontologies" in page
+    assert ">Nothing<" not in page
+    client.app.state.serving.close()  # type: ignore[attr-defined]

@@ -15,7 +15,7 @@ from executive.serving.catalogue import Catalogue
 from executive.serving.workers import LIMITS, Failed, Source, Staff, Workers
 from planlang.files import Bundled
 from planlang.knowledge.sqlite_store import SqliteStore
-from tests.support.knowledge_bases import vocabulary
+from tests.support.knowledge_bases import recognition_model, vocabulary
 
 T = TypeVar("T")
 BARE_ROBOT = """Prefix: : <http://example.org/bare.owl#>
@@ -206,3 +206,21 @@ def test_a_name_that_several_entries_define_means_any_of_their_classes(client: T
     assert found(client, expression="Event and ServeADrink", label="ward") == []
     assert found(client, expression="<http://planlang.org/kb/another.owl#ServeADrink>") == ["serveadrink.west"]
     assert found(client, expression="subAction some GraspBottle") == [SERVING, "serveadrink.west"]
+
+
+def test_the_best_rated_come_first_if_that_is_asked_for(client: TestClient) -> None:
+    for name, rating in (("a", 1), ("b", None), ("c", 9), ("d", 8)):
+        made = client.post("/v1/objects", params={"name": name}, content=recognition_model("Cup"))
+        assert made.status_code == 201, made.text
+        if rating is not None:
+            for author in ("bob", "eve", "kim"):
+                store = client.app.state.serving.store  # type: ignore[attr-defined]
+                store.rate(made.json()["entry"]["uid"], author, rating, "2026-01-01T00:00:00Z")
+    found, after = [], ""
+    while after is not None:
+        page = client.get("/v1/search", params={"sort": "rating", "limit": 3, "after": after}).json()
+        names = (one["uid"].partition(".")[2] for one in page["entries"])
+        found += [name for name in names if name in "abcd"]
+        after = page["next"]
+    assert found == ["c", "d", "b", "a"], "an entry without a rating is ranked as a middling one"
+    assert client.get("/v1/search", params={"sort": "rating", "after": "cupmodel.x"}).status_code == 422

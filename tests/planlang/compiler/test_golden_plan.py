@@ -1,6 +1,8 @@
 """The compiled plans of the bundled and of a real recipe run with a robot that does what the test says."""
 
 import importlib.util
+import subprocess
+import sys
 from collections.abc import Awaitable, Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -190,3 +192,10 @@ def test_plan_of_the_real_recipe_runs_to_its_end(corpus: Path, tmp_path: Path) -
     robot = Robot()
     run(imported(path).serve_a_drink, host=VirtualHost(), executive=robot)
     assert robot.log == [DRIVE, *GRASP, DRIVE, "Reaching", "OpeningAGripper"]
+
+
+def test_a_recipe_without_cycles_states_and_overlaps_is_compiled_without_networkx() -> None:
+    """Importing it took a third of a compilation."""
+    code = "import sys; from planlang.compiler import compile_recipe; from planlang.files import bundled; "
+    code += "compile_recipe(bundled('recipes') / 'serve_a_drink.omn'); sys.exit('networkx' in sys.modules)"
+    subprocess.run([sys.executable, "-c", code], check=True)

@@ -16,6 +16,7 @@ from planlang.compiler import compile_recipe
 from planlang.compiler.drawing import FORMATS, Order, TaskGraph, dot, mermaid, svg, task_graph
 from planlang.compiler.drawing.layers import layered
 from planlang.compiler.drawing.svg import arranged
+from planlang.compiler.drawing.task_graph import width
 from planlang.diagnostics import Span
 from planlang.files import bundled
 from planlang.recipe import (
@@ -326,3 +327,29 @@ def test_what_nothing_orders_stands_beside_the_rest() -> None:
 def test_a_cycle_has_no_layers() -> None:
     with pytest.raises(nx.NetworkXUnfeasible, match="cycle"):
         layered([SIZE] * 2, [(0, 1), (1, 0)])
+
+
+def test_constraints_of_motions_are_drawn_in_words() -> None:
+    plan = compile_recipe(bundled("recipes") / "stir_soup.omn")
+    graph = task_graph(plan.recipes, plan.added)
+    for write in FORMATS.values():
+        text = write(graph)
+        assert "Constraint(" not in text
+        assert "http://" not in text.partition("<g")[2]
+    assert "TipInside (ToolTip of DeviceUsed to BottomInside of ObjectActedOn, 0.008 to 0.035 m)" in svg(graph)
+
+
+@pytest.mark.parametrize("font", ["DejaVuSans", "LiberationSans-Regular"])
+def test_lines_are_estimated_no_narrower_than_fonts_draw_them(font: str) -> None:
+    pictures = pytest.importorskip("PIL.ImageFont")
+    try:
+        drawn = pictures.truetype(f"{font}.ttf", 100)
+    except OSError:
+        pytest.skip(f"{font} is not installed")
+    for line in (
+        "objectActedOn: bottle1",
+        "toLocation: handoverPlace (inReachOf-Generally patient1)",
+        "TipInside (ToolTip of DeviceUsed to BottomInside of ObjectActedOn, 0.008 to 0.035 m)",
+        "SWITCHING THE WWW MACHINE OFF @ 100%",
+    ):
+        assert width(line, 100) >= drawn.getlength(line), line

@@ -160,7 +160,7 @@ def test_a_shielded_task_that_swallows_everything_is_stuck_in_a_drain() -> None:
 def test_after_a_stuck_task_another_plan_can_run() -> None:
     with pytest.warns(CutShort), pytest.raises(StuckTask):
         go(partial(pursue, partial(undying, []), partial(sleep, 1)))
-    assert go(partial(par, partial(in_thread, int, "7"))) == [7]
+    assert go(partial(par, partial(in_thread, int, "7"))) == (7,)
 
 
 def test_constructs_begun_again_and_again_in_a_cleanup_are_stuck_too() -> None:

@@ -155,7 +155,7 @@ def test_a_pulse_while_somebody_waits_ends_the_wait_whatever_is_missed() -> None
 
         return await par(*(partial(waits, missed) for missed in ("never", "once", "always")), pulses)
 
-    assert go(body)[:3] == [2, 2, 2]
+    assert go(body)[:3] == (2, 2, 2)
 
 
 def test_changed_is_true_for_another_value_and_again_false_when_it_is_back() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 import signal
 import threading
@@ -14,7 +15,9 @@ import pytest
 from virtual_time import go
 
 from planlang import *
-from planlang.failures import BranchEvaporated, GraspMissed
+from planlang.failures import BranchEvaporated, GraspMissed, Timeout
+from planlang.kernel.asyncio_calls import AsyncioCall
+from planlang.testing import replay, run_plan
 
 
 class World:
@@ -188,7 +191,7 @@ def test_more_calls_than_threads_are_all_made() -> None:
     async def plan() -> Any:
         return await par(*[partial(in_thread, abs, -number) for number in range(600)])
 
-    assert go(plan) == list(range(600))
+    assert go(plan) == tuple(range(600))
 
 
 def test_the_trace_of_calls_is_the_same_in_every_run() -> None:
@@ -217,7 +220,7 @@ def test_context_variables_are_seen_by_the_thread_and_not_changed_for_the_plan()
 
 
 def test_a_primitive_called_in_the_thread_says_that_no_plan_runs_there() -> None:
-    with pytest.raises(PlanStructureError, match="no plan is running here"):
+    with pytest.raises(PlanStructureError, match="no plan is running in this thread"):
         go(partial(in_thread, task, "x"))
 
 
@@ -228,14 +231,154 @@ def test_misuse_is_refused_with_the_right_code() -> None:
     async def called() -> None:
         await in_thread(drives())  # type: ignore[arg-type]
 
-    with pytest.raises(TypeError, match=r"is async(.|\n)*await in_thread\(drives\(\)\)\n  right: await drives\(\)"):
+    with pytest.raises(
+        TypeError, match=r"wrong: await in_thread\(drives\(\)\)\n  right: await in_thread\(drives, \.\.\.\)"
+    ):
         go(called)
-    with pytest.raises(TypeError, match=r"is async(.|\n)*await in_thread\(drives\)\n  right: await drives\(\)"):
-        go(partial(in_thread, drives))
-    with pytest.raises(TypeError, match="lambda is async"):
+    right = r"right: await in_thread\(drives\)    or, for a plan, await drives\(\)"
+    with pytest.raises(TypeError, match=rf"drives\(\) is a coroutine(.|\n)*lambda: drives\(\)\)\n  {right}"):
         go(partial(in_thread, lambda: drives()))
-    with pytest.raises(TypeError, match="has to be a plain function, which blocks, not 7"):
-        go(partial(in_thread, 7))  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match=rf"drives\(\) is a coroutine(.|\n)*{right}"):
+        go(partial(in_thread, plan(drives)))
+    with pytest.raises(TypeError, match="has to be a function that blocks, or an async function of asyncio, not 7"):
+        go(partial(in_thread, 7))
+    with pytest.raises(ValueError, match="takes of in_thread has to be a duration"):
+        go(partial(in_thread, abs, -1, takes=-1))
+
+
+def test_an_async_function_that_awaits_the_plan_language_says_that_no_plan_runs_in_its_thread() -> None:
+    with pytest.raises(
+        PlanStructureError, match=r"wrong: (.|\n)*in_thread\(serve\)(.|\n)*right: (.|\n)* await serve\(\)"
+    ):
+        go(partial(in_thread, partial(sleep, 1)))
+
+
+# -- asyncio
+
+
+async def fetched(what: str, *, seconds: float = 0.0) -> str:
+    await asyncio.sleep(seconds)
+    return f"{what} from {threading.current_thread().name}"
+
+
+class Client:
+    async def __call__(self, what: str) -> str:
+        return await fetched(what)
+
+
+def test_an_async_function_of_asyncio_runs_in_an_event_loop_of_a_thread() -> None:
+    async def plan() -> Any:
+        return await par(partial(in_thread, fetched, "map", seconds=0.001), partial(in_thread, Client(), "robot"))
+
+    assert [*go(plan)] == ["map from planlang fetched", "robot from planlang Client"]
+
+
+def test_what_an_async_function_of_asyncio_raises_reaches_the_caller() -> None:
+    failure = GraspMissed("closed on nothing")
+
+    async def fails() -> None:
+        await asyncio.sleep(0)
+        raise failure
+
+    with pytest.raises(GraspMissed) as caught:
+        go(partial(in_thread, fails))
+    assert caught.value is failure
+
+
+def test_in_real_time_an_async_function_is_cancelled_with_its_caller(gate: threading.Event) -> None:
+    begun = threading.Event()
+    steered = Steered()
+
+    async def waits() -> None:
+        begun.set()
+        try:
+            await asyncio.sleep(60)
+        except asyncio.CancelledError:
+            gate.set()
+            raise
+
+    async def plan() -> float:
+        await pursue(partial(in_thread, waits), partial(sleep, 0.5))
+        assert gate.wait(10)
+        return now()
+
+    steered.events.append((0.25, lambda: begun.wait(10)))
+    assert run(plan, host=steered.host) == 0.5
+
+
+def test_an_async_function_that_was_cancelled_before_it_began_does_not_begin() -> None:
+    begun: list[str] = []
+
+    async def waits() -> None:
+        begun.append("it")
+
+    call = AsyncioCall(waits)
+    call.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        call()
+    assert begun == []
+    call.cancel()
+
+
+# -- plan time that calls take
+
+
+def test_a_call_takes_the_plan_time_that_the_plan_states() -> None:
+    async def plan() -> Any:
+        value = await in_thread(abs, -1, takes=2)
+        try:
+            await in_thread(divmod, 1, 0, takes=0.5)
+        except ZeroDivisionError:
+            return value, now()
+
+    assert go(plan) == (1, 2.5)
+    assert run(plan, host=SimulationHost(World())) == (1, 2.5)
+
+
+def test_a_timeout_around_a_call_fires_when_the_call_takes_longer() -> None:
+    made: list[int] = []
+
+    async def plan() -> float:
+        assert await timeout(2, partial(in_thread, made.append, 1, takes=2)) is None
+        with pytest.raises(Timeout):
+            await timeout(1, partial(in_thread, made.append, 2, takes=1.5))
+        return now()
+
+    assert go(plan) == 3.0
+    assert made == [1, 2]  # the call was made; only its result is not waited for
+
+
+def test_a_suspended_call_takes_its_time_after_waking_up() -> None:
+    async def suspends() -> None:
+        await sleep(1)
+        async with task_suspended(task("call")):
+            await sleep(10)
+
+    async def plan() -> float:
+        await par(partial(tag, "call", partial(in_thread, abs, -1, takes=2)), suspends)
+        return now()
+
+    assert go(plan) == 12.0
+
+
+def test_in_real_time_a_call_takes_as_long_as_it_takes() -> None:
+    async def plan() -> float:
+        await in_thread(abs, -1, takes=3600)
+        return now()
+
+    assert run(plan, host=RealTimeHost()) < 60
+
+
+def test_calls_that_take_time_are_replayed_without_being_made() -> None:
+    made: list[str] = []
+
+    async def plan() -> str:
+        made.append(await in_thread(fetched, "map", takes=3))
+        return made[-1]
+
+    recorded = run_plan(plan, resumable=True)
+    assert replay(plan, recorded).equal
+    assert made == ["map from planlang fetched"] * 2
 
 
 def test_when_the_system_gives_no_more_threads_the_caller_is_told(monkeypatch: pytest.MonkeyPatch) -> None:

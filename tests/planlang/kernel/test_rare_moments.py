@@ -61,7 +61,7 @@ def test_a_collector_threshold_that_is_higher_already_is_left_as_it_is() -> None
 
 
 def test_plan_time_outside_of_a_plan_is_refused() -> None:
-    with pytest.raises(PlanStructureError, match="no plan is running here"):
+    with pytest.raises(PlanStructureError, match="no plan is running in this thread"):
         now()
 
 
@@ -425,4 +425,4 @@ def test_steps_one_after_another_in_a_resumable_run_need_no_trace_of_the_caller(
     async def top() -> list[Any]:
         return await seq(partial(sleep, 1), partial(sleep, 0))
 
-    assert go(top, resumable=True) == [None, None]
+    assert go(top, resumable=True) == (None, None)

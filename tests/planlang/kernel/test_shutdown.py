@@ -40,7 +40,7 @@ def test_a_deadlock_names_each_blocked_task_what_it_waits_for_and_the_line() -> 
     assert len(lines) == 4
     assert "par/waits waits for door open at test_shutdown.py:" in lines[1]
     assert "par/second" in lines[2]
-    assert "what another thread sets is waited for with a RealTimeHost only" in lines[3]
+    assert "if another thread sets it, use a RealTimeHost" in lines[3]
 
 
 def test_a_deadlocked_plan_is_drained_shields_or_not() -> None:
@@ -198,6 +198,30 @@ def test_a_second_ctrl_c_drains_at_once() -> None:
         run(partial(unwind_protect, partial(sleep, 60), partial(sleep, 9)), host=SimulationHost(world))
     assert world.steps == 20
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_any_ending_signal_whose_handler_raises_keyboard_interrupt_ends_a_run_in_order() -> None:
+    def press(step: int) -> None:
+        if step == 10:
+            os.kill(os.getpid(), signal.SIGINT)  # ignored, as in what a script puts into the background
+            os.kill(os.getpid(), signal.SIGTERM)
+
+    world, trace = World(press), Trace()
+    handlers = {signal.SIGINT: signal.SIG_IGN, signal.SIGTERM: signal.default_int_handler}
+    before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            run(
+                partial(unwind_protect, partial(sleep, 60), partial(sleep, 0.5)),
+                host=SimulationHost(world),
+                trace=trace,
+            )
+        assert {number: signal.getsignal(number) for number in handlers} == handlers, "they are as before the run"
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    assert world.steps == 10 + 120
+    assert [e["event"] for e in trace.events if e["event"] in ("interrupted", "drained")] == ["interrupted"]
 
 
 def test_keyboard_interrupt_raised_in_plan_code_drains() -> None:

@@ -178,7 +178,7 @@ def watched(monkeypatch: pytest.MonkeyPatch) -> tuple[Run, dog.Watch, list[type[
     """A run, its watch with a period of 10 s, and what the watchdog has summoned."""
     summoned: list[type[BaseException]] = []
     one = Run()
-    watch = dog.Watch(one, 10.0, by_signal=True)  # type: ignore[arg-type]
+    watch = dog.Watch(one, 10.0, signal_number=signal.SIGINT)  # type: ignore[arg-type]
     monkeypatch.setattr(watch, "_summon", summoned.append)
     return one, watch, summoned
 
@@ -257,14 +257,14 @@ def test_one_ctrl_c_is_never_insisted_on_and_the_second_after_a_tenth_of_a_secon
 
 def test_a_switched_off_watchdog_still_looks_for_ctrl_c() -> None:
     one = Run()
-    watch = dog.Watch(one, None, by_signal=True)  # type: ignore[arg-type]
+    watch = dog.Watch(one, None, signal_number=signal.SIGINT)  # type: ignore[arg-type]
     watch.look(0.0)
     assert watch.look(1e6) == 1.0
 
 
 def test_a_summons_that_no_longer_applies_is_dropped_and_a_real_ctrl_c_is_told_apart() -> None:
     one = Run()
-    watch = dog.Watch(one, 10.0, by_signal=True)  # type: ignore[arg-type]
+    watch = dog.Watch(one, 10.0, signal_number=signal.SIGINT)  # type: ignore[arg-type]
     frame = sys._getframe()
     assert not watch.answer(frame)
     watch._summons = (Overdue, (9, 9, 9))  # the run has moved since
@@ -284,7 +284,7 @@ def test_code_that_stands_in_a_debugger_is_left_alone() -> None:
 
 
 def test_code_of_the_scheduler_itself_is_never_interrupted(monkeypatch: pytest.MonkeyPatch) -> None:
-    watch = dog.Watch(Run(), 10.0, by_signal=True)  # type: ignore[arg-type]
+    watch = dog.Watch(Run(), 10.0, signal_number=signal.SIGINT)  # type: ignore[arg-type]
     own = SimpleNamespace(f_code=SimpleNamespace(co_filename=dog.__file__))
     monkeypatch.setattr(dog.sys, "_current_frames", lambda: {threading.get_ident(): own})
     watch._summon(Overdue)
@@ -293,7 +293,7 @@ def test_code_of_the_scheduler_itself_is_never_interrupted(monkeypatch: pytest.M
 
 def test_the_thread_of_the_watchdog_ends_when_there_is_nothing_to_watch() -> None:
     one = dog._Watchdog()
-    with one.watching(dog.Watch(Run(), None, by_signal=True)):  # type: ignore[arg-type]
+    with one.watching(dog.Watch(Run(), None, signal_number=signal.SIGINT)):  # type: ignore[arg-type]
         thread = one._thread
         assert thread is not None
     for _ in range(dog._IDLE_LOOKS + 1):

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planlang.knowledge.axioms import Axioms, One, Some, axioms_of, own_axioms_of, together
+from planlang.knowledge.axioms import NOTHING, Axioms, One, Some, axioms_of, own_axioms_of, together
 from planlang.knowledge.completion import TooLarge
-from planlang.knowledge.descriptions import Described, Description, described
+from planlang.knowledge.descriptions import Described, Description, contradiction, described
 from planlang.knowledge.facts import packed, unpacked
 from planlang.ontology import load
 
@@ -83,3 +83,18 @@ def test_the_vocabulary_itself_is_no_part_of_an_entrys_axioms(tmp_path: Path) ->
     entry = f"{head.format('e')}Class: E SubClassOf: A\n"
     whole = load(tmp_path / "e.omn", builtin=False, also=[tmp_path / "v.omn"], content=entry.encode())
     assert own_axioms_of(whole, vocabulary).above == {"urn:v#E": ["urn:v#A"]}
+
+
+def test_the_classes_are_named_that_let_nothing_be_what_a_description_says() -> None:
+    vocabulary = Axioms(disjoint=[("urn:Wet", "urn:Dry")])
+    for lower, upper in (("urn:Towel", "urn:Dry"), ("urn:Damp", "urn:Wet"), ("urn:Sheet", "urn:Towel")):
+        vocabulary.state(lower, upper)
+    own = Axioms()
+    for upper in ("urn:Sheet", "urn:Damp"):
+        own.state("urn:DampSheet", upper)
+    own.state("urn:Bed", Some("urn:has", "urn:DampSheet"))
+    for about in ("urn:DampSheet", "urn:Bed"):
+        found = described(about, vocabulary, own)
+        assert NOTHING in found.nodes[0].labels
+        assert contradiction(found, vocabulary) == ("urn:Dry", "urn:Wet")
+    assert contradiction(described("urn:Sheet", vocabulary, Axioms()), vocabulary) is None

@@ -17,7 +17,8 @@ from planlang.diagnostics import Span
 from planlang.knowledge.axioms import Axioms, Some, axioms_of, own_axioms_of
 from planlang.knowledge.descriptions import Described, Description, described
 from planlang.knowledge.index import CannotAnswer, Index
-from planlang.knowledge.questions import names_in, read_question
+from planlang.knowledge.names import Names, names_in
+from planlang.knowledge.questions import read_question
 from planlang.ontology import load
 from planlang.ontology.convert import Target, convert
 from planlang.ontology.expressions import Expression
@@ -86,7 +87,7 @@ def answered(vocabulary: str, entry: str, question: str, folder: Path, *, about:
     index = Index(axioms)
     own = own_axioms_of(whole, axioms)
     index.add("e", described(START + about, axioms, own, is_individual=not whole.is_class(START + about)))
-    names = names_in(term for term in whole.store.terms if isinstance(term, str) and term.startswith(START))
+    names = Names(names_in(term for term in whole.store.terms if isinstance(term, str) and term.startswith(START)))
     return index.answers(read_question(question, names)) == ("e",)
 
 
@@ -138,7 +139,7 @@ DESCRIPTIONS = st.builds(
     Description, st.tuples(NODES, NODES), st.lists(st.text(), max_size=2).map(tuple), st.just((("room", "2"),))
 )
 CHANGES = st.lists(st.tuples(st.sampled_from("abcde"), st.none() | DESCRIPTIONS), max_size=25)
-NAMES = {name: [f"urn:{name}"] for name in "ABCDEpqi"}
+NAMES = Names({name: [f"urn:{name}"] for name in "ABCDEpqi"})
 QUESTIONS = ("A", "B and p some A", "p some (B or E)", "q some (p some owl:Thing)", "{i}", "p value i", "owl:Thing")
 
 
@@ -226,8 +227,34 @@ def test_answers_over_knowrob_itself_are_those_of_elk(corpus: Path, tmp_path: Pa
         own = own_axioms_of(load(tmp_path / "e.omn", builtin=False, also=[path], content=content), axioms)
         index.add(uid, described(START + uid, axioms, own))
         frames += frame
-    names = names_in(term for term in vocabulary.store.terms if isinstance(term, str))
+    names = Names(names_in(term for term in vocabulary.store.terms if isinstance(term, str)))
     answers = [set(index.answers(read_question(text, names))) for text in questions]
     assert len(answers[0]) > 20
     whole = convert(path, Target.MANCHESTER).text + frames + asked(questions)
     assert answers == ask_elk(whole, entries, len(questions), tmp_path)
+
+
+def test_the_index_may_change_between_the_steps_of_an_answer_which_is_then_of_its_new_state() -> None:
+    index, steps = Index(VOCABULARY), []
+    index.add("e1", Description((Described(("urn:A",)),)))
+
+    def between() -> None:
+        steps.append(len(index))
+        if len(steps) == 2:
+            index.add("e2", Description((Described(("urn:A",)),)))
+
+    assert index.answers(read_question("A and (A or p some B)", NAMES), between) == ("e1", "e2")
+    assert steps[:2] == [1, 1]
+    assert set(steps[2:]) == {2}
+
+
+def test_what_is_raised_between_two_steps_ends_the_answer_and_leaves_the_index_as_it_was() -> None:
+    index = Index(VOCABULARY)
+    index.add("e1", Description((Described(("urn:A",)),)))
+
+    def enough() -> None:
+        raise TimeoutError
+
+    with pytest.raises(TimeoutError):
+        index.answers(read_question("A", NAMES), enough)
+    assert index.answers(read_question("A", NAMES)) == ("e1",)

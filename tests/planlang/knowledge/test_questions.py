@@ -5,10 +5,11 @@ from __future__ import annotations
 import pytest
 
 from planlang.diagnostics import BadInput, Diagnostic
-from planlang.knowledge.questions import LONGEST, names_in, read_question
+from planlang.knowledge.names import Names, names_in
+from planlang.knowledge.questions import LONGEST, read_question
 from planlang.ontology.expression_text import text_of
 
-NAMES = names_in(["urn:a#Flask", "urn:a#Mug", "urn:b#Mug", "urn:a#holds", "urn:a#Refilling"])
+NAMES = Names(names_in(["urn:a#Flask", "urn:a#Mug", "urn:b#Mug", "urn:a#holds", "urn:a#Refilling"]))
 
 
 def refused(text: str) -> Diagnostic:
@@ -32,7 +33,7 @@ def test_a_name_of_several_things_is_refused_with_their_full_names() -> None:
 
 
 def test_thing_is_what_every_class_is_below_whatever_vocabularies_call_so() -> None:
-    names = names_in(["urn:a#Thing", "urn:b#Thing"])
+    names = Names(names_in(["urn:a#Thing", "urn:b#Thing"]))
     assert read_question("Thing", names).term == "http://www.w3.org/2002/07/owl#Thing"
     assert read_question("<urn:b#Thing>", names).term == "urn:b#Thing"
 
@@ -55,12 +56,12 @@ def test_what_is_no_single_expression_is_refused(text: str) -> None:
 
 
 def test_everything_can_be_asked_for_also_where_something_else_is_called_thing() -> None:
-    assert read_question("owl:Thing", names_in(["urn:a#Thing"])).term == "http://www.w3.org/2002/07/owl#Thing"
+    assert read_question("owl:Thing", Names(names_in(["urn:a#Thing"]))).term == "http://www.w3.org/2002/07/owl#Thing"
 
 
 def test_a_word_of_the_vocabulary_means_what_is_known_under_it() -> None:
-    names = names_in(["http://www.roboearth.org/kb/roboearth.owl#RoboEarthObjRecSystem"])
-    assert read_question("RoboEarthObjRecSystem", names).term == names["RoboEarthObjRecSystem"][0]
+    names = Names(names_in(["http://www.roboearth.org/kb/roboearth.owl#RoboEarthObjRecSystem"]))
+    assert read_question("RoboEarthObjRecSystem", names).term == names.of("RoboEarthObjRecSystem")[0]
 
 
 @pytest.mark.parametrize("text", ["", "  \n", "refilling a flask", "Flask and ("])

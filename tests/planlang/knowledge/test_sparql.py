@@ -34,6 +34,38 @@ def test_entries_are_graphs_and_together_the_default_graph(endpoint: Endpoint) -
     assert endpoint.ask("CONSTRUCT WHERE { <urn:r7> ?p ?o }")["triples"] == ['<urn:r7> <urn:label> "r7" .']
 
 
+@pytest.mark.parametrize(
+    ("question", "count"),
+    [
+        ("SELECT * FROM <urn:entry:recipe.7> { ?a ?b ?c }", 1),
+        ("select * from <urn:entry:recipe.7> from <urn:entry:recipe.8> { ?a ?b ?c }", 2),
+        ("SELECT * FROM NAMED <urn:entry:recipe.7> { GRAPH ?g { ?a ?b ?c } }", 1),
+        ("SELECT * FROM NAMED <urn:entry:recipe.7> { ?a ?b ?c }", 0),
+        ('SELECT * { ?from ?b ?c FILTER(?c != " FROM <urn:x> ") } # FROM <urn:entry:recipe.7>', 300),
+        ("PREFIX from: <urn:> SELECT * { ?a from:label ?c }", 300),
+    ],
+)
+def test_a_question_that_names_its_graphs_is_about_these_alone(endpoint: Endpoint, question: str, count: int) -> None:
+    assert len(endpoint.ask(question)["results"]["bindings"]) == count
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("FILTER(" + "(" * 20_000 + "1" + ")" * 20_000 + ")", "more than 200 brackets inside each other"),
+        ("{" * 20_000 + "}" * 20_000, "more than 200 brackets inside each other"),
+        ("FILTER(" + "!" * 20_000 + "true)", "more than 200 brackets inside each other, or signs in a row"),
+        ("FILTER(" + "||".join(["true"] * 20_000) + ")", "too long a chain of one operator"),
+        ("SERVICE <http://127.0.0.1/> { ?a ?b ?c }", "SERVICE asks another server"),
+    ],
+)
+def test_what_the_engine_cannot_read_is_refused_with_its_reason(endpoint: Endpoint, text: str, reason: str) -> None:
+    with pytest.raises(NoAnswer, match=reason):
+        endpoint.ask(f"ASK {{ {text} }}")
+    assert endpoint.ask("ASK { FILTER(" + "(" * 150 + "1" + ")" * 150 + ") }")["boolean"] is True
+    assert endpoint.ask('ASK { ?service ?p ?o FILTER(?o != "SERVICE") }')["boolean"] is True
+
+
 def test_what_is_put_and_dropped_is_answered_so(endpoint: Endpoint) -> None:
     endpoint.put("new", b'<urn:new> <urn:label> "new"@en .\n')
     question = "SELECT ?l { <urn:new> ?p ?l }"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -17,7 +18,7 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, 
 from planlang.diagnostics import BadInput
 from planlang.knowledge.entries import Content, Kind, Syntax
 from planlang.knowledge.sqlite_store import SqliteStore
-from planlang.knowledge.stores import EntryExists, NotTheAuthor, Refused
+from planlang.knowledge.stores import EntryExists, Full, NotTheAuthor, Refused
 
 NOW = "2026-01-01T00:00:00Z"
 SERVING = Content(
@@ -158,3 +159,31 @@ class _Model(RuleBasedStateMachine):
 
 
 TestAnyCalls = _Model.TestCase
+
+
+def test_a_full_disk_is_said_and_the_store_stays_as_it_was(tmp_path: Path) -> None:
+    """In a process that may write no more than half a megabyte into a file, as on a disk with so much room."""
+    pid = os.fork()
+    if pid == 0:
+        status = 1
+        try:
+            signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+            resource.setrlimit(resource.RLIMIT_FSIZE, (500_000, 500_000))
+            _fill(tmp_path / "kb.sqlite")
+            status = 0
+        finally:
+            os._exit(status)
+    assert os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 0
+    store = SqliteStore(tmp_path / "kb.sqlite")
+    assert [store.content(one.uid) for one in store.entries()] == [b"first"]
+    store.close()
+
+
+def _fill(path: Path) -> None:
+    store = SqliteStore(path)
+    entry = store.create(replace(SERVING, data=b"first"), "ada", NOW)
+    for data in (bytes(1_000_000), bytes(2_000_000)):
+        with pytest.raises(Full, match="the store is full"):
+            store.change(entry.uid, replace(SERVING, data=data), "ada", entry.etag, NOW)
+    assert store.entry(entry.uid) == entry
+    store.close()

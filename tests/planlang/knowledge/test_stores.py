@@ -14,9 +14,18 @@ from pathlib import Path
 import httpx
 import pytest
 
-from planlang.knowledge.entries import Change, Content, File, Kind, Syntax
+from planlang.knowledge.entries import Change, Content, File, Kind, Syntax, rating_of
 from planlang.knowledge.sqlite_store import SqliteStore
-from planlang.knowledge.stores import Changed, EntryExists, NoSuchEntry, NotTheAuthor, Request, Store, Unreachable
+from planlang.knowledge.stores import (
+    Changed,
+    EntryExists,
+    NoSuchEntry,
+    NotTheAuthor,
+    OwnEntry,
+    Request,
+    Store,
+    Unreachable,
+)
 
 NOW = "2026-01-01T00:00:00Z"
 SERVING = Content(
@@ -167,15 +176,28 @@ def test_files_belong_to_their_entry_and_go_with_it(store: Store) -> None:
         store.attach(entry.uid, File("x", "text/plain", b""), "bob", NOW)
 
 
-def test_an_author_has_one_rating_and_the_mean_is_shown(store: Store) -> None:
+def test_an_author_has_one_rating_and_none_of_an_own_entry(store: Store) -> None:
     entry = store.create(SERVING, "ada", NOW)
     for author, rating in (("bob", 3), ("eve", 8), ("bob", 10)):
         store.rate(entry.uid, author, rating, NOW)
     rated = store.entry(entry.uid)
-    assert (rated.rating, rated.ratings, rated.etag) == (9.0, 2, entry.etag)
+    assert (rated.rating, rated.ratings, rated.etag) == (rating_of([8, 10]), 2, entry.etag)
+    assert list(store.entries()) == [rated]
     for wrong in (-1, 11):
         with pytest.raises(ValueError, match="from 0 to 10"):
             store.rate(entry.uid, "bob", wrong, NOW)
+    with pytest.raises(OwnEntry):
+        store.rate(entry.uid, "ada", 10, NOW)
+    assert store.entry(entry.uid) == rated
+
+
+@pytest.mark.parametrize(
+    ("ratings", "rating"), [([], None), ([0], 5), ([10], 5), ([9, 9, 9, 9, 0], 9), ([8, 8, 8], 8), ([0, 0, 0], 0)]
+)
+def test_a_single_rating_neither_sinks_an_entry_nor_lifts_it_above_well_rated_ones(
+    ratings: list[int], rating: float | None
+) -> None:
+    assert rating_of(ratings) == rating
 
 
 def test_keys_that_were_dropped_are_nobodys_and_those_of_others_stay(store: Store) -> None:

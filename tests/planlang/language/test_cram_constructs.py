@@ -99,7 +99,7 @@ def test_l6_five_tagged_forms_in_seq_run_in_order() -> None:
         log.append(number)
         return number
 
-    assert go(lambda: seq(*[partial(tag, f"t{n}", partial(note, n)) for n in range(5)])) == [0, 1, 2, 3, 4]
+    assert go(lambda: seq(*[partial(tag, f"t{n}", partial(note, n)) for n in range(5)])) == (0, 1, 2, 3, 4)
     assert log == [0, 1, 2, 3, 4]
 
 

@@ -373,7 +373,7 @@ def test_join_returns_the_result_or_raises_the_failure() -> None:
         handle = task("gives")
         return await par(partial(tag, "gives", gives), partial(join, handle))
 
-    assert go(body) == [5, 5]
+    assert go(body) == (5, 5)
 
     async def failing() -> None:
         handle = task("fails")

@@ -106,6 +106,20 @@ class Answers:
         return self.kept.setdefault(question, find())
 
 
+class Right(Left):
+    """A module that moves things itself, and performs all actions of its class."""
+
+    performs = None
+    physical = by_hand = True
+
+
+def test_what_a_module_says_besides_is_forwarded_and_not_asked_where_it_says_nothing() -> None:
+    answers = Answers()
+    for around in (WrappedModule(Right()), RecordedModule(Right(), answers)):  # type: ignore[arg-type]
+        assert (around.physical, around.by_hand, around.performs(action("Reaching"))) == (True, True, True)
+    assert answers.kept == {}
+
+
 @pytest.mark.parametrize("hand", ["left", "right"])
 def test_a_module_around_another_performs_what_that_one_does_and_what_it_said_is_recorded(hand: str) -> None:
     asked, answers = action("Reaching", device_used=hand), Answers()

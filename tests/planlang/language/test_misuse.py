@@ -44,6 +44,12 @@ def shows(wrong: str, right: str) -> str:
     return f"(.|\n)*wrong: {re.escape(wrong)}\n  right: {re.escape(right)}"
 
 
+ASYNCIO = shows(
+    "await asyncio.sleep(1)    or await fetch()",
+    "await sleep(1)    or, for an async function of asyncio, await in_thread(fetch)",
+)
+
+
 def test_an_error_shows_wrong_and_right_code_on_lines_of_their_own() -> None:
     assert contrast("no", "a()", "await a()") == "no\n  wrong: a()\n  right: await a()"
 
@@ -159,7 +165,7 @@ def test_a_construct_in_a_thread_of_its_own_is_outside_the_plan() -> None:
         one.join()
 
     go(body)
-    assert "in its thread" in str(caught[0])
+    assert "no plan is running in this thread" in str(caught[0])
 
 
 # -- a foreign awaitable
@@ -169,17 +175,73 @@ def test_asyncios_sleep_zero_is_refused_at_its_line_with_the_right_form() -> Non
     async def body() -> None:
         await asyncio.sleep(0)
 
-    with pytest.raises(TypeError, match=r"another event loop" + shows("await asyncio.sleep(1)", "await sleep(1)")):
+    with pytest.raises(TypeError, match=r"another event loop" + ASYNCIO):
         go(body)
 
 
-def test_what_needs_asyncios_loop_fails_with_a_note_about_plans() -> None:
-    async def body() -> None:
-        await asyncio.sleep(1)
-
-    with pytest.raises(RuntimeError) as caught:
+@pytest.mark.parametrize(
+    "body", [lambda: asyncio.sleep(1), lambda: asyncio.Queue().get(), lambda: asyncio.to_thread(abs, -1)]
+)
+def test_asyncio_code_without_its_event_loop_says_how_it_runs_in_a_plan(body: Any) -> None:
+    with pytest.raises(PlanStructureError, match=r"asyncio code needs an event loop" + ASYNCIO):
         go(partial(par, body))
-    assert any("right: await sleep(1)" in note for note in caught.value.__notes__)
+
+
+def test_other_errors_in_plans_and_of_asyncio_stay_what_they_are() -> None:
+    async def missing() -> None:
+        raise AttributeError("no such pose")
+
+    async def inside() -> None:
+        asyncio.run(waits_for_itself())
+
+    async def waits_for_itself() -> None:
+        raise RuntimeError("of the code that asyncio runs")
+
+    for body, error in ((missing, AttributeError), (inside, RuntimeError)):
+        with pytest.raises(error) as caught:
+            go(body)
+        assert not isinstance(caught.value, PlanStructureError)
+
+
+def test_a_fluent_in_and_or_if_shows_how_fluents_are_combined() -> None:
+    door, light = Fluent(True, "door"), Fluent(True, "light")
+
+    async def both() -> None:
+        await wait_for(door and light)
+
+    with pytest.raises(
+        TypeError, match=r"door is a fluent(.|\n)*right: door_open & light_on    or    if door_open.value:"
+    ):
+        go(both)
+
+
+def test_a_condition_in_and_shows_how_conditions_are_combined() -> None:
+    cup, plate = an_object("Cup"), an_object("Plate")
+    with pytest.raises(TypeError, match=r"holding\(Cup\) is a condition(.|\n)*right: holds\(.*\) & holds\(.*\)"):
+        holding(cup) and holding(plate)
+
+
+def test_the_value_of_a_fluent_given_to_wait_for_is_called_one() -> None:
+    with pytest.raises(TypeError, match=r"the fluent itself: its \.value is one value that does not change"):
+        go(lambda: wait_for(Fluent(False).value))  # type: ignore[arg-type]
+
+
+def test_swapped_arguments_of_timeout_are_shown_in_their_order() -> None:
+    with pytest.raises(TypeError, match="swapped" + shows("await timeout(reach, 5)", "await timeout(5, reach)")):
+        go(lambda: timeout(reach, 5))  # type: ignore[arg-type]
+
+
+def test_a_misspelt_action_is_told_with_the_one_that_may_be_meant() -> None:
+    failure = run_plan(lambda: perform(action("Reachng"))).failure
+    assert str(failure) == "nothing performs this action: Reachng(); did you mean 'Reaching'?"
+    assert str(run_plan(lambda: perform(action("Dancing"))).failure) == "nothing performs this action: Dancing()"
+
+
+def test_run_without_a_host_shows_one() -> None:
+    with pytest.raises(TypeError, match="needs a host" + shows("run(reach)", "run(reach, host=VirtualHost())")):
+        run(reach)  # type: ignore[call-arg]
+    with pytest.raises(TypeError, match="needs a host" + shows("run(serve)", "run(serve, host=VirtualHost())")):
+        run()  # type: ignore[call-arg]
 
 
 def test_a_future_of_another_loop_is_refused_at_its_line() -> None:
@@ -398,7 +460,7 @@ def test_branches_are_whatever_gives_something_to_await() -> None:
         Nothing,
         AsyncMock(),
     ]
-    results = ["called", "a", "b", "a", "a", None]
+    results = ("called", "a", "b", "a", "a", None)
     for construct in (par, seq):
         assert went(functools.partial(construct, *branches))[:-1] == results
 

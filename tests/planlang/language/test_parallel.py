@@ -27,12 +27,12 @@ async def fails(what: str, after: float = 0.0) -> Any:
 
 
 def test_results_come_in_textual_order_whatever_the_order_of_ending() -> None:
-    assert go(partial(par, partial(gives, 1, 0.3), partial(gives, 2, 0.1), third=partial(gives, 3, 0.2))) == [1, 2, 3]
+    assert go(partial(par, partial(gives, 1, 0.3), partial(gives, 2, 0.1), third=partial(gives, 3, 0.2))) == (1, 2, 3)
 
 
 def test_empty_constructs() -> None:
-    assert go(par) == []
-    assert go(seq) == []
+    assert go(par) == ()
+    assert go(seq) == ()
     assert go(partial(par_each, [], gives)) == []
     assert go(partial(partial_order, {}, [])) == {}
     for construct in (pursue, race, try_all, try_in_order):

@@ -292,9 +292,11 @@ def test_a_held_task_gets_no_turn_until_it_wakes_up() -> None:
             async with task_suspended(handle):
                 await sleep(5)
 
-        await par(
-            partial(user, "first"), partial(tag, "second", partial(user, "second")), partial(user, "third"), control
-        )
+        async def third() -> None:
+            await sleep(0.25)  # after the second has asked
+            await user("third")
+
+        await par(partial(user, "first"), partial(tag, "second", partial(user, "second")), third, control)
 
     go(plan)
     assert log == ["first 0", "third 1", "second 5.5"]

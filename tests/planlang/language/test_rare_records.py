@@ -98,7 +98,7 @@ def test_plans_inside_of_the_top_level_plan_are_steps_and_inside_of_branches_are
         return await inner(), await par(inner), await inner()
 
     whole = run_plan(top, resumable=True)
-    assert whole.value == ("inner", ["inner"], "inner")
+    assert whole.value == ("inner", ("inner",), "inner")
     assert len(list(resumed_everywhere(top, whole))) == 3
 
 

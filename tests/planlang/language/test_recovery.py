@@ -16,6 +16,7 @@ from planlang import (
     RETRY,
     PlanFailure,
     Recovery,
+    RecoveryResult,
     Return,
     Trace,
     now,
@@ -208,13 +209,34 @@ def test_a_failure_of_the_recovery_goes_outward_only_with_its_cause() -> None:
     assert body.runs == 1
 
 
+async def retreat() -> None:
+    await sleep(1)
+
+
+async def retreats(failure: PlanFailure) -> RecoveryResult:
+    await sleep(1)
+    return RETRY
+
+
+def test_a_recovery_function_that_does_not_take_the_failure_is_refused_when_the_recovery_is_made() -> None:
+    with pytest.raises(TypeError, match=r"retreat cannot be called with the failure") as caught:
+        Recovery(GraspMissed, retreat)  # type: ignore[arg-type]
+    assert str(caught.value).splitlines()[1:] == [
+        "  wrong: Recovery(GraspMissed, retreat)",
+        "  right: async def retreat(failure): ...; return RETRY",
+    ]
+    with pytest.raises(TypeError, match=r"right: async def do\(failure\): \.\.\.; return RETRY"):
+        Recovery(GraspMissed, lambda: retreat())  # type: ignore
+    assert Recovery(GraspMissed, retreats).do is retreats
+
+
 def test_no_recovery_handles_a_programming_error() -> None:
     async def wrong() -> None:
         raise ZeroDivisionError
 
     with pytest.raises(ZeroDivisionError):
         go(partial(with_failure_handling, wrong, Recovery(PlanFailure, attempts=3)))
-    with pytest.raises(TypeError, match="programming errors are fixed"):
+    with pytest.raises(TypeError, match="ZeroDivisionError is not a subclass of PlanFailure"):
         Recovery(ZeroDivisionError)  # type: ignore[arg-type]
 
 

@@ -91,7 +91,7 @@ def test_a_fluent_that_a_completed_step_has_set_has_its_value_again() -> None:
 
     whole = run_plan(top(Fluent(False, "the door is open")), resumable=True)
     again = run_plan(top(Fluent(False, "the door is open")), resume=cut(whole, completed(whole)[0]))
-    assert again.value == [True]
+    assert again.value == (True,)
     assert len(opened) == 1
 
 

@@ -267,7 +267,7 @@ def test_a_suspended_holder_of_a_resource_keeps_it() -> None:
 
         return await par(partial(tag, "first", partial(user, 0)), partial(user, 0.1), control)
 
-    assert go(body)[:2] == [0, 3]
+    assert go(body)[:2] == (0, 3)
 
 
 class Refused(PlanFailure):
@@ -294,7 +294,7 @@ def test_a_hook_that_fails_leaves_nothing_suspended_and_the_others_are_called() 
             async with task_suspended(task("worker")):
                 raise AssertionError("the block does not begin")
 
-    assert go(lambda: par(partial(tag, "worker", worker), control)) == ["done at 2", None]
+    assert go(lambda: par(partial(tag, "worker", worker), control)) == ("done at 2", None)
     assert stopped == ["arm", "arm"]
 
 

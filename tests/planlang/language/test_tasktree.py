@@ -17,6 +17,7 @@ from virtual_time import go
 
 from planlang import *
 from planlang.failures import BranchEvaporated, GraspMissed
+from planlang.testing import Script, run_plan
 
 
 async def grasp() -> None:
@@ -49,6 +50,44 @@ def test_a_node_keeps_path_kind_parameters_status_result_start_and_end() -> None
         ("sleep", "evaporated", 2),
         ("fast", "succeeded", 2),
     ]
+
+
+def test_a_tree_is_printed_with_times_and_each_failure_where_it_arose() -> None:
+    async def never() -> None:
+        await sleep(9)
+
+    async def fails() -> None:
+        closing = partial(perform, action("ClosingAGripper"), name="Close")
+        reaching = partial(perform, action("Reaching", x=1.0))
+        await seq(reaching, partial(try_in_order, closing, grasp))
+
+    async def main() -> None:
+        handle = task("never")
+        evaporate(handle)
+        with suppress(BranchEvaporated):
+            await par(partial(tag, "never", never))
+        await fails()
+
+    script = Script().on("Close", fails=lambda: GraspMissed("x" * 99), after=0.5)
+    run = run_plan(main, script=script)
+    tree = TaskTree.of(run.trace)
+    assert str(tree) == run.tree()
+    lines = str(tree).splitlines()
+    assert lines[:6] == [
+        "main: 0 to 2.5 s, failed",
+        "  par: 0 s, failed",
+        "    tag: 0 s, failed with BranchEvaporated: a branch was evaporated from outside: path main/par/tag/never",
+        "      never: evaporated before it began",
+        "  seq: 0 to 2.5 s, failed",
+        "    perform: 0 to 1 s, succeeded",
+    ]
+    assert "      Reaching(x=1.0): 0 to 1 s, succeeded" in lines
+    assert f"          Close, ClosingAGripper(): 1 to 1.5 s, failed with GraspMissed: {'x' * 99}" in lines
+    assert lines[-1] == "        grasp: 1.5 to 2.5 s, failed with GraspMissed: the gripper closed on nothing: arm left"
+    (closed,) = [node for node in tree if node.name == "Close" and node.kind == "perform"]
+    assert closed.summary(10) == "1 to 1.5 s, failed with GraspMissed: xxxxxxx..."
+    cut = TaskTree.of([event for event in run.events if event["event"] != "ended"])
+    assert str(cut).splitlines()[0] == "main: 0 s on, running"
 
 
 def test_constructs_keep_their_results_too() -> None:

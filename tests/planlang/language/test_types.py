@@ -7,25 +7,30 @@ import subprocess
 import sys
 from functools import partial
 from pathlib import Path
-from typing import assert_type
+from typing import Any, assert_type
 
 import pytest
 
 from planlang import (
+    Fluent,
     Policy,
     VirtualHost,
     budget,
+    in_thread,
     par,
     par_each,
+    partial_order,
     plan,
     pursue,
     race,
     retry_after_suspension,
     run,
+    seq,
     tag,
     timeout,
     try_in_order,
     unwind_protect,
+    wait_for,
     with_failure_handling,
     with_policies,
     with_requests,
@@ -51,6 +56,15 @@ async def typed(*, times: int = 1) -> int:
     assert_type(b, str)
     x, y, z = await par(number, word, number)
     assert_type((x, y, z), tuple[int, str, int])
+    assert_type(await seq(number, word), tuple[int, str])
+    assert_type(await par(one=number, two=number), tuple[int, ...])
+    assert_type(await seq(number, *[number, number], last=number), tuple[int, ...])
+    assert_type(await partial_order({"one": number, "two": number}, [("one", "two")]), dict[str, int])
+    assert_type(await partial_order({"text": word, "two": length}, [("text", "two")]), dict[str, Any])
+    assert_type(await in_thread(number), int)
+    assert_type(await in_thread(len, "abc", takes=1), int)
+    assert_type(await wait_for(Fluent(1)), int)
+    assert_type(await wait_for(Fluent(1), timeout=2), int | None)
     assert_type(await pursue(number, number), int)
     assert_type(await race(one=number, two=number), tuple[str, int])
     assert_type(await try_in_order(word, word), str)

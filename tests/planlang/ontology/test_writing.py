@@ -178,5 +178,83 @@ def test_the_command_converts_and_tells_what_changes(tmp_path: Path) -> None:
 def test_a_text_is_told_to_be_of_the_syntax_that_it_is_written_in(target: Target) -> None:
     expected = {Target.MANCHESTER: Syntax.MANCHESTER, Target.RDFXML: Syntax.RDFXML}.get(target, Syntax.TURTLE)
     converted = convert(bundled("recipes") / "serve_a_drink.omn", target)
-    assert converted.diagnostics == ()
+    assert [one.code for one in converted.diagnostics] == ["O053"]  # its comments
     assert syntax_of(converted.text, "t") is expected
+
+
+SUFFIXES = {Target.MANCHESTER: ".omn", Target.TURTLE: ".ttl", Target.NTRIPLES: ".nt", Target.RDFXML: ".owl"}
+
+
+def there_and_back(path: Path, target: Target, folder: Path, source: Target = Target.MANCHESTER) -> str:
+    """A file converted to a syntax and back."""
+    there = folder / f"there{SUFFIXES[target]}"
+    there.write_text(convert(path, target).text)
+    return convert(there, source).text
+
+
+def in_order(path: Path) -> list[tuple[str, list[str]]]:
+    """The named subjects of a file in their order, each with the names and texts that are said of it, in order."""
+    found: dict[str, list[str]] = {}
+    for triple in sorted(read_syntax(path.read_bytes(), path.name, base=BASE, label="b").triples, key=lambda t: t.span):
+        if isinstance(triple.subject, str):
+            found.setdefault(triple.subject, [])
+            if not isinstance(triple.object, BNode) and triple.predicate != RDF.type:
+                found[triple.subject].append(f"{triple.predicate} {triple.object}")
+    return list(found.items())
+
+
+@pytest.mark.parametrize("target", [Target.TURTLE, Target.RDFXML])
+@pytest.mark.parametrize("path", some(OURS), ids=lambda path: path.name)
+def test_converted_there_and_back_a_file_keeps_order_prefixes_and_what_it_says_of_itself(
+    path: Path, target: Target, tmp_path: Path
+) -> None:
+    again = tmp_path / "again.omn"
+    again.write_text(there_and_back(path, target, tmp_path))
+    before, after = in_order(path), in_order(again)
+    assert [subject for subject, _ in after] == [subject for subject, _ in before]
+    assert [sorted(said) for _, said in after] == [sorted(said) for _, said in before]
+    prefixes = ours(path).prefixes
+    kept = read_manchester(again.read_bytes(), again.name, base=BASE).prefixes
+    assert prefixes.items() <= kept.items()
+    assert there_and_back(again, target, tmp_path) == again.read_text()
+
+
+def test_label_comment_and_unused_prefixes_of_an_ontology_survive_each_syntax(tmp_path: Path) -> None:
+    source = tmp_path / "source.omn"
+    source.write_text("""Prefix: : <http://example.org/t#>
+Prefix: rdfs: <http://www.w3.org/2000/01/rdf-schema#>
+Prefix: unused: <http://example.org/unused#>
+
+Ontology: <http://example.org/t>
+    Annotations: rdfs:label "zebras", rdfs:comment "and others"
+
+Individual: z
+    Types: Zebra, Animal
+
+Class: Zebra
+    Annotations: rdfs:comment "striped", rdfs:label "zebra"
+    SubClassOf: Horse, Animal
+
+Class: Horse
+
+Class: Animal
+""")
+    for target in (Target.MANCHESTER, Target.TURTLE, Target.RDFXML):
+        assert there_and_back(source, target, tmp_path) == source.read_text(), target
+    without = there_and_back(source, Target.NTRIPLES, tmp_path)
+    assert without == source.read_text().replace("Prefix: unused: <http://example.org/unused#>\n", "")
+
+
+def test_comments_and_prefixes_that_a_syntax_cannot_hold_are_listed(tmp_path: Path) -> None:
+    source = tmp_path / "source.ttl"
+    source.write_text('# one\n@prefix : <http://example.org/t#> .\n:a :b "# none" . # two\n')
+    (note,) = [one for one in convert(source, Target.NTRIPLES).diagnostics if one.code == "O053"]
+    assert (note.message, note.span and note.span.line) == ("2 comments and a prefix are not kept", 1)
+
+
+def test_real_files_keep_their_order_in_turtle(corpus: Path, tmp_path: Path) -> None:
+    path = corpus / "recipes" / "serve_drink@re_stack.owl"
+    again = tmp_path / "again.owl"
+    again.write_text(there_and_back(path, Target.TURTLE, tmp_path, Target.RDFXML))
+    before, after = in_order(path), in_order(again)
+    assert [subject for subject, _ in after] == [subject for subject, _ in before]

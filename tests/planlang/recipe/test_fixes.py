@@ -33,7 +33,7 @@ Class: Close
     SubClassOf: knowrob:ClosingAGripper
 
 Class: Give
-    SubClassOf: knowrob:HandingOverAnObject
+    SubClassOf: knowrob:HandingOverAnObject, knowrob:recipient some knowrob:Person
 """
 
 XML = """\
@@ -52,7 +52,9 @@ XML = """\
             <owl:someValuesFrom rdf:resource="#Close"/></owl:Restriction></rdfs:subClassOf>
     </owl:Class>
     <owl:Class rdf:ID="Close"><rdfs:subClassOf rdf:resource="&knowrob;ClosingAGripper"/></owl:Class>
-    <owl:Class rdf:ID="Give"><rdfs:subClassOf rdf:resource="&knowrob;HandingOverAnObject"/></owl:Class>
+    <owl:Class rdf:ID="Give"><rdfs:subClassOf rdf:resource="&knowrob;HandingOverAnObject"/>
+        <rdfs:subClassOf><owl:Restriction><owl:onProperty rdf:resource="&knowrob;recipient"/>
+            <owl:someValuesFrom rdf:resource="&knowrob;Person"/></owl:Restriction></rdfs:subClassOf></owl:Class>
 </rdf:RDF>
 """
 KNOWROB_PREFIX = 'xmlns:knowrob="http://knowrob.org/kb/knowrob.owl#"'
@@ -101,7 +103,8 @@ def codes(found: Fixed) -> list[str]:
         "        knowrob:subAction some Give, # first, they say\n        knowrob:subAction some Take # Class: No",
         "        knowrob:subAction some Give, knowrob:subAction some Take",
         "        (knowrob:subAction some Take) and (knowrob:subAction some Give)",
-        "        knowrob:subAction some Give, knowrob:subAction some (Take and knowrob:deviceUsed some Close)",
+        "        knowrob:subAction some Give,\n"
+        "        knowrob:subAction some (Take and knowrob:deviceUsed some knowrob:HolderGripper)",
         "        <http://knowrob.org/kb/knowrob.owl#subAction> some <http://planlang.org/test#Give>,\n"
         "        <http://knowrob.org/kb/knowrob.owl#subAction> some :Take",
     ],

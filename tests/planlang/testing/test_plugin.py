@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import re
+import subprocess
+import sys
+import tomllib
 from importlib.metadata import entry_points
 from pathlib import Path
 
@@ -28,6 +32,30 @@ def test_installing_planlang_is_enough(pytester: pytest.Pytester) -> None:
     result = pytester.runpytest_subprocess("-W", "error", "-p", "no:cacheprovider")
     result.assert_outcomes(passed=1)
     assert result.ret == 0
+
+
+CHECKOUT = Path(__file__).resolve().parents[3]
+
+
+def test_planlang_testing_works_without_pytest() -> None:
+    code = (
+        "import sys; sys.modules['pytest'] = None\n"
+        "from planlang import action, perform\n"
+        "from planlang.testing import run_plan\n"
+        "print(run_plan(lambda: perform(action('Reaching'))).seconds)"
+    )
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (ran.stdout, ran.stderr) == ("1.0\n", "")
+
+
+def test_the_extra_test_brings_the_plugins_that_a_checkout_loads_and_the_pages_name_it() -> None:
+    project = tomllib.loads((CHECKOUT / "pyproject.toml").read_text(encoding="utf-8"))
+    loaded = re.findall(r"-p (\S+)", project["tool"]["pytest"]["ini_options"]["addopts"])
+    assert loaded == ["xdist", "_hypothesis_pytestplugin", "planlang.testing.plugin", "pytester"]
+    brought = {name.partition(">")[0] for name in project["project"]["optional-dependencies"]["test"]}
+    assert brought == {"pytest", "pytest-xdist", "hypothesis"}
+    for page in ("README.md", "docs/testing.md"):
+        assert ".venv/bin/pip install --editable '.[test]'" in (CHECKOUT / page).read_text(encoding="utf-8")
 
 
 def test_fixtures_give_a_runner_and_its_script(pytester: pytest.Pytester) -> None:
@@ -174,7 +202,6 @@ def test_an_error_of_planlang_itself_is_shown_with_all_its_frames(
 
 
 def test_the_example_of_the_documentation_is_the_file_that_runs_and_short() -> None:
-    checkout = Path(__file__).resolve().parents[3]
-    example = (checkout / "tests" / "examples" / "test_serving.py").read_text(encoding="utf-8")
-    assert f"```python\n{example}```" in (checkout / "docs" / "testing.md").read_text(encoding="utf-8")
+    example = (CHECKOUT / "tests" / "examples" / "test_serving.py").read_text(encoding="utf-8")
+    assert f"```python\n{example}```" in (CHECKOUT / "docs" / "testing.md").read_text(encoding="utf-8")
     assert len(example.splitlines()) < 60

@@ -22,7 +22,7 @@ from planlang.failures import (
     ObjectUnreachable,
 )
 from planlang.files import bundled
-from planlang.testing import Belief, Fault, Script, compiled, run_plan
+from planlang.testing import Belief, Fault, Script, UnusedRule, compiled, explore, run_plan
 from planlang.testing.scripted import ScriptedExecutive
 
 BOTTLE = an_object("DrinkingBottle", "http://example.org/map#bottle1")
@@ -266,7 +266,7 @@ def test_what_nothing_performs_is_unresolvable_until_the_script_says_so() -> Non
 
 def test_a_rule_that_never_applied_is_told() -> None:
     script = Script().on("Reachin", fails=ManipulationPoseUnreachable, times=1).fault("nothing", GraspMissed)
-    run = run_plan(reach, script=script)
+    run = run_plan(reach, script=script, allow_unused=True)
     assert run.unused == (
         "rule Reachin fails with ManipulationPoseUnreachable, 1 times",
         "fault GraspMissed in nothing, attempt 1",
@@ -274,10 +274,100 @@ def test_a_rule_that_never_applied_is_told() -> None:
     assert "never applied: rule Reachin" in run.tree()
 
 
-@pytest.mark.parametrize("wrong", [{"after": -1}, {"after": float("nan")}, {"times": 0}])
+def test_a_rule_for_a_step_that_does_not_occur_fails_the_test_with_the_name_that_may_be_meant() -> None:
+    script = Script().on("Reachin", fails=ManipulationPoseUnreachable, times=1).fault("reech", GraspMissed)
+    script.on("Reaching", until=-1)  # of a step that occurs, though not in this time
+    with pytest.raises(UnusedRule) as caught:
+        run_plan(reach, script=script)
+    assert str(caught.value).splitlines() == [
+        "the script names steps that did not occur:",
+        "  rule Reachin fails with ManipulationPoseUnreachable, 1 times; did you mean 'Reaching'?",
+        "  fault GraspMissed in reech, attempt 1",
+        "<run of perform: returned None after 1 s>; allow_unused=True permits it",
+    ]
+    with pytest.raises(UnusedRule, match=r"rule Reachin(.|\n)*allow_unused"):
+        explore(reach, script=script)
+    assert explore(reach, script=script, allow_unused=True).complete
+
+
+def test_a_rule_for_a_step_that_a_failing_plan_does_not_come_to_is_no_error_unless_it_looks_misspelt() -> None:
+    async def main() -> None:
+        await reach()
+        await close()
+
+    script = Script().on("Reaching", fails=ManipulationPoseUnreachable).on("ClosingAGripper", after=2)
+    assert isinstance(run_plan(main, script=script).failure, ManipulationPoseUnreachable)
+    with pytest.raises(UnusedRule, match="rule Reachingg; did you mean 'Reaching'"):
+        run_plan(main, script=script.on("Reachingg"))
+
+
+def test_a_rule_that_is_used_under_some_schedules_is_used() -> None:
+    async def main() -> None:
+        door = Fluent(False, "door")
+
+        async def opens() -> None:
+            await checkpoint()
+            door.set(True)
+
+        async def looks() -> None:
+            await checkpoint()
+            if door.value:
+                await perform(action("LookingAtSomething"))
+
+        await par(looks, opens)
+
+    script = Script().on("LookingAtSomething", after=0.5)
+    with pytest.raises(UnusedRule):
+        run_plan(main, script=script)
+    assert explore(main, script=script, check=lambda run: None).complete
+
+
+def test_a_rule_that_applies_no_times_never_applies() -> None:
+    run = run_plan(reach, script=Script().on("Reaching", fails=GraspMissed, times=0).on("Grasping", times=0))
+    assert run.failure is None
+    assert run.unused == ()
+
+
+@pytest.mark.parametrize("wrong", [{"after": -1}, {"after": float("nan")}, {"times": -1}, {"times": 1.5}])
 def test_senseless_rules_are_refused(wrong: dict[str, float]) -> None:
-    with pytest.raises(ValueError, match="is a number of"):
+    with pytest.raises((TypeError, ValueError), match=r"of script.on has to be") as caught:
         Script().on("Reaching", **wrong)  # type: ignore[arg-type]
+    assert str(caught.value).count("\n") == 2
+
+
+def test_what_was_put_down_is_where_it_was_lowered_to() -> None:
+    run = run_plan(compiled("carry_the_tray"))
+    assert run.belief.at == {"tray1": "tea_table1"}
+    assert run.belief.holding == []
+    tray, table, floor = an_object("Tray", "#tray1"), an_object("Table", "#tea_table1"), an_object("Floor")
+    assert run.belief.holds(located(a_location(on=table), tray))
+    assert not run.belief.holds(located(a_location(on=floor), tray))
+    assert not run.belief.holds(located(a_location(on=table)))
+
+
+def test_what_is_grasped_again_is_at_no_place_and_what_is_dropped_is_where_nobody_said() -> None:
+    async def main() -> None:
+        cup, table = an_object("Cup"), an_object("Table")
+        await perform(action("PickingUpAnObject", object_acted_on=cup))
+        await perform(action("PuttingDownAnObject", object_acted_on=cup, to_location=a_location(on=table)))
+        assert belief().at == {"Cup": "Table"}
+        await perform(action("PickingUpAnObject", object_acted_on=cup))
+        assert belief().at == {}
+        await perform(action("LoweringAnObject", to_location="the floor"))
+        assert belief().at == {}
+        await perform(action("OpeningAGripper"))
+        assert belief().at == {"Cup": "the floor"}
+        await perform(action("PickingUpAnObject", object_acted_on=cup))
+        await perform(action("LoweringAnObject"))
+        await perform(action("OpeningAGripper"))
+
+    def belief() -> Belief:
+        return executive.belief
+
+    executive = ScriptedExecutive(Script().performs("PickingUpAnObject", "PuttingDownAnObject"))
+    assert run_plan(main, executive=executive).failure is None
+    assert belief().at == {}
+    assert belief().holding == []
 
 
 def test_a_failure_between_places_is_one_of_the_script() -> None:
@@ -293,7 +383,7 @@ def test_a_failure_between_places_is_one_of_the_script() -> None:
 
 def test_a_plan_runs_with_an_executive_of_its_own_which_then_has_the_belief() -> None:
     executive = ScriptedExecutive(Script().on("Reaching", returns="there"))
-    run = run_plan(reach, executive=executive, faults=[Fault("nothing", GraspMissed)])
+    run = run_plan(reach, executive=executive, faults=[Fault("nothing", GraspMissed)], allow_unused=True)
     assert run.value == "there"
     assert run.unused == ("fault GraspMissed in nothing",)
     with pytest.raises(ValueError, match="only a scripted robot has a belief"):

@@ -37,7 +37,7 @@ class InOrder(Node):
                 return outcome
             self.results.append(outcome[1])
             if len(self.results) == len(self.tree.children):
-                return (self.goes_on, self.results)
+                return (self.goes_on, tuple(self.results) if self.goes_on == "value" else self.results)
             self.child = self.below(len(self.results))
 
 
@@ -186,7 +186,7 @@ class All(Scope):
         """Start what may start now."""
 
     def whole(self) -> Outcome:
-        return ("value", [self.results[number] for number in range(len(self.tree.children))])
+        return ("value", tuple(self.results[number] for number in range(len(self.tree.children))))
 
 
 @kind("par_each")
@@ -202,6 +202,9 @@ class ParEach(All):
         while len(self.live) < limit and self.begun_values < len(self.tree.children):
             self.start(self.begun_values)
             self.begun_values += 1
+
+    def whole(self) -> Outcome:
+        return ("value", list(super().whole()[1]))
 
 
 @kind("partial_order")

@@ -1,0 +1,24 @@
+"""``planlang delete``: an entry of one's own, or files of it, taken from a server."""
+
+from __future__ import annotations
+
+from executive.cli.console import Answer
+from executive.cli.server import ask
+from executive.cli.server_arguments import DeleteArguments
+from planlang.knowledge.client import Client
+
+
+def command(arguments: DeleteArguments) -> Answer:
+    """Delete an entry with all its revisions and files, or only files of it. Raises BadInput."""
+
+    def work(client: Client) -> Answer:
+        entry = client.entry(arguments.uid)
+        for name in arguments.file or ():
+            client.detach(entry.uid, name)
+        if not arguments.file:
+            client.delete(entry)
+        what = ", ".join(arguments.file or ("all of it",))
+        data = {"uid": entry.uid, "files": arguments.file or [one.name for one in entry.attachments]}
+        return Answer(text=f"{entry.uid}: deleted {what}", data={**data, "entry": not arguments.file})
+
+    return ask(arguments, work)

@@ -1,0 +1,37 @@
+"""The action classes that process modules perform, as far as a recipe is checked for steps that nothing performs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+
+from executive.cli.inputs import check_files, check_trusted, refuse
+from planlang.diagnostics import BadInput, Diagnostic
+from planlang.modules import ModuleRegistry
+from planlang.recipe.actions import Performed
+
+
+def performed_by_modules(files: Sequence[Path] | None, found: list[Diagnostic], *, trust: bool) -> Performed:
+    """Return a function that returns the classes that the user's files and installed packages perform.
+
+    Files are imported at once, which executes them; packages only when they are asked for. What is wrong with a package
+    goes to ``found``. Raises BadInput for a file that cannot be used, or was pulled and is not trusted.
+    """
+    problems: list[Diagnostic] = []
+    check_files(problems, modules=files)
+    check_trusted(problems, files or (), trust=trust)
+    refuse(problems)
+    registry = ModuleRegistry()
+    for file in files or ():
+        registry.add_file(file)
+
+    @cache
+    def performed() -> frozenset[str]:
+        try:
+            registry.add_installed()
+        except BadInput as problem:
+            found.extend(problem.diagnostics)
+        return registry.actions
+
+    return performed

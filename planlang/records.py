@@ -1,0 +1,130 @@
+"""Dataclasses whose methods are not compiled as their module is imported.
+
+The standard library writes up to seven methods of each dataclass as text and compiles them: for all classes of a short
+run that takes a tenth of its time. Here closures serve instead, and ``__init__`` is compiled with the first instance.
+``fields``, ``replace``, ``match`` and type checkers see a dataclass.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import reprlib
+from collections.abc import Callable, Sequence
+from dataclasses import MISSING, Field, FrozenInstanceError
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any, NoReturn
+
+if TYPE_CHECKING:
+    from dataclasses import dataclass as dataclass
+else:
+
+    def dataclass(cls: type | None = None, /, **options: Any) -> Any:
+        """Make a dataclass, with options of the standard library's decorator: not ``order``, nor ``InitVar`` fields."""
+        return _made(cls, **options) if cls is not None else lambda cls: _made(cls, **options)
+
+
+_set = object.__setattr__
+
+
+def _made(cls: Any, *, eq: bool = True, repr: bool = True, frozen: bool = False, **options: bool) -> Any:
+    own = set(vars(cls))
+    # the class body made no hash for an __eq__ of its own: Python sets None
+    own -= {"__hash__"} if "__eq__" in own and vars(cls)["__hash__"] is None else set()
+    made: Any = dataclasses.dataclass(init=False, repr=False, eq=False, **options)(cls)
+    fields = dataclasses.fields(made)
+    methods: dict[str, Any] = {"__init__": _first_init(made, frozen)}
+    if repr:
+        methods["__repr__"] = _repr([one.name for one in fields if one.repr])
+    if eq:
+        methods["__eq__"] = _eq(_values([one.name for one in fields if one.compare]))
+        hashed = _values([one.name for one in fields if (one.compare if one.hash is None else one.hash)])
+        methods["__hash__"] = (lambda self: hash(hashed(self))) if frozen else None
+    if frozen:
+        methods |= {"__setattr__": _refuse("assign to"), "__delattr__": _refuse("delete")}
+        if options.get("slots"):
+            methods |= _state([one.name for one in fields])
+    for name, method in methods.items():
+        if name not in own:
+            setattr(made, name, method)
+    return made
+
+
+def _first_init(made: Any, frozen: bool) -> Callable[..., None]:
+    def first(self: object, /, *values: object, **named: object) -> None:
+        made.__init__ = _compiled_init(made, frozen)
+        made.__init__(self, *values, **named)
+
+    return first
+
+
+def _compiled_init(made: Any, frozen: bool) -> Any:
+    """Return the constructor of a class, with defaults, factories and a call of ``__post_init__`` if there is one."""
+    every: Sequence[Field[Any]] = dataclasses.fields(made)
+    # no name of a field makes one of these: those of fields begin with _default_ and _make_
+    known: dict[str, Any] = {"_set": _set, "_given": (given := object())}
+    parameters, keywords, body = ["self"], list[str](), list[str]()
+    for one in every:
+        value = one.name
+        if one.default_factory is not MISSING:
+            known[f"_make_{one.name}"], known[f"_default_{one.name}"] = one.default_factory, given
+            value = f"_make_{one.name}()" + (f" if {one.name} is _given else {one.name}" if one.init else "")
+        elif one.default is not MISSING:
+            known[f"_default_{one.name}"] = one.default
+            value = one.name if one.init else f"_default_{one.name}"
+        elif not one.init:
+            continue
+        if one.init:
+            default = f"_default_{one.name}"
+            (keywords if one.kw_only else parameters).append(one.name + f"={default}" * (default in known))
+        body.append(f"_set(self, {one.name!r}, {value})" if frozen else f"self.{one.name} = {value}")
+    body += ["self.__post_init__()"] * hasattr(made, "__post_init__")
+    signature = ", ".join([*parameters, *(["*", *keywords] if keywords else [])])
+    text = f"def __init__({signature}):\n " + ("\n ".join(body) or "pass")
+    made_here: dict[str, Any] = {}
+    exec(text, known, made_here)
+    init = made_here["__init__"]
+    init.__qualname__, init.__module__ = f"{made.__qualname__}.__init__", made.__module__
+    return init
+
+
+def _values(names: Sequence[str]) -> Callable[[Any], tuple[Any, ...]]:
+    """Return what reads attributes of an object, as a tuple."""
+    if len(names) > 1:
+        return attrgetter(*names)
+    return lambda one: tuple([getattr(one, name) for name in names])
+
+
+def _eq(values: Callable[[Any], tuple[Any, ...]]) -> Callable[[Any, Any], Any]:
+    def equal(self: Any, other: Any) -> Any:
+        return values(self) == values(other) if other.__class__ is self.__class__ else NotImplemented
+
+    return equal
+
+
+def _repr(names: Sequence[str]) -> Callable[[Any], str]:
+    @reprlib.recursive_repr()
+    def represented(self: Any) -> str:
+        shown = ", ".join(f"{name}={getattr(self, name)!r}" for name in names)
+        return f"{self.__class__.__qualname__}({shown})"
+
+    return represented
+
+
+def _refuse(verb: str) -> Callable[..., NoReturn]:
+    def refused(self: object, name: str, *value: object) -> NoReturn:
+        raise FrozenInstanceError(f"cannot {verb} field {name!r}")
+
+    return refused
+
+
+def _state(names: Sequence[str]) -> dict[str, Callable[..., Any]]:
+    """Return how an object with slots, to which nothing can be assigned, is copied and pickled."""
+
+    def state_of(self: Any) -> list[Any]:
+        return [getattr(self, name) for name in names]
+
+    def restore(self: Any, state: list[Any]) -> None:
+        for name, value in zip(names, state, strict=True):
+            _set(self, name, value)
+
+    return {"__getstate__": state_of, "__setstate__": restore}

@@ -1,0 +1,197 @@
+"""What a motion may meet in its next steps, found for many steps in one go.
+
+The way of a motion is known before it is played. Where the boxes around what moves stay clear of the boxes around
+everything else, nothing can touch: PyBullet need not be asked, nor the robot be put there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planlang.geometry import Array, Pose
+from planlang.geometry.matrices import cross_matrix, inverse, moved, product, rigid, rotated, rotations
+from planlang.geometry.shapes import overlaps
+from planlang.records import dataclass
+from sim.contact import GROUND, Contacts, Query
+from sim.engine import bullet
+from sim.robot import BASE, Robot
+
+AHEAD = 96
+"""Steps of the world that are looked at in one go."""
+MARGIN = 1e-4
+"""Width by which boxes are taken larger [m]: PyBullet gives the frames of links in single precision."""
+
+Pairs = tuple[tuple[str, str], ...]
+
+
+@dataclass(slots=True)
+class Outlook:
+    """The pairs that may touch in the next steps of the only motion, as long as nothing but this motion goes on."""
+
+    contacts: Contacts
+    here: Callable[[], object]
+    """Puts the robot where it is."""
+    _motion: object = None
+    _row: int = -1
+    """The row that was asked about last."""
+    _seen: object = None
+    """What there was then."""
+    _pairs: list[Pairs] = field(default_factory=list)
+    """What may touch at the rows behind it, the last row first."""
+
+    def among(self, motion: object, names: Sequence[str], rows: Array, row: int, query: Query) -> Pairs | None:
+        """Return the only pairs that can touch at a row of a motion; None if nobody knows, as after a change.
+
+        The robot is at the row before. ``names`` are the coordinates that the motion moves, ``rows`` (k, len(names))
+        their values, ``query`` is what the motion asks for.
+        """
+        held = tuple((name, one.link, one.offset, one.moves) for name, one in self.contacts.held.items())
+        seen = self.contacts.bodies.moves, held
+        goes_on = motion is self._motion and row == self._row + 1 and seen == self._seen
+        self._motion, self._row, self._seen = motion, row, seen
+        if not goes_on or not all(moves for *_, moves in held):
+            self._pairs.clear()
+            return None
+        if not self._pairs:
+            self.here()
+            self._pairs = _meetings(self.contacts, query, names, rows[row : row + AHEAD])[::-1]
+        return self._pairs.pop()
+
+
+def _meetings(contacts: Contacts, query: Query, names: Sequence[str], rows: Array) -> list[Pairs]:
+    """Return what may touch at each of some rows of a motion, which begins where the robot is shown."""
+    robot, bodies = contacts.robot, contacts.bodies
+    carried = [index for name in contacts.held for index in bodies.of[name]]
+    of_pieces = [bodies.pieces[index].body for index in carried]
+    links = robot.solid + [robot.links[contacts.held[name].link] for name in of_pieces]
+    motions = displacements(robot, names, rows, links)
+    center, spans, half = (np.concatenate(both) for both in zip(robot.spans(), bodies.spans(carried), strict=True))
+    boxes = _Boxes(moved(motions, center), product(motions[..., :3, :3], spans), half + MARGIN)
+    every, (center, spans, half) = range(len(bodies.pieces)), bodies.spans(range(len(bodies.pieces)))
+    around = _Boxes(center[None], spans[None], half)
+    parts, others = robot.solid_names + of_pieces, [bodies.pieces[index].body for index in every]
+    found: list[dict[tuple[str, str], None]] = [{} for _ in rows]
+    for row, one, other in _near(boxes, around, _with_bodies(contacts, query, carried)):
+        found[row][parts[one], others[other]] = None
+    for row, one, other in _near(boxes, boxes, _with_each_other(contacts, query, names, carried)):
+        found[row][parts[one], parts[other]] = None
+    return [tuple(pairs) for pairs in found]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Boxes:
+    """Boxes at each of some rows, or the same at all: k is 1 then."""
+
+    center: Array
+    """(k, n, 3)"""
+    spans: Array
+    """(k, n, 3, 3): axes, as columns."""
+    half: Array
+    """(n, 3) half extents along the axes [m]."""
+
+
+def _near(boxes: _Boxes, others: _Boxes, may: NDArray[np.bool_]) -> Iterator[tuple[int, int, int]]:
+    """Yield rows at which boxes meet others, with the numbers of both, among pairs (n, m) that may meet."""
+    (lower, upper), (its_lower, its_upper) = map(_corners, (boxes, others))
+    along = overlaps(lower.min(axis=0), upper.max(axis=0), its_lower.min(axis=0), its_upper.max(axis=0))
+    first, second = np.nonzero(may & along)
+    near = ((lower[:, first] <= its_upper[:, second]) & (upper[:, first] >= its_lower[:, second])).all(axis=2)
+    rows, pairs = np.nonzero(near)
+    first, second = first[pairs], second[pairs]
+    mine, its = (rows, first), (rows % len(its_lower), second)
+    away, to_other = others.center[its] - boxes.center[mine], np.swapaxes(boxes.spans[mine], 1, 2)
+    turn, half, its_half = product(to_other, others.spans[its]), boxes.half[first], others.half[second]
+    apart = np.abs(rotated(to_other, away)) > half + rotated(np.abs(turn), its_half)
+    from_other, back = np.swapaxes(others.spans[its], 1, 2), np.swapaxes(turn, 1, 2)
+    apart |= np.abs(rotated(from_other, away)) > its_half + rotated(np.abs(back), half)
+    meets = ~apart.any(axis=1)  # no axis of one of the two boxes separates them
+    yield from zip(rows[meets].tolist(), first[meets].tolist(), second[meets].tolist(), strict=True)
+
+
+def _corners(boxes: _Boxes) -> tuple[Array, Array]:
+    """Return the lower and upper corners (k, n, 3) of boxes around boxes, along the map's axes."""
+    reach = rotated(np.abs(boxes.spans), boxes.half)
+    return boxes.center - reach, boxes.center + reach
+
+
+def _with_bodies(contacts: Contacts, query: Query, carried: Sequence[int]) -> NDArray[np.bool_]:
+    """Return which pieces of bodies that nobody holds links, and carried pieces, may meet (n, m)."""
+    robot, pieces = contacts.robot, contacts.bodies.pieces
+    is_carried, yields = np.zeros(len(pieces), bool), np.array([piece.yields for piece in pieces], bool)
+    is_carried[list(carried)] = True
+    may = np.zeros((len(robot.solid) + len(carried), len(pieces)), bool)
+    may[sorted(_moving(contacts, query))] = True
+    for row, k in zip(may[len(robot.solid) :], carried, strict=True):
+        row[:] = bool(_carriers(contacts, k) & _moving(contacts, query))
+    may[sorted(contacts.hands)] &= ~yields
+    may[len(robot.solid) :] &= ~yields
+    may[sorted(robot.grounded)] &= contacts.bodies.upper[:, 2] >= GROUND
+    return np.asarray(may & ~is_carried & np.isfinite(contacts.bodies.lower[:, 0]))  # without those that were removed
+
+
+def _with_each_other(
+    contacts: Contacts, query: Query, names: Sequence[str], carried: Sequence[int]
+) -> NDArray[np.bool_]:
+    """Return which links and carried pieces may meet each other (n, n), the lower number first."""
+    robot, moving = contacts.robot, _moving(contacts, query)
+    count = len(robot.solid)
+    may = np.zeros((count + len(carried),) * 2, bool)
+    if query.itself:
+        may[:count, :count] = contacts.watched & robot.moved_apart(frozenset(names))
+    for number, k in enumerate(carried, count):
+        name, together = contacts.bodies.pieces[k].body, bool(_carriers(contacts, k) & moving)
+        if query.itself:
+            meets = frozenset(range(count)) if together else moving
+            may[sorted(meets - contacts.held[name].hand), number] = True
+        for other, mate in enumerate(carried[: number - count], count):
+            may[other, number] = contacts.bodies.pieces[mate].body != name
+    return may
+
+
+def _moving(contacts: Contacts, query: Query) -> frozenset[int]:
+    return frozenset(range(len(contacts.robot.solid))) if query.links is None else query.links
+
+
+def _carriers(contacts: Contacts, index: int) -> frozenset[int]:
+    return contacts.carriers(contacts.held[contacts.bodies.pieces[index].body])
+
+
+def displacements(robot: Robot, names: Sequence[str], rows: Array, links: Sequence[int]) -> Array:
+    """Return how links, by index, move from where they are shown until coordinates have values (k, len(names)).
+
+    Rigid motions (k, n, 4, 4) in the map, to single precision.
+    """
+    turned: dict[int, Array] = {}
+    base = np.tile(np.array(robot.base), (len(rows), 1))
+    for name, values in zip(names, rows.T, strict=True):
+        if name in BASE:
+            base[:, BASE.index(name)] = values
+            continue
+        by = values - robot.shown[name]
+        turned[robot.joints[name]] = by
+        turned |= {index: one.multiplier * by for index, one in robot.followers.get(name, ())}
+    back = inverse(Pose.planar(*robot.base).matrix())
+    found = {-1: product(Pose.matrices(Pose.planar(*place) for place in base.tolist()), back)}
+
+    def nearest(above: Sequence[int]) -> int:
+        return next((index for index in above if index in turned), -1)
+
+    for index in sorted(turned):  # a link's number is above that of what carries it
+        found[index] = product(found[nearest(robot.ancestors(index)[1:])], _motion(robot, index, turned[index]))
+    return np.stack([found[nearest(robot.ancestors(link))] for link in links], axis=1)
+
+
+def _motion(robot: Robot, index: int, by: Array) -> Array:
+    """Return the motions (k, 4, 4) in the map of a joint's link by angles or ways (k,) (Rodrigues)."""
+    info = bullet.getJointInfo(robot.uid, index, physicsClientId=robot.client)
+    state = bullet.getLinkState(robot.uid, index, computeForwardKinematics=True, physicsClientId=robot.client)
+    axis, point = rotated(rotations(np.array([state[1]]))[0], np.array(info[13])), np.array(state[4])
+    if info[2] == bullet.JOINT_PRISMATIC:
+        return rigid(np.tile(np.eye(3), (len(by), 1, 1)), by[:, None] * axis)
+    cross, by = cross_matrix(axis), by[:, None, None]
+    turns = np.eye(3) + np.sin(by) * cross + (1 - np.cos(by)) * product(cross, cross)
+    return rigid(turns, point - rotated(turns, point))
