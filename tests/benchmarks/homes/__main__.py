@@ -1,6 +1,6 @@
 """Everyday tasks in homes that are drawn at random: how many reach their goal, by template and robot.
 
-    python -m tests.benchmarks.homes --robots amigo,pr2 --seeds 0:3 [--templates fetch,pour] [--keep FOLDER]
+python -m tests.benchmarks.homes --robots amigo,pr2 --seeds 0:3 [--templates fetch,pour] [--keep FOLDER]
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from pathlib import Path
 from tests.benchmarks.homes.tasks import TEMPLATES
 from tests.benchmarks.homes.trial import run, write
 
+
 def main() -> int:
     """Measure."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
@@ -27,7 +28,9 @@ def main() -> int:
     parser.add_argument("--out", help="append a line of JSON for each task to a file")
     given = parser.parse_args()
     first, end = map(int, given.seeds.split(":"))
-    names: Sequence[str] = [one for one in sorted(TEMPLATES) if not given.templates or one in given.templates.split(",")]
+    names: Sequence[str] = [
+        one for one in sorted(TEMPLATES) if not given.templates or one in given.templates.split(",")
+    ]
     if given.write:
         Path(given.write).mkdir(parents=True, exist_ok=True)
         for seed in range(first, end):
@@ -40,8 +43,15 @@ def main() -> int:
         for row in pool.map(run, *zip(*cases, strict=True)):
             total += row["outcome"] != "not drawn"
             good += bool(row.get("reached"))
-            said = "reached" if row.get("reached") else f"{row['outcome']}: {row.get('failure') or row.get('cause')} {row.get('unmet')}"
-            print(f"{row['robot']:6} {row['template']:24} {row['seed']:3} {row.get('cpu', 0):6} s  {said[:220]}", flush=True)
+            said = (
+                "reached"
+                if row.get("reached")
+                else f"{row['outcome']}: {row.get('failure') or row.get('cause')} {row.get('unmet')}"
+            )
+            print(
+                f"{row['robot']:6} {row['template']:24} {row['seed']:3} {row.get('cpu', 0):6} s  {said[:220]}",
+                flush=True,
+            )
             if given.out:
                 with Path(given.out).open("a", encoding="utf-8") as file:
                     file.write(json.dumps(row) + "\n")

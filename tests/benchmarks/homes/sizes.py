@@ -5,7 +5,7 @@ Sources of the ranges:
 * [K] kitchens: ISO 3055 and EN 1116 (coordinating sizes: worktops at 850 to 950 mm, 600 mm deep, units in steps of
   100 mm); carcasses of 720 mm on plinths of 100 to 150 mm; wall units 300 to 370 mm deep, 500 to 600 mm over worktops.
 * [D] drawers and doors: catalogues of fitted kitchens (fronts of 100, 200 and 400 mm; doors of 300 to 600 mm).
-* [G] grips: holes 32 mm apart times 3 to 10 (96 to 320 mm), bars of 10 to 14 mm, 25 to 40 mm clear; knobs of 25 to 35 mm.
+* [G] grips: holes 32 mm apart times 3 to 10 (96 to 320 mm), bars 10 to 14 mm, 25 to 40 mm clear; knobs: 25 to 35 mm.
 * [C] cooling: IEC 62552 classes on the market: 540 to 600 mm wide, 550 to 650 mm deep, 850 to 1,850 mm high.
 * [N] tables, beds and seats: E. Neufert, Architects' Data: dining 720 to 760 mm, coffee tables 400 to 500 mm, beds
   1,900 to 2,100 mm by 900 to 1,000 mm at 450 to 600 mm, seats at 430 to 470 mm; nursing beds 400 to 800 mm.

@@ -9,6 +9,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from planlang.diagnostics import BadInput
+from tests.benchmarks.homes import closed_tasks, open_tasks  # noqa: F401  they register their templates
 from tests.benchmarks.homes.furnishing import NoRoom
 from tests.benchmarks.homes.tasks import drawn
 from tests.benchmarks.homes.written import map_text, recipe_text

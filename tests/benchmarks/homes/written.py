@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
@@ -32,7 +33,13 @@ def place(relation: str, thing: str) -> str:
 
 def map_text(home: Home) -> str:
     """Return the map of a home."""
-    lines = [f"Prefix: : <{MAP}#>", KNOWROB, f"Ontology: <{MAP}>", "    Import: <http://knowrob.org/kb/knowrob.owl>", ""]
+    lines = [
+        f"Prefix: : <{MAP}#>",
+        KNOWROB,
+        f"Ontology: <{MAP}>",
+        "    Import: <http://knowrob.org/kb/knowrob.owl>",
+        "",
+    ]
     lines += [f"Class: {name}\n    SubClassOf: {above}\n" for name, above in home.classes.items()]
     lines += ["Individual: home", "    Types: knowrob:SemanticEnvironmentMap", ""]
     for thing in home.things.values():
@@ -92,11 +99,9 @@ def recipe_text(steps: Sequence[Step], home: Home) -> str:
                 ]
     lines += ["Class: TheTask", "    SubClassOf:", "        knowrob:PurposefulAction,"]
     parts = [f"        knowrob:subAction some {name}" for name in names]
-    parts += [
-        f"        knowrob:orderingConstraints value {one}Before{two}" for one, two in zip(names, names[1:], strict=False)
-    ]
+    parts += [f"        knowrob:orderingConstraints value {one}Before{two}" for one, two in itertools.pairwise(names)]
     lines += [",\n".join(parts), ""]
-    for one, two in zip(names, names[1:], strict=False):
+    for one, two in itertools.pairwise(names):
         lines += [
             f"Individual: {one}Before{two}",
             "    Types: knowrob:PartialOrdering-Strict",

@@ -61,7 +61,7 @@ def wiped(table: str, tool: str) -> Goal:
         due = (np.abs(squares) <= size / 2 - EDGE).all(axis=1)
         for name in _standing(watched, table, tool):
             at = (np.linalg.inv(watched.start[table].matrix()) @ watched.start[name].matrix())[:2, 3]
-            reach = math.hypot(*watched.world.size(name)[:2]) / 2
+            reach = max(watched.world.size(name)[:2]) / 2
             due &= np.linalg.norm(squares - at, axis=1) > reach + AROUND
             moved = math.dist(watched.world.pose(name).position, watched.start[name].position)
             if moved > 0.005:
