@@ -1,0 +1,349 @@
+"""Homes in the making: a room, furniture at its walls and in its corners, things on and in it, by a seed.
+
+A home that cannot be furnished with what is asked for (no wall is long enough any more) is drawn anew with the next
+number; how often is counted. Whether a robot can do anything in it plays no part.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from planlang.geometry import Pose
+from tests.benchmarks.homes import sizes
+from tests.benchmarks.homes.sizes import Extents, Range
+
+Size = tuple[float, float, float]
+TRIES = 60
+"""Places that are tried for a piece of furniture or a thing."""
+GAP = 0.002
+"""Distance of a thing from what it stands on, so that rounding puts it into nothing [m]."""
+WALLS = 0.018
+"""Thickness of carcasses: chipboard of 16 to 19 mm [m]."""
+HALF_TURN = Pose((0.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0))
+
+
+class NoRoom(Exception):
+    """The room is full, or too small, for what a task needs."""
+
+
+@dataclass(frozen=True)
+class Thing:
+    """What a map says of a thing; ``facts`` are further ones, in Manchester syntax."""
+
+    name: str
+    cls: str
+    pose: Pose | None
+    size: Size | None
+    parts: tuple[str, ...] = ()
+    facts: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Rectangle:
+    """A rectangle on the floor or a surface: its middle, heading and half extents."""
+
+    x: float
+    y: float
+    yaw: float
+    half: tuple[float, float]
+
+    def corners(self) -> np.ndarray:
+        """Return the corners (4, 2)."""
+        c, s = math.cos(self.yaw), math.sin(self.yaw)
+        local = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)]) * self.half
+        return local @ np.array([(c, s), (-s, c)]) + (self.x, self.y)
+
+    def overlaps(self, other: Rectangle) -> bool:
+        """Return True if the two have a point in common: separating axes."""
+        mine, its = self.corners(), other.corners()
+        for yaw in (self.yaw, other.yaw):
+            for angle in (yaw, yaw + math.pi / 2):
+                axis = np.array((math.cos(angle), math.sin(angle)))
+                a, b = mine @ axis, its @ axis
+                if a.max() <= b.min() or b.max() <= a.min():
+                    return False
+        return True
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A level surface of furniture: its rectangle in the map, its height, what furniture it is of, room above it."""
+
+    owner: str
+    area: Rectangle
+    height: float
+    clear: float = 1.0
+
+
+@dataclass
+class Home:
+    """A room with all that is in it."""
+
+    rng: np.random.Generator
+    inside: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    things: dict[str, Thing] = field(default_factory=dict)
+    floor: list[Rectangle] = field(default_factory=list)
+    """Footprints of furniture."""
+    kept_free: list[Rectangle] = field(default_factory=list)
+    """Floor before furniture, where no other may stand."""
+    surfaces: dict[str, Surface] = field(default_factory=dict)
+    taken: dict[str, list[Rectangle]] = field(default_factory=dict)
+    """Surface -> what stands on it."""
+    classes: dict[str, str] = field(default_factory=dict)
+    """Classes that the map defines -> their superclass."""
+
+    # Numbers
+
+    def between(self, low_high: Range) -> float:
+        """Return a uniform number of a range, to the millimetre."""
+        return round(float(self.rng.uniform(*low_high)), 3)
+
+    def chance(self, share: float) -> bool:
+        """Return True in that share of cases."""
+        return bool(self.rng.uniform() < share)
+
+    def one_of(self, options: Sequence[str]) -> str:
+        """Return one of some names."""
+        return options[int(self.rng.integers(len(options)))]
+
+    def size_of(self, extents: Extents) -> Size:
+        """Return a size within ranges."""
+        depth, width, height = (self.between(one) for one in extents[1:4])
+        return (depth, depth if extents.is_round else width, height)
+
+    def named(self, kind: str) -> str:
+        """Return the next free name of a kind."""
+        number = 1
+        while f"{kind}{number}" in self.things:
+            number += 1
+        return f"{kind}{number}"
+
+    def add(self, thing: Thing) -> str:
+        """Add a thing; return its name."""
+        assert thing.name not in self.things
+        self.things[thing.name] = thing
+        return thing.name
+
+    # Furniture
+
+    def room(self, cls: str) -> None:
+        """Make the room."""
+        self.inside = self.size_of(sizes.ROOM)
+        self.add(Thing("room1", cls, Pose((0.0, 0.0, self.inside[2] / 2)), self.inside))
+
+    def is_free(self, footprint: Rectangle, clearance: Rectangle | None) -> bool:
+        """Return True if furniture may stand there."""
+        half = np.array(self.inside[:2]) / 2 + 1e-6
+        for area in (footprint, clearance):
+            if area is not None and (np.abs(area.corners()) > half).any():
+                return False
+        if any(footprint.overlaps(other) for other in (*self.floor, *self.kept_free)):
+            return False
+        return clearance is None or not any(clearance.overlaps(other) for other in self.floor)
+
+    def at_wall(self, size: Size, clear: float, *, corner: bool = False) -> Pose:
+        """Return a pose on the floor for a box with its back at a wall, in a corner if asked; raises NoRoom."""
+        for _ in range(TRIES):
+            side = int(self.rng.integers(4))
+            yaw = side * math.pi / 2  # the heading of its front
+            along = self.inside[1 if side % 2 == 0 else 0]
+            away = self.inside[0 if side % 2 == 0 else 1]
+            back = self.between((0.0, 0.03))
+            slack = along / 2 - size[1] / 2 - self.between((0.0, 0.02))
+            if slack < 0:
+                continue
+            offset = math.copysign(slack, self.rng.uniform(-1, 1)) if corner else self.between((-slack, slack))
+            middle = -away / 2 + back + size[0] / 2
+            c, s = round(math.cos(yaw)), round(math.sin(yaw))
+            x, y = middle * c - offset * s, middle * s + offset * c
+            if self._stand(x, y, yaw, size, clear):
+                return Pose.planar(x, y, yaw, size[2] / 2)
+        raise NoRoom(f"no wall has room for {size}")
+
+    def free_standing(self, size: Size, clear: float) -> Pose:
+        """Return a pose for a box that stands freely, with floor on all sides; raises NoRoom."""
+        for _ in range(TRIES):
+            half = np.array(self.inside[:2]) / 2
+            reach = math.hypot(size[0], size[1]) / 2
+            x, y = (self.between((-float(h) + reach, float(h) - reach)) if h > reach else 0.0 for h in half)
+            yaw = self.between((-math.pi, math.pi)) if self.chance(0.3) else int(self.rng.integers(4)) * math.pi / 2
+            around = Rectangle(x, y, yaw, (size[0] / 2 + clear, size[1] / 2 + clear))
+            footprint = Rectangle(x, y, yaw, (size[0] / 2, size[1] / 2))
+            if self.is_free(footprint, None) and not any(around.overlaps(other) for other in self.floor):
+                if (np.abs(around.corners()) > half + clear).any():
+                    continue
+                self.floor.append(footprint)
+                return Pose.planar(x, y, yaw, size[2] / 2)
+        raise NoRoom(f"the floor has no room for {size}")
+
+    def _stand(self, x: float, y: float, yaw: float, size: Size, clear: float) -> bool:
+        """Take the floor for a box and what is kept free before it, if nothing else has it."""
+        c, s = math.cos(yaw), math.sin(yaw)
+        footprint = Rectangle(x, y, yaw, (size[0] / 2, size[1] / 2))
+        ahead = (size[0] + clear) / 2
+        before = Rectangle(x + ahead * c, y + ahead * s, yaw, (clear / 2, size[1] / 2))
+        if not self.is_free(footprint, before):
+            return False
+        self.floor.append(footprint)
+        self.kept_free.append(before)
+        return True
+
+    def furniture(self, kind: str, *, wall: bool | None = None, corner: bool = False) -> str:
+        """Put a piece of furniture with a surface somewhere: at a wall, or freely (None: as likely as not)."""
+        extents = sizes.FURNITURE[kind]
+        size = self.size_of(extents)
+        at_wall = self.chance(0.6) if wall is None else wall
+        clear = self.between(sizes.AISLE)
+        if at_wall and size[1] < size[0]:
+            size = (size[1], size[0], size[2])
+        pose = self.at_wall(size, clear, corner=corner) if at_wall else self.free_standing(size, clear)
+        name = self.add(Thing(self.named(kind), extents.cls, pose, size))
+        self.surface(name, pose, size)
+        return name
+
+    def surface(self, name: str, pose: Pose, size: Size) -> None:
+        """Let things stand on a box."""
+        x, y, z = pose.position
+        self.surfaces[name] = Surface(name, Rectangle(x, y, pose.yaw, (size[0] / 2, size[1] / 2)), z + size[2] / 2)
+
+    def chair_at(self, table: str) -> str:
+        """Put a chair before a side of a table, facing it; raises NoRoom."""
+        extents = sizes.FURNITURE["chair"]
+        size, board = self.size_of(extents), self.things[table]
+        assert board.pose is not None
+        assert board.size is not None
+        for _ in range(TRIES):
+            side = int(self.rng.integers(4))
+            angle = side * math.pi / 2
+            deep, wide = board.size[side % 2] / 2, board.size[1 - side % 2] / 2
+            far = deep + size[0] / 2 + self.between((0.02, 0.2))
+            offset = self.between((-max(wide - 0.3, 0.0), max(wide - 0.3, 0.0)))
+            c, s = math.cos(angle), math.sin(angle)
+            place = board.pose @ Pose((far * c - offset * s, far * s + offset * c, 0.0))
+            yaw = board.pose.yaw + angle + math.pi
+            footprint = Rectangle(place.position[0], place.position[1], yaw, (size[0] / 2, size[1] / 2))
+            half = np.array(self.inside[:2]) / 2
+            if (np.abs(footprint.corners()) < half).all() and not any(footprint.overlaps(one) for one in self.floor):
+                self.floor.append(footprint)
+                pose = Pose.planar(place.position[0], place.position[1], yaw, size[2] / 2)
+                return self.add(Thing(self.named("chair"), extents.cls, pose, size))
+        raise NoRoom("no side of the table has room for a chair")
+
+    # Things
+
+    def thing(self, kind: str, on: str, *, where: str = "anywhere") -> str:
+        """Put a thing on a surface: "front", "back" or "anywhere"; raises NoRoom."""
+        extents = sizes.THINGS[kind]
+        if extents.cls == "BunchOfKeys":
+            self.classes["BunchOfKeys"] = "knowrob:HumanScaleObject"
+        return self.put(self.named(kind), extents.cls, self.size_of(extents), on, where, sizes.MASSES[kind])
+
+    def device(self, kind: str, on: str) -> tuple[str, str]:
+        """Put a device with a button on its front on a surface; return the names of both."""
+        extents = sizes.DEVICES[kind]
+        if extents.cls == "CoffeeMachine":
+            self.classes["CoffeeMachine"] = "knowrob:ElectricalHouseholdAppliance"
+        size, name = self.size_of(extents), self.named(kind)
+        button = f"button_of_{name}"
+        self.put(name, extents.cls, size, on, "back", None, faces_front=True, parts=(button,))
+        pose, wide = self.things[name].pose, self.between(sizes.BUTTON)
+        assert pose is not None
+        thick = 0.008
+        y = self.between((-size[1] / 2 + 0.04, size[1] / 2 - 0.04))
+        z = self.between((-size[2] / 2 + 0.05, size[2] / 2 - 0.04))
+        self.add(Thing(button, "PushButton", pose @ Pose((size[0] / 2 + thick / 2, y, z)), (thick, wide, wide)))
+        return name, button
+
+    def put(
+        self,
+        name: str,
+        cls: str,
+        size: Size,
+        on: str,
+        where: str,
+        mass: Range | None,
+        *,
+        faces_front: bool = False,
+        parts: tuple[str, ...] = (),
+    ) -> str:
+        """Put a thing of a size on a surface; raises NoRoom if there is none left."""
+        surface = self.surfaces[on]
+        area, others = surface.area, self.taken.setdefault(on, [])
+        if size[2] > surface.clear:
+            raise NoRoom(f"{name} is too high for {on}")
+        for _ in range(TRIES):
+            turn = 0.0 if faces_front else self.between((-math.pi, math.pi))
+            if not faces_front and self.chance(0.5):
+                turn = round(turn / (math.pi / 2)) * (math.pi / 2)
+            c, s = abs(math.cos(turn)), abs(math.sin(turn))
+            reach = ((c * size[0] + s * size[1]) / 2, (s * size[0] + c * size[1]) / 2)
+            room = [half - one for half, one in zip(area.half, reach, strict=True)]
+            if min(room) < 0:
+                continue
+            x, y = self.between((-room[0], room[0])), self.between((-room[1], room[1]))
+            if where == "front":
+                x = room[0] - min(self.between((0.01, 0.12)), 2 * room[0])
+            elif where == "back":
+                x = -room[0] + min(self.between((0.0, 0.1)), 2 * room[0])
+            middle = Pose.planar(area.x, area.y, area.yaw) @ Pose((x, y, 0.0))
+            gap = self.between((0.01, 0.05))  # fingers are not asked for: things stand close, and apart
+            outline = Rectangle(
+                middle.position[0], middle.position[1], area.yaw + turn, (size[0] / 2 + gap, size[1] / 2 + gap)
+            )
+            if any(outline.overlaps(other) for other in others):
+                continue
+            others.append(outline)
+            pose = Pose.planar(
+                middle.position[0], middle.position[1], area.yaw + turn, surface.height + GAP + size[2] / 2
+            )
+            facts = () if mass is None else (f"knowrob:massOfObject {self.between(mass)!r}",)
+            return self.add(Thing(name, cls, pose, size, parts, facts))
+        raise NoRoom(f"{on} has no room for {name}")
+
+    def clutter(self, on: str, most: int) -> None:
+        """Put up to so many other things on a surface; what finds no room is left out."""
+        for _ in range(int(self.rng.integers(most + 1))):
+            kind = self.one_of(("cup", "glass", "bottle", "can", "book", "bowl", "box", "plate"))
+            try:
+                self.thing(kind, on)
+            except NoRoom:
+                continue
+
+    def filled(self, vessel: str, cls: str, amount: float) -> str:
+        """Put an amount of a drink [ml] into a vessel."""
+        name = self.named(cls.lower())
+        return self.add(
+            Thing(name, cls, None, None, facts=(f"knowrob:in-ContGeneric {vessel}", f"knowrob:amount {amount!r}"))
+        )
+
+    # People
+
+    def person_standing(self) -> str:
+        """Let somebody stand with free floor ahead."""
+        height = self.between(sizes.STANDING)
+        size = (0.3, 0.5, height)
+        pose = self.free_standing((0.5, 0.6, height), 0.7)
+        return self.add(Thing("person1", "Person", pose, size))
+
+    def person_seated(self) -> str:
+        """Let somebody sit on a chair that stands freely or at a wall."""
+        height = self.between(sizes.SEATED)
+        size = (0.75, 0.5, height)
+        pose = self.at_wall(size, 0.8) if self.chance(0.5) else self.free_standing(size, 0.7)
+        return self.add(Thing("person1", "Person", pose, size))
+
+    def person_lying(self) -> str:
+        """Let somebody lie in a bed whose head is at a wall, or which stands along one."""
+        bed = self.size_of(sizes.FURNITURE["bed"])
+        pose = self.at_wall(bed, self.between(sizes.AISLE))  # the feet point into the room
+        name = self.add(Thing("bed1", "Bed-PieceOfFurniture", pose, bed))
+        length, raised = min(self.between(sizes.SLEEPING), bed[0] - 0.1), self.between(sizes.RAISED)
+        at = self.things[name].pose
+        assert at is not None
+        x = -bed[0] / 2 + 0.05 + length / 2
+        lies = at @ Pose((x, 0.0, bed[2] / 2 + raised / 2 + GAP))
+        return self.add(Thing("person1", "Patient", lies, (length, 0.5, raised)))

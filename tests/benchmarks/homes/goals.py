@@ -1,0 +1,182 @@
+"""What must hold in the simulator's truth at the end of a task. Each goal yields what does not hold."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator
+
+import numpy as np
+
+from sim.world import at_rest_on, held_by
+from tests.support.scenarios import Watched, tilt
+
+Goal = Callable[[Watched], Iterable[str]]
+
+UPRIGHT = math.radians(15.0)
+"""Largest lean of what stands or is carried, as the classes' ``largestTilt`` says."""
+SHUT_SHARE = 0.05
+"""Share of its range by which a leaf may be open that was closed."""
+DISPLACED = 0.05
+"""Distance by which what nobody asked for may be moved [m]."""
+FURNITURE = 0.52
+"""What is larger than this is furniture, whose place a robot may correct [m]."""
+AMOUNT, AMOUNT_SHARE = 5.0, 0.05
+"""Deviation that a poured amount may have [ml, share]."""
+BESIDE = 0.3
+"""Largest gap between things that were put beside each other [m]."""
+
+
+def all_of(*goals: Goal) -> Goal:
+    """Return the goal that all hold."""
+
+    def goal(watched: Watched) -> Iterator[str]:
+        for one in goals:
+            yield from one(watched)
+
+    return goal
+
+
+def held(name: str, holder: str = "robot") -> Goal:
+    """Return the goal that a thing is in somebody's hand."""
+
+    def goal(watched: Watched) -> Iterator[str]:
+        if (found := held_by(watched.world, name)) != holder:
+            yield f"{name} is held by {found}, not by {holder}"
+
+    return goal
+
+
+def on(name: str, *supports: str) -> Goal:
+    """Return the goal that a thing stands on one of some others, as upright as it was."""
+
+    def goal(watched: Watched) -> Iterator[str]:
+        if (found := at_rest_on(watched.world, name)) not in supports:
+            yield f"{name} rests on {found}, not on {' or '.join(supports)}"
+        if tilt(watched.world.pose(name)) > tilt(watched.start[name]) + UPRIGHT:
+            yield f"{name} has toppled"
+
+    return goal
+
+
+def inside(name: str, furniture: str) -> Goal:
+    """Return the goal that a thing is at rest within the box of furniture."""
+
+    def goal(watched: Watched) -> Iterator[str]:
+        world = watched.world
+        local = (world.pose(furniture).inverse() @ world.pose(name)).position
+        if (np.abs(local) > np.asarray(world.size(furniture)) / 2).any():
+            yield f"{name} is not inside {furniture}"
+        if at_rest_on(world, name) is None:
+            yield f"{name} is not at rest"
+
+    return goal
+
+
+def shut(*leaves: str) -> Goal:
+    """Return the goal that doors and drawers are closed."""
+
+    def goal(watched: Watched) -> Iterator[str]:
+        for leaf in leaves:
+            if opened(watched, leaf) > SHUT_SHARE:
+                yield f"{leaf} is open by {opened(watched, leaf):.0%}"
+
+    return goal
+
+
+def open_by(leaf: str, share: float) -> Goal:
+    """Return the goal that a leaf is open by at least a share of its range."""
+
+    def goal(watched: Watched) -> Iterator[str]:
+        if opened(watched, leaf) < share:
+            yield f"{leaf} is open by {opened(watched, leaf):.0%}"
+
+    return goal
+
+
+def opened(watched: Watched, leaf: str) -> float:
+    """Return how far a leaf is open, as a share of its range."""
+    joint = next(one for one in watched.world.scene.joints if one.leaf == leaf)
+    return watched.world.joint(leaf) / max(joint.upper, 1e-9)
+
+
+def was_open(*leaves: str) -> tuple[Goal, Callable[[Watched], None]]:
+    """Return the goal that leaves were open by half of their range at some time, and the watcher that notes it."""
+
+    def watch(watched: Watched) -> None:
+        widest = watched.notes.setdefault("widest", {})
+        assert isinstance(widest, dict)
+        for leaf in leaves:
+            widest[leaf] = max(widest.get(leaf, 0.0), opened(watched, leaf))
+
+    def goal(watched: Watched) -> Iterator[str]:
+        widest = watched.notes.get("widest", {})
+        assert isinstance(widest, dict)
+        for leaf in leaves:
+            if widest.get(leaf, 0.0) < 0.5:
+                yield f"{leaf} was open by at most {widest.get(leaf, 0.0):.0%}"
+
+    return goal, watch
+
+
+def contains(vessel: str, amount: float) -> Goal:
+    """Return the goal that a vessel holds an amount [ml], within 5 ml or 5 %."""
+
+    def goal(watched: Watched) -> Iterator[str]:
+        found = watched.world.changes.matter.total(vessel)
+        if abs(found - amount) > max(AMOUNT, AMOUNT_SHARE * amount):
+            yield f"{vessel} holds {found:.0f} ml, not {amount:.0f} ml"
+
+    return goal
+
+
+def switched(device: str, *, on: bool) -> Goal:
+    """Return the goal that a device is on, or off."""
+
+    def goal(watched: Watched) -> Iterator[str]:
+        if watched.world.changes.matter.is_on(device) != on:
+            yield f"{device} is {'off' if on else 'on'}"
+
+    return goal
+
+
+def beside(one: str, other: str) -> Goal:
+    """Return the goal that two things stand on one surface with at most 30 cm between their boxes."""
+
+    def goal(watched: Watched) -> Iterator[str]:
+        world = watched.world
+        if at_rest_on(world, one) != at_rest_on(world, other) or at_rest_on(world, one) is None:
+            yield f"{one} rests on {at_rest_on(world, one)}, {other} on {at_rest_on(world, other)}"
+        apart = math.dist(world.pose(one).position[:2], world.pose(other).position[:2])
+        reach = sum(math.hypot(*world.size(name)[:2]) / 2 for name in (one, other))
+        if apart - reach > BESIDE:
+            yield f"{one} is {apart - reach:.2f} m from {other}"
+
+    return goal
+
+
+def undisturbed(*moved: str) -> Goal:
+    """Return the goal that all other things than these are where they were, and that nothing lies on the floor."""
+
+    def goal(watched: Watched) -> Iterator[str]:
+        world = watched.world
+        for name, start in watched.start.items():
+            if name in moved or not world.scene.body(name).movable or max(world.size(name)) > FURNITURE:
+                continue
+            if at_rest_on(world, name) == "floor":
+                yield f"{name} is on the floor"
+            if (far := world.pose(name).distance(start)) > DISPLACED:
+                yield f"{name} was moved by {far:.2f} m"
+
+    return goal
+
+
+def level(*poured: str) -> Goal:
+    """Return the goal that nothing leaned too far while the robot held it, but what was poured from."""
+
+    def goal(watched: Watched) -> Iterator[str]:
+        for name, angle in watched.tilts.items():
+            largest = watched.world.scene.body(name).largest_tilt
+            if name not in poured and largest is not None and angle > largest + 0.01:
+                yield f"{name} leaned by {math.degrees(angle):.0f} degrees"
+
+    return goal

@@ -1,0 +1,136 @@
+"""Tasks of everyday, each with the home that it needs, drawn by a seed: what a user would write, and when it is done.
+
+A template draws a home and says the steps, the goal in the simulator's truth, and what has to be possible for it (for
+the witness). Homes hold more than a task needs: other furniture, other things on it, other doors beside the one meant.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tests.benchmarks.homes import goals
+from tests.benchmarks.homes.furnishing import Home, NoRoom
+from tests.benchmarks.homes.goals import Goal, all_of
+from tests.benchmarks.homes.written import Step
+from tests.support.scenarios import Watched
+
+REDRAWN = 40
+"""Homes that are drawn for one task before its seed is given up."""
+
+
+@dataclass(frozen=True)
+class Need:
+    """Something that has to be possible: "grasp", "place", "open", "hand over", "press", "wipe", "see", "pour"."""
+
+    kind: str
+    thing: str
+    at: str = ""
+
+
+@dataclass(frozen=True)
+class Task:
+    """A task in a home."""
+
+    template: str
+    home: Home
+    steps: tuple[Step, ...]
+    goal: Goal
+    needs: tuple[Need, ...]
+    unknown: tuple[str, ...] = ()
+    """Things of which the robot does not know where they are."""
+    watchers: tuple[Callable[[Watched], None], ...] = field(default=())
+
+
+Template = Callable[[Home], Task]
+TEMPLATES: dict[str, Template] = {}
+
+
+def template(draw: Template) -> Template:
+    """Register a template by the name of its function."""
+    TEMPLATES[draw.__name__] = draw
+    return draw
+
+
+def drawn(name: str, seed: int) -> Task:
+    """Return the task of a template and a seed; homes that are too full are drawn anew."""
+    number = sorted(TEMPLATES).index(name)
+    for again in range(REDRAWN):
+        home = Home(np.random.default_rng([seed, number, again]))
+        try:
+            task = TEMPLATES[name](home)
+            _others(home)
+        except NoRoom:
+            continue
+        return task
+    raise NoRoom(f"{name} {seed}: {REDRAWN} homes are too full")
+
+
+def _others(home: Home) -> None:
+    """Add furniture and things that the task does not need, as far as there is room."""
+    for _ in range(int(home.rng.integers(0, 3))):
+        kind = home.one_of(("side_table", "sideboard", "sofa", "bedside_table", "desk"))
+        try:
+            home.clutter(home.furniture(kind, corner=home.chance(0.5)), 3)
+        except NoRoom:
+            continue
+
+
+def task_of(
+    home: Home,
+    name: str,
+    steps: Sequence[Step],
+    wanted: Goal,
+    moved: Sequence[str],
+    needs: Sequence[Need],
+    *,
+    poured: Sequence[str] = (),
+    unknown: Sequence[str] = (),
+    watchers: Sequence[Callable[[Watched], None]] = (),
+) -> Task:
+    """Return a task; beside its goal, nothing else may have been moved, dropped or spilled."""
+    whole = all_of(wanted, goals.undisturbed(*moved), goals.level(*poured))
+    return Task(name, home, tuple(steps), whole, tuple(needs), tuple(unknown), tuple(watchers))
+
+
+def step(cls: str, **facts: str) -> Step:
+    names = {
+        "what": "objectActedOn",
+        "to": "toLocation",
+        "who": "recipient",
+        "device": "deviceUsed",
+        "amount": "amount",
+    }
+    return Step(cls, tuple((names[key], value) for key, value in facts.items()))
+
+
+def some_table(home: Home, kinds: Sequence[str] = ("kitchen_table", "dining_table", "counter", "sideboard")) -> str:
+    """Put a table or worktop somewhere, cluttered or not."""
+    kind = home.one_of(kinds)
+    wall = True if kind in ("counter", "sideboard") else None
+    return home.furniture(kind, wall=wall, corner=home.chance(0.3))
+
+
+def somewhere(home: Home) -> str:
+    return home.one_of(("front", "anywhere", "anywhere", "back"))
+
+
+def something(home: Home) -> str:
+    return home.one_of(("cup", "mug", "glass", "bottle", "can", "box", "book"))
+
+
+def moves(things: Sequence[str], to: str) -> tuple[Step, ...]:
+    return tuple(step("TransportingAnObject", what=one, to=to) for one in things)
+
+
+def takes_and_puts(things: Sequence[str], at: str) -> list[Need]:
+    return [need for one in things for need in (Need("grasp", one), Need("place", one, at))]
+
+
+def all_tasks(seeds: Sequence[int]) -> Iterator[tuple[str, int]]:
+    """Yield template and seed of each task, templates in turn."""
+    for seed in seeds:
+        for name in sorted(TEMPLATES):
+            yield name, seed
