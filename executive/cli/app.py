@@ -26,7 +26,6 @@ from executive.cli.arguments import (
     MergeArguments,
     ReplayArguments,
     RunArguments,
-    ServeArguments,
 )
 from executive.cli.console import Answer, ExitCode, answer, give
 from executive.cli.resources import check_memory
@@ -36,6 +35,7 @@ from executive.cli.server_arguments import (
     PushArguments,
     RateArguments,
     SearchArguments,
+    ServeArguments,
     WatchArguments,
 )
 

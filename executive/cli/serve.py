@@ -8,8 +8,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from executive.cli.arguments import ServeArguments
 from executive.cli.console import Answer, ExitCode, say, show, silent
+from executive.cli.server_arguments import ServeArguments
 from planlang.diagnostics import BadInput, error
 from planlang.knowledge.sqlite_store import SqliteStore
 from planlang.knowledge.stores import SCHEME, Full, Store, Unreachable

@@ -1,4 +1,4 @@
-"""Arguments of the commands that ask a server: one dataclass each, as in ``arguments``."""
+"""Arguments of the commands that are a server, or ask one: one dataclass each, as in ``arguments``."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from executive.cli.arguments import Arguments, VerboseArguments
+from executive.cli.arguments import Arguments, OntologyArguments, VerboseArguments
 from planlang.records import dataclass
 
 
@@ -151,3 +151,47 @@ class WatchArguments(AuthorArguments):
     once: Annotated[bool, typer.Option("--once", help="Print what there is, and end.")] = False
     stop: Annotated[bool, typer.Option("--stop", help="End the subscriptions to these entries instead.")] = False
     every: Annotated[float, typer.Option(min=0.1, max=86_400, metavar="S", help="Ask every so many seconds.")] = 5.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class ServeArguments(OntologyArguments):
+    """Serve a knowledge base over HTTP: recipes, object models, maps, self-models (needs planlang[serve]).
+
+    Who changes something needs a key. Ctrl-C ends the server when it has answered what it was asked.
+    """
+
+    store: Annotated[
+        str,
+        typer.Option(
+            metavar="FILE|URL",
+            help="The file of the knowledge base; it is made if there is none. Or a SPARQL 1.1 endpoint that several "
+            "servers share: sparql+https://HOST/PATH, with --contents.",
+        ),
+    ]
+    contents: Annotated[
+        str | None,
+        typer.Option(metavar="URL", help="Where contents are kept beside an endpoint: s3://, gs://, az://, file://."),
+    ] = None
+    host: Annotated[str, typer.Option(metavar="ADDRESS", help="The address to listen at.")] = "127.0.0.1"
+    port: Annotated[int, typer.Option(min=0, max=65535, help="The port to listen at; 0: any free one.")] = 8080
+    access_log: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Write a line of JSON for each request to the end of a file; -: to stderr."),
+    ] = None
+    check_seconds: Annotated[
+        int,
+        typer.Option(min=1, metavar="SECONDS", help="CPU time after which a check or a conversion is ended."),
+    ] = 10
+    rate: Annotated[
+        float,
+        typer.Option(
+            min=0, metavar="NUMBER", help="Requests of one author, or of one address, in a second; 0: any number."
+        ),
+    ] = 500.0
+    new_key: Annotated[
+        str | None, typer.Option(metavar="AUTHOR", help="Print a new key for an author, and serve nothing.")
+    ] = None
+    drop_keys: Annotated[
+        str | None,
+        typer.Option(metavar="AUTHOR", help="Let no earlier key of an author be valid any more, and serve nothing."),
+    ] = None
