@@ -39,7 +39,7 @@ def main() -> int:
         return 0
     cases = [(n, s, r, given.displaced) for s in range(first, end) for n in names for r in given.robots.split(",")]
     good = total = 0
-    with ProcessPoolExecutor(given.jobs, max_tasks_per_child=20) as pool:
+    with ProcessPoolExecutor(given.jobs) as pool:
         for row in pool.map(run, *zip(*cases, strict=True)):
             total += row["outcome"] != "not drawn"
             good += bool(row.get("reached"))
