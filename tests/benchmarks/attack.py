@@ -7,12 +7,15 @@ The exit code is 1 if the 99th percentile of the others' times is more than five
 of the rounds), or if one of the others is refused or not answered.
 
     python tests/benchmarks/attack.py                          30 s each, two rounds
-    python tests/benchmarks/attack.py --seconds 5 --rounds 3   a short form
+    python tests/benchmarks/attack.py --seconds 5 --rounds 3 --answers-only   a short form
+
+Of so short phases a busy machine makes any ratio: with ``--answers-only`` times are printed, and answers judged.
 """
 
 from __future__ import annotations
 
 import argparse
+import math
 import multiprocessing
 import socket
 import sys
@@ -173,8 +176,8 @@ def p99(times: list[float]) -> float:
     return times[int(0.99 * len(times))]
 
 
-def measure(url: str, seconds: float, rounds: int) -> bool:
-    """Print what the others notice; returns True if that is within bounds."""
+def measure(url: str, seconds: float, rounds: int, most_ratio: float) -> bool:
+    """Print what the others notice; returns True if all are answered, and their times are within the ratio."""
     ratios, statuses, bad = [], Counter[str](), Counter[str]()
     read(url, 2.0)
     for number in range(rounds):
@@ -195,8 +198,8 @@ def measure(url: str, seconds: float, rounds: int) -> bool:
         print(f"  {count:5}  {kind}")
     others = {status: count for status, count in statuses.items() if status != "200"}
     print(f"others' answers: {statuses['200']} of status 200, others: {others or 'none'}")
-    print(f"median ratio of p99: {median(ratios):.2f}, permitted: {MOST_RATIO:g}")
-    return median(ratios) <= MOST_RATIO and not others
+    print(f"median ratio of p99: {median(ratios):.2f}, permitted: {most_ratio:g}")
+    return median(ratios) <= most_ratio and not others
 
 
 def main() -> None:
@@ -204,6 +207,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=30.0, help="of each phase")
     parser.add_argument("--rounds", type=int, default=2)
+    parser.add_argument("--answers-only", action="store_true", help="print times without judging them")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory(dir=MEMORY if MEMORY.is_dir() else None) as folder:
         world, path = World(), Path(folder) / "kb.sqlite"
@@ -212,7 +216,8 @@ def main() -> None:
             store.create(drawn.content(world.vocabulary), "ada", NOW)
         store.close()
         with server(path) as (url, _):
-            is_within = measure(url, arguments.seconds, arguments.rounds)
+            most_ratio = math.inf if arguments.answers_only else MOST_RATIO
+            is_within = measure(url, arguments.seconds, arguments.rounds, most_ratio)
     sys.exit(0 if is_within else 1)
 
 
