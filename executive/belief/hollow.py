@@ -1,6 +1,6 @@
-"""Furniture in which things lie: it is hollow behind its doors, where it has compartments, and drawers are open above.
+"""Furniture that has an inside: behind its doors and at its compartments; drawers are open above.
 
-What is empty stays a solid box: nobody reaches into it, and boxes are cheap.
+Furniture with neither stays a solid box, unless the map states that it is open: nobody reaches into it.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def hollowed(
     compartments: Callable[[Body], Sequence[Body]],
     report: Callable[[Body, Sequence[Body], Sequence[str]], None],
 ) -> list[Body]:
-    """Return all bodies, those with movable things inside hollow where these can be reached.
+    """Return all bodies, furniture hollow behind its doors, at its compartments and in its drawers, empty or not.
 
     ``stated``: the room inside a body of which the map says that it is open; it is hollow in any case, there or behind
     its doors. ``compartments`` are parts of furniture inside of which things may lie. ``report`` is told the furniture,
@@ -53,15 +53,13 @@ def hollowed(
         if body.movable or body.shape is not BodyShape.BOX:
             continue
         things, own = _content(body, movable) if movable else [], stated(body)
-        if not things and own is None:
-            continue
         its_doors, is_drawer = doors.get(body.name, ()), body.name in slides
         parts = [] if own else [part for part in compartments(body) if part.name not in slides]
         rooms = _rooms(body, own, its_doors, [part for part in parts if part.name not in doors], is_drawer=is_drawer)
         held = [thing for thing in things if any(_is_in(room, body, thing) for room in rooms.values())]
         if things:
             contents.append(_Filled(body, things, [*rooms] if held else []))
-        if held or own is not None:
+        if rooms and (held or not things):
             cavities = tuple(_with_room(room, body, held) for room in rooms.values())
             by_name[body.name] = replace(body, cavities=cavities)
             for part in parts:

@@ -230,6 +230,26 @@ def test_things_stand_in_hollow_furniture_and_move_with_a_drawer(believed: tuple
     assert belief.pose("cup1").position == pytest.approx((2.1, 0.0, 0.46))
 
 
+def test_empty_furniture_has_an_inside_behind_its_door_and_in_its_drawer(
+    map_of: Read, thing: Write, seen: Write
+) -> None:
+    scene = scene_of(
+        map_of(
+            *cabinet(thing, seen),
+            thing("drawer1", "Drawer", (0.5, 0.4, 0.2)),
+            seen("drawer1", (2.0, 0.0, 0.5)),
+            thing("table1", "Table-PieceOfFurniture", (0.8, 1.4, 0.7)),
+            seen("table1", (-2.0, 0.0, 0.35)),
+        )
+    )
+    assert {body.name: len(body.cavities) for body in scene.bodies} == {
+        "cabinet1": 1,
+        "door1": 0,
+        "drawer1": 1,
+        "table1": 0,
+    }
+
+
 def test_a_door_that_is_seen_ajar_is_believed_to_be_ajar(believed: tuple[Belief, PlanningWorld]) -> None:
     belief, world = believed
     world.set_joint("door1", 0.7)
