@@ -42,6 +42,8 @@ THIN = 0.02
 """A movable thing not higher than this along its own z axis lies flat: a blade goes under it [m]."""
 GRASPABLE_WIDTH = 0.12
 """A movable body not wider than this in one horizontal direction counts as something a hand can take [m]."""
+LONGEST = 0.6
+"""Greatest length of a thing that a hand takes [m]."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,7 +19,7 @@ from planlang.records import dataclass
 from sim import Body, ComfortZone, PlanningWorld
 from sim.joints import Articulation, JointKind
 from sim.leaves import inside
-from sim.scene import GRASPABLE_WIDTH, BodyShape
+from sim.scene import GRASPABLE_WIDTH, LONGEST, BodyShape
 
 LEANING = 0.05
 """Greatest tilt of a top that counts as level [rad]: a bottle put down on it stays where it is."""
@@ -217,7 +217,7 @@ class BelievedBodies:
         body = self._world.scene.body(name)
         if body.shape not in (BodyShape.BOX, BodyShape.CYLINDER):
             return "is no thing that can be taken"
-        if not body.movable:
+        if not body.movable and (min(body.size[:2]) <= GRASPABLE_WIDTH or max(body.size) > LONGEST):
             return "does not move"
         widths = f"is {min(body.size[:2]):g} m wide, and things up to {GRASPABLE_WIDTH:g} m can be taken"
         return f"{widths}, wider ones by a handle for one hand"

@@ -15,15 +15,16 @@ from executive.belief.hollow import WALL, hollowed, open_at
 from executive.belief.in_hand import STOWED, is_in_hand
 from executive.belief.object_models import Blade
 from executive.belief.semantic_map import OPENINGS, MapObject, SemanticMap
+from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, note, warning
 from planlang.effects import number_of_class
 from planlang.geometry import Array, Pose
-from planlang.geometry.matrices import rotated
+from planlang.geometry.matrices import moved, rotated
 from planlang.geometry.shapes import corners, footprint, inside
 from planlang.ontology import expand, shorten
 from sim import Body, Scene
 from sim.joints import Articulation
-from sim.scene import GRASPABLE_WIDTH, THIN, BodyShape, Cavity, Handle
+from sim.scene import GRASPABLE_WIDTH, LONGEST, THIN, BodyShape, Cavity, Handle
 
 PENETRATION = 0.02
 """Greatest penetration of a thing into its support [m]."""
@@ -110,13 +111,19 @@ FIXED = (
     "Place",
     "SpaceRegion",
 )
-"""Classes of things that stay where the map says, light furniture left out."""
+"""Classes of things that stay where the map says, light furniture and what is carried left out."""
+
+CARRIED = ("PackagingContainerProduct",)
+"""Classes of things that people carry about, though they are kinds of containers as furniture is."""
 
 CONTAINERS = ("StorageConstruct", "Box-Container", "Container", "Refrigerator", "Dishwasher", "Oven", "Shelf")
 """Classes of things inside of which others may lie: as a part of something larger, such a thing is a compartment."""
 
-LONGEST = 0.6
-"""Greatest length of a thing that a hand takes [m]."""
+NAMED = "#NamedIndividual"
+"""End of the class of which every individual is."""
+
+ROOMY, STOREY = 1.5, 1.9
+"""Least width and height of what is a room if other things are in it, though its class is unknown [m]."""
 
 MARGIN = 1.5
 """Margin around all things within which a robot may drive if the map has no room [m]."""
@@ -132,6 +139,7 @@ def scene_of(semantic_map: SemanticMap, found: list[Diagnostic] | None = None) -
     found = [] if found is None else found
     bodies = []
     handles = {iri for thing in semantic_map.objects for iri, _ in _handles(thing, semantic_map)}
+    rooms = set(_presumed_rooms(semantic_map, found))
     for thing in semantic_map.objects:
         if thing.iri in handles:
             continue  # it is a part of the body that it moves with
@@ -141,6 +149,7 @@ def scene_of(semantic_map: SemanticMap, found: list[Diagnostic] | None = None) -
             bodies.append(_body(thing, thing.pose, semantic_map))
         elif thing.size is not None and not is_content(thing):
             found.append(note("M012", f"{thing.name} has a size but no place: not in the world", thing.span))
+    bodies = [replace(body, shape=BodyShape.ROOM, movable=False) if body.iri in rooms else body for body in bodies]
     bodies, joints = articulated(bodies, semantic_map, found)
     bodies = _opened(bodies, joints, semantic_map, found)
     bodies = with_contents(bodies, semantic_map, found)
@@ -159,9 +168,31 @@ def scene_of(semantic_map: SemanticMap, found: list[Diagnostic] | None = None) -
     return scene
 
 
+def _presumed_rooms(semantic_map: SemanticMap, found: list[Diagnostic]) -> Iterator[str]:
+    """Yield the IRIs of things of unknown classes that are as large as rooms and have others inside, and report them.
+
+    As solid boxes they would leave no way to anything.
+    """
+    for thing in semantic_map.objects:
+        classes = [cls for cls in thing.types if not cls.endswith(NAMED)]
+        if thing.size is None or thing.pose is None or any(map(semantic_map.ontology.defined, classes)):
+            continue
+        if min(thing.size[:2]) < ROOMY or thing.size[2] < STOREY:
+            continue
+        others = [one.pose.position for one in semantic_map.objects if one.pose is not None and one is not thing]
+        within = (
+            np.abs(moved(thing.pose.inverse().matrix(), np.array(others).reshape(-1, 3))) < np.array(thing.size) / 2
+        )
+        if within.all(axis=1).any():
+            message = f"{thing.name} is taken for a room, as other things are inside it"
+            help = f"say so in the map: Class: {local_name(classes[0]) if classes else 'RoomOfMine'} SubClassOf: RoomInAConstruction"
+            found.append(note("M031", message, thing.span, help))
+            yield thing.iri
+
+
 def _body(thing: MapObject, pose: Pose, semantic_map: SemanticMap) -> Body:
     shape = _shape(thing, semantic_map)
-    cls = next((cls for cls in thing.types if not cls.endswith("#NamedIndividual")), "")
+    cls = next((cls for cls in thing.types if not cls.endswith(NAMED)), "")
     size, soft = thing.size or (0.0, 0.0, 0.0), _is_a(thing, semantic_map, SOFT)
     wall = number_of_class(semantic_map.ontology, thing.types, "wallThickness") or 0.0
     wall = wall if 4 * wall < min(size[:2]) and 2 * wall < size[2] else 0.0
@@ -207,7 +238,7 @@ def _movable(thing: MapObject, semantic_map: SemanticMap, *, wide: bool) -> bool
         return False
     if _is_a(thing, semantic_map, LIGHT_FURNITURE):
         return True
-    if _is_a(thing, semantic_map, FIXED):
+    if _is_a(thing, semantic_map, FIXED) and not _is_a(thing, semantic_map, CARRIED):
         return False
     narrow = min(thing.size[:2]) <= GRASPABLE_WIDTH or thing.size[2] <= THIN
     return (wide or narrow) and max(thing.size) <= LONGEST

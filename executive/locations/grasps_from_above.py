@@ -45,18 +45,27 @@ LEAST = 0.005
 
 
 def is_flat(block: Block) -> bool:
-    """Return whether a thing is taken from above alone."""
-    return block.wall > 0 or block.soft or block.high - block.low <= FLAT
+    """Return True for what is taken from above alone: dishes, cloth, and what lies flat."""
+    return block.soft or block.high - block.low <= (LOW if block.wall > 0 else FLAT)
 
 
 def is_low(block: Block) -> bool:
-    """Return whether a thing is taken like this from above."""
+    """Return True for what is taken from above, deep beside it, rather than in its middle."""
     return is_flat(block) or block.high - block.low <= LOW
 
 
+def by_its_rim(block: Block, max_opening: float) -> bool:
+    """Return True for a hollow thing that a hand takes by its rim: a dish, or a vessel too wide for the fingers [m]."""
+    return block.wall > 0 and (is_flat(block) or 2 * min(block.half_x, block.half_y) > max_opening)
+
+
 def grips(block: Block) -> Array:
-    """Return the places (n, 3) of the map at which a thing is gripped, at its top: a rim, points of a cloth, or one."""
-    return np.array([(x, y, block.high) for x, y, _ in _places(block, 1)])
+    """Return the places (n, 3) of the map at which a thing is gripped: points of its rim or of a cloth, or its middle.
+
+    They are at its top, but for the middle of a vessel.
+    """
+    edges = [(x, y, block.high) for x, y, _ in _places(block, 1)]
+    return np.array(edges if block.wall == 0 or is_flat(block) else [*edges, block.centre])
 
 
 @lru_cache(maxsize=8)

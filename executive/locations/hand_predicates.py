@@ -41,7 +41,7 @@ from executive.locations.grasp_candidates import (
     placing,
     retreating,
 )
-from executive.locations.grasps_from_above import DEEPEST, FROM_ABOVE, from_above, grips, is_flat, is_low
+from executive.locations.grasps_from_above import DEEPEST, FROM_ABOVE, by_its_rim, from_above, grips, is_flat, is_low
 from executive.locations.placement import HAIR, Placement
 from executive.locations.reachability import GraspClass
 from executive.locations.rejections import Rejections
@@ -133,14 +133,14 @@ def _is_at(points: Array, block: Block) -> Mask:
     That is as high as it reaches, and half as low. Over what is low that is as far as fingers reach down.
     """
     away = points[:, 2] - block.centre[2]
-    highest = block.high - block.centre[2] + (FINGERS if is_low(block) else 0.0)
+    highest = block.high - block.centre[2] + (FINGERS if is_low(block) or block.wall > 0 else 0.0)
     lowest = (block.low - block.centre[2]) / 2
     return np.asarray(np.hypot(_beside(points, block), away - np.clip(away, lowest, highest)) <= AT_CENTRE)
 
 
 def _beside(points: Array, block: Block) -> Array:
     """Return how far points (n, 3) are, horizontally, from the nearest place where a block is gripped (n,) [m]."""
-    aways = points[:, None, :2] - (grips(block) if is_low(block) else block.centre[None])[None, :, :2]
+    aways = points[:, None, :2] - (grips(block) if is_low(block) or block.wall > 0 else block.centre[None])[None, :, :2]
     return np.asarray(np.linalg.norm(aways, axis=2).min(axis=1))
 
 
@@ -281,7 +281,7 @@ def _around(
     middle = () if is_flat(block) else tuple(one for one in classes if not (is_low(block) and one in FROM_ABOVE))
     tables = [grasping(reach.body, block, arm.frame, arm.max_opening, middle, headings, arm.palm)]
     above = FROM_ABOVE if is_flat(block) and reach.grasp is None else tuple(one for one in FROM_ABOVE if one in classes)
-    if is_low(block) and above:
+    if above and (by_its_rim(block, arm.max_opening) if block.wall > 0 else is_low(block)):
         below = tuple(-float(arm.lowest(one.rotations([0.0], [1], arm.frame), None)[0]) for one in FROM_ABOVE)
         low = from_above(reach.body, block, arm.frame, arm.max_opening, above, headings, below)
         boxes, _ = scene.collisions.boxes_but((reach.body,))

@@ -282,16 +282,16 @@ class Trial:
         return next((contact.body for some in found for contact in some if contact.part != held.name), None)
 
     def _slips(self) -> Reason | None:
-        """Return why the fingers would have no hold of what they grip by an edge or a handle; None if they have."""
+        """Return why the fingers would have no hold of what they close on; None if they have."""
         one = self.solution
         if one.reach.kind is not ReachKind.GRASP:
             return None
-        block, *handles = self.scene.bodies.grips(one.reach.body)
-        if not handles and not is_low(block):
-            return None
         collisions, q, fingers = self.scene.collisions, one.joints[1], one.plan.fingers
-        if handles and collisions.contacts(self.base, one.arm, q, fingers=fingers):
+        if collisions.contacts(self.base, one.arm, q, fingers=fingers):
             return NO_HOLD  # an open finger would be in what it is to close on
+        block, *handles = self.scene.bodies.grips(one.reach.body)
+        if not handles and not is_low(block) and block.wall == 0:
+            return None  # it is as wide as the fingers were opened for
         held = collisions.closed_on(self.base, one.arm, q, one.reach.body, fingers)
         return NO_HOLD if held is None else None
 

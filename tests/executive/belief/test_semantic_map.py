@@ -168,6 +168,25 @@ def test_a_class_that_is_misspelt_is_told_with_the_one_that_may_be_meant(
     assert (found.code, found.severity, found.help) == ("M031", Severity.WARNING, "did you mean DrinkingBottle?")
 
 
+def test_what_is_as_large_as_a_room_and_has_things_in_it_is_one_though_its_class_is_unknown(
+    map_of: Read, thing: Write, seen: Write
+) -> None:
+    found: list[Diagnostic] = []
+    room = thing("room1", "LivingRoom", (5.0, 4.0, 2.5)), seen("room1", (0, 0, 1.25))
+    wardrobe = thing("wardrobe1", "Armoire", (0.6, 1.6, 2.0)), seen("wardrobe1", (2, 0, 1.0))
+    scene = scene_of(map_of(*room, *wardrobe), found)
+    assert [body.shape for body in scene.bodies] == ["room", "box"]
+    assert [d.help for d in found if "taken for a room" in d.message] == [
+        "say so in the map: Class: LivingRoom SubClassOf: RoomInAConstruction"
+    ]
+
+
+@pytest.mark.parametrize("cls", ["CardboardBox", "WaxedCardboardCarton", "Bag"])
+def test_packages_are_carried_though_they_are_containers(map_of: Read, thing: Write, seen: Write, cls: str) -> None:
+    scene = scene_of(map_of(thing("one", cls, (0.1, 0.06, 0.2)), seen("one", (0, 0, 0.1))))
+    assert scene.body("one").graspable
+
+
 def test_a_pose_without_rotation_is_not_turned(map_of: Read, thing: Write) -> None:
     place = 'Individual: place\n    Types: knowrob:RotationMatrix3D\n    Facts: knowrob:translation "1 2 0.3"'
     semantic_map = map_of(thing("bed1", "Bed-PieceOfFurniture", (2, 1, 0.6), "pose place"), place)

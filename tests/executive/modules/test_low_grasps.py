@@ -34,6 +34,8 @@ def lying(name: str, cls: str, size: tuple[float, float, float], shape: str = "b
 THINGS = {
     "plate": lying("plate", "DinnerPlate", (0.24, 0.24, 0.025), "cylinder", wall=0.008, largest_tilt=math.radians(15)),
     "bowl": lying("bowl", "Bowl-Mixing", (0.22, 0.22, 0.1), "cylinder", wall=0.006, largest_tilt=math.radians(15)),
+    "mug": lying("mug", "DrinkingMug", (0.14, 0.14, 0.12), "cylinder", wall=0.004, largest_tilt=math.radians(15)),
+    "glass": lying("glass", "DrinkingGlass", (0.07, 0.07, 0.12), "cylinder", wall=0.003),
     "fork": lying("fork", "Fork-SilverwarePiece", (0.19, 0.025, 0.015)),
     "napkin": lying("napkin", "Napkin", (0.2, 0.2, 0.01), soft=True),
     "bottle": replace(BOTTLE, pose=Pose((1.5, 0.0, TOP + 0.0325), (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5)))),
@@ -62,7 +64,7 @@ def test_what_is_too_wide_is_gripped_at_its_handle_with_the_hand_off_the_rest(ma
         assert not stage.platform.scene.collisions.contacts(base, one.arm, one.joints[1], fingers=one.plan.fingers)
 
 
-@pytest.mark.parametrize("name", some(["bowl", "plate", "napkin", "fork", "bottle"]))
+@pytest.mark.parametrize("name", some(["mug", "bowl", "plate", "napkin", "fork", "bottle"]))
 def test_what_no_gripper_spans_or_what_lies_is_taken(make_stage: MakeStage, name: str) -> None:
     stage = make_stage(CABINET, THINGS[name], BED)
     what = an_object(THINGS[name].type, PLACE + name)
@@ -79,6 +81,16 @@ def test_what_no_gripper_spans_or_what_lies_is_taken(make_stage: MakeStage, name
     stage.run(take)
     assert held_by(stage.truth, name) == "robot"
     assert stage.truth.pose(name).position[2] > TOP + 0.04
+
+
+def test_a_glass_that_fits_between_the_fingers_is_taken_in_its_middle(make_stage: MakeStage) -> None:
+    stage = make_stage(CABINET, THINGS["glass"], BED)
+    base = next(stage.resolver.bases(a_location(in_reach_of=an_object("DrinkingGlass", PLACE + "glass")))).base
+    found = [one for some in stage.resolver.reached_from(base).values() for one in some.values()]
+    assert found
+    for one in found:
+        grip = THINGS["glass"].pose.inverse() @ Pose.from_matrix(one.plan.poses[1])
+        assert math.hypot(*grip.position[:2]) < 0.01
 
 
 def test_a_dish_is_hollow_and_its_walls_are_where_it_is_gripped() -> None:
