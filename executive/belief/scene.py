@@ -185,7 +185,7 @@ def _presumed_rooms(semantic_map: SemanticMap, found: list[Diagnostic]) -> Itera
         )
         if within.all(axis=1).any():
             message = f"{thing.name} is taken for a room, as other things are inside it"
-            help = f"say so in the map: Class: {local_name(classes[0]) if classes else 'RoomOfMine'} SubClassOf: RoomInAConstruction"
+            help = f"say so in the map: Class: {cls} SubClassOf: RoomInAConstruction"
             found.append(note("M031", message, thing.span, help))
             yield thing.iri
 
