@@ -180,10 +180,9 @@ def _presumed_rooms(semantic_map: SemanticMap, found: list[Diagnostic]) -> Itera
         if min(thing.size[:2]) < ROOMY or thing.size[2] < STOREY:
             continue
         others = [one.pose.position for one in semantic_map.objects if one.pose is not None and one is not thing]
-        within = (
-            np.abs(moved(thing.pose.inverse().matrix(), np.array(others).reshape(-1, 3))) < np.array(thing.size) / 2
-        )
-        if within.all(axis=1).any():
+        local = moved(thing.pose.inverse().matrix(), np.array(others).reshape(-1, 3))
+        if (np.abs(local) < np.array(thing.size) / 2).all(axis=1).any():
+            cls = local_name(classes[0]) if classes else "RoomOfMine"
             message = f"{thing.name} is taken for a room, as other things are inside it"
             help = f"say so in the map: Class: {cls} SubClassOf: RoomInAConstruction"
             found.append(note("M031", message, thing.span, help))
