@@ -6,7 +6,7 @@ Relations without a meaning, and conjunctions that contradict themselves, are re
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from enum import Enum
 from typing import NamedTuple
@@ -15,7 +15,8 @@ from executive.belief.believed_bodies import BelievedBodies
 from executive.belief.planning_scene import PlanningScene, RobotArms
 from executive.locations.areas import Area, Clear, Facing, area_of
 from executive.locations.consistency import LocationMeaningless, bounds, check_consistent, contradictory, meaningless
-from planlang.designators import Location, Object, Relation
+from planlang.designators import Action, Location, Object, Person, Relation, a_location, resting_on
+from planlang.failures import ObjectUnresolvable
 from planlang.records import dataclass
 from planlang.relations import HEIGHTS, RELATIONS, Bounds, Sense, Subject, meaningful
 
@@ -70,6 +71,8 @@ class Reach:
     """Other conjuncts that the hand has to satisfy."""
     before: bool = False
     """For GRASP and RETREAT: where the hand stands before the thing, not at it, is where that holds."""
+    then: tuple[Reach, ...] = ()
+    """For GRASP: what hands do with the thing later, which the grip has to serve."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -301,6 +304,34 @@ def sides(demand: BaseDemand | ThingDemand, scene: PlanningScene) -> dict[str, s
         if not (RELATIONS[term.name].sense("hand") is Sense.PRE_GRASP and handled):
             named[in_words(term.name, term.body, negated=term.negated)] = term.body
     return {words: "the viewer's" if scene.bodies.front(body) is None else "its own" for words, body in named.items()}
+
+
+USES = (ReachKind.OFFER, ReachKind.PLACE)
+"""Tasks of a hand with what it holds for which it matters how it holds it."""
+
+
+def goals_of(body: str, actions: Iterable[Action], scene: PlanningScene) -> list[Location]:
+    """Return where actions around the one that grasps a thing take it later, innermost first."""
+    goals = ((_goal(action), action.get("object_acted_on")) for action in actions)
+    meant = (goal for goal, what in goals if goal and isinstance(what, Object) and scene.bodies.known(what) == body)
+    return list(dict.fromkeys(meant))
+
+
+def use_at(goal: Location, body: str, scene: PlanningScene, viewer: Viewer) -> Reach | None:
+    """Return what a hand with a thing does at a goal; None if the goal asks nothing of the grip, or means nothing."""
+    try:
+        reach = hand_demand(goal, scene, viewer)
+    except (LocationMeaningless, ObjectUnresolvable):
+        return None  # reported by the step that goes there
+    return reach if reach.kind in USES and reach.body != body else None
+
+
+def _goal(action: Action) -> Location | None:
+    """Return where an action leaves what it is about; None if it does not say."""
+    where, recipient = action.get("to_location"), action.get("recipient")
+    if isinstance(where, (Object, Location)):
+        return resting_on(where)
+    return a_location(in_reach_of=recipient) if isinstance(recipient, Person) else None
 
 
 CHOSEN = (ReachKind.GRASP, ReachKind.ABOVE, ReachKind.OFFER)

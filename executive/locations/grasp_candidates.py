@@ -55,6 +55,8 @@ FARTHER_BACK = 0.008
 """Distance by which a thing may be gripped nearer to the ends of the fingers [m]."""
 AWRY, TIGHTER = 0.9, 0.8
 """Weights of grasps elsewhere than in the middle, and with hardly room for the fingers, beside others."""
+LEANING = 0.7
+"""Weight of offering a thing that leans, beside one that is as it stood."""
 PARTICULAR, POOREST = 4, 0.001
 """Power of a spot's score, beside that of the best one, that is the weight of what is put there, and the least one."""
 OBLIQUE = 0.4
@@ -306,15 +308,22 @@ def _over_the_edge(block: Block, places: Array, headings: Array) -> Array:
 
 
 def offering(name: str, zone: ComfortZone, frame: HandFrame, held: Held | None, *, fine: bool) -> GraspCandidates:
-    """Return candidates level, with what is held inside the person's comfort zone, coming from where they face."""
+    """Return candidates with what is held inside the person's comfort zone, coming from where they face.
+
+    What is held is level; if it may lean as it likes, the hand may be level instead.
+    """
     points = zone.points()
     points = points if fine else points[np.argsort(-zone.margins(points).round(6), kind="stable")[:16]]
     turns = np.array([0.0, 0.4, -0.4, 0.8, -0.8, 1.2, -1.2, 1.6, -1.6] if fine else [0.0, 0.8, -0.8])
     at, turn = (grid.ravel() for grid in np.meshgrid(np.arange(len(points)), np.arange(len(turns)), indexing="ij"))
     weights = (1.0 - 0.2 * np.abs(turns[turn])) * np.clip(zone.margins(points)[at] / COMFORTABLE, 0.05, 1.0)
     headings = zone.heading + math.pi + turns[turn]
-    found = _level(f"offer to {name}", points[at], headings, weights, frame, held)
-    return found.best(1200 if fine else 64)
+    found = [_level(f"offer to {name}", points[at], headings, weights, frame, held)]
+    if held is not None and held.largest_tilt is None:
+        level = _level(f"offer to {name}", points[at], headings, LEANING * weights, frame, None)
+        places = np.tile(points[at], (len(level) // len(at), 1))
+        found.append(replace(level, points=places - held.offsets(level.rotations)))
+    return GraspCandidates.joined(found).best(1200 if fine else 64)
 
 
 def placing(

@@ -216,21 +216,31 @@ def _made(
             )
             return [_of_class(candidates, reach, rejections)]
         case ReachKind.OFFER:
-            candidates = offering(reach.body, scene.bodies.zone(reach.body), arm.frame, held, fine=fine)
-            return [_of_class(candidates, reach, rejections)]
+            return [_of_class(delivering(reach, arm, held, scene, rejections, stage), reach, rejections)]
     if held is None:
         rejections.add("nothing in the hand to put down")
         return []
     if held.name == reach.body:
         rejections.add("nothing rests on itself")
         return []
+    return [delivering(reach, arm, held, scene, rejections, stage)]
+
+
+def delivering(
+    reach: Reach, arm: ArmModel, held: Held | None, scene: PlanningScene, rejections: Rejections, stage: Stage
+) -> GraspCandidates:
+    """Return candidates to offer something to a person, or to put it down, as an arm holds it or would hold it."""
+    fine = stage > Stage.NATURAL
+    if reach.kind is ReachKind.OFFER:
+        return offering(reach.body, scene.bodies.zone(reach.body), arm.frame, held, fine=fine)
+    assert held is not None, "an empty hand puts nothing down"
     # the same wherever the base is: where it can reach one of them is asked next
     demand, oblique = put_demand(reach, held.name, scene), stage is Stage.CLOSEST
     spots, scores = Placement(held.name, demand, scene, near=False, oblique=oblique).spots(rejections)
     good = int((scores >= GOOD[stage] * scores.max(initial=0.0)).sum())
     chosen = _spread(spots[:good], MOST_SPOTS[stage])
     is_round = scene.bodies.is_round(held.name)
-    return [placing(reach.body, spots[chosen], scores[chosen], arm.frame, held, is_round=is_round, fine=fine)]
+    return placing(reach.body, spots[chosen], scores[chosen], arm.frame, held, is_round=is_round, fine=fine)
 
 
 def _spread(spots: Array, most: int) -> list[int]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from itertools import chain, count, islice
 from typing import Generic, TypeVar
@@ -24,11 +25,13 @@ from executive.locations.demands import (
     Reach,
     ReachKind,
     base_demand,
+    goals_of,
     hand_demand,
     thing_demand,
+    use_at,
 )
 from executive.locations.floor_search import FloorSearch
-from executive.locations.hand_predicates import Stage, candidates_of, hand_holds
+from executive.locations.hand_predicates import Stage, hand_holds
 from executive.locations.hand_solutions import HandSolution, from_base
 from executive.locations.placement import Placement
 from executive.locations.rejections import COLLISION, NOT_VISIBLE, Rejections
@@ -38,6 +41,7 @@ from executive.robots.arms import ArmModel
 from planlang.designators import Action, Device, Location, Object, action
 from planlang.failures import DesignatorFailure, LocationUnresolvable, MissingCapability, PlanFailure
 from planlang.geometry import Array, Pose
+from planlang.language.performing import actions_around
 from planlang.protocols import Solution
 from planlang.relations import RELATIONS
 
@@ -71,7 +75,8 @@ class Resolver:
         if log is not None:
             return self._bases(location, log)
         state = (self.scene.revision(), self.scene.posture())
-        return self._answers.of(location, state, lambda: self._bases(location, Rejections()))
+        question = location, tuple(actions_around())  # what they are about decides about grips
+        return self._answers.of(question, state, lambda: self._bases(location, Rejections()))
 
     def satisfies(self, location: Location, base: BasePose) -> Solution | None:
         """Return the solution at one given base, or None."""
@@ -84,11 +89,29 @@ class Resolver:
         """Demand, then the present base pose, then one search after another with a larger budget."""
         scene, validator = self.scene, self._validator
         demand = base_demand(location, scene, self._viewer(location))
-        wanted = validator.wanted(demand)
         self._check_parts(location, demand)
-        for reach in wanted:
+        for reach in validator.wanted(demand):
             validator.check_hands(reach, location)
         found: list[BasePose] = []
+        served = replace(demand, reaches=tuple(self._with_uses(reach, look=True) for reach in demand.reaches))
+        if served != demand:
+            yield from self._found(served, Rejections(), found)
+        yield from self._found(demand, log, found)
+        raise log.failure(location, after=len(found))
+
+    def _with_uses(self, reach: Reach, *, look: bool = False) -> Reach:
+        """Return a grasp with what the plan does with the thing later; sides are seen from here from now on if so."""
+        if reach.kind is not ReachKind.GRASP:
+            return reach
+        goals = goals_of(reach.body, actions_around(), self.scene)
+        for goal in goals if look else ():
+            self._look(goal)
+        uses = (use_at(goal, reach.body, self.scene, self._viewer(goal)) for goal in goals)
+        return replace(reach, then=tuple(use for use in uses if use is not None))
+
+    def _found(self, demand: BaseDemand, log: Rejections, found: list[BasePose]) -> Iterator[Solution]:
+        """Yield base poses with what is looked at before, and add them to those that were ``found``."""
+        scene, wanted, before = self.scene, self._validator.wanted(demand), len(found)
         unsure = self._unsure(wanted)
         # what is seen from here comes first: where that shows nothing new the map is right about the rest, too
         here = {name: scene.base() for name in unsure if scene.visibility.hidden(scene.base(), name) is None}
@@ -96,10 +119,9 @@ class Resolver:
         for solution in self._searched(demand, wanted, log, found):
             left = self._unsure(wanted) if here or views else ()
             yield self._after({name: view for name, view in (here or views).items() if name in left}, solution)
-        if not found and log.counts[NOT_VISIBLE]:
+        if len(found) == before and log.counts[NOT_VISIBLE]:
             yield from self._after_a_look(demand, wanted, log, found)
         log.findings.inversions.clear()  # else the traceback would keep them
-        raise log.failure(location, after=len(found))
 
     def _after_a_look(
         self, demand: BaseDemand, wanted: Sequence[Reach], log: Rejections, found: list[BasePose]
@@ -238,8 +260,16 @@ class Resolver:
         reach = replace(hand_demand(location, scene, self._viewer(location)), arms=None)
         self._validator.check_hands(replace(reach, arms=(arm.name,)), location)
         base = scene.base()
+        served, known = self._with_uses(reach), self._validator.known
+        # where the base was found for any grip, as none serves what follows, that one is known
+        if served != reach and (known(reach, arm, base) is None or known(served, arm, base)):
+            with suppress(LocationUnresolvable):
+                yield from self._hands(served, arm, seed, location)
+        yield from self._hands(reach, arm, seed, location)
+
+    def _hands(self, reach: Reach, arm: ArmModel, seed: Array, location: Location) -> Iterator[HandSolution]:
+        base, log = self.scene.base(), Rejections()
         known = self._validator.known(reach, arm, base)
-        log = Rejections()
         if known is not None and self._validator.still_reaches(known, reach, base):
             yield known  # what it is about has not moved since
         begun = seed if known is None else known.joints[min(1, len(known.joints) - 1)]
@@ -249,8 +279,10 @@ class Resolver:
         for stage in tuple(Stage)[first : last + 1]:
             counted = log if stage is first else Rejections()
             found = False
-            tables = candidates_of(reach, arm, scene, counted, stage)
-            for candidate in from_base(reach, base, arm, tables, scene, self.maps, counted, seed=begun, generous=True):
+            tables = self._validator.candidates(reach, arm, counted, stage)
+            for candidate in from_base(
+                reach, base, arm, tables, self.scene, self.maps, counted, seed=begun, generous=True
+            ):
                 found = True
                 yield candidate
             if found:

@@ -16,7 +16,7 @@ from executive.locations.budgets import ALL, SearchBudget
 from executive.locations.candidate_search import CandidateSearch, Sought, as_told
 from executive.locations.demands import BaseDemand, Reach
 from executive.locations.grasp_candidates import CLASSES, Hand
-from executive.locations.hand_predicates import Stage, candidates_of
+from executive.locations.hand_predicates import Stage
 from executive.locations.hand_solutions import HandHits, unblocked
 from executive.locations.looking_once import numbered
 from executive.locations.rejections import (
@@ -135,7 +135,7 @@ class ReachSearch:
     def _find_hands(self) -> FreeHands:
         scene, first, counted, stage = self.scene, self.wanted[0], Rejections(), self.budget.stage
         arms = self.validator.arms_for(first, self.arms)
-        possible = [(arm, candidates_of(first, arm, scene, counted, stage)) for arm in arms]
+        possible = [(arm, self.validator.candidates(first, arm, counted, stage)) for arm in arms]
         tables = [(arm, table) for arm, found in possible for table in found]
         if not tables:
             return FreeHands([], 0.0, (np.zeros(3), 0.0), counted)

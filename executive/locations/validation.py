@@ -14,8 +14,9 @@ from executive.belief.scene_collisions import BasePose
 from executive.locations.areas import Area, Clear, Facing
 from executive.locations.base_candidates import InverseMaps
 from executive.locations.demands import ORDER, BaseDemand, Reach, ReachKind, sides
-from executive.locations.hand_predicates import Stage, candidates_of
+from executive.locations.hand_predicates import Stage
 from executive.locations.hand_solutions import HandSolution, Trial, from_base
+from executive.locations.later_uses import LaterUses
 from executive.locations.rejections import (
     COLLISION,
     NO_HOLD,
@@ -76,6 +77,7 @@ class BaseValidator:
 
     def __init__(self, scene: PlanningScene, inverse: InverseMaps) -> None:
         self.scene, self.inverse = scene, inverse
+        self.candidates = LaterUses(scene, inverse).candidates
         self._reached: dict[tuple[str, BasePose], dict[Reach, HandSolution]] = {}
 
     def wanted(self, demand: BaseDemand) -> tuple[Reach, ...]:
@@ -285,7 +287,7 @@ class BaseValidator:
         for arm in arms:
             for stage in (Stage.NATURAL, Stage.ALL):
                 counted = Rejections()
-                tables = candidates_of(reach, arm, self.scene, counted, stage)
+                tables = self.candidates(reach, arm, counted, stage)
                 if not tables:
                     continue
                 candidate = next(from_base(reach, base, arm, tables, self.scene, self.inverse, counted), None)
@@ -305,7 +307,7 @@ class BaseValidator:
 
     def still_reaches(self, known: HandSolution, reach: Reach, base: BasePose) -> bool:
         """Return whether a solution still is one of a reach from a base pose, validated exactly."""
-        tables = candidates_of(reach, known.arm, self.scene, Rejections(), Stage.CLOSEST)
+        tables = self.candidates(reach, known.arm, Rejections(), Stage.CLOSEST)
         return any(map(known.is_among, tables)) and Trial(known, base, self.scene).stopped() is None
 
     def band(self, reach: Reach, arms: Sequence[ArmModel]) -> tuple[tuple[float, float], float, float]:

@@ -303,12 +303,15 @@ class Hands:
         path = np.stack([self._control.joints(gripper.joints), [wanted[name] for name in gripper.joints]])
         return await self._control.follow(f"gripper of {arm.name}", self._control.timed(gripper.joints, path))
 
-    async def shape(self, arm: ArmModel, fingers: Fingers, *, widen: bool) -> None:
-        """Bring fingers that are open to an opening, from a narrower one if they may ``widen``; not a closed hand."""
+    async def shape(self, arm: ArmModel, fingers: Fingers) -> None:
+        """Bring the fingers of a free hand to the opening for which a hand pose was checked, from a closed hand, too.
+
+        No fingers mean that the pose was checked with the hand as it is.
+        """
+        if not fingers or self._control.scene.arms.held(arm.name) is not None:
+            return
         now = dict(zip(arm.openings.joints, self._control.joints(arm.openings.joints), strict=True))
-        share = arm.openings.share(now) if fingers else 0.0
-        wanted = arm.openings.share(dict(fingers)) if fingers else 0.0
-        if share > wanted + SAME or (widen and SAME < share < wanted - SAME):
+        if abs(arm.openings.share(now) - arm.openings.share(dict(fingers))) > SAME:
             await self.move(arm, closed=False, fingers=fingers)
 
     def lead(self, arm: ArmModel, leaf: str) -> None:

@@ -308,7 +308,7 @@ class HandReaching(PlatformModule):
     async def _go(self, solution: HandSolution, location: Location, iterations: int) -> None:
         grasps = asks_for(location, "hand", Sense.GRASP_POINT)
         arm, first, label = solution.arm, solution.joints[0], solution.plan.label
-        await self.platform.hands.shape(arm, solution.plan.fingers, widen=grasps)
+        await self.platform.hands.shape(arm, solution.plan.fingers)
         match solution.reach.kind:
             case ReachKind.RETREAT:
                 await self._straight(solution, solution.joints)

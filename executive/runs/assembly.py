@@ -365,12 +365,13 @@ def _solution(state: Any, arms: Mapping[str, ArmModel]) -> HandSolution:
 
 
 def _reach(
-    kind: str, body: str, grasp: str | None, some: Any, heights: Any, inside: bool, also: Any, before: bool
+    kind: str, body: str, grasp: str | None, some: Any, heights: Any, inside: bool, also: Any, before: bool, then: Any
 ) -> Reach:
     low, high = heights
     named = None if some is None else tuple(map(str, some))
     terms = tuple(_term(*term) for term in also)
-    return Reach(ReachKind(kind), body, grasp, named, (float(low), float(high)), inside, terms, before)
+    uses = tuple(_reach(*use) for use in then)
+    return Reach(ReachKind(kind), body, grasp, named, (float(low), float(high)), inside, terms, before, uses)
 
 
 def _term(name: str, body: str, within: float | None, beyond: float | None, negated: bool, viewer: Any) -> HandTerm:

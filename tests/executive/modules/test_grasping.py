@@ -406,3 +406,25 @@ def test_hand_poses_after_one_without_a_path_are_searched_for_no_longer_in_all(
     with pytest.raises(ManipulationPoseUnreachable):
         do(before_bottle, reach(BEFORE, device_used=RIGHT))
     assert ITERATIONS < sum(asked) <= 2 * ITERATIONS
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3], ids=["closed", "too narrow"])
+def test_a_hand_comes_before_a_wide_thing_as_open_as_the_grasp_was_checked(share: float, make_stage: MakeStage) -> None:
+    wide = replace(BOTTLE, name="cup", size=(0.08, 0.08, 0.1), pose=Pose((1.5, 0.0, 0.85)), type="Cup", iri=None)
+    stage = make_stage(CABINET, wide)
+    cup = stage.platform.scene.bodies.designator("cup")
+    solution = next(stage.resolver.bases(a_location(in_reach_of=cup)))
+    stand(stage, solution.base)
+    stage.executive.move_to(solution)  # the arm by which the place was found is the plan's choice
+    arm = next(arm for arm in stage.platform.scene.arms.all if arm.name == solution.detail["arm"])
+    fingers = arm.openings.fingers[round(share * (len(arm.openings.fingers) - 1))]
+
+    async def approach() -> None:
+        await stage.platform.hands.move(arm, closed=False, fingers=fingers)
+        await perform(reach(a_location(in_front_of=cup)))
+
+    stage.run(approach)
+    _, _, begun = stage.platform.arms.begun[arm.name]
+    now = dict(zip(arm.openings.joints, stage.platform.joints(arm.openings.joints), strict=True))
+    assert arm.openings.share(now) == pytest.approx(arm.openings.share(dict(begun.plan.fingers)), abs=0.01)
+    assert arm.openings.share(now) > share, "the fingers have opened"

@@ -1,0 +1,97 @@
+"""Grips that serve what is done with a thing later: it is offered to somebody, or put down somewhere.
+
+A grip serves a use if the hand, with the thing in it, can be where the use needs it for some pose of the base: the
+reachability map has such a height, and the hand itself is inside nothing.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from executive.belief.planning_scene import PlanningScene
+from executive.belief.scene_collisions import Latest
+from executive.locations.base_candidates import InverseMaps
+from executive.locations.demands import Reach, ReachKind
+from executive.locations.grasp_candidates import CLASSES, GraspCandidates
+from executive.locations.hand_predicates import Stage, candidates_of, delivering
+from executive.locations.rejections import Rejections
+from executive.robots.arms import ArmModel, Held
+from planlang.geometry import Pose
+from planlang.geometry.matrices import inverse, product, rigid
+
+UNSERVED = "no grip for what follows"
+"""Reason to reject a grasp after which the hand could not do what the thing is taken for."""
+ALIKE = 3
+"""Decimals to which two grips are the same [m, 1]."""
+
+
+class Grip(NamedTuple):
+    """The hold of a hand on a thing."""
+
+    arm: str
+    kind: tuple[int, int]
+    """Index into CLASSES, and roll."""
+    offset: tuple[float, ...]
+    """Where the thing is in the tip's frame, and how it is turned if that matters [m, 1]."""
+
+
+class LaterUses:
+    """Chooses grasps by what is done with the thing later; results are kept until the belief changes."""
+
+    def __init__(self, scene: PlanningScene, maps: InverseMaps) -> None:
+        self._scene, self._maps = scene, maps
+        self._known: Latest[dict[tuple[Reach, Grip], bool]] = Latest()
+
+    def candidates(self, reach: Reach, arm: ArmModel, log: Rejections, stage: Stage) -> list[GraspCandidates]:
+        """Return the candidates of a reach; of a grasp only those that serve all later uses."""
+        tables = candidates_of(reach, arm, self._scene, log, stage)
+        if not reach.then:
+            return tables
+        kept = [table.chosen(self._serving(table, reach, arm)) for table in tables]
+        log.add(UNSERVED, sum(map(len, tables)) - sum(map(len, kept)))
+        return [table for table in kept if len(table)]
+
+    def _serving(self, table: GraspCandidates, reach: Reach, arm: ArmModel) -> NDArray[np.bool_]:
+        """Return which grasps of a table serve all later uses, (n,)."""
+        scene, known = self._scene, self._known.of(self._scene.revision(), dict)
+        body, thing = scene.world.scene.body(reach.body), scene.bodies.pose(reach.body).matrix()
+        offsets = product(inverse(rigid(table.rotations, table.points)), thing)
+        served = np.ones(len(table), bool)
+        for use in reach.then:
+            # offered to a person, or round, the thing may be turned about the vertical as one likes
+            turns = use.kind is ReachKind.OFFER or scene.bodies.is_round(reach.body)
+            for row, offset in enumerate(offsets):
+                told = offset[:3, 3] if turns else offset[:3].ravel()
+                kind = int(table.grasps[row]), int(table.rolls[row])
+                grip = Grip(arm.name, kind, tuple((told.round(ALIKE) + 0.0).tolist()))
+                if (use, grip) not in known:
+                    held = Held(reach.body, Pose.from_matrix(offset), scene.world.size(reach.body), body.largest_tilt)
+                    known[use, grip] = self._serves(use, arm, held)
+                served[row] &= known[use, grip]
+        return served
+
+    def _serves(self, use: Reach, arm: ArmModel, held: Held) -> bool:
+        """Return True if an arm that holds a thing like this can do what a use asks for, as far as this tells."""
+        if use.arms is not None and arm.name not in use.arms:
+            return False
+        table = delivering(use, arm, held, self._scene, Rejections(), Stage.ALL)
+        levels = list(
+            zip(table.grasps.tolist(), table.rolls.tolist(), table.points[:, 2].round(ALIKE).tolist(), strict=True)
+        )
+        reached = {level: self._reaches(arm, *level) for level in dict.fromkeys(levels)}
+        table = table.chosen(np.array([reached[level] for level in levels], bool))
+        if not len(table):
+            return False
+        tips = table.poses(np.arange(len(table)))[:, : table.key + 1]
+        # a door that is shut now is opened before
+        door = self._scene.bodies.door_of(use.body) if use.inside else None
+        hits = self._scene.collisions.arm_check(arm, held.name, ()).hand_hit(tips.reshape(-1, 4, 4))
+        free = np.array([hit in (None, door) for hit in hits], bool).reshape(tips.shape[:2])
+        return bool(free.all(axis=1).any())
+
+    def _reaches(self, arm: ArmModel, grasp: int, roll: int, height: float) -> bool:
+        """Return True if an arm reaches a height [m] somewhere with its hand like this."""
+        return len(self._maps(arm, CLASSES[grasp]).rows(height, roll, 0.0, 1).row) > 0
