@@ -138,6 +138,22 @@ class ObjectNotTurned(ManipulationFailure):
     text: ClassVar[str] = "the object did not turn over"
 
 
+class VesselEmpty(ManipulationFailure):
+    """Nothing is known to be in a vessel that was to be poured from or stirred; ``what`` names it."""
+
+    text: ClassVar[str] = "the vessel is empty"
+
+
+@dataclass(eq=False, repr=False)
+class AmountNotPoured(ManipulationFailure):
+    """Another amount was poured than asked for, or the amount asked for cannot be poured [ml]."""
+
+    asked: float | None = field(default=None, kw_only=True)
+    poured: float | None = field(default=None, kw_only=True)
+
+    text: ClassVar[str] = "the amount was not poured"
+
+
 class GripperFailure(ManipulationFailure):
     """A gripper did not do what it should."""
 

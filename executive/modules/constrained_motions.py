@@ -17,6 +17,7 @@ from typing import TypeVar
 import numpy as np
 
 from executive.belief.scene_collisions import BasePose
+from executive.modules.hand_work import HandWork
 from executive.modules.motion_grounding import UP, GroundedMotion, Grounding
 from executive.modules.phases import Phase
 from executive.modules.platform import PlatformModule
@@ -38,6 +39,7 @@ from planlang.failures import (
     ManipulationFailure,
     ManipulationGoalInCollision,
     NavigationFailure,
+    NavigationPoseUnreachable,
     PerceptionFailure,
 )
 from planlang.geometry import Array
@@ -96,7 +98,7 @@ class ConstrainedWork(PlatformModule):
                 continue
             try:
                 await self._get_ready(grounding, motion, end)
-                await self.drive(place)
+                await self.drive_with_room(place)
                 await self._look(grounding, asked, phase)
                 motion = grounding.grounded(asked, phase)
                 return motion, await apart(partial(self._way, grounding, motion, phase))
@@ -123,6 +125,14 @@ class ConstrainedWork(PlatformModule):
                 if found is not None:
                     await self.platform.follow(f"{arm.name} getting ready", found)
                     waiting = [one for one in waiting if one[0] is not arm]
+
+    async def drive_with_room(self, place: BasePose) -> None:
+        """Drive, if need be with the arms in the carrying posture: one that is stretched out does not turn with the base."""
+        try:
+            await self.drive(place)
+        except NavigationPoseUnreachable:
+            await HandWork(self.platform).tuck(self.platform.arms.untucked())
+            await self.drive(place)
 
     def _path(self, arm: ArmModel, goal: Array) -> Trajectory | None:
         with suppress(MotionError):

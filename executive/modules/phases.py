@@ -20,6 +20,21 @@ MOST = 16
 
 
 @dataclass(slots=True)
+class Pour:
+    """Something that is being poured out of a vessel; amounts in ml."""
+
+    by: str
+    """Class of the action that turned the vessel over."""
+    asked: float
+    into: str | None = None
+    """The vessel that it should get into; None if it is poured onto something."""
+    flowed: float = 0.0
+    """Amount that has left the vessel, and has got into the other one if there is one."""
+    until: float = 0.0
+    """Plan time until which ``flowed`` is counted [s]."""
+
+
+@dataclass(slots=True)
 class Phase:
     """The state of one recipe between its phases."""
 
@@ -29,8 +44,8 @@ class Phase:
     """Description of a tool -> the thing that it meant first: a cup that is empty still is the cup."""
     before: tuple[MotionConstraint, ...] = ()
     """The active constraints of the phase before, as the recipe states them."""
-    poured: dict[str, float] = field(default_factory=dict)
-    """Class of a motion and a vessel -> what had flowed out of it when the motion failed [ml]."""
+    pours: dict[str, Pour] = field(default_factory=dict)
+    """Vessel -> what is being poured out of it, or was when a motion failed."""
 
 
 class Phases:
@@ -55,7 +70,7 @@ class Phases:
                 {name: dump(pose) for name, pose in one.things.items()},
                 dict(one.tools),
                 [dump(each) for each in one.before],
-                dict(one.poured),
+                {name: [pour.by, pour.asked, pour.into, pour.flowed, pour.until] for name, pour in one.pours.items()},
             ]
             for path, one in self._known.items()
         }
@@ -67,7 +82,7 @@ class Phases:
                 {str(name): load(pose) for name, pose in things.items()},
                 {str(what): str(name) for what, name in tools.items()},
                 tuple(map(load, before)),
-                {str(what): float(amount) for what, amount in poured.items()},
+                {str(name): Pour(*pour) for name, pour in pours.items()},
             )
-            for path, (things, tools, before, poured) in state.items()
+            for path, (things, tools, before, pours) in state.items()
         }

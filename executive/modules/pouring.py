@@ -1,20 +1,25 @@
-"""Pouring: what flows out of a vessel that a hand holds upside down, for how long, and what is believed of it."""
+"""Pouring: what flows out of a vessel that a hand turns over, for how long, and what is believed of it.
+
+What flows is not seen: it is computed from how long the vessel pointed down, by the flow rate of the ontology.
+"""
 
 from __future__ import annotations
 
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager
+from typing import NoReturn
 
 import numpy as np
 
-from executive.modules.motion_grounding import GroundedMotion
-from executive.modules.phases import Phase
+from executive.modules.motion_grounding import UP, GroundedMotion
+from executive.modules.phases import Phase, Pour
 from executive.modules.platform import Platform
 from executive.motion.arm_group import ArmGroup
 from executive.robots.arms import ArmModel
 from planlang import now
 from planlang.designators import Action, Object
 from planlang.effects import effects_of
+from planlang.failures import AmountNotPoured, VesselEmpty
 from planlang.geometry import Array, Pose
 from planlang.language.performing import actions_around
 from planlang.ontology import expand
@@ -22,9 +27,15 @@ from planlang.protocols import Trajectory
 from planlang.records import dataclass
 
 
+WITHIN, WITHIN_SHARE = 5.0, 0.05
+"""Deviation that a poured amount may have: the larger of the two [ml, share]."""
+SLOWER = 1.25
+"""The vessel may take so many times as long to turn back as it took to turn over."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Flow:
-    """A vessel with something in it that a motion moves."""
+    """A vessel in a hand that a motion moves."""
 
     name: str
     arm: ArmModel
@@ -32,15 +43,11 @@ class Flow:
     """Its pose in the frame of the arm's tip."""
     turned: Array
     """Rows of the motion at which its axis points down, (m,)."""
-    before: float
-    """Amount that had flowed out of it when the motion was made before, and failed [ml]."""
-    key: str
-    """Key by which that is remembered."""
 
-    def seconds(self, steps: float) -> float:
-        """Return for how many steps of the world it flowed until so many had been made since the motion began."""
+    def steps(self, made: float) -> float:
+        """Compute in how many of the first ``made`` world steps since the motion began the vessel pointed down."""
         rows = len(self.turned)
-        return float(self.turned[: round(min(steps, rows))].sum()) + max(0.0, steps - rows) * bool(self.turned[-1])
+        return float(self.turned[: round(min(made, rows))].sum()) + max(0.0, made - rows) * bool(self.turned[-1])
 
 
 class Pouring:
@@ -48,67 +55,145 @@ class Pouring:
 
     def __init__(self, platform: Platform, phase: Phase) -> None:
         self._platform, self._phase = platform, phase
+        self._flow_rate = platform.scene.world.changes.rules.flow_rate
 
     @asynccontextmanager
     async def during(
         self, action: Action, motion: GroundedMotion, group: ArmGroup, trajectory: Trajectory
     ) -> AsyncIterator[None]:
-        """Hold vessels that a motion has turned over in the end until an amount has flowed; believe what has flowed.
+        """Pour with a motion that turns a vessel over, or that turns it back.
+
+        What will flow while the vessel turns back is foreseen. After the motion that turns it over it is held until a
+        little less than the amount has flowed; before the motion that turns it back, whose duration is known then, for
+        the rest. What flowed when a motion failed counts when it is made again.
 
         The amount is that of the action or of one around it [ml]; else all of a substance that is named ("the mix"),
-        and out of a vessel that is named what its class or what is usual says. What flowed when the motion was made
-        before, and failed, counts.
+        and out of a vessel that is named what its class or what is usual says. Raises VesselEmpty if nothing is known
+        to be in the vessel, and AmountNotPoured before anything flows if that cannot be right, or afterwards if it was
+        not.
         """
-        platform, flows = self._platform, list(self._flows(action, motion, group, trajectory.positions))
-        began, rate = now(), platform.world.rate
-        flow_rate = platform.scene.world.changes.rules.flow_rate
+        rate = self._platform.world.rate
+        flows = list(self._flows(motion, group, trajectory.positions))
+        for flow in flows:
+            if flow.turned[-1]:
+                self._begin(flow, action, motion)
+        for flow in flows:
+            if flow.turned[0] and flow.name in self._phase.pours:
+                self._flowed(flow, now() - self._phase.pours[flow.name].until)
+                if not flow.turned[-1]:
+                    await self._hold(flow, self._foreseen(flow))
+        began = now()
         try:
             yield
+        finally:  # after a failure, too: what has flowed has flowed
             for flow in flows:
-                seconds = flow.seconds((now() - began) * rate) / rate
-                if flow.turned[-1] and flow_rate > 0:
-                    held = max(0.0, self._amount(action, flow) / flow_rate - seconds)
-                    await platform.wait_holding([flow.arm.name], lambda: False, f"{flow.name} poured", timeout=held)
-        except BaseException:  # a failure, or the end of the task: what has flowed has flowed
-            for flow in flows:
-                flowed = self._believe(flow, flow_rate * flow.seconds((now() - began) * rate) / rate)
-                self._phase.poured[flow.key] = flow.before + flowed
-            raise
+                self._flowed(flow, flow.steps((now() - began) * rate) / rate)
         for flow in flows:
-            self._believe(flow, flow_rate * flow.seconds((now() - began) * rate) / rate)
-            self._phase.poured.pop(flow.key, None)
+            if flow.turned[-1]:
+                await self._hold(flow, SLOWER * self._foreseen(flow))
+            else:
+                self._end(flow)
 
-    def _flows(self, action: Action, motion: GroundedMotion, group: ArmGroup, rows: Array) -> Iterator[Flow]:
-        """Yield the vessels among the tools of a motion (m, n) that something is in."""
+    def _flows(self, motion: GroundedMotion, group: ArmGroup, rows: Array) -> Iterator[Flow]:
+        """Yield the vessels among the tools of a motion (m, n) that it turns over, or that are being poured from."""
         platform = self._platform
         changes, number = platform.scene.world.changes, {arm.name: k for k, arm in enumerate(motion.arms)}
         for name, grip in platform.belief.held.items():
-            if grip.arm in number and changes.is_vessel(name) and changes.matter.total(name) > 0:
-                arm, key = number[grip.arm], f"{action.type} {name}"
+            if grip.arm in number and changes.is_vessel(name):
+                arm = number[grip.arm]
                 turned = self._turned(group, rows, arm, grip.offset.matrix())
-                yield Flow(name, motion.arms[arm], grip.offset, turned, self._phase.poured.get(key, 0.0), key)
+                if turned.any() or name in self._phase.pours:
+                    yield Flow(name, motion.arms[arm], grip.offset, turned)
+
+    def _begin(self, flow: Flow, action: Action, motion: GroundedMotion) -> None:
+        """Note what is to be poured; raises VesselEmpty or AmountNotPoured if that is not possible."""
+        pour = self._phase.pours.get(flow.name)
+        if pour is not None and pour.by == action.type:
+            pour.until = now()
+        else:
+            asked, stated = self._amount(action, flow)
+            pour = Pour(action.type, asked, self._target(motion), until=now())
+            if not stated:
+                pour.asked = min(asked, *self._bounds(flow, pour).values())
+        changes, rest = self._platform.scene.world.changes, pour.asked - pour.flowed
+        if rest <= 0 or self._flow_rate <= 0:
+            return
+        if changes.matter.total(flow.name) <= 0 and not pour.flowed:
+            raise VesselEmpty(f"nothing is known to be in {flow.name}", arm=flow.arm.name, what=flow.name)
+        for bound, most in self._bounds(flow, pour).items():
+            if rest > most + _within(pour.asked):
+                self._refuse(flow, pour, f"{bound} {most:.0f} ml")
+        least = 2 * self._foreseen(flow)
+        if rest < least - _within(pour.asked):
+            self._refuse(flow, pour, f"{least:.0f} ml flow while {flow.name} is turned over and back")
+        self._phase.pours[flow.name] = pour
+
+    def _bounds(self, flow: Flow, pour: Pour) -> dict[str, float]:
+        """Compute the most that can be poured [ml], by what bounds it, in words."""
+        world = self._platform.scene.world
+        bounds = {f"{flow.name} holds": world.changes.matter.total(flow.name)}
+        if pour.into is not None:
+            room = world.scene.body(pour.into).capacity - world.changes.matter.total(pour.into)
+            bounds[f"{pour.into} has room for"] = max(0.0, room)
+        return bounds
+
+    def _refuse(self, flow: Flow, pour: Pour, why: str) -> NoReturn:
+        said = f"{pour.asked:.0f} ml were asked for, {pour.flowed:.0f} ml were poured: {why}"
+        raise AmountNotPoured(said, arm=flow.arm.name, what=flow.name, asked=pour.asked, poured=pour.flowed)
+
+    def _end(self, flow: Flow) -> None:
+        """Forget what was poured; raises AmountNotPoured if it was too much or too little."""
+        pour = self._phase.pours.get(flow.name)
+        if pour is None:
+            return
+        if abs(pour.flowed - pour.asked) > _within(pour.asked):
+            into = "" if pour.into is None else f" into {pour.into}"
+            self._refuse(flow, pour, f"out of {flow.name}{into}")
+        del self._phase.pours[flow.name]
+
+    def _foreseen(self, flow: Flow) -> float:
+        """Compute how much flows during a motion [ml]; about as much as during the same motion back."""
+        return self._flow_rate * float(flow.turned.sum()) / self._platform.world.rate
+
+    async def _hold(self, flow: Flow, reserve: float) -> None:
+        """Hold a vessel turned over until all but a reserve [ml] has flowed."""
+        pour = self._phase.pours.get(flow.name)
+        if pour is None or self._flow_rate <= 0:
+            return
+        rest = max(0.0, pour.asked - pour.flowed - reserve) / self._flow_rate
+        began = now()
+        try:
+            await self._platform.wait_holding([flow.arm.name], lambda: False, f"{flow.name} poured", timeout=rest)
+        finally:
+            self._flowed(flow, now() - began)
+
+    def _target(self, motion: GroundedMotion) -> str | None:
+        """Return the vessel that a motion is about in the world."""
+        bodies, changes = self._platform.scene.bodies, self._platform.scene.world.changes
+        names = [bodies.bind(one) for one in motion.things if one != UP]
+        return next((name for name in names if changes.is_vessel(name)), None)
 
     def _turned(self, group: ArmGroup, rows: Array, arm: int, offset: Array) -> Array:
         """Return at which rows (m, n) the axis of a vessel points down, (m,)."""
         axes = group.fk(rows, arm)[:, 2, :3] @ offset[:3, 2]  # the base stands level
         return np.asarray(axes < 0)
 
-    def _amount(self, action: Action, flow: Flow) -> float:
-        """Return how much is to flow yet [ml]; "pour the mix" is all of it, "pour from the bottle" some of it."""
+    def _amount(self, action: Action, flow: Flow) -> tuple[float, bool]:
+        """Return how much is to flow [ml], and whether the plan says so; "pour the mix" is all of it."""
         platform = self._platform
         actions = (action, *actions_around())
         for amount in (one.get("amount") for one in actions):
             if isinstance(amount, int | float):
-                return float(amount) - flow.before
+                return float(amount), True
         if any(self._means_content(one.get("object_acted_on"), flow.name) for one in actions):
-            return platform.scene.world.changes.matter.total(flow.name)
+            return platform.scene.world.changes.matter.total(flow.name), True
         ontology = platform.belief.map.ontology
         ancestors = [expand(cls) for cls in platform.ancestors(action.type)]
         for cls, above in ((action.type, ancestors), (POURING, None)):
             amount = effects_of(ontology, expand(cls), above).amount
             if amount is not None:
-                return amount - flow.before
-        return 0.0
+                return amount, False
+        return 0.0, False
 
     def _means_content(self, what: object, vessel: str) -> bool:
         """Return whether an action is about what is in a vessel, not the vessel."""
@@ -118,19 +203,26 @@ class Pouring:
         content = changes.matter.contents.get(vessel, {})
         return any(changes.rules.is_a(type, what.type) for type in content)
 
-    def _believe(self, flow: Flow, amount: float) -> float:
-        """Let an amount [ml] flow in the believed world, onto or into what is below; return how much it was."""
-        platform = self._platform
+    def _flowed(self, flow: Flow, seconds: float) -> None:
+        """Believe that a vessel flowed for some time [s], onto or into what is below."""
+        platform, pour = self._platform, self._phase.pours.get(flow.name)
         platform.sync()
         world, tip = platform.scene.world, platform.world.link_pose(platform.robot.arm(flow.arm.name).tip)
-        portions = world.changes.matter.take(flow.name, amount) if amount > 0 else []
-        if not portions:
-            return 0.0
-        mouth = tip @ flow.offset @ Pose((0.0, 0.0, world.size(flow.name)[2] / 2))
-        below = world.changes.drop(portions, mouth.position, flow.name)
+        matter = world.changes.matter
+        before = 0.0 if pour is None or pour.into is None else matter.total(pour.into)
+        portions = matter.take(flow.name, self._flow_rate * seconds)
         flowed = sum(one.amount for one in portions)
-        platform.belief.poured(flow.name, below or "the floor", flowed)
-        return flowed
+        if portions:
+            mouth = tip @ flow.offset @ Pose((0.0, 0.0, world.size(flow.name)[2] / 2))
+            below = world.changes.drop(portions, mouth.position, flow.name)
+            platform.belief.poured(flow.name, below or "the floor", flowed)
+        if pour is not None:
+            pour.flowed += flowed if pour.into is None else matter.total(pour.into) - before
+            pour.until = now()
+
+
+def _within(asked: float) -> float:
+    return max(WITHIN, WITHIN_SHARE * asked)
 
 
 POURING = "FluidFlow-Translation"

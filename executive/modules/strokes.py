@@ -135,7 +135,7 @@ class StrokeWork(ConstrainedWork):
             motion = grounding.grounded(asked, phase)
             try:
                 if base is not None:
-                    await self.drive(base)
+                    await self.drive_with_room(base)
                     await self._look(grounding, asked, phase)
                     motion = grounding.grounded(asked, phase)
                 places = [plane.at(point, motion.constraints) for point in points]

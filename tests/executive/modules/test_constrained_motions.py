@@ -3,7 +3,7 @@
 import pytest
 
 from executive.modules.constrained_motions import constraints_of
-from executive.modules.phases import Phases
+from executive.modules.phases import Phases, Pour
 from planlang import perform
 from planlang.designators import Device, a_location, action, an_object
 from planlang.failures import ActionUnresolvable
@@ -35,7 +35,7 @@ def test_a_resumed_run_knows_where_things_were_and_what_held_before() -> None:
     phase = phases.current()
     before: tuple[MotionConstraint, ...] = (ABOVE,)
     phase.things["pan1"], phase.tools["Cup None"], phase.before = Pose((1.0, 2.0, 0.5)), "cup1", before
-    phase.poured["Tilt cup1"] = 41.5
+    phase.pours["cup1"] = Pour("Tilt", 100.0, "glass1", 41.5, 12.25)
     again.restore(phases.snapshot())
     assert again.current() == phase
 

@@ -34,9 +34,9 @@ Class: PourIt
 def test_a_vessel_flows_while_it_is_turned_over_and_after_the_motion_if_it_ends_so(
     turned: list[bool], steps: int
 ) -> None:
-    flow = Flow("cup1", cast(Any, SimpleNamespace()), Pose((0.0, 0.0, 0.0)), np.array(turned), 0.0, "key")
+    flow = Flow("cup1", cast(Any, SimpleNamespace()), Pose((0.0, 0.0, 0.0)), np.array(turned))
     states = turned + [turned[-1]] * 60
-    assert flow.seconds(steps) == sum(states[:steps])
+    assert flow.steps(steps) == sum(states[:steps])
 
 
 @pytest.mark.long

@@ -170,6 +170,7 @@ PlanFailure
       LookingGoalUnreachable
     ManipulationFailure
       ManipulationPoseUnreachable ManipulationGoalNotReached ManipulationGoalInCollision ObjectNotTurned
+      VesselEmpty AmountNotPoured
       GripperFailure
         GraspMissed GraspSlipped GripperGoalNotReached
       TorsoFailure
