@@ -61,8 +61,8 @@ class Perception(PlatformModule):
     failures = (PerceptionFailure, LookingFailure, DesignatorFailure, NavigationFailure, ObjectNowhereToBeFound)
 
     def resources(self, action: Action) -> tuple[str, ...]:
-        """Return the head, and the base if places have to be gone to."""
-        return ("head", "base") if self._goes(action) else ("head",)
+        """Return the head, and the whole robot if places have to be gone to, and opened."""
+        return self.whole_robot() if self._goes(action) else ("head",)
 
     def _goes(self, action: Action) -> bool:
         """Return whether something is looked for of which it is not known where it is."""
