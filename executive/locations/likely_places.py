@@ -7,6 +7,7 @@ furniture behind a closed door, or of a closed drawer, is a place of its own, wh
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import field
 from functools import cached_property
@@ -19,7 +20,7 @@ from executive.belief.hollow import room_behind
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
 from executive.belief.semantic_map import MapObject
-from executive.locations.views import Views
+from executive.locations.views import Size, Views
 from planlang.designators import Object
 from planlang.failures import ObjectNowhereToBeFound
 from planlang.geometry import Array, Pose
@@ -81,6 +82,8 @@ class Search:
 
     what: Object
     within: Object | None = None
+    size: Size | None = None
+    """Size of the thing [m], if it is known."""
     visited: dict[str, BasePose] = field(default_factory=dict)
     failed: dict[str, str] = field(default_factory=dict)
     """Places that could not be looked at, and why."""
@@ -157,7 +160,7 @@ class Searches:
 
     def begin(self, name: str, what: Object, within: Object | None = None) -> Search:
         """Begin a search: ``name`` means its next place from now on, at each use another one."""
-        self.begun[name] = Search(what, within)
+        self.begun[name] = Search(what, within, self._size(what))
         return self.begun[name]
 
     def of(self, what: Object) -> Search | None:
@@ -175,12 +178,12 @@ class Searches:
         search.visited[place.name] = place.base
         return place
 
-    def view(self, name: str, unseen: Array) -> LikelyPlace | None:
+    def view(self, search: Search, name: str, unseen: Array) -> LikelyPlace | None:
         """Return a place with the base pose from where most of its points (n, 3) that are still unseen are seen.
 
         None if hardly any of them is seen from anywhere.
         """
-        place = self._place(name, 0.0, self.views.places(), unseen) if len(unseen) else None
+        place = self._place(search, name, 0.0, self.views.places(), unseen) if len(unseen) else None
         return place if place is not None and len(place.points) >= LEAST * len(self.points_of(name)) else None
 
     def inside(self, name: str) -> Block:
@@ -212,6 +215,12 @@ class Searches:
         """Return the classes (IRIs) of things that are usual in a place of a class; in any room without one."""
         return self._usual.things_at(expand(place or "RoomInAConstruction"))
 
+    def _size(self, what: Object) -> Size | None:
+        """Return the size of the smallest thing that a designator may mean, None if that is not known."""
+        belief = self.scene.belief
+        meant = [one for one in belief.map.objects if one.iri == what.iri or (what.iri is None and belief.is_a(one, what.type))]
+        return min((one.size for one in meant if one.size is not None), key=lambda size: math.prod(size), default=None)
+
     # Which place
 
     def _best(self, search: Search, opens: bool) -> LikelyPlace | None:
@@ -230,7 +239,7 @@ class Searches:
             if self._is_shut(name):
                 place: LikelyPlace | None = LikelyPlace(name, likelihood, base, NOTHING, least, is_shut=True)
             else:
-                place = self._place(name, likelihood, floor, self.points_of(name))
+                place = self._place(search, name, likelihood, floor, self.points_of(name))
             if place is not None and (best is None or place.worth > best.worth):
                 best = place
         return best
@@ -301,14 +310,16 @@ class Searches:
 
     # From where
 
-    def _place(self, name: str, likelihood: float, floor: Array, points: Array) -> LikelyPlace | None:
+    def _place(
+        self, search: Search, name: str, likelihood: float, floor: Array, points: Array
+    ) -> LikelyPlace | None:
         """Return a place with the base pose to see points (n, 3) of it from; None without, or if no way leads there."""
         block, here = self.inside(name), self.scene.base()
         spots = floor[block.distance(floor) <= AROUND]
         spots = spots[np.argsort(np.hypot(*(spots - here[:2]).T).round(6), kind="stable")][:MOST]
         headings = np.arctan2(block.y - spots[:, 1], block.x - spots[:, 0])
         bases = np.vstack([[here], np.column_stack([spots, headings])])
-        shown = self.views.seen(bases, points)
+        shown = self.views.seen(bases, points, search.size)
         counts = shown.sum(axis=1)
         good = np.flatnonzero((counts > 0) & (counts >= ENOUGH * counts.max(initial=0)))
         for row in good.tolist():
@@ -320,10 +331,10 @@ class Searches:
                 return LikelyPlace(name, likelihood, (x, y, yaw), points[shown[row]], seconds)
         return None
 
-    def points(self, name: str, base: BasePose) -> Array:
-        """Return the points (n, 3) of a place that are seen from a base pose."""
+    def points(self, search: Search, name: str, base: BasePose) -> Array:
+        """Return the points (n, 3) of a place that are seen from a base pose, and at which the thing would be."""
         points = self.points_of(name)
-        return np.asarray(points[self.views.seen(np.array([base]), points)[0]])
+        return np.asarray(points[self.views.seen(np.array([base]), points, search.size)[0]])
 
     def points_of(self, name: str) -> Array:
         """Return the points (n, 3) of a place where small things may be."""
@@ -348,7 +359,8 @@ class Searches:
             places = {str(place): (float(x), float(y), float(yaw)) for place, (x, y, yaw) in visited}
             problems = {str(place): str(problem) for place, problem in failed.items()}
             inside = found[1] if within is not None else None
-            self.begun[str(name)] = Search(found[0], inside, places, problems, list(map(str, left_open)))
+            size = self._size(found[0])
+            self.begun[str(name)] = Search(found[0], inside, size, places, problems, list(map(str, left_open)))
 
 
 def _visits(search: Search) -> list[Any]:

@@ -73,6 +73,7 @@ class Perception(PlatformModule):
     async def execute(self, action: Action) -> Pose:
         """Look for ``object_acted_on``; return its pose as seen, or raise ObjectNotFound.
 
+        What was seen from elsewhere and cannot be seen from here is where it was seen.
         Where it is not known where the thing is, it is looked for in all places where it is likely, those within
         ``location_searched``; raises ObjectNowhereToBeFound when it is at none.
         """
@@ -102,6 +103,8 @@ class Perception(PlatformModule):
                 continue
             if name in platform.sensing.see():
                 return platform.belief.pose(name)
+        if platform.sensing.is_out_of_sight(name):
+            return platform.belief.pose(name)
         platform.sensing.not_seen(name)
         raise ObjectNotFound(what=name) from beyond
 

@@ -141,8 +141,10 @@ async def found_in_places(platform: Platform, wanted: Action, what: Object) -> s
     """Go from place to place where something is likely until it is seen; return its name.
 
     Doors and drawers are opened, looked into, and closed again, unless the thing is there. Where the map lacks places
-    for things, a robot with a camera explores what it lacks once no place is left.
+    for things, the robot explores what it lacks once no place is left.
     """
+    if platform.robot.camera is None:
+        raise ObjectNowhereToBeFound(f"it is not known where {what} is, and a robot without camera cannot look for it")
     search = platform.searches.begin(str(what), what, _searched(wanted))
     while (name := await _seen_or_gone_on(platform, search)) is None:
         pass
@@ -154,7 +156,7 @@ async def _seen_or_gone_on(platform: Platform, search: Search) -> str | None:
     try:
         place = platform.searches.next(search, opens=True)
     except ObjectNowhereToBeFound:
-        if not _lacks_places(platform, search) or search.within is not None or platform.robot.camera is None:
+        if not _lacks_places(platform, search) or search.within is not None:
             raise
         await look_around(platform)
         if (name := _found(platform, search.what)) is not None:
@@ -182,7 +184,7 @@ async def _seen_at(platform: Platform, search: Search, name: str, first: LikelyP
     Return the name of what is looked for as soon as it is seen, be it on the way.
     """
     searches = platform.searches
-    place, unseen = first or searches.view(name, searches.points_of(name)), searches.points_of(name)
+    place, unseen = first or searches.view(search, name, searches.points_of(name)), searches.points_of(name)
     whole = len(unseen)
     for _ in range(VIEWS):
         if place is None:
@@ -192,9 +194,9 @@ async def _seen_at(platform: Platform, search: Search, name: str, first: LikelyP
             return _found(platform, search.what)
         if found := _found(platform, search.what) or await seen_from_here(platform, search.what):
             return found
-        shown = searches.points(name, platform.base())
+        shown = searches.points(search, name, platform.base())
         unseen = unseen[~(unseen[:, None] == shown[None]).all(axis=2).any(axis=1)]
-        place = searches.view(name, unseen)
+        place = searches.view(search, name, unseen)
     if name in platform.belief.joints and len(unseen) > MOST_UNSEEN * whole:
         search.failed[name] = f"{100 * len(unseen) / whole:.0f} % of it is not seen from anywhere"
     return None
@@ -266,8 +268,8 @@ def _gazes(platform: Platform, what: Object) -> Iterator[Array]:
         yield platform.scene.bodies.block(known).centre
     search = searches.of(what)
     last = None if search is None else next(reversed(search.visited), None)
-    if last is not None:
-        yield from searches.views.gazes(base, searches.points(last, base))
+    if search is not None and last is not None:
+        yield from searches.views.gazes(base, searches.points(search, last, base))
         return
     for height in HEIGHTS:
         for turn in sorted(np.linspace(-np.pi, np.pi, AROUND, endpoint=False).tolist(), key=abs):
