@@ -48,6 +48,14 @@ class Belief(KnownThings):
         self._in_vain.setdefault(name, []).append(base)
         self._changed("not_seen", name=name, base=base)
 
+    def not_there(self, name: str) -> None:
+        """Record that a thing is not where it was believed to be, so that it is not known where it is."""
+        self.unknown[name] = self._poses.pop(name)
+        for table in (self._known, self._in_vain):
+            table.pop(name, None)
+        self._bound = {what: meant for what, meant in self._bound.items() if meant != name}
+        self._changed("not there", name=name)
+
     def missed(self, name: str, arm: str, base: tuple[float, float, float]) -> None:
         """Record that a hand closed on nothing where a thing was believed to be."""
         self.dropped[arm] = name

@@ -1,12 +1,14 @@
 """Places where something is likely to be, and the order in which they are looked at: by likelihood over travel time.
 
 Likelihoods are those of UsualPlace individuals (``ontologies/searching.omn``, or of the map); where the robot believes
-that such a thing is, it is likeliest. Each place comes with the base pose from where most of it is seen.
+that such a thing is, it is likeliest. Each place comes with the base pose from where most of it is seen. The inside of
+furniture behind a closed door, or of a closed drawer, is a place of its own, which has to be opened first.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import field
 from functools import cached_property
 from typing import Any
@@ -14,16 +16,19 @@ from typing import Any
 import numpy as np
 
 from executive.belief.believed_bodies import Block
+from executive.belief.hollow import room_behind
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
-from executive.locations.views import Views
+from executive.belief.semantic_map import MapObject
+from executive.locations.views import Size, Views
 from planlang.designators import Object
 from planlang.failures import ObjectNowhereToBeFound
-from planlang.geometry import Array
+from planlang.geometry import Array, Pose
 from planlang.ontology import Literal, Ontology, expand
 from planlang.records import dataclass
 from planlang.runs.codec import dump, load
 from planlang.units import stated_number
+from sim.joints import JointKind
 
 BELIEVED = 1.0
 """Likelihood of the place where such a thing is believed to be: what is usual is less likely."""
@@ -33,6 +38,8 @@ AROUND = 2.5
 """Distance from a place up to which base poses are compared [m]: small things are seen from there."""
 MOST = 60
 """Base poses that are compared for one place, the nearest to the robot."""
+LEAST = 0.1
+"""Share of a place that another view of it has to show anew."""
 ENOUGH = 0.9
 """Share of the best view that is good enough: of such base poses the nearest to the robot is taken."""
 ABOVE = 0.06
@@ -41,6 +48,12 @@ APART = 0.3
 """Distance of heights inside of a place at which is looked for things [m]: shelves are that far apart."""
 TOO_HIGH = 1.9
 """Height of a top above which nothing is looked for [m]."""
+OPENING = 40.0
+"""Time that it takes to open a door or drawer and to close it again, roughly [s]."""
+NOTHING = np.zeros((0, 3))
+"""No points of a place that is closed are seen."""
+UNKNOWN = "HumanScaleObject"
+"""What things count as whose class the vocabulary does not have."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +66,9 @@ class LikelyPlace:
     points: Array
     """Points (n, 3) of the map that are seen from there."""
     seconds: float
-    """Travel time [s]."""
+    """Travel time, with the time to open and close it if it is closed [s]."""
+    is_shut: bool = False
+    """True for a closed door or drawer that has to be opened first; then ``base`` is where the robot is."""
 
     @property
     def worth(self) -> float:
@@ -67,7 +82,13 @@ class Search:
 
     what: Object
     within: Object | None = None
+    size: Size | None = None
+    """Size of the thing [m], if it is known."""
     visited: dict[str, BasePose] = field(default_factory=dict)
+    failed: dict[str, str] = field(default_factory=dict)
+    """Places that could not be looked at, and why."""
+    left_open: list[str] = field(default_factory=list)
+    """Doors and drawers that could not be closed again."""
 
 
 class UsualPlaces:
@@ -92,9 +113,19 @@ class UsualPlaces:
         return found
 
     def likelihood(self, thing: Sequence[str], place: Sequence[str]) -> float:
-        """Return how likely a thing is at a place; each is an IRI, if it is an individual, and its classes."""
+        """Return how likely a thing is at a place; each is an IRI, if it is an individual, and its classes.
+
+        A thing that no UsualPlace covers, such as one of a class that only the map knows, is likely where any small
+        thing is.
+        """
         things, places = self._levels(thing), self._levels(place)
+        if not any(one in self._things for one in things):
+            things = self._levels((expand(UNKNOWN),))
         return next((self._table[one, at] for one in things for at in places if (one, at) in self._table), 0.0)
+
+    @cached_property
+    def _things(self) -> frozenset[str]:
+        return frozenset(thing for thing, _ in self._table)
 
     def is_usual(self, place: Sequence[str]) -> bool:
         """Return whether things are usual at a place, by its classes."""
@@ -129,51 +160,96 @@ class Searches:
 
     def begin(self, name: str, what: Object, within: Object | None = None) -> Search:
         """Begin a search: ``name`` means its next place from now on, at each use another one."""
-        self.begun[name] = Search(what, within)
+        self.begun[name] = Search(what, within, self._size(what))
         return self.begun[name]
 
     def of(self, what: Object) -> Search | None:
         """Return the last search for something, None if there is none."""
         return next((one for one in reversed(self.begun.values()) if one.what == what), None)
 
-    def next(self, search: Search) -> LikelyPlace:
+    def next(self, search: Search, *, opens: bool = False) -> LikelyPlace:
         """Return the place with the highest likelihood over travel time that was not gone to; it counts as gone to.
 
-        Raises ObjectNowhereToBeFound when there is none.
+        With ``opens`` closed doors and drawers count as places, too. Raises ObjectNowhereToBeFound when there is none.
         """
-        place = self._best(search)
+        place = self._best(search, opens)
         if place is None:
-            visited = ", ".join(search.visited) or "none"
-            message = f"{search.what} is at none of the places where it is likely; looked at: {visited}"
-            raise ObjectNowhereToBeFound(message, what=str(search.what))
+            raise ObjectNowhereToBeFound(self._report(search), what=str(search.what))
         search.visited[place.name] = place.base
         return place
+
+    def view(self, search: Search, name: str, unseen: Array) -> LikelyPlace | None:
+        """Return a place with the base pose from where most of its points (n, 3) that are still unseen are seen.
+
+        None if hardly any of them is seen from anywhere.
+        """
+        place = self._place(search, name, 0.0, self.views.places(), unseen) if len(unseen) else None
+        return place if place is not None and len(place.points) >= LEAST * len(self.points_of(name)) else None
+
+    def inside(self, name: str) -> Block:
+        """Return the room that things are looked for in: in a drawer, behind a door, else a body with what is on it."""
+        joint, world = self.scene.belief.joints.get(name), self.scene.world
+        if joint is None or joint.holder is None or joint.kind is JointKind.PRISMATIC:
+            return self.scene.bodies.block(name)
+        furniture = world.scene.body(joint.holder)
+        room = room_behind(world.scene.body(name), furniture)
+        return Block.of(furniture.pose @ Pose(room.centre), room.size)
+
+    def _report(self, search: Search) -> str:
+        """Return where a search has looked and where it could not."""
+        looked = ", ".join(self._called(name) for name in search.visited if name not in search.failed)
+        said = f"{search.what} is at none of the places where it is likely; looked at: {looked or 'none'}"
+        for name, problem in search.failed.items():
+            said += f"; not {self._called(name)} ({problem})"
+        return said + "".join(f"; {name} was opened and could not be closed again" for name in search.left_open)
+
+    def _called(self, name: str) -> str:
+        """Return what of a place is looked at, in words."""
+        joints = self.scene.belief.joints
+        if (joint := joints.get(name)) is not None:
+            return f"in {name}" if joint.kind is JointKind.PRISMATIC else f"behind {name}"
+        closes = any(one.holder == name and not one.is_knob for one in joints.values())
+        return f"the outside of {name}" if closes else name
 
     def typical_things(self, place: str | None) -> tuple[str, ...]:
         """Return the classes (IRIs) of things that are usual in a place of a class; in any room without one."""
         return self._usual.things_at(expand(place or "RoomInAConstruction"))
 
+    def _size(self, what: Object) -> Size | None:
+        """Return the size of the smallest thing that a designator may mean, None if that is not known."""
+        belief = self.scene.belief
+        meant = [one for one in belief.map.objects if one.iri == what.iri or (what.iri is None and belief.is_a(one, what.type))]
+        return min((one.size for one in meant if one.size is not None), key=lambda size: math.prod(size), default=None)
+
     # Which place
 
-    def _best(self, search: Search) -> LikelyPlace | None:
+    def _best(self, search: Search, opens: bool) -> LikelyPlace | None:
         """Return the best place; travel takes at least as long as the straight way, so that few are worked out."""
         base, limits = self.scene.base(), self.scene.robot.base
         bounds = []
-        for name, likelihood in self._candidates(search).items():
+        for name, likelihood in self._candidates(search, opens).items():
             away = self.scene.bodies.block(name).distance(np.array([base[:2]]))[0]
-            least = max(0.0, float(away) - AROUND) / limits.speed
-            bounds.append((likelihood / (least + LOOKING), name, likelihood))
+            least = max(0.0, float(away) - AROUND) / limits.speed + (OPENING if self._is_shut(name) else 0.0)
+            bounds.append((likelihood / (least + LOOKING), name, likelihood, least))
         best: LikelyPlace | None = None
         floor = self.views.places() if bounds else np.zeros((0, 2))
-        for bound, name, likelihood in sorted(bounds, key=lambda one: -one[0]):
+        for bound, name, likelihood, least in sorted(bounds, key=lambda one: -one[0]):
             if best is not None and bound <= best.worth:
                 break
-            place = self._place(name, likelihood, floor)
+            if self._is_shut(name):
+                place: LikelyPlace | None = LikelyPlace(name, likelihood, base, NOTHING, least, is_shut=True)
+            else:
+                place = self._place(search, name, likelihood, floor, self.points_of(name))
             if place is not None and (best is None or place.worth > best.worth):
                 best = place
         return best
 
-    def _candidates(self, search: Search) -> dict[str, float]:
+    def _is_shut(self, name: str) -> bool:
+        """Return True for a door or drawer that is closed, so that nothing in it is seen."""
+        belief = self.scene.belief
+        return name in belief.joints and not belief.is_left_open(name)
+
+    def _candidates(self, search: Search, opens: bool) -> dict[str, float]:
         """Return the places that were not gone to, with their likelihoods."""
         scene, belief = self.scene, self.scene.belief
         types = [expand(search.what.type)]
@@ -185,14 +261,33 @@ class Searches:
                 continue
             if scene.bodies.is_room(place.name) or scene.bodies.is_graspable(place.name):
                 continue
-            likelihood = self._usual.likelihood(thing, (place.iri, *place.types))
+            if place.name in belief.joints and not self._opens_a_room(place.name, opens):
+                continue
+            likelihood = max(self._usual.likelihood(thing, one) for one in self._kinds(place))
             if likelihood > 0 and self._is_within(place.name, search.within):
                 found[place.name] = likelihood
         for name in [one for one in belief.of_class(search.what) if one not in belief.held]:
-            support = scene.world.support(name)
+            support = scene.bodies.closed_before(name) or scene.world.support(name)
             if support in found and not belief.looked_in_vain(name):
                 found[support] = BELIEVED
         return found
+
+    def _opens_a_room(self, leaf: str, opens: bool) -> bool:
+        """Return True for the door or drawer of furniture, not of a room, that is open or may be opened."""
+        belief = self.scene.belief
+        joint = belief.joints[leaf]
+        if joint.is_knob or joint.holder is None or self.scene.bodies.is_room(joint.holder):
+            return False
+        return belief.is_left_open(leaf) or (opens and joint.handle is not None)
+
+    def _kinds(self, place: MapObject) -> Iterator[tuple[str, ...]]:
+        """Yield IRI and classes of a place; of a door or drawer, also those of the furniture that it is a part of."""
+        yield (place.iri, *place.types)
+        belief = self.scene.belief
+        joint = belief.joints.get(place.name)
+        holder = None if joint is None or joint.holder is None else belief.map.find(joint.holder)
+        if holder is not None:
+            yield (holder.iri, *holder.types)
 
     def _is_within(self, name: str, place: Object | None) -> bool:
         """Return whether a body is a place, a part of it, or stands on or in it."""
@@ -215,15 +310,16 @@ class Searches:
 
     # From where
 
-    def _place(self, name: str, likelihood: float, floor: Array) -> LikelyPlace | None:
-        """Return a place with the base pose to look at it from; None if it is not seen or no way leads there."""
-        block, here = self.scene.bodies.block(name), self.scene.base()
-        points = points_of(block)
+    def _place(
+        self, search: Search, name: str, likelihood: float, floor: Array, points: Array
+    ) -> LikelyPlace | None:
+        """Return a place with the base pose to see points (n, 3) of it from; None without, or if no way leads there."""
+        block, here = self.inside(name), self.scene.base()
         spots = floor[block.distance(floor) <= AROUND]
         spots = spots[np.argsort(np.hypot(*(spots - here[:2]).T).round(6), kind="stable")][:MOST]
         headings = np.arctan2(block.y - spots[:, 1], block.x - spots[:, 0])
         bases = np.vstack([[here], np.column_stack([spots, headings])])
-        shown = self.views.seen(bases, points)
+        shown = self.views.seen(bases, points, search.size)
         counts = shown.sum(axis=1)
         good = np.flatnonzero((counts > 0) & (counts >= ENOUGH * counts.max(initial=0)))
         for row in good.tolist():
@@ -235,38 +331,46 @@ class Searches:
                 return LikelyPlace(name, likelihood, (x, y, yaw), points[shown[row]], seconds)
         return None
 
-    def points(self, name: str, base: BasePose) -> Array:
-        """Return the points (n, 3) of a place that are seen from a base pose."""
-        points = points_of(self.scene.bodies.block(name))
-        return np.asarray(points[self.views.seen(np.array([base]), points)[0]])
+    def points(self, search: Search, name: str, base: BasePose) -> Array:
+        """Return the points (n, 3) of a place that are seen from a base pose, and at which the thing would be."""
+        points = self.points_of(name)
+        return np.asarray(points[self.views.seen(np.array([base]), points, search.size)[0]])
+
+    def points_of(self, name: str) -> Array:
+        """Return the points (n, 3) of a place where small things may be."""
+        return points_of(self.inside(name), over=name not in self.scene.belief.joints)
 
     # Remembering
 
     def snapshot(self) -> list[Any]:
         """Return the searches as JSON."""
         return [
-            [name, dump(one.what), None if one.within is None else dump(one.within), _visits(one)]
+            [name, dump(one.what), None if one.within is None else dump(one.within), _visits(one), one.failed, one.left_open]
             for name, one in self.begun.items()
         ]
 
     def restore(self, state: Sequence[Any]) -> None:
         """Restore :meth:`snapshot`; raises TypeError or ValueError for what is none."""
         self.begun = {}
-        for name, what, within, visited in state:
+        for name, what, within, visited, failed, left_open in state:
             found = [load(one) for one in (what, within) if one is not None]
             if not all(isinstance(one, Object) for one in found):
                 raise TypeError(f"{found!r} are no objects")
             places = {str(place): (float(x), float(y), float(yaw)) for place, (x, y, yaw) in visited}
-            self.begun[str(name)] = Search(found[0], found[1] if within is not None else None, places)
+            problems = {str(place): str(problem) for place, problem in failed.items()}
+            inside = found[1] if within is not None else None
+            size = self._size(found[0])
+            self.begun[str(name)] = Search(found[0], inside, size, places, problems, list(map(str, left_open)))
 
 
 def _visits(search: Search) -> list[Any]:
     return [[place, list(base)] for place, base in search.visited.items()]
 
 
-def points_of(block: Block) -> Array:
-    """Return points (n, 3) where small things at a place may be: over its top, and inside if it is hollow."""
+def points_of(block: Block, *, over: bool = True) -> Array:
+    """Return points (n, 3) where small things at a place may be: over its top, if any, and inside if it is hollow."""
     across = block.grid(0.15, 0.06)
     heights = np.arange(block.low + ABOVE, block.high - ABOVE, APART).tolist()
-    heights += [block.high + ABOVE] if block.high < TOO_HIGH else []
+    heights += [block.high + ABOVE] if over and block.high < TOO_HIGH else []
+    heights = heights or [(block.low + block.high) / 2]
     return np.vstack([np.column_stack([across, np.full(len(across), height)]) for height in heights])

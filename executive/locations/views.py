@@ -10,13 +10,18 @@ from numpy.typing import NDArray
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
 from planlang.geometry import Array, Pose, matrices
+from sim import CameraModel
 
 SPACING = 0.25
 """Distance of places of the base that are compared [m]."""
 NEARLY = 0.02
 """Lines of sight end this far before a point, which may lie on a surface [m]."""
+PIXELS = 12.0
+"""Pixels of a thing that are enough to recognise it, with some to spare for what hides a part of it."""
 FRAME = 0.5
 """Share of the camera's half angle in which points count as shown: a thing about them is to be in the picture whole."""
+
+Size = tuple[float, float, float]
 
 
 class Views:
@@ -34,8 +39,11 @@ class Views:
         points = points[floor.at(points) > 0.0]
         return points[self.scene.collisions.drivable()(np.column_stack([points, np.zeros(len(points))]))]
 
-    def seen(self, bases: Array, points: Array) -> NDArray[np.bool_]:
-        """Return which points (m, 3) the neck can turn the camera to from bases (n, 3) with nothing between, (n, m)."""
+    def seen(self, bases: Array, points: Array, size: Size | None = None) -> NDArray[np.bool_]:
+        """Return which points (m, 3) the neck can turn the camera to from bases (n, 3) with nothing between, (n, m).
+
+        With the ``size`` (x, y, z) of a thing [m]: only those at which it would have enough pixels to be recognised.
+        """
         camera, gaze = self.scene.robot.camera, self.scene.visibility.gaze
         shown = np.zeros((len(bases), len(points)), bool)
         if camera is None or gaze is None or not shown.size:
@@ -50,6 +58,8 @@ class Views:
             beyond, eyes = gaze.at_all(local[near])
             away = np.linalg.norm(local[near] - eyes, axis=1)
             fits = (beyond <= FRAME * camera.half_angle) & (away >= camera.near) & (away <= camera.far)
+            if size is not None:
+                fits &= _pixels(camera, local[near] - eyes, size) >= PIXELS
             near, eyes = near[fits], matrices.moved(frame, eyes[fits])
             lines = points[near] - eyes
             ends = points[near] - lines * (NEARLY / np.maximum(np.linalg.norm(lines, axis=1), NEARLY))[:, None]
@@ -71,3 +81,12 @@ class Views:
             best = int(np.argmax((together & left).sum(axis=1) * left))
             left &= ~together[best]
             yield points[best]
+
+
+def _pixels(camera: CameraModel, arrows: Array, size: Size) -> Array:
+    """Return about how many pixels an upright box has whose middle is at arrows (n, 3) from the eye, (n,)."""
+    away = np.maximum(np.linalg.norm(arrows, axis=1), 1e-9)
+    x, y, z = size
+    area = (x * y * np.abs(arrows[:, 2]) + min(x, y) * z * np.hypot(arrows[:, 0], arrows[:, 1])) / away
+    focal = camera.width / (2.0 * np.tan(camera.fov / 2))
+    return np.asarray(area * (focal / away) ** 2)

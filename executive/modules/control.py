@@ -429,8 +429,21 @@ class Sensing:
         self._control.sync()
 
     def not_seen(self, name: str) -> None:
-        """Remember that a body was looked for in vain from here."""
-        self._control.belief.not_seen(name, self._control.base())
+        """Remember that a body was looked for in vain from here.
+
+        A thing that was looked for in vain before and would be seen from here is not where it was believed to be.
+        """
+        scene, belief = self._control.scene, self._control.belief
+        again = bool(belief.looked_in_vain(name))
+        belief.not_seen(name, self._control.base())
+        if again and scene.bodies.is_graspable(name) and scene.visibility.hidden(scene.base(), name) is None:
+            belief.not_there(name)
+            self._control.sync()
+
+    def is_out_of_sight(self, name: str) -> bool:
+        """Return True for what was seen from elsewhere, was not touched since, and cannot be seen from here."""
+        scene = self._control.scene
+        return self._control.belief.remembers(name) and scene.visibility.hidden(scene.base(), name) is not None
 
     def must_look(self, what: Object) -> bool:
         """Return whether a thing to grasp, or a person to give to, has not been seen since the base last moved.
@@ -439,9 +452,7 @@ class Sensing:
         """
         scene, belief = self._control.scene, self._control.belief
         name = scene.bodies.bind(what)
-        if name in belief.held or belief.seen_from_here(name):
-            return False
-        if belief.remembers(name) and scene.visibility.hidden(scene.base(), name) is not None:
+        if name in belief.held or belief.seen_from_here(name) or self.is_out_of_sight(name):
             return False
         return scene.bodies.is_graspable(name) or scene.bodies.is_person(name)
 

@@ -25,11 +25,6 @@ BACK = 0.2
 class HandWork(PlatformModule):
     """Motions that process modules for handles and controls have in common; hands may touch the body ``what``."""
 
-    def whole_robot(self) -> tuple[str, ...]:
-        """Return base, head, torso and all arms: what of them is needed is found out on the way."""
-        torso = [] if self.platform.robot.torso is None else ["torso"]
-        return ("base", "head", *torso, *(arm.name for arm in self.platform.scene.arms.all))
-
     def free_hands(self) -> list[ArmModel]:
         """Return the arms that hold nothing and have a gripper."""
         arms = self.platform.arms.free(self.platform.scene.arms.all)

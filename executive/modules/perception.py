@@ -61,8 +61,8 @@ class Perception(PlatformModule):
     failures = (PerceptionFailure, LookingFailure, DesignatorFailure, NavigationFailure, ObjectNowhereToBeFound)
 
     def resources(self, action: Action) -> tuple[str, ...]:
-        """Return the head, and the base if places have to be gone to."""
-        return ("head", "base") if self._goes(action) else ("head",)
+        """Return the head, and the whole robot if places have to be gone to, and opened."""
+        return self.whole_robot() if self._goes(action) else ("head",)
 
     def _goes(self, action: Action) -> bool:
         """Return whether something is looked for of which it is not known where it is."""
@@ -73,6 +73,7 @@ class Perception(PlatformModule):
     async def execute(self, action: Action) -> Pose:
         """Look for ``object_acted_on``; return its pose as seen, or raise ObjectNotFound.
 
+        What was seen from elsewhere and cannot be seen from here is where it was seen.
         Where it is not known where the thing is, it is looked for in all places where it is likely, those within
         ``location_searched``; raises ObjectNowhereToBeFound when it is at none.
         """
@@ -102,6 +103,8 @@ class Perception(PlatformModule):
                 continue
             if name in platform.sensing.see():
                 return platform.belief.pose(name)
+        if platform.sensing.is_out_of_sight(name):
+            return platform.belief.pose(name)
         platform.sensing.not_seen(name)
         raise ObjectNotFound(what=name) from beyond
 

@@ -462,6 +462,11 @@ class PlatformModule:
         """Return the parts of the body that an action needs."""
         return ()
 
+    def whole_robot(self) -> tuple[str, ...]:
+        """Return base, head, torso and all arms: what of them is needed is found out on the way."""
+        torso = [] if self.platform.robot.torso is None else ["torso"]
+        return ("base", "head", *torso, *(arm.name for arm in self.platform.scene.arms.all))
+
     async def drive(self, base: BasePose) -> None:
         """Ask whoever navigates to drive to a base pose; raises a NavigationFailure."""
         x, y, yaw = map(float, base)

@@ -152,7 +152,7 @@ class Pushing(StrokeWork):
 
     def resources(self, action: Action) -> tuple[str, ...]:
         """Return the whole robot."""
-        return HandWork(self.platform).whole_robot()
+        return self.whole_robot()
 
     async def execute(self, action: Action) -> tuple[str, ...]:
         """Push; return (): no constraint is given up. Raises ManipulationGoalNotReached where it does not arrive."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from executive.belief.recognition import EXPLORATION, VISION
 from executive.belief.scene_collisions import BasePose
-from executive.locations.likely_places import Search
+from executive.locations.likely_places import LikelyPlace, Search
 from executive.modules.exploring import look_around
 from executive.modules.platform import Platform, PlatformModule
 from planlang import checkpoint, perform
@@ -17,8 +17,10 @@ from planlang.designators import Action, Location, Object, Situation, action, lo
 from planlang.failures import (
     ActionUnresolvable,
     DesignatorFailure,
+    EnvironmentManipulationFailure,
     LookingFailure,
     LookingGoalUnreachable,
+    ManipulationFailure,
     NavigationFailure,
     ObjectNowhereToBeFound,
     PerceptionFailure,
@@ -33,6 +35,14 @@ AROUND = 7
 """Headings in which it looks then: with 50 degrees in a picture they overlap."""
 HEIGHTS = (1.0, 0.3)
 """Heights of these points [m]."""
+NEAR_IT = 0.1
+"""A thing whose middle is no farther from the inside of furniture is in it [m]."""
+VIEWS = 3
+"""Base poses from which one place is looked at, at most."""
+MOST_UNSEEN = 0.5
+"""Share of a place that may stay hidden although it counts as looked at."""
+IN_VAIN = (EnvironmentManipulationFailure, ManipulationFailure, NavigationFailure)
+"""Failures to open or close a door or drawer after which the search goes on."""
 
 
 @process_module
@@ -130,8 +140,11 @@ class Checking(PlatformModule):
 async def found_in_places(platform: Platform, wanted: Action, what: Object) -> str:
     """Go from place to place where something is likely until it is seen; return its name.
 
-    Where the map lacks things, a robot with a camera explores what it lacks once no place is left.
+    Doors and drawers are opened, looked into, and closed again, unless the thing is there. Where the map lacks places
+    for things, the robot explores what it lacks once no place is left.
     """
+    if platform.robot.camera is None:
+        raise ObjectNowhereToBeFound(f"it is not known where {what} is, and a robot without camera cannot look for it")
     search = platform.searches.begin(str(what), what, _searched(wanted))
     while (name := await _seen_or_gone_on(platform, search)) is None:
         pass
@@ -141,12 +154,12 @@ async def found_in_places(platform: Platform, wanted: Action, what: Object) -> s
 async def _seen_or_gone_on(platform: Platform, search: Search) -> str | None:
     """Go to the next place, or the next view; return the name of what is looked for once it is seen."""
     try:
-        place = platform.searches.next(search)
+        place = platform.searches.next(search, opens=True)
     except ObjectNowhereToBeFound:
-        if not platform.belief.unknown or search.within is not None or platform.robot.camera is None:
+        if not _lacks_places(platform, search) or search.within is not None:
             raise
         await look_around(platform)
-        if (name := _seen(platform, search.what)) is not None:
+        if (name := _found(platform, search.what)) is not None:
             return name
         goal = platform.exploration.goal
         if goal is None:
@@ -155,9 +168,65 @@ async def _seen_or_gone_on(platform: Platform, search: Search) -> str | None:
         if not await _drives(goal) or now() == before:  # nothing new is seen from where the robot is already
             platform.exploration.missed()
         return None
-    if place.seconds:
-        await _drives(place.base)
-    return await seen_from_here(platform, search.what)
+    if place.is_shut:
+        return await _seen_inside(platform, search, place.name)
+    return await _seen_at(platform, search, place.name, place)
+
+
+def _lacks_places(platform: Platform, search: Search) -> bool:
+    """Return True if furniture is unknown, or none that is known is a likely place: then exploring finds more."""
+    return not search.visited or any(not platform.scene.bodies.is_graspable(name) for name in platform.belief.unknown)
+
+
+async def _seen_at(platform: Platform, search: Search, name: str, first: LikelyPlace | None) -> str | None:
+    """Look at a place from one base pose after another until all of it was seen that is seen from anywhere.
+
+    Return the name of what is looked for as soon as it is seen, be it on the way.
+    """
+    searches = platform.searches
+    place, unseen = first or searches.view(search, name, searches.points_of(name)), searches.points_of(name)
+    whole = len(unseen)
+    for _ in range(VIEWS):
+        if place is None:
+            break
+        if place.seconds and not await _drives(place.base):
+            search.failed[name] = "the base does not get to where it is seen"
+            return _found(platform, search.what)
+        if found := _found(platform, search.what) or await seen_from_here(platform, search.what):
+            return found
+        shown = searches.points(search, name, platform.base())
+        unseen = unseen[~(unseen[:, None] == shown[None]).all(axis=2).any(axis=1)]
+        place = searches.view(search, name, unseen)
+    if name in platform.belief.joints and len(unseen) > MOST_UNSEEN * whole:
+        search.failed[name] = f"{100 * len(unseen) / whole:.0f} % of it is not seen from anywhere"
+    return None
+
+
+async def _seen_inside(platform: Platform, search: Search, leaf: str) -> str | None:
+    """Open a door or drawer and look inside; close it again, unless what is looked for is there. Return its name."""
+    belief, bodies = platform.belief, platform.scene.bodies
+    what = bodies.designator(leaf)
+    try:
+        await perform(action("OpeningAContainerArtifact", object_acted_on=what))
+    except IN_VAIN as failure:
+        search.failed[leaf] = str(failure)
+    name = _found(platform, search.what)
+    if name is None and belief.is_left_open(leaf):
+        name = await _seen_at(platform, search, leaf, None)
+    if name is not None and platform.searches.inside(leaf).away(bodies.block(name).centre) < NEAR_IT:
+        return name
+    if belief.is_left_open(leaf):
+        try:
+            await perform(action("ClosingAContainerArtifact", object_acted_on=what))
+        except IN_VAIN:
+            search.left_open.append(leaf)
+    return name
+
+
+def _found(platform: Platform, what: Object) -> str | None:
+    """Return the name of what is looked for if it was seen, from wherever, and has not been moved since."""
+    name = platform.scene.bodies.known(what)
+    return name if name is not None and platform.belief.remembers(name) else None
 
 
 async def _drives(base: BasePose) -> bool:
@@ -199,8 +268,8 @@ def _gazes(platform: Platform, what: Object) -> Iterator[Array]:
         yield platform.scene.bodies.block(known).centre
     search = searches.of(what)
     last = None if search is None else next(reversed(search.visited), None)
-    if last is not None:
-        yield from searches.views.gazes(base, searches.points(last, base))
+    if search is not None and last is not None:
+        yield from searches.views.gazes(base, searches.points(search, last, base))
         return
     for height in HEIGHTS:
         for turn in sorted(np.linspace(-np.pi, np.pi, AROUND, endpoint=False).tolist(), key=abs):

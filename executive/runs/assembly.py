@@ -232,7 +232,9 @@ class RobotExecutive:
         self._effects.pass_time()
         match condition:
             case Condition("holding", (Object() as what,)):
-                return self.platform.scene.bodies.bind(what) in self.platform.belief.held
+                bodies = self.platform.scene.bodies  # a thing that is yet to be found is in no hand
+                known = bodies.known(what) if bodies.means_unknown(what) else bodies.bind(what)
+                return known in self.platform.belief.held
             case Condition("open" | "closed" as state, (Object() as what,)):
                 joint = self.platform.scene.bodies.leaf_of(what, shut=state == "open")
                 value = 0.0 if joint is None else self.platform.belief.joint(joint.leaf)
