@@ -20,14 +20,14 @@ from typing import Any
 
 from executive.sweeps.records import Row, World
 from planlang.diagnostics import BadInput, Diagnostic, Span, error
-from planlang.files import decode, read_file
+from planlang.files import read_file
 from planlang.outputs import MARK, write_text
 from planlang.records import dataclass
 
 LARGEST = 1_000_000_000
 """Largest file that is read [bytes]."""
 SYNCED_EVERY = 5.0
-"""Seconds after which lines are forced to the disk: a crash of the machine costs no more. One of planlang costs none."""
+"""Seconds after which lines are forced to the disk: so much is lost if the machine fails; if planlang does, nothing."""
 _WHOLE = [1, 1]
 Header = dict[str, Any]
 
@@ -132,7 +132,7 @@ def read_sweep(path: Path) -> Sweep:
 
 
 def differences(header: Header, other: Header) -> list[str]:
-    """Return what differs between two sweeps, in words; nothing if they are the same one, perhaps other shards of it."""
+    """Return what differs between two sweeps, in words; nothing for the same one, or shards of it."""
     found = [f"{name} is {there!s:.200}, not {here!s:.200}" for name, there, here in _different(header, other)]
     if not found and header["worlds_sha256"] != other["worlds_sha256"]:
         found = ["the worlds differ"]
@@ -150,9 +150,11 @@ def _different(header: Header, other: Header) -> Iterator[tuple[str, Any, Any]]:
 
 
 def _gone_on_with(path: Path, descriptor: int, header: Header) -> Sweep:
-    """Return what a file has of a sweep, without a torn last line; begin the file if it is empty."""
-    if os.fstat(descriptor).st_size == 0:
-        os.write(descriptor, f"{_line(header)}\n".encode())
+    """Return what a file has of a sweep, without a torn last line; begin it if it is empty."""
+    first = f"{_line(header)}\n".encode()
+    if first.startswith(os.pread(descriptor, len(first), 0)) and os.fstat(descriptor).st_size < len(first):
+        os.ftruncate(descriptor, 0)  # empty, or its first line is torn
+        os.write(descriptor, first)
         return Sweep(str(path), header, ())
     sweep = read_sweep(path)
     found = differences(sweep.header, header)
@@ -180,7 +182,7 @@ def merged(sweeps: Sequence[Sweep]) -> Sweep:
             if before != row:
                 message = f"world {row['world']} ended otherwise than in {file}"
                 problems.append(
-                    error("C031", message, Span(sweep.file), "one of the files was edited, or a world hung")
+                    error("C031", message, Span(sweep.file), "repeat it: one machine was slower, or differs")
                 )
     if problems:
         raise BadInput(problems)
@@ -201,7 +203,7 @@ def _is_header(header: Row) -> bool:
 
 def _parsed(line: bytes, path: Path, number: int) -> Row:
     try:
-        found = json.loads(decode(line, str(path)))
+        found = json.loads(line.decode())
     except (ValueError, RecursionError):
         found = None
     if not isinstance(found, dict):

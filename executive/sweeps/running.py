@@ -38,7 +38,7 @@ def run(
 
     With ``out`` each row is appended to this file as a line of JSON. If the file is there, only what it lacks is done;
     in the end it is sorted. ``about`` stands in its first line: all that the rows depend on besides the worlds.
-    ``shard`` (k, n) does every n-th world only, from the k-th on. ``processes`` at a time: one for each core by default.
+    ``shard`` (k, n) does every n-th world only, from the k-th on. By default there is a process for each core.
     ``told`` gets each world as it is done, ``resumed`` first the rows that the file has.
 
     Raises BadInput as the job does (one that can go on without this world returns a row instead), or if ``out`` is of
