@@ -157,6 +157,7 @@ def sweep(recipe: str, worlds: int, **options: Any) -> list[Row]:
         worlds=worlds,
         set_=settings,
         environment=[str(one) for one in maps] if maps is not None else None,
+        json=True,  # nothing is printed
         **options,
     )
     try:
