@@ -56,7 +56,8 @@ def test_what_happens_to_a_process_costs_its_world_only(tmp_path: Path) -> None:
         "mistake": ["ZeroDivisionError"],
         "no JSON": ["TypeError"],
     }
-    assert rows[1]["square"] == 1 and rows[4]["message"] == "ZeroDivisionError: the mass is zero"
+    assert rows[1]["square"] == 1
+    assert rows[4]["message"] == "ZeroDivisionError: the mass is zero"
 
 
 def test_bad_input_ends_the_sweep_as_it_is_that_of_all_worlds() -> None:
@@ -80,9 +81,11 @@ def test_an_interrupted_sweep_goes_on_with_what_its_file_lacks(tmp_path: Path) -
         file.write('{"world": 4, "outcome": "do')  # torn by kill -9
     before: list[int] = []
     rows = run(worlds, SQUARE, processes=1, out=out, resumed=lambda rows: before.append(len(rows)))
-    assert before == [3] and [row["world"] for row in rows] == [1, 2, 3, 4, 5, 6]
+    assert before == [3]
+    assert [row["world"] for row in rows] == [1, 2, 3, 4, 5, 6]
     assert log.read_text().split() == [*begun, "4", "5", "6"]
-    assert run(worlds, SQUARE, out=out) == rows and len(log.read_text().split()) == len(begun) + 3
+    assert run(worlds, SQUARE, out=out) == rows
+    assert len(log.read_text().split()) == len(begun) + 3
     run(worlds, SQUARE, processes=1, out=tmp_path / "whole")
     assert out.read_bytes() == (tmp_path / "whole").read_bytes()
 
@@ -166,7 +169,7 @@ def test_shards_of_different_sweeps_and_contradicting_rows_are_not_merged(tmp_pa
     paths = [tmp_path / "a", tmp_path / "b", tmp_path / "c"]
     run(numbered(2), SQUARE, processes=1, out=paths[0], shard=(1, 2))
     run(numbered(2), SQUARE, processes=1, out=paths[1], shard=(1, 2), about={"robot": "pr2"})
-    with pytest.raises(BadInput, match="C031 .*robot is pr2, not None"):
+    with pytest.raises(BadInput, match=r"C031 .*robot is pr2, not None"):
         merged([read_sweep(path) for path in paths[:2]])
     paths[2].write_text(paths[0].read_text().replace('"square": 1', '"square": 2'))
     with pytest.raises(BadInput, match="world 1 ended otherwise"):
