@@ -33,6 +33,8 @@ from executive.sweeps.records import Done
 RECIPE = "serve_a_drink"
 MOST_RATIO = 1.1
 CHILDREN_KILLED = 5
+LONGEST_END = 10.0
+"""Seconds of wall clock in which the processes of a killed sweep have to be gone."""
 
 
 class Costs(Progress):
@@ -92,25 +94,32 @@ def workers(pid: int) -> Iterator[int]:
         yield from children(source)
 
 
+def number_of_lines(file: Path) -> int:
+    """Return the number of complete lines of a file, 0 if there is none."""
+    return file.read_bytes().count(b"\n") if file.exists() else 0
+
+
 def killed(out: Path, worlds: int) -> bool:
     """Kill processes of a sweep, then the sweep; return True if none is left. Afterwards it is done to its end."""
     command = [sys.executable, "-m", "executive", "sweep", RECIPE, "--worlds", str(worlds), "--out", str(out)]
     command += ["--processes", "2"]
     running = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    dice, number = random.Random(0), 0
+    dice, number, lines = random.Random(0), 0, 2
     while number < CHILDREN_KILLED and running.poll() is None:
-        time.sleep(dice.uniform(0.5, 2.5))
-        if alive := list(workers(running.pid)):
+        time.sleep(dice.uniform(0.1, 0.5))
+        # a world that is killed twice counts as one that crashes: between two kills the other processes do some
+        if number_of_lines(out) > lines and (alive := list(workers(running.pid))):
             os.kill(dice.choice(alive), signal.SIGKILL)
-            number += 1
+            number, lines = number + 1, number_of_lines(out) + 2
     time.sleep(dice.uniform(0.5, 2.5))
     left = [*children(running.pid), *workers(running.pid)]
     running.kill()
     running.wait()
-    time.sleep(1.0)
-    lines = out.read_bytes().count(b"\n") - 1
-    still = [pid for pid in left if Path(f"/proc/{pid}").exists()]
-    print(f"killed {number} processes, then the sweep after {lines} worlds; {len(still)} of {len(left)} processes left")
+    began = time.monotonic()
+    while (still := [pid for pid in left if Path(f"/proc/{pid}").exists()]) and time.monotonic() < began + LONGEST_END:
+        time.sleep(0.05)
+    print(f"killed {number} processes, then the sweep after {number_of_lines(out) - 1} worlds")
+    print(f"{len(still)} of its {len(left)} processes left {time.monotonic() - began:.1f} s later")
     subprocess.run(command, stdout=subprocess.DEVNULL, check=False)
     return not still
 
