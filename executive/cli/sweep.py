@@ -48,7 +48,7 @@ def command(arguments: SweepArguments) -> Answer:
     progress.close()
     if arguments.csv is not None:
         write_csv(arguments.csv, found)
-    return counted(found, total, exit_code(found))
+    return counted(found, total, exit_code(found, total))
 
 
 def swept(
