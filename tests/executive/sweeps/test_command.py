@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shlex
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -88,6 +89,20 @@ def test_what_is_wrong_for_all_worlds_is_said_before_the_first(words: list[str],
     result = invoke("sweep", *words)
     assert result.exit_code == 2
     assert reason in result.stderr
+
+
+def test_an_interrupted_sweep_shows_what_was_done_and_how_to_go_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*_: object, told: Callable[[Done], None], **more: object) -> None:
+        told(Done({"world": 2, "outcome": "done"}, 1.0))
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("executive.cli.sweep.run", interrupted)
+    result = invoke("sweep", "serve_a_drink", "--worlds", "9", "--shard", "2/2", "--out", tmp_path / "rows")
+    assert result.exit_code == 130
+    assert f"interrupted after 1 of 4 worlds, which {tmp_path / 'rows'} has: the same command" in result.stderr
+    assert result.stdout.startswith("1 of 4 worlds\nreached                   1")
 
 
 def test_mistakes_in_python_are_exceptions() -> None:
