@@ -240,7 +240,7 @@ else:  # for mypy every name would be one of planlang's
     }
 
     def __getattr__(name: str) -> object:
-        """Look up what few plans need when it is asked for: some orders, task trees, constraints, sweeps, the version."""
+        """Look up what few plans need when it is asked for: orders, task trees, constraints, sweeps, the version."""
         if name in _LATER:
             return getattr(import_module(f"planlang.{_LATER[name]}"), name)
         if name != "__version__":

@@ -48,7 +48,7 @@ def command(arguments: SweepArguments) -> Answer:
     progress.close()
     if arguments.csv is not None:
         write_csv(arguments.csv, found)
-    return counted(found, total, exit_code(found))
+    return counted(found, total, exit_code(found, total))
 
 
 def swept(
@@ -157,6 +157,7 @@ def sweep(recipe: str, worlds: int, **options: Any) -> list[Row]:
         worlds=worlds,
         set_=settings,
         environment=[str(one) for one in maps] if maps is not None else None,
+        json=True,  # nothing is printed
         **options,
     )
     try:

@@ -22,11 +22,16 @@ def command(arguments: SweepMergeArguments) -> Answer:
     write_sweep(arguments.out, whole.header, whole.rows)
     if arguments.csv is not None:
         write_csv(arguments.csv, whole.rows)
-    return counted(whole.rows, len(whole.header["worlds"]), exit_code(whole.rows), incomplete(whole))
+    return answered(whole)
 
 
-def incomplete(sweep: Sweep) -> list[Diagnostic]:
-    """Return a warning if worlds are missing."""
+def answered(sweep: Sweep) -> Answer:
+    """Return the table of a sweep, with a warning if worlds are missing."""
+    total = len(sweep.header["worlds"])
+    return counted(sweep.rows, total, exit_code(sweep.rows, total), _incomplete(sweep))
+
+
+def _incomplete(sweep: Sweep) -> list[Diagnostic]:
     missing = sweep.missing
     if not missing:
         return []

@@ -26,11 +26,11 @@ def counted(rows: Sequence[Row], total: int, code: ExitCode, found: Sequence[Dia
     return Answer(code, tuple(found), table(rows, total), data)
 
 
-def exit_code(rows: Sequence[Row]) -> ExitCode:
+def exit_code(rows: Sequence[Row], total: int) -> ExitCode:
     """Return DONE if all worlds were reached; MISSING_CAPABILITY if no run began; else FAILED."""
-    if all(map(is_reached, rows)):
+    if len(rows) == total and all(map(is_reached, rows)):
         return ExitCode.DONE
-    refused = all(row.get("outcome") == Outcome.LACKS_CAPABILITY.value for row in rows)
+    refused = rows and all(row.get("outcome") == Outcome.LACKS_CAPABILITY.value for row in rows)
     return ExitCode.MISSING_CAPABILITY if refused else ExitCode.FAILED
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from executive.cli.console import Answer
 from executive.cli.inputs import refuse
 from executive.cli.sweep_arguments import SweepTableArguments
-from executive.cli.sweep_merge import incomplete
-from executive.cli.sweep_results import counted, exit_code, write_csv
+from executive.cli.sweep_merge import answered
+from executive.cli.sweep_results import write_csv
 from executive.sweeps.files import read_sweep
 from planlang.outputs import check_outputs
 
@@ -17,4 +17,4 @@ def command(arguments: SweepTableArguments) -> Answer:
     sweep = read_sweep(arguments.file)
     if arguments.csv is not None:
         write_csv(arguments.csv, sweep.rows)
-    return counted(sweep.rows, len(sweep.header["worlds"]), exit_code(sweep.rows), incomplete(sweep))
+    return answered(sweep)

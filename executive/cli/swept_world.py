@@ -8,8 +8,11 @@ from typing import Any
 
 from executive.cli.command_lines import parsed
 from executive.cli.run import options_of
+from executive.runs.inputs import Inputs
 from executive.runs.plan_run import run_plan_file
 
+INPUTS = Inputs()
+"""What the worlds that this process does are made from: it is the same for all worlds of a sweep."""
 LONGEST_MESSAGE = 2000
 """Characters of a message that are kept."""
 
@@ -17,7 +20,7 @@ LONGEST_MESSAGE = 2000
 def ended(world: Mapping[str, Any]) -> dict[str, Any]:
     """Return the row of a world: how the run ends that its command line (``repeat``) starts. Raises BadInput."""
     words = shlex.split(world["repeat"])[2:]
-    result = run_plan_file(options_of(parsed([*words, "--json"])))
+    result = run_plan_file(options_of(parsed([*words, "--json"])), INPUTS)
     return {
         "outcome": result.outcome.value,
         "failure": list(result.failure),

@@ -11,7 +11,7 @@ from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from executive.robots import Availability, FindingKind, Missing, Robot, possessions_of
 from executive.robots.tasks import match
@@ -24,6 +24,9 @@ from planlang.ontology import Ontology, expand, load, shorten
 from planlang.outputs import LONGEST, header
 from planlang.recipe import Actions, RecipeSet, read_recipe
 from planlang.records import dataclass
+
+if TYPE_CHECKING:
+    from planlang.compiler import CompiledPlan
 
 
 def fixed_recipe(
@@ -56,26 +59,19 @@ def located(diagnostic: Diagnostic, copy: Path, file: Path) -> Diagnostic:
     )
 
 
-def compiled_plan(
-    recipe: Ontology,
-    stack: ExitStack,
-    found: list[Diagnostic],
-    *,
-    task: str | None = None,
-    performed: frozenset[str] = frozenset(),
-) -> tuple[Path, RecipeSet]:
-    """Compile a recipe into a temporary folder that ``stack`` removes; warnings and notes go to ``found``.
+def compiled(recipe: Ontology, task: str | None, performed: frozenset[str]) -> CompiledPlan:
+    """Compile a recipe; ``performed`` are the action classes that process modules perform. Raises BadInput."""
+    from planlang.compiler import compile_ontology  # a plan runs without the compiler
 
-    ``performed`` are the action classes that process modules perform.
-    """
-    from planlang.compiler import compile_ontology
+    return compile_ontology(recipe, task=task, performed=lambda: performed)
 
-    compiled = compile_ontology(recipe, task=task, performed=lambda: performed)
-    found.extend(compiled.diagnostics)
+
+def plan_file(plan: CompiledPlan, stack: ExitStack) -> Path:
+    """Write a compiled plan into a temporary folder that ``stack`` removes."""
     folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="planlang-")))
-    path = folder / f"{compiled.functions[-1]}.py"
-    path.write_text(compiled.source, encoding="utf-8")
-    return path, compiled.recipes
+    path = folder / f"{plan.functions[-1]}.py"
+    path.write_text(plan.source, encoding="utf-8")
+    return path
 
 
 def main_plan(module: ModuleType, task: str | None) -> Plan[Any, Any]:

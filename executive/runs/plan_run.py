@@ -21,6 +21,7 @@ from executive.runs.assembly import RobotExecutive, platform_of, real_scene, wor
 from executive.runs.final_state import state_lines
 from executive.runs.importing import import_plan, line_in
 from executive.runs.in_hands import InHand, in_hands, take
+from executive.runs.inputs import Inputs
 from executive.runs.options import Outcome, RunOptions, RunResult
 from executive.runs.parameters import Bound, bound_parameters, not_in_map, plan_parameters, things_of, unknown_things
 from executive.runs.plan_files import (
@@ -28,13 +29,14 @@ from executive.runs.plan_files import (
     Needs,
     Requirements,
     assess,
-    compiled_plan,
+    compiled,
     count_of_steps,
     fixed_recipe,
     located,
     main_plan,
     needs_of,
     outputs_of,
+    plan_file,
     read_names,
     required,
     required_of_plan,
@@ -78,9 +80,11 @@ class _Asked:
 class Run:
     """A plan that is ready to be executed or replayed. Create it in a ``with`` statement: it holds files and worlds."""
 
-    def __init__(self, options: RunOptions) -> None:
-        """Compile and import the plan and the process modules; raises BadInput."""
+    def __init__(self, options: RunOptions, inputs: Inputs | None = None) -> None:
+        """Compile and import the plan and the process modules; ``inputs`` keeps what runs read. Raises BadInput."""
         self.options = options
+        # a recipe that is fixed first is another file in each run
+        self._inputs = Inputs() if inputs is None or options.accepted else inputs
         self.found: list[Diagnostic] = list(options.notes)
         with ExitStack() as stack:  # closed at once if something is refused
             self._requirements: Requirements | None = None
@@ -97,12 +101,11 @@ class Run:
                 if options.accepted:
                     file = fixed_recipe(file, stack, self.found, options.task, folders, options.accepted)
                     folders = (options.recipe.parent, *folders)
-                recipe = load(file, folders=folders, also=options.recipes)
-                self.path, recipes = compiled_plan(
-                    recipe, stack, self.found, task=options.task, performed=self.registry.actions
-                )
-                self.found = [located(one, file, options.recipe) for one in self.found]
-                self._requirements = required(recipe, recipes)
+                recipe = self._inputs.once(load, file, folders=folders, also=options.recipes)
+                plan = self._inputs.once(compiled, recipe, options.task, self.registry.actions)
+                self.path = plan_file(plan, stack)
+                self.found = [located(one, file, options.recipe) for one in (*self.found, *plan.diagnostics)]
+                self._requirements = required(recipe, plan.recipes)
             self.source = import_plan(self.path)
             self.plan: Plan[Any, Any] = main_plan(self.source, options.task if options.plan is not None else None)
             self._stack = stack.pop_all()
@@ -180,8 +183,9 @@ class Run:
         assert options.environment is not None
         if options.plan is not None:
             self._requirements = required_of_plan(self.path, self.plan, found, folders=options.ontologies)
-        ontology = load(options.environment, folders=options.ontologies, also=options.additions)
-        semantic_map = read_map(ontology)
+        read = self._inputs.once
+        ontology = read(load, options.environment, folders=options.ontologies, also=options.additions)
+        semantic_map = read(read_map, ontology)
         found += (*ontology.diagnostics, *semantic_map.diagnostics)
         scene = scene_of(semantic_map, found)
         if options.resume is not None and not options.bindings:
@@ -212,7 +216,7 @@ class Run:
         """
         options = self.options
         assert options.robot is not None
-        robot = bind_robot(options.robot, urdf=options.urdf, folders=options.ontologies)
+        robot = self._inputs.once(bind_robot, options.robot, urdf=options.urdf, folders=options.ontologies)
         robot = trusting_map(robot) if options.trust_map else robot
         if options.models is None:
             return robot, None
@@ -401,9 +405,9 @@ class Run:
         return None
 
 
-def run_plan_file(options: RunOptions) -> RunResult:
+def run_plan_file(options: RunOptions, inputs: Inputs | None = None) -> RunResult:
     """Put a run together and execute it; raises BadInput for what cannot be used."""
-    with Run(options) as whole:
+    with Run(options, inputs) as whole:
         return whole.execute()
 
 

@@ -34,7 +34,7 @@ class Cause:
     """A way to fail, how many worlds did so, and the command that repeats the first of them."""
 
     name: str
-    """The class of the failure."""
+    """The class of the failure, and of what it came from."""
     sentence: str
     """The first sentence of its message, in the first of these worlds."""
     count: int
@@ -75,7 +75,8 @@ def causes(rows: Sequence[Row]) -> list[Cause]:
 
 def table(rows: Sequence[Row], total: int | None = None) -> str:
     """Return the table as text; ``total`` is the number of worlds that there should be."""
-    lines = [f"{len(rows)} worlds" if total in (None, len(rows)) else f"{len(rows)} of {total} worlds"]
+    number = len(rows) if total in (None, len(rows)) else f"{len(rows)} of {total}"
+    lines = [f"{number} world" + "s" * (number != 1)]
     for one in shares(rows):
         part = one.count / len(rows) if rows else 0.0
         interval = f"95 %: {100 * one.low:.1f} to {100 * one.high:.1f} %"
@@ -119,7 +120,7 @@ def _outcome(row: Row) -> str:
 
 
 def _cause(row: Row) -> tuple[str, str]:
-    """Return class and first sentence of what ended a world."""
+    """Return the classes of what ended a world, and the first sentence of its message."""
     failure = row.get("failure") or [_outcome(row)]
-    name, sentence = str(failure[0]), first_sentence(str(row.get("message") or row.get("cause") or ""))
-    return name, sentence.removeprefix(f"{name}: ")
+    sentence = first_sentence(str(row.get("message") or row.get("cause") or ""))
+    return " < ".join(map(str, failure)), sentence.removeprefix(f"{failure[0]}: ")

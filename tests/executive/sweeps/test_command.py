@@ -1,0 +1,141 @@
+"""``planlang sweep``: the worlds are those of ``planlang run --seed``, and it ends as it should."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner, Result
+
+import planlang
+from executive.cli import app as cli
+from executive.cli.command_lines import parsed, words_of
+from executive.cli.sweep_arguments import SweepArguments
+from executive.cli.sweep_progress import Progress
+from executive.cli.swept_world import ended
+from executive.sweeps.files import read_sweep
+from executive.sweeps.records import Done
+from planlang.diagnostics import BadInput
+
+
+def invoke(*arguments: str | Path) -> Result:
+    """Run the command in this process."""
+    return CliRunner().invoke(cli.app, [str(argument) for argument in arguments], prog_name="planlang")
+
+
+@pytest.fixture(scope="module")
+def drinks(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A sweep of one world that fails, made in Python."""
+    out = tmp_path_factory.mktemp("sweep") / "drinks.jsonl"
+    rows = planlang.sweep("pass_a_drink", 1, first=3, robot="panda", out=out, processes=1, unknown=["bottle1"])
+    assert rows == list(read_sweep(out).rows)
+    return out
+
+
+def test_a_world_ends_as_the_run_that_its_command_repeats(drinks: Path) -> None:
+    (row,) = read_sweep(drinks).rows
+    words = shlex.split(row["repeat"])
+    assert words == ["planlang", "run", "pass_a_drink", "--robot", "panda", "--unknown", "bottle1", "--seed", "3"]
+    alone = json.loads(invoke(*words[1:], "--json").stdout)
+    assert (row["message"], row["failure"]) == (alone["outcome"], alone["failure"])
+    assert row["plan_seconds"] == pytest.approx(alone["plan_seconds"], abs=1e-3)
+    assert {"world": 3, "repeat": row["repeat"], **ended(row)} == row
+
+
+def test_the_same_command_goes_on_and_another_one_is_refused(drinks: Path) -> None:
+    words = ["pass_a_drink", "--worlds", "1", "--first", "3", "--robot", "panda", "--unknown", "bottle1"]
+    again = invoke("sweep", *words, "--out", drinks)
+    (row,) = read_sweep(drinks).rows
+    assert again.exit_code == (3 if row["outcome"] == "lacks a capability" else 1), again.stderr
+    assert "1 of 1 worlds were done before" in again.stderr
+    assert row["repeat"] in again.stdout
+    other = invoke("sweep", *words, "--trust-map", "--out", drinks)
+    assert other.exit_code == 2
+    assert "C031" in other.stderr
+    assert "--trust-map" in other.stderr
+
+
+def test_tables_are_printed_again_merged_and_written_as_csv(drinks: Path, tmp_path: Path) -> None:
+    shown = invoke("sweep-table", drinks, "--csv", tmp_path / "a.csv")
+    merged = invoke("sweep-merge", drinks, "--out", tmp_path / "merged.jsonl")
+    assert shown.stdout == merged.stdout
+    assert (tmp_path / "merged.jsonl").read_bytes() == drinks.read_bytes()
+    assert (tmp_path / "a.csv").read_text().startswith("world,repeat,outcome,failure")
+    (tmp_path / "mine").write_text("notes")
+    assert "C005" in invoke("sweep-merge", drinks, "--out", tmp_path / "mine").stderr
+    lines = drinks.read_text().splitlines(keepends=True)
+    (tmp_path / "none.jsonl").write_text(lines[0])
+    missing = invoke("sweep-table", tmp_path / "none.jsonl")
+    assert "C033 1 of 1 worlds are missing: 3" in missing.stderr
+    assert missing.exit_code == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        (["nowhere"], "C001 no such recipe"),
+        (["serve_a_drink", "--robot", "nobody"], "nobody"),
+        (["serve_a_drink", "--shard", "3/2"], "--shard 3/2 is not K/N"),
+        (["serve_a_drink", "--start", "here"], "is not x,y,yaw"),
+        (["serve_a_drink", "--out", "no/such/folder/rows"], "C004"),
+        (["serve_a_drink", "--worlds", "0"], "--worlds"),
+    ],
+)
+def test_what_is_wrong_for_all_worlds_is_said_before_the_first(words: list[str], reason: str) -> None:
+    result = invoke("sweep", *words)
+    assert result.exit_code == 2
+    assert reason in result.stderr
+
+
+def test_an_interrupted_sweep_shows_what_was_done_and_how_to_go_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*_: object, told: Callable[[Done], None], **more: object) -> None:
+        told(Done({"world": 2, "outcome": "done"}, 1.0))
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("executive.cli.sweep.run", interrupted)
+    result = invoke("sweep", "serve_a_drink", "--worlds", "9", "--shard", "2/2", "--out", tmp_path / "rows")
+    assert result.exit_code == 130
+    assert f"interrupted after 1 of 4 worlds, which {tmp_path / 'rows'} has: the same command" in result.stderr
+    assert result.stdout.startswith("1 of 4 worlds\nreached                   1")
+
+
+def test_mistakes_in_python_are_exceptions() -> None:
+    with pytest.raises(ValueError, match="is not x,y,yaw"):
+        planlang.sweep("serve_a_drink", 1, start="here")
+    with pytest.raises(BadInput, match="no such recipe"):
+        planlang.sweep("nowhere", 1)
+
+
+def test_options_are_written_as_they_are_read() -> None:
+    given: dict[str, Any] = {
+        "robot": "pr2",
+        "environment": ["room", "things added"],
+        "set_": ["bottle=cup 2"],
+        "schedule": 0,
+        "trust_map": True,
+        "start": "-1,0,0",
+        "modules": [Path("my modules.py")],
+    }
+    arguments = SweepArguments(recipe="x", **given)
+    read = parsed(["x", *words_of(arguments)])
+    assert {name: getattr(read, name) for name in given} == given
+
+
+def test_progress_tells_rate_and_time_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    lines: list[str] = []
+    times = iter([0.0, 0.0, 5.0, 20.0, 21.0])
+    monkeypatch.setattr("executive.cli.sweep_progress.time.monotonic", lambda: next(times))
+    progress = Progress(103, lines.append)
+    progress.resumed([{"world": 1, "outcome": "done"}])
+    for outcome in ("done", "crashed", "failed"):
+        progress.told(Done({"outcome": outcome}, 0.6))
+    assert lines == [
+        "1 of 103 worlds were done before",
+        "3 of 103 worlds, 2 reached, 1 crashed; 6 a minute, 0.60 s of CPU each, 16 min 40 s left",
+    ]
