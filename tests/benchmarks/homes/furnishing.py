@@ -132,6 +132,8 @@ class Home:
 
     def room(self, cls: str) -> None:
         """Make the room."""
+        if cls == "LivingRoom":
+            self.classes[cls] = "knowrob:RoomInAConstruction"
         self.inside = self.size_of(sizes.ROOM)
         self.add(Thing("room1", cls, Pose((0.0, 0.0, self.inside[2] / 2)), self.inside))
 

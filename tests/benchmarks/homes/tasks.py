@@ -23,7 +23,7 @@ REDRAWN = 40
 
 @dataclass(frozen=True)
 class Need:
-    """Something that has to be possible: "grasp", "place", "open", "hand over", "press", "wipe", "see", "pour"."""
+    """Something that has to be possible: "grasp", "place", "open", "close", "hand over", "press", "wipe", "see", "pour"."""
 
     kind: str
     thing: str
@@ -37,11 +37,19 @@ class Task:
     template: str
     home: Home
     steps: tuple[Step, ...]
-    goal: Goal
+    wanted: Goal
+    """What the user wants."""
+    unharmed: Goal
+    """What must hold in any case: nothing else was moved, nothing fell or was spilled."""
     needs: tuple[Need, ...]
     unknown: tuple[str, ...] = ()
     """Things of which the robot does not know where they are."""
     watchers: tuple[Callable[[Watched], None], ...] = field(default=())
+
+    @property
+    def goal(self) -> Goal:
+        """The task is done: what the user wants, and no harm."""
+        return all_of(self.wanted, self.unharmed)
 
 
 Template = Callable[[Home], Task]
@@ -91,8 +99,8 @@ def task_of(
     watchers: Sequence[Callable[[Watched], None]] = (),
 ) -> Task:
     """Return a task; beside its goal, nothing else may have been moved, dropped or spilled."""
-    whole = all_of(wanted, goals.undisturbed(*moved), goals.level(*poured))
-    return Task(name, home, tuple(steps), whole, tuple(needs), tuple(unknown), tuple(watchers))
+    unharmed = all_of(goals.undisturbed(*moved), goals.level(*poured))
+    return Task(name, home, tuple(steps), wanted, unharmed, tuple(needs), tuple(unknown), tuple(watchers))
 
 
 def step(cls: str, **facts: str) -> Step:
