@@ -349,6 +349,10 @@ CODES: dict[str, str] = {
     "C022": "an accepted fix was refused, as it would make the recipe worse",
     "C023": "a merge of a plan has conflicts, or is not possible",
     "C024": "a plan misspells a role of an action",
+    "C030": "a file has no sweep, or a damaged one",
+    "C031": "a file has another sweep: other arguments, inputs or shard",
+    "C032": "another process is writing the file of a sweep",
+    "C033": "a sweep is not complete: worlds are missing",
     # K: knowledge base
     "K001": "the file of a knowledge base is none, or has another layout",
     "K002": "nothing is known by a name of a question, or several things are",

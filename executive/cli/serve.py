@@ -46,10 +46,11 @@ def command(arguments: ServeArguments) -> Answer:
 
 
 def _serve(store: Store, arguments: ServeArguments) -> Answer:
+    from executive.processes.calls import Limits
     from executive.serving.app import application
     from executive.serving.rates import Rates
     from executive.serving.running import run
-    from executive.serving.workers import Limits, Staff
+    from executive.serving.workers import Staff
 
     folders = arguments.folders
     lines = None if arguments.access_log is None else _lines(arguments.access_log)

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 import pytest
 
 if TYPE_CHECKING:
+    from executive.processes.calls import Limits
     from executive.serving.connections import Guarded
-    from executive.serving.workers import Limits
 
 NOW = "2026-01-01T00:00:00Z"
 
@@ -25,8 +25,9 @@ class RunningServer:
     def __init__(self, file: Path, limits: Limits | None = None, folders: Sequence[Path] = ()) -> None:
         for package in ("fastapi", "uvicorn"):
             pytest.importorskip(package, reason="the server is in the extra serve")
+        from executive.processes.calls import Limits
         from executive.serving.app import application
-        from executive.serving.workers import Limits, Staff
+        from executive.serving.workers import Staff
         from planlang.knowledge.sqlite_store import SqliteStore
 
         self.store = SqliteStore(file)

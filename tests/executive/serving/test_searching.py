@@ -10,9 +10,10 @@ from typing import Any, TypeVar
 import pytest
 from fastapi.testclient import TestClient
 
+from executive.processes.workers import Source
 from executive.serving.app import application
 from executive.serving.catalogue import Catalogue
-from executive.serving.workers import LIMITS, Failed, Source, Staff, Workers
+from executive.serving.workers import LIMITS, PREPARE, Failed, Staff, Workers
 from planlang.files import Bundled
 from planlang.knowledge.sqlite_store import SqliteStore
 from tests.support.knowledge_bases import recognition_model, vocabulary
@@ -194,7 +195,7 @@ def test_a_content_that_cannot_be_described_keeps_what_it_has_and_no_other_waits
     for uid in (SERVING, MODEL):
         store.describe(uid, b"0 an older one", store.entry(uid).etag)
     catalogue = Catalogue(store, vocabulary())
-    workers = Mistaken(Source(()), 1, LIMITS)
+    workers = Mistaken(Source(PREPARE), 1, LIMITS)
     assert [catalogue.renew(workers) for _ in range(3)] == [True, True, False]
     assert {SERVING, MODEL} <= set(catalogue.find(None))
 

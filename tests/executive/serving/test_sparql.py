@@ -12,9 +12,10 @@ from typing import TypeVar
 import pytest
 from fastapi.testclient import TestClient
 
+from executive.processes.workers import Source
 from executive.serving.app import application
 from executive.serving.mirror import MOST_QUESTIONS, Mirror
-from executive.serving.workers import LIMITS, Busy, Failed, Source, Staff, Workers
+from executive.serving.workers import LIMITS, PREPARE, Busy, Failed, Staff, Workers
 from planlang.files import Bundled
 from planlang.knowledge.entries import Kind
 from planlang.knowledge.sparql import Exceeded, Limits
@@ -134,7 +135,7 @@ def test_a_content_at_which_a_reader_fails_costs_nobody_else_an_answer(tmp_path:
         def call(self, function: Callable[..., T], *arguments: object) -> T:
             raise Failed("ZeroDivisionError")
 
-    workers = Mistaken(Source(()), 1, LIMITS)
+    workers = Mistaken(Source(PREPARE), 1, LIMITS)
     with closing(SqliteStore(tmp_path / "kb.sqlite")) as store, closing(Mirror(store, workers)) as mirror:
         put(store, Kind.RECIPE, "before", RECIPE)
         assert mirror.ask("ASK { ?a ?b ?c }")["boolean"] is False

@@ -14,9 +14,11 @@ import httpx
 import pytest
 from fastapi.testclient import TestClient
 
+from executive.processes.calls import Limits
+from executive.processes.workers import Source
 from executive.serving.app import application
 from executive.serving.vocabulary import Vocabulary
-from executive.serving.workers import Busy, Failed, Limits, Source, Staff, Workers
+from executive.serving.workers import PREPARE, Busy, Failed, Staff, Workers
 from planlang.diagnostics import BadInput
 from planlang.files import Bundled
 from planlang.knowledge.sqlite_store import SqliteStore
@@ -32,7 +34,7 @@ SMALL_LIMITS = Limits(seconds=1, memory=200_000_000)
 
 @pytest.fixture(scope="module")
 def source() -> Iterator[Source]:
-    made = Source(())
+    made = Source(PREPARE)
     yield made
     made.close()
 
@@ -87,7 +89,7 @@ def test_files_of_the_folder_in_which_it_is_started_are_not_run(
 ) -> None:
     (tmp_path / "numpy.py").write_text("open('was_run', 'w')")
     monkeypatch.chdir(tmp_path)
-    source = Source(())
+    source = Source(PREPARE)
     workers = Workers(source, 1, Limits())
     assert workers.call(count) == 1
     workers.close()

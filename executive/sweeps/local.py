@@ -1,0 +1,117 @@
+"""Sweeps on this machine: threads that each supervise one warm process at a time."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import tempfile
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pkgutil import resolve_name
+from queue import SimpleQueue
+from typing import Any
+
+from executive.processes.calls import Ending, Limits, Performs, Reply
+from executive.processes.workers import ATTEMPTS, Source, Worker
+from executive.sweeps.records import CRASHED, Done, Task, World
+from planlang.diagnostics import BadInput
+
+
+@contextmanager
+def worlds_done(worlds: Sequence[World], task: Task) -> Iterator[Iterator[Done]]:
+    """Do a task in worlds, ``task.processes`` at a time. A world in which the job raises BadInput ends the sweep."""
+    resolve_name(task.job)  # a mistake in its name is the caller's, not that of each world
+    with tempfile.TemporaryDirectory(prefix="planlang-sweep-") as folder:
+        path = [os.path.abspath(one) for one in sys.path]
+        source = Source("executive.sweeps.local:prepared", task.job, folder, *path)
+        supervision = _Supervision(worlds, task, source)
+        try:
+            yield supervision.results()
+        finally:
+            supervision.stop()
+
+
+class _Supervision:
+    """Threads that take one world after another, and do each in a process."""
+
+    def __init__(self, worlds: Sequence[World], task: Task, source: Source) -> None:
+        self._waiting, self._task, self._source = iter(worlds), task, source
+        self._number = len(worlds)
+        self._lock = threading.Lock()
+        self._results: SimpleQueue[Done | BaseException] = SimpleQueue()
+        self._is_stopped = False
+        self._threads = [
+            threading.Thread(target=self._supervise, daemon=True) for _ in range(min(task.processes, len(worlds)))
+        ]
+        for one in self._threads:
+            one.start()
+
+    def results(self) -> Iterator[Done]:
+        """Yield worlds as they are done."""
+        for _ in range(self._number):
+            result = self._results.get()
+            if isinstance(result, BaseException):
+                raise result
+            yield result
+
+    def stop(self) -> None:
+        """End the processes; what they have not done is not reported."""
+        self._is_stopped = True
+        self._source.close()
+        for one in self._threads:
+            one.join()
+
+    def _supervise(self) -> None:
+        worker = Worker(self._source, self._task.limits)
+        try:
+            while (world := self._next()) is not None:
+                reply = worker.call(do, self._task.job, dict(world))
+                if self._is_stopped:
+                    return
+                self._results.put(_done(world, reply, self._task.limits))
+        except BaseException as problem:
+            self._results.put(problem)
+        finally:
+            worker.close()
+
+    def _next(self) -> World | None:
+        with self._lock:
+            return None if self._is_stopped else next(self._waiting, None)
+
+
+def _done(world: World, reply: Reply, limits: Limits) -> Done:
+    """Return the row of a world; raises BadInput if the job did."""
+    known = {key: world[key] for key in ("world", "repeat") if key in world}
+    match reply.ending:
+        case Ending.DONE:
+            return Done({**known, **json.loads(reply.answer)}, reply.seconds)
+        case Ending.REFUSED:
+            raise BadInput(reply.answer)
+        case Ending.FAILED:
+            kind, message = str(reply.answer).partition(": ")[0], str(reply.answer)
+        case Ending.MEMORY:
+            kind, message = "OutOfMemory", f"it needs more than {limits.memory / 1e6:g} MB of memory"
+        case Ending.LATE:
+            kind = "OutOfTime"
+            message = f"it takes more than {limits.seconds} s of CPU or hangs for {limits.wall:g} s"
+        case Ending.LOST:
+            kind, message = "ProcessEnded", f"{ATTEMPTS} processes in a row ended without an answer"
+    return Done({**known, "outcome": CRASHED, "failure": [kind], "message": message}, reply.seconds)
+
+
+# in the processes
+
+
+def prepared(job: str, folder: str, *path: str) -> Performs:
+    """Import the job, once for all processes; its temporary files go to ``folder``, which the supervisor removes."""
+    sys.path += [one for one in path if one not in sys.path]
+    tempfile.tempdir = folder
+    resolve_name(job)
+    return lambda function, arguments: function(*arguments)
+
+
+def do(job: str, world: dict[str, Any]) -> str:
+    """Return the row of a world, as JSON."""
+    return json.dumps(resolve_name(job)(world))
