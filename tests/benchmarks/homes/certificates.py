@@ -110,7 +110,9 @@ class Search:
         for pitch in PITCHES:
             for turn in turns.tolist():
                 side = np.array([-math.sin(turn), math.cos(turn), 0.0])
-                width = float(np.abs(side @ pose.rotation) @ np.array(body.size)) if body.shape == "box" else body.size[0]
+                width = (
+                    float(np.abs(side @ pose.rotation) @ np.array(body.size)) if body.shape == "box" else body.size[0]
+                )
                 grip = middle
                 if width + SIDE > room and body.wall:
                     grip = middle + side * (body.size[0] / 2 - body.wall / 2) + (0.0, 0.0, body.size[2] / 2)

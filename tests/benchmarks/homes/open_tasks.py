@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from tests.benchmarks.homes import goals
 from tests.benchmarks.homes.closed import open_shelf
 from tests.benchmarks.homes.furnishing import Home
@@ -222,6 +224,12 @@ def press_button(home: Home) -> Task:
     return task_of(home, "press_button", steps, goals.switched(device, on=True), [], [Need("press", button)])
 
 
+def is_on(home: Home, device: str) -> None:
+    """Let a device be on at the beginning."""
+    one = home.things[device]
+    home.things[device] = replace(one, facts=(*one.facts, "knowrob:stateOfObject knowrob:DeviceStateOn"))
+
+
 @template
 def devices_off(home: Home) -> Task:
     """Turn two devices off that are on."""
@@ -230,15 +238,7 @@ def devices_off(home: Home) -> Task:
     table = some_table(home)
     devices = [home.device("toaster", counter), home.device(home.one_of(("lamp", "microwave")), table)]
     for device, _ in devices:
-        one = home.things[device]
-        home.things[device] = type(one)(
-            one.name,
-            one.cls,
-            one.pose,
-            one.size,
-            one.parts,
-            (*one.facts, "knowrob:stateOfObject knowrob:DeviceStateOn"),
-        )
+        is_on(home, device)
     steps = tuple(step("TurningOffPoweredDevice", what=device) for device, _ in devices)
     wanted = all_of(*(goals.switched(device, on=False) for device, _ in devices))
     return task_of(home, "devices_off", steps, wanted, [], [Need("press", button) for _, button in devices])
@@ -258,17 +258,20 @@ def wipe_table(home: Home) -> Task:
 
 @template
 def several_in_a_row(home: Home) -> Task:
-    """Bring a drink, put a book onto a shelf, and turn a lamp off."""
+    """Put a box onto a shelf, bring a drink, and turn a lamp off."""
     home.room("LivingRoom")
     shelves = open_shelf(home)
     who = home.person_seated()
     table = some_table(home)
-    cup, book = home.thing("cup", table), home.thing("book", table)
+    cup, box = home.thing("cup", table), home.thing("box", table)
+    lamp, button = home.device("lamp", some_table(home, ("sideboard", "desk", "counter")))
+    is_on(home, lamp)
     shelf = home.one_of(shelves)
     steps = (
-        *moves([book], place("in-ContGeneric", shelf)),
+        *moves([box], place("in-ContGeneric", shelf)),
         step("TransportingAnObject", what=cup, who=who),
+        step("TurningOffPoweredDevice", what=lamp),
     )
-    wanted = all_of(goals.inside(book, shelf), goals.held(cup, who))
-    needs = [*takes_and_puts([book], shelf), Need("grasp", cup), Need("hand over", cup, who)]
-    return task_of(home, "several_in_a_row", steps, wanted, [cup, book], needs)
+    wanted = all_of(goals.inside(box, shelf), goals.held(cup, who), goals.switched(lamp, on=False))
+    needs = [*takes_and_puts([box], shelf), Need("grasp", cup), Need("hand over", cup, who), Need("press", button)]
+    return task_of(home, "several_in_a_row", steps, wanted, [cup, box], needs)

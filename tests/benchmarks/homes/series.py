@@ -48,9 +48,10 @@ class Case:
         )
 
     @property
-    def key(self) -> tuple[object, ...]:
-        """What no two rows of a file have in common."""
-        return tuple(asdict(self).values())
+    def world(self) -> dict[str, object]:
+        """What a sweep does it by."""
+        key = f"{self.template} {self.seed} {self.robot}{' displaced' if self.displaced else ''}"
+        return {"world": key, "repeat": self.command, **asdict(self)}
 
 
 def acceptance_seed(commit: str) -> int:

@@ -4,24 +4,27 @@ from __future__ import annotations
 
 import time
 import traceback
+from collections import defaultdict
 from collections.abc import Sequence
 from contextlib import chdir
+from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 from executive.belief import read_map, scene_of
-from executive.robots import bind_robot
+from executive.robots import Robot, bind_robot
 from planlang.diagnostics import BadInput
 from planlang.ontology import load
 from sim import Scene
+from sim.joints import JointKind
 from tests.benchmarks.homes import closed_tasks, more_tasks, open_tasks  # noqa: F401  they register their templates
 from tests.benchmarks.homes.furnishing import NoRoom
 from tests.benchmarks.homes.goals import opened
 from tests.benchmarks.homes.robots import OPTIONS, named
 from tests.benchmarks.homes.series import Case
-from tests.benchmarks.homes.tasks import Task, drawn
-from tests.benchmarks.homes.witness import Verdict, Witness
+from tests.benchmarks.homes.tasks import Need, Task, drawn
+from tests.benchmarks.homes.witness import Verdict, Witness, suited_to
 from tests.benchmarks.homes.written import map_text, recipe_text
 from tests.support.scenarios import Scenario, Watched, judged
 
@@ -31,12 +34,25 @@ SHUT = 0.05
 """The same up to which it counts as closed."""
 
 
-def write(template: str, seed: int, folder: Path) -> tuple[Path, Path]:
+def task_of(case: Case) -> Task:
+    """Return the task of a case: in a home with things that the robot can hold."""
+    return drawn(case.template, case.seed, suited_to(robot_of(case.robot)))
+
+
+@cache
+def robot_of(name: str) -> Robot:
+    """Return a robot of the benchmark."""
+    return bind_robot(named(name))
+
+
+def job(world: dict[str, Any]) -> dict[str, Any]:
+    """Do the case of a world of a sweep; return its row."""
+    case = Case(world["template"], world["seed"], world["robot"], world["displaced"])
+    return run(case, world.get("witnessed", "failed"))
+
+
+def write(task: Task, seed: int, folder: Path) -> tuple[Path, Path]:
     """Write the files of a task; return recipe and map."""
-    return _write(drawn(template, seed), seed, folder)
-
-
-def _write(task: Task, seed: int, folder: Path) -> tuple[Path, Path]:
     recipe, home = folder / f"{task.template}_{seed}.recipe.omn", folder / f"{task.template}_{seed}.map.omn"
     recipe.write_text(recipe_text(task.steps, task.home), encoding="utf-8")
     home.write_text(map_text(task.home), encoding="utf-8")
@@ -49,11 +65,11 @@ def run(case: Case, witnessed: str = "failed") -> dict[str, Any]:
     row: dict[str, Any] = {"template": case.template, "seed": case.seed, "robot": case.robot}
     row["displaced"] = case.displaced
     try:
-        task = drawn(case.template, case.seed)
+        task = task_of(case)
     except NoRoom as problem:
         return row | {"outcome": "not drawn", "cause": str(problem)}
     with TemporaryDirectory() as folder, chdir(folder):
-        recipe, home = _write(task, case.seed, Path(folder))
+        recipe, home = write(task, case.seed, Path(folder))
         trial = Trial(task)
         row |= trial.run(case, (str(recipe), "--robot", named(case.robot), "--environment", str(home)))
         row |= {"wall": round(time.perf_counter() - began, 1), "cpu": round(time.process_time() - cpu, 1)}
@@ -65,7 +81,7 @@ def run(case: Case, witnessed: str = "failed") -> dict[str, Any]:
 
 def verdict(task: Task, scene: Scene, robot: str) -> Verdict:
     """Return what the witness says of a task in a true scene."""
-    witness = Witness(scene, bind_robot(named(robot)))
+    witness = Witness(scene, robot_of(robot))
     try:
         return witness.decide(task.needs)
     finally:
@@ -80,9 +96,8 @@ class Trial:
         self.scene: Scene | None = None
         """The scene as it really was, None if the run did not begin."""
         self.harm: list[str] = []
-        self.leaves = sorted({need.thing for need in task.needs if need.kind in ("open", "close")})
-        self.widest: dict[str, float] = dict.fromkeys(self.leaves, 0.0)
-        self.last: dict[str, float] = dict.fromkeys(self.leaves, 0.0)
+        self.widest: dict[str, float] = defaultdict(float)
+        self.last: dict[str, float] = defaultdict(float)
 
     def run(self, case: Case, arguments: Sequence[str]) -> dict[str, Any]:
         """Run it; return what is kept of it."""
@@ -113,13 +128,25 @@ class Trial:
 
     def _watch(self, watched: Watched) -> None:
         self.scene = self.scene or watched.world.scene
-        for leaf in self.leaves:
-            self.last[leaf] = opened(watched, leaf)
-            self.widest[leaf] = max(self.widest[leaf], self.last[leaf])
+        for joint in self.scene.joints:
+            self.last[joint.leaf] = opened(watched, joint.leaf)
+            self.widest[joint.leaf] = max(self.widest[joint.leaf], self.last[joint.leaf])
 
     def _served(self) -> dict[str, list[int]]:
         """Return for "open" and "close" how many leaves were to be opened or closed, and how many were."""
-        wanted = {kind: [one.thing for one in self.task.needs if one.kind == kind] for kind in ("open", "close")}
-        wide = [leaf for leaf in wanted["open"] if self.widest[leaf] >= SERVED]
-        shut = [leaf for leaf in wanted["close"] if self.widest[leaf] >= SERVED and self.last[leaf] <= SHUT]
+        wanted = {kind: [one for one in self.task.needs if one.kind == kind] for kind in ("open", "close")}
+        wide = [need for need in wanted["open"] if any(self.widest[leaf] >= SERVED for leaf in self._leaves(need))]
+        shut = [
+            need
+            for need in wanted["close"]
+            if any(self.widest[leaf] >= SERVED for leaf in self._leaves(need))
+            and all(self.last[leaf] <= SHUT for leaf in self._leaves(need))
+        ]
         return {"open": [len(wanted["open"]), len(wide)], "close": [len(wanted["close"]), len(shut)]}
+
+    def _leaves(self, need: Need) -> list[str]:
+        """Return the leaf of a need; of two doors side by side either will do."""
+        joints = () if self.scene is None else self.scene.joints
+        kinds = {joint.leaf: joint.kind for joint in joints}
+        doors = [one.leaf for one in joints if one.holder == need.at and one.kind is JointKind.HINGED]
+        return doors if need.either and kinds.get(need.thing) is JointKind.HINGED else [need.thing]

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
@@ -24,7 +24,7 @@ from planlang.geometry import Array
 from sim import Body, Scene
 from sim.joints import Articulation
 from tests.benchmarks.homes.certificates import Search
-from tests.benchmarks.homes.tasks import Need
+from tests.benchmarks.homes.tasks import Need, Task
 from tests.support.locations.dense_sampler import Joints
 from tests.support.locations.oracle import Oracle
 from tests.support.locations.rooms import Room
@@ -48,6 +48,11 @@ TIGHT = 0.003
 """Extents of a thing are taken to be shorter by this when room is looked for [m]."""
 SECONDS = 4.0
 """CPU time for the certificate of one need [s]."""
+
+
+BY_EDGE = ("DinnerPlate", "Bowl-Eating", "Sponge-CleaningImplement")
+"""Classes of what is taken by a rim, or gives way."""
+MASS = "knowrob:massOfObject "
 
 
 class Answer(StrEnum):
@@ -126,6 +131,32 @@ class Reach:
         return float(self.radii[first : last + 1].max())
 
 
+def hand_of(robot: Robot) -> tuple[float, float]:
+    """Return how wide the hands of a robot open [m], and what they carry [kg]."""
+    hands = [arm for arm in robot.arms if arm.gripper is not None]
+    widest = max((arm.gripper.max_opening for arm in hands if arm.gripper), default=0.0)
+    return widest, max((arm.payload for arm in hands), default=0.0)
+
+
+def suited_to(robot: Robot) -> Callable[[Task], bool]:
+    """Return whether the hands of a robot are large and strong enough for what a task has it take.
+
+    Plates, bowls and sponges count as such: they are taken by the rim, or give way.
+    """
+    widest, strongest = hand_of(robot)
+
+    def suits(task: Task) -> bool:
+        for thing in (task.home.things[need.thing] for need in task.needs if need.kind == "grasp"):
+            assert thing.size is not None
+            if min(thing.size[:2]) > widest and thing.cls not in BY_EDGE:
+                return False
+            if any(float(fact.split()[1]) > strongest for fact in thing.facts if fact.startswith(MASS)):
+                return False
+        return True
+
+    return suits
+
+
 class Witness:
     """A robot in a true scene."""
 
@@ -189,13 +220,11 @@ class Witness:
             self._check_room(body, need.at)
 
     def _check_hand(self, body: Body) -> None:
-        hands = [arm for arm in self.robot.arms if arm.gripper is not None]
-        widest = max((arm.gripper.max_opening for arm in hands if arm.gripper), default=0.0)
-        by_edge = body.wall > 0 or body.soft or body.handles
+        by_edge = body.wall > 0 or body.soft or bool(body.handles)
+        widest, strongest = hand_of(self.robot)
         across = min(body.size[:2])  # its support is below it: no fingers close from above and below
         if across > widest and not by_edge:
             raise _Broken("too wide", body.name, f"{body.name} is {across:.3f} m across, hands open to {widest:.3f} m")
-        strongest = max((arm.payload for arm in hands), default=0.0)
         if body.mass > strongest * body.hands:
             raise _Broken("too heavy", body.name, f"{body.name} weighs {body.mass:.2f} kg, not {strongest:.2f} kg")
 
@@ -224,7 +253,9 @@ class Witness:
         if low > (top := max(one.highest for one in reaches)):
             raise _Broken("too high", body.name, f"{body.name} is at {low:.2f} m, the arms reach up to {top:.2f} m")
         if high < (bottom := min(one.lowest for one in reaches)):
-            raise _Broken("too low", body.name, f"{body.name} is at {high:.2f} m, the arms reach down to {bottom:.2f} m")
+            raise _Broken(
+                "too low", body.name, f"{body.name} is at {high:.2f} m, the arms reach down to {bottom:.2f} m"
+            )
         radius = max(one.radius(low, high) for one in reaches) + half
         away = np.linalg.norm(self.floor[:, None] - places[None, :, :2], axis=2)
         if not len(self.floor) or away.min() > radius:
