@@ -196,6 +196,7 @@ __all__ = [
     "sleep",
     "state_machine",
     "suspend",
+    "sweep",
     "switched_on",
     "tag",
     "task",
@@ -221,6 +222,7 @@ if TYPE_CHECKING:
     from planlang.language.state_machine import state_machine
     from planlang.language.tasktree import TaskNode, TaskTree
     from planlang.motion_constraints import Feature, MotionConstraint, a_constraint, a_feature
+    from planlang.sweeping import sweep
 
     __version__: str
 else:  # for mypy every name would be one of planlang's
@@ -234,10 +236,11 @@ else:  # for mypy every name would be one of planlang's
         "given": "language.ordering",
         "partial_order": "language.ordering",
         "state_machine": "language.state_machine",
+        "sweep": "sweeping",
     }
 
     def __getattr__(name: str) -> object:
-        """Look up what few plans need when it is asked for: some orders, task trees, constraints, the version."""
+        """Look up what few plans need when it is asked for: orders, task trees, constraints, sweeps, the version."""
         if name in _LATER:
             return getattr(import_module(f"planlang.{_LATER[name]}"), name)
         if name != "__version__":

@@ -38,6 +38,7 @@ from executive.cli.server_arguments import (
     ServeArguments,
     WatchArguments,
 )
+from executive.cli.sweep_arguments import SweepArguments, SweepMergeArguments, SweepTableArguments
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -70,7 +71,7 @@ def robots_command() -> None:
     """Inspect robots, make robot files."""
 
 
-_RUNNING = ("run", "replay", "locate", "enable")
+_RUNNING = ("run", "sweep", "replay", "locate", "enable")
 """Commands that build the simulated world."""
 
 
@@ -92,7 +93,7 @@ def _command(name: str, arguments: type[Arguments]) -> Callable[..., None]:
         def work() -> Answer:
             if name in _RUNNING:
                 check_memory()
-            reply: Answer = import_module(f"executive.cli.{name.split()[-1]}").command(given)
+            reply: Answer = import_module(f"executive.cli.{name.split()[-1].replace('-', '_')}").command(given)
             return reply
 
         answer(name, work, as_json=given.json, all_notes=getattr(given, "verbose", True))
@@ -110,6 +111,9 @@ for name, arguments, example in (
     ("merge", MergeArguments, "hospital_room seen_today.omn -o room.omn"),
     ("match", MatchArguments, "serve_a_drink --robot amigo"),
     ("run", RunArguments, "serve_a_drink --seed 3 --trace run.jsonl --picture scene.png"),
+    ("sweep", SweepArguments, "serve_a_drink --worlds 100 --out drinks.jsonl"),
+    ("sweep-merge", SweepMergeArguments, "shard1.jsonl shard2.jsonl --out drinks.jsonl"),
+    ("sweep-table", SweepTableArguments, "drinks.jsonl --csv drinks.csv"),
     ("enable", EnableArguments, "serve_a_drink --robot amigo --from http://localhost:8080 --run"),
     ("replay", ReplayArguments, "run.jsonl"),
     ("export", ExportArguments, "run.jsonl --to neem -o experience"),

@@ -266,17 +266,9 @@ class MatchArguments(TaskArguments):
 
 
 @dataclass(frozen=True, kw_only=True)
-class RunArguments(TaskArguments, VerboseArguments):
-    """Run a plan or a recipe in a simulated world.
+class SituationArguments(TaskArguments, VerboseArguments):
+    """Options that say which robot runs a plan, where, and what it knows."""
 
-    planlang run --resume TRACE resumes an interrupted run; name plan, robot and environment unless they are bundled.
-    """
-
-    file: Annotated[
-        str | None,
-        typer.Argument(metavar="RECIPE|PLAN", help="A recipe's or plan's file, or a bundled recipe's name."),
-    ] = None
-    verbose: Annotated[bool, typer.Option("--verbose", help="List all notes and inner actions of modules.")] = False
     robot: Robot = None
     urdf: Urdf = None
     accept: Accept = None
@@ -302,16 +294,37 @@ class RunArguments(TaskArguments, VerboseArguments):
         ),
     ] = None
     set_: Set = None
-    seed: Annotated[
-        int | None,
-        typer.Option(min=0, metavar="N", help="Displace things in the simulated world by this seed; 0: none."),
-    ] = None
     schedule: Annotated[
         int | None,
         typer.Option(min=0, metavar="K", help="Run concurrent tasks in another order, the same for the same number."),
     ] = None
     modules: Modules = None
     trust: Trust = False
+    force: Annotated[
+        bool,
+        typer.Option(
+            "--force",
+            help="Run although robot or program lack something; overwrite files that planlang did not write.",
+        ),
+    ] = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunArguments(SituationArguments):
+    """Run a plan or a recipe in a simulated world.
+
+    planlang run --resume TRACE resumes an interrupted run; name plan, robot and environment unless they are bundled.
+    """
+
+    file: Annotated[
+        str | None,
+        typer.Argument(metavar="RECIPE|PLAN", help="A recipe's or plan's file, or a bundled recipe's name."),
+    ] = None
+    verbose: Annotated[bool, typer.Option("--verbose", help="List all notes and inner actions of modules.")] = False
+    seed: Annotated[
+        int | None,
+        typer.Option(min=0, metavar="N", help="Displace things in the simulated world by this seed; 0: none."),
+    ] = None
     gui: Annotated[bool, typer.Option("--gui", help="Show the world in a window.")] = False
     trace: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the trace of the run, as JSON Lines.")] = (
         None
@@ -339,13 +352,6 @@ class RunArguments(TaskArguments, VerboseArguments):
     world_as_left: Annotated[
         bool,
         typer.Option("--world-as-left", help="With --resume: the world is as the trace left it; do not restore it."),
-    ] = False
-    force: Annotated[
-        bool,
-        typer.Option(
-            "--force",
-            help="Run although robot or program lack something; overwrite files that planlang did not write.",
-        ),
     ] = False
 
 

@@ -134,8 +134,10 @@ def read_sweep(path: Path) -> Sweep:
 def differences(header: Header, other: Header) -> list[str]:
     """Return what differs between two sweeps, in words; nothing for the same one, or shards of it."""
     found = [f"{name} is {there!s:.200}, not {here!s:.200}" for name, there, here in _different(header, other)]
-    if not found and header["worlds_sha256"] != other["worlds_sha256"]:
-        found = ["the worlds differ"]
+    if len(header["worlds"]) != len(other["worlds"]):
+        found.append(f"it has {len(header['worlds'])} worlds, not {len(other['worlds'])}")
+    elif not found and header["worlds_sha256"] != other["worlds_sha256"]:
+        found.append("the worlds differ")
     return found
 
 

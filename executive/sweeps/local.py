@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import atexit
 import json
 import os
+import shutil
 import sys
 import tempfile
 import threading
@@ -108,6 +110,7 @@ def prepared(job: str, folder: str, *path: str) -> Performs:
     """Import the job, once for all processes; its temporary files go to ``folder``, which the supervisor removes."""
     sys.path += [one for one in path if one not in sys.path]
     tempfile.tempdir = folder
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)  # if the supervisor was killed
     resolve_name(job)
     return lambda function, arguments: function(*arguments)
 
