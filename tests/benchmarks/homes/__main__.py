@@ -1,7 +1,7 @@
 """Everyday tasks in homes that are drawn at random: how many reach their goal, by template and robot.
 
 python -m tests.benchmarks.homes run --robots amigo,pr2 --seeds 0:3 [--templates fetch,beside] [--out ROWS]
-python -m tests.benchmarks.homes run --series acceptance [--displaced] --out ROWS
+python -m tests.benchmarks.homes series acceptance [--docs docs/homes.md]
 python -m tests.benchmarks.homes table ROWS... [--docs docs/homes.md]
 python -m tests.benchmarks.homes write FOLDER --robots pr2 --seeds 0:1 --templates fetch
 python -m tests.benchmarks.homes witness --robots pr2 --seeds 0:1 --templates fetch
@@ -12,7 +12,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from executive.belief import read_map, scene_of
@@ -25,7 +25,7 @@ from planlang.diagnostics import BadInput
 from planlang.ontology import load
 from tests.benchmarks.homes import series
 from tests.benchmarks.homes.furnishing import NoRoom
-from tests.benchmarks.homes.robots import ROBOTS, named
+from tests.benchmarks.homes.robots import MADE, ROBOTS, named
 from tests.benchmarks.homes.series import Case, NotAccepted
 from tests.benchmarks.homes.table import documented, tables
 from tests.benchmarks.homes.tasks import TEMPLATES
@@ -44,61 +44,69 @@ def main(words: Sequence[str] | None = None) -> int:
     for name in ("run", "write", "witness"):
         one = commands.add_parser(name)
         one.add_argument("--robots", default=",".join(ROBOTS))
-        one.add_argument("--seeds", help="FIRST:END")
+        one.add_argument("--seeds", default="0:1", help="FIRST:END")
         one.add_argument("--templates", default="", help="all by default")
         if name == "write":
             one.add_argument("folder", type=Path)
         if name == "run":
-            one.add_argument("--series", choices=("development", "acceptance"), default="development")
             one.add_argument("--displaced", action="store_true", help="the seed displaces the world, the map stays")
             one.add_argument("--witness", choices=("all", "failed", "none"), default="failed")
             one.add_argument("--jobs", type=int, default=None, help="processes; as many as cores by default")
             one.add_argument("--out", type=Path, help="a file of rows, which is gone on with")
+    one = commands.add_parser("series", help="a whole series, in homes as their maps say and displaced")
+    one.add_argument("series", choices=("development", "acceptance"))
+    one.add_argument("--robots", default=",".join(ROBOTS))
+    one.add_argument("--tasks", type=int, default=TASKS, help="for each template and robot")
+    one.add_argument("--jobs", type=int, default=None)
+    one.add_argument("--docs", type=Path, help="write the table into this page")
     one = commands.add_parser("table")
     one.add_argument("rows", type=Path, nargs="+")
     one.add_argument("--docs", type=Path, help="write it into this page")
     words = sys.argv[1:] if words is None else words
     given = parser.parse_args(["run", *words] if words[:1] and words[0].startswith("--") else words)
     try:
-        return {"run": _run, "table": _table, "write": _write, "witness": _witness}[given.command](given)
+        return COMMANDS[given.command](given)
     except (NotAccepted, BadInput) as problem:
         print(problem, file=sys.stderr)
         return 2
 
 
-def _cases(given: argparse.Namespace, seeds: Sequence[int]) -> list[Case]:
+def _cases(given: argparse.Namespace) -> list[Case]:
     names = [one for one in sorted(TEMPLATES) if not given.templates or one in given.templates.split(",")]
-    return list(series.cases(seeds, names, given.robots.split(","), getattr(given, "displaced", False)))
-
-
-def _seeds(given: argparse.Namespace) -> Sequence[int]:
-    if given.seeds:
-        first, end = map(int, given.seeds.split(":"))
-        return range(first, end)
-    return range(TASKS)
+    first, end = map(int, given.seeds.split(":"))
+    return list(series.cases(range(first, end), names, given.robots.split(","), getattr(given, "displaced", False)))
 
 
 def _run(given: argparse.Namespace) -> int:
-    seeds, about = _seeds(given), {"series": "development"}
-    if given.series == "acceptance":
-        commit = series.commit_measured()
-        seeds, about = series.acceptance_series(commit, TASKS), {"series": "acceptance", "commit": commit}
-    cases = _cases(given, seeds)
+    rows = _swept(_cases(given), given.witness, given.jobs, given.out, {"series": "development"})
+    print("\n".join(tables(rows)))
+    return 0
+
+
+def _series(given: argparse.Namespace) -> int:
+    """Run a series, and go on with it if its files are there; another series of the same commit is compared."""
+    is_accepted = given.series == "acceptance"
+    commit = series.commit_measured(allow_changes=not is_accepted)
+    seeds = series.acceptance_series(commit, given.tasks) if is_accepted else range(given.tasks)
+    MADE.mkdir(parents=True, exist_ok=True)
+    for displaced in (False, True):
+        cases = list(series.cases(seeds, sorted(TEMPLATES), given.robots.split(","), displaced))
+        file = MADE / f"{given.series}-{commit[:12]}{'-displaced' if displaced else ''}.jsonl"
+        _swept(cases, "failed", given.jobs, file, {"series": given.series, "commit": commit})
+    given.rows = sorted(MADE.glob(f"*-{commit[:12]}*.jsonl"))
+    return _table(given)
+
+
+def _swept(
+    cases: Sequence[Case], witnessed: str, jobs: int | None, out: Path | None, about: Mapping[str, str]
+) -> list[Row]:
+    """Run tasks in supervised processes; return their rows."""
     for robot in {case.robot for case in cases}:
         named(robot)  # it is made before several processes want it
     told = _Progress(len(cases))
-    rows = sweep(
-        [case.world | {"witnessed": given.witness} for case in cases],
-        "tests.benchmarks.homes.trial:job",
-        processes=given.jobs,
-        limits=LIMITS,
-        out=given.out,
-        about=about,
-        told=told,
-        resumed=told.resumed,
-    )
-    print("\n".join(tables(rows)))
-    return 0
+    worlds = [case.world | {"witnessed": witnessed} for case in cases]
+    job = "tests.benchmarks.homes.trial:job"
+    return sweep(worlds, job, processes=jobs, limits=LIMITS, out=out, about=about, told=told, resumed=told.resumed)
 
 
 class _Progress:
@@ -133,7 +141,7 @@ def _table(given: argparse.Namespace) -> int:
 
 def _write(given: argparse.Namespace) -> int:
     given.folder.mkdir(parents=True, exist_ok=True)
-    for case in _cases(given, _seeds(given)):
+    for case in _cases(given):
         try:
             recipe, home = write(task_of(case), case.seed, given.folder)
         except NoRoom as problem:
@@ -144,17 +152,19 @@ def _write(given: argparse.Namespace) -> int:
 
 
 def _witness(given: argparse.Namespace) -> int:
-    given.folder = Path(series.TOP / ".venv" / "homes" / "witness")
-    given.folder.mkdir(parents=True, exist_ok=True)
-    for case in _cases(given, _seeds(given)):
+    folder = MADE / "maps"
+    folder.mkdir(parents=True, exist_ok=True)
+    for case in _cases(given):
         task = task_of(case)
-        _, home = write(task, case.seed, given.folder)
+        _, home = write(task, case.seed, folder)
         found = verdict(task, scene_of(read_map(load(home))), case.robot)
         print(
             f"{case.template:24} {case.seed:4} {case.robot:10} {found.answer.value:10} {found.why} {found.open or ''}"
         )
     return 0
 
+
+COMMANDS = {"run": _run, "series": _series, "table": _table, "write": _write, "witness": _witness}
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -1,4 +1,4 @@
-"""Certificates that something is possible: a base pose that can be driven to, and an arm that gets there, touching nothing.
+"""Certificates that something is possible: a base pose that can be driven to, and an arm that gets there, free.
 
 Hand poses are drawn around what is to be grasped, put down, opened, pressed, reached; bases on the floor within reach;
 the arm follows by damped least squares, and PyBullet looks at the rest. All of it is the judge's own code.
@@ -35,6 +35,8 @@ OVER = 0.2
 """Height of a hand that pours over the vessel [m]."""
 ENDS = (0.0, 0.01, 0.02, 0.03, 0.045, 0.06, 0.08)
 """Distances by which the ends of fingers may be ahead of the grip point [m]."""
+WIPING = 0.06
+"""Height of a hand that wipes over the table [m]."""
 PAST = 0.35
 """Distance at which something is handed over before somebody's middle [m]."""
 Hands = Array
@@ -83,10 +85,10 @@ class Search:
                 return self._reached(hands, scene.body(need.thing).name)
             case "pour":
                 vessel = scene.body(need.at)
-                return self._over(np.array(vessel.pose.position) + (0.0, 0.0, vessel.size[2] / 2 + OVER))
+                return self._over(above(vessel, OVER))
             case "wipe":
                 table = scene.body(need.at)
-                return self._over(np.array(table.pose.position) + (0.0, 0.0, table.size[2] / 2 + 0.06))
+                return self._over(above(table, WIPING))
             case "hand over":
                 who = scene.body(need.at)
                 ahead = who.pose.rotation[:, 0] * (PAST + who.size[0] / 2 if who.size[2] > 0.8 else 0.0)
@@ -284,7 +286,7 @@ class Search:
 
 
 def _areas(scene: Scene, at: str) -> Iterator[tuple[Pose, tuple[float, float], float]]:
-    """Yield the level areas on or in a support: the middle of each, its extents, and the height that is clear over it."""
+    """Yield the level areas on or in a support: the middle of each, its extents, and the height clear over it."""
     joint = next((one for one in scene.joints if one.leaf == at), None)
     holder = at if joint is None or joint.kind is JointKind.PRISMATIC or joint.holder is None else joint.holder
     body = scene.body(holder)
@@ -293,6 +295,12 @@ def _areas(scene: Scene, at: str) -> Iterator[tuple[Pose, tuple[float, float], f
         yield body.pose @ Pose((x, y, z - room.size[2] / 2)), (room.size[0], room.size[1]), room.size[2]
     if not body.cavities:
         yield body.pose @ Pose((0.0, 0.0, body.size[2] / 2)), (body.size[0], body.size[1]), 2.0
+
+
+def above(body: Body, height: float) -> Array:
+    """Return the point (3,) above the middle of the top of what stands."""
+    x, y, z = body.pose.position
+    return np.array([x, y, z + body.size[2] / 2 + height])
 
 
 def _is_in(body: Body, other: Body) -> bool:

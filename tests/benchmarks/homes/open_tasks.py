@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 from tests.benchmarks.homes import goals
@@ -163,6 +164,11 @@ def sort_by_class(home: Home) -> Task:
 
 # Liquids
 
+FULL = 0.7
+"""Share of a vessel's outline that may be full: walls, neck and rim take the rest."""
+LEFT = (10.0, 40.0)
+"""Amount that is left in a glass that is filled up [ml]."""
+
 
 def _poured(home: Home) -> tuple[str, str, float]:
     """Put a bottle with something in it and a glass on one or two tables."""
@@ -170,8 +176,16 @@ def _poured(home: Home) -> tuple[str, str, float]:
     bottle = home.thing("bottle", table, where=somewhere(home))
     other = table if home.chance(0.6) else some_table(home)
     glass = home.thing(home.one_of(("glass", "cup", "mug")), other, where=somewhere(home))
-    home.filled(bottle, "Water", home.between((300.0, 500.0)))
-    return bottle, glass, float(int(home.rng.integers(5, 16)) * 10)
+    amount = float(int(home.rng.integers(5, 16)) * 10)
+    home.filled(bottle, "Water", round(min(home.between((300.0, 500.0)), FULL * volume(home, bottle)), 1))
+    return bottle, glass, min(amount, 10.0 * int(FULL * volume(home, glass) / 10) - LEFT[1])
+
+
+def volume(home: Home, vessel: str) -> float:
+    """Return what is inside the outline of something round [ml]."""
+    size = home.things[vessel].size
+    assert size is not None
+    return math.pi / 4 * size[0] ** 2 * size[2] * 1e6
 
 
 @template
@@ -195,7 +209,7 @@ def refill_glass(home: Home) -> Task:
     """Fill a glass up in which something is left."""
     home.room("Kitchen")
     bottle, glass, amount = _poured(home)
-    left = float(int(home.rng.integers(1, 5)) * 10)
+    left = 10.0 * int(home.rng.integers(LEFT[0] / 10, LEFT[1] / 10 + 1))
     home.filled(glass, "Water", left)
     steps = (step("FluidFlow-Translation", what=bottle, to=glass, amount=repr(amount)),)
     wanted = goals.contains(glass, left + amount)

@@ -1,4 +1,4 @@
-"""Series of tasks: which seeds belong to development, which to acceptance, and which nobody may be accepted by any more.
+"""Series of tasks: which seeds belong to development, which to acceptance, and which are burnt.
 
 Development seeds may be looked into. Acceptance seeds follow from the commit that is measured, so that nobody can have
 seen its homes; once somebody has looked into them they are burnt, and stand in ``burnt.json``.
@@ -60,9 +60,9 @@ def acceptance_seed(commit: str) -> int:
     return ACCEPTANCE + SPAN * (number % 1_000_000)
 
 
-def commit_measured(top: Path = TOP) -> str:
+def commit_measured(top: Path = TOP, *, allow_changes: bool = False) -> str:
     """Return the commit of the checkout; raises NotAccepted if files of the product differ from it."""
-    changed = _git(top, "status", "--porcelain", "--", *PRODUCT)
+    changed = "" if allow_changes else _git(top, "status", "--porcelain", "--", *PRODUCT)
     if changed:
         raise NotAccepted(f"files of the product are not committed:\n{changed}")
     return _git(top, "rev-parse", "HEAD")

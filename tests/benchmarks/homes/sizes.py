@@ -11,8 +11,9 @@ Sources of the ranges:
   1,900 to 2,100 mm by 900 to 1,000 mm at 450 to 600 mm, seats at 430 to 470 mm; nursing beds 400 to 800 mm.
 * [P] people: DIN 33402-2, women's 5th to men's 95th percentile: 1,535 to 1,855 mm tall, 1,200 to 1,400 mm when seated.
 * [W] ways: 900 to 1,200 mm before furniture that is opened (Neufert; NKBA asks for 914 mm), 800 to 1,200 mm else.
-* [T] tableware and packages as sold: cups 60 (espresso) to 95 mm, mugs 80 to 95 mm, glasses 60 to 80 mm, bottles of 0.5 to 1 l 60 to 85 mm, cans
-  66 mm, cartons of 1 l 70 mm square, plates 190 to 270 mm, bowls 120 to 170 mm, cutlery 160 to 210 mm.
+* [T] tableware and packages as sold: cups 60 (espresso) to 95 mm (coffee), mugs 80 to 95 mm, glasses 60 to 80 mm,
+  bottles of 0.5 to 1 l 60 to 85 mm, cans 66 mm, cartons of 1 l 70 mm square, plates 190 to 270 mm, bowls 120 to 170 mm,
+  cutlery 160 to 210 mm.
 
 All lengths are in metres: (depth, width, height) along a thing's own x, y and z; x points to its front.
 """

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 from executive.sweeps import Row
 from executive.sweeps.table import causes, wilson
@@ -113,8 +113,8 @@ def _leaves(rows: Sequence[Row], kind: str) -> str:
 
 
 def _impossible(rows: Sequence[Row], robots: Sequence[str]) -> Iterator[str]:
-    yield "What the witness says of the tasks that failed: impossible, by kind; ended with the right reason and no harm;"
-    yield "open, which counts as possible."
+    yield "The witness on the tasks that failed: impossible, by kind; of these, ended with the right reason and no harm."
+    yield "What is open counts as possible."
     yield ""
     lines = []
     for robot in robots:
@@ -144,12 +144,10 @@ def _series(rows: Sequence[Row]) -> Iterator[str]:
 def _grid(head: Sequence[str], lines: Iterable[Sequence[str]]) -> Iterator[str]:
     rows = [list(head), *map(list, lines)]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    pad: Callable[[Sequence[str]], str] = lambda row: " | ".join(  # noqa: E731
-        cell.ljust(width) for cell, width in zip(row, widths, strict=True)
-    )
-    yield f"| {pad(rows[0])} |"
+    lines = [" | ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)) for row in rows]
+    yield f"| {lines[0]} |"
     yield f"|{'|'.join('-' * (width + 2) for width in widths)}|"
-    yield from (f"| {pad(row)} |" for row in rows[1:])
+    yield from (f"| {line} |" for line in lines[1:])
 
 
 def _cell(text: str) -> str:

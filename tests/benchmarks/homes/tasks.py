@@ -25,7 +25,10 @@ KEPT = 0.2
 
 @dataclass(frozen=True)
 class Need:
-    """Something that has to be possible: "grasp", "place", "open", "close", "hand over", "press", "wipe", "see", "pour"."""
+    """Something that has to be possible.
+
+    ``kind``: "grasp", "place", "open", "close", "hand over", "press", "wipe", "see" or "pour".
+    """
 
     kind: str
     thing: str
@@ -72,7 +75,7 @@ def drawn(name: str, seed: int, suits: Callable[[Task], bool] = lambda task: Tru
     So are most of those that do not suit a robot: its user has things that its hand can hold. One in five is kept, to
     see that the robot says so.
     """
-    number = sorted(TEMPLATES).index(name)
+    number = _number(name)
     is_kept = np.random.default_rng([seed, number, REDRAWN]).uniform() < KEPT
     task = None
     for again in range(REDRAWN):
@@ -87,6 +90,11 @@ def drawn(name: str, seed: int, suits: Callable[[Task], bool] = lambda task: Tru
     if task is None:
         raise NoRoom(f"{name} {seed}: {REDRAWN} homes are too full")
     return task
+
+
+def _number(name: str) -> int:
+    """Return the number of a template; those of later modules follow, so that the homes of earlier ones stay."""
+    return sorted(TEMPLATES, key=lambda one: (TEMPLATES[one].__module__.endswith("more_tasks"), one)).index(name)
 
 
 def _others(home: Home) -> None:

@@ -65,7 +65,7 @@ class Joints:
         ends = np.clip(np.array([limits[name] for name in names]), -math.pi, math.pi)
         return Joints(
             np.array([_origin(joint) for joint in chain]),
-            axes / np.linalg.norm(axes, axis=1)[:, None],
+            axes / np.maximum(np.linalg.norm(axes, axis=1), 1e-9)[:, None],
             np.array([joint.get("type") == "prismatic" for joint in chain]),
             columns,
             names,
