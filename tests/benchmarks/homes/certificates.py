@@ -189,7 +189,7 @@ class Search:
     # Bases
 
     def _reached(self, hands: Sequence[Hands], target: str | None, share: float = 1.0) -> bool:
-        """Return True if an arm reaches one of its hands from somewhere; ``share`` of the time that is left may pass."""
+        """Return True if an arm reaches one of its hands from somewhere, in a ``share`` of the time that is left."""
         until = time.process_time() + share * max(self.until - time.process_time(), 0.0)
         ways = Ways(self.oracle)
         for arm, ours in zip(self.oracle.robot.arms, hands, strict=True):
@@ -266,23 +266,25 @@ class Search:
                 continue
             low = frame.position[2]
             others = [
-                Rectangle(one.position[0], one.position[1], one.yaw, (body.size[0] / 2, body.size[1] / 2))
+                outline(body, one)
                 for body in scene.bodies
                 if body.movable and body.name not in (thing.name, at)
                 for one in ((moved or {}).get(body.name, body.pose),)
                 if low - 0.02 < one.position[2] - body.size[2] / 2 < low + thing.size[2]
             ]
             axes = [np.arange(-extent / 2, extent / 2 + 1e-6, spacing) for extent in size]
-            for x in axes[0].tolist():
-                for y in axes[1].tolist():
-                    for turn in turns.tolist():
-                        corners = Rectangle(x, y, turn, (half[0], half[1])).corners()
-                        if (np.abs(corners) > np.array(size) / 2).any():
-                            continue
-                        pose = frame @ Pose.planar(x, y, turn, thing.size[2] / 2 + 0.002)
-                        outline = Rectangle(pose.position[0], pose.position[1], pose.yaw, (half[0], half[1]))
-                        if not any(outline.overlaps(one) for one in others):
-                            yield pose
+            local = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 2)
+            points = local @ frame.rotation[:2, :2].T + frame.position[:2]
+            gaps = np.min([np.full(len(points), np.inf), *(one.distances(points) for one in others)], axis=0)
+            for (x, y), gap in zip(local[gaps > min(half)].tolist(), gaps[gaps > min(half)].tolist(), strict=True):
+                for turn in turns.tolist() if thing.shape == "box" else (0.0,):
+                    corners = Rectangle(x, y, turn, (half[0], half[1])).corners()
+                    if (np.abs(corners) > np.array(size) / 2).any():
+                        continue
+                    pose = frame @ Pose.planar(x, y, turn, thing.size[2] / 2 + 0.002)
+                    there = Rectangle(pose.position[0], pose.position[1], pose.yaw, (half[0], half[1]))
+                    if thing.shape != "box" or gap > max(half) * 1.5 or not any(map(there.overlaps, others)):
+                        yield pose
 
 
 def _areas(scene: Scene, at: str) -> Iterator[tuple[Pose, tuple[float, float], float]]:
@@ -295,6 +297,12 @@ def _areas(scene: Scene, at: str) -> Iterator[tuple[Pose, tuple[float, float], f
         yield body.pose @ Pose((x, y, z - room.size[2] / 2)), (room.size[0], room.size[1]), room.size[2]
     if not body.cavities:
         yield body.pose @ Pose((0.0, 0.0, body.size[2] / 2)), (body.size[0], body.size[1]), 2.0
+
+
+def outline(body: Body, at: Pose | None = None) -> Rectangle:
+    """Return the rectangle over which a body stands, there or at a pose."""
+    pose = at or body.pose
+    return Rectangle(pose.position[0], pose.position[1], pose.yaw, (body.size[0] / 2, body.size[1] / 2))
 
 
 def above(body: Body, height: float) -> Array:

@@ -39,8 +39,9 @@ def fisher(one: tuple[int, int], other: tuple[int, int]) -> float:
 
 
 def tables(rows: Sequence[Row]) -> Iterator[str]:
-    """Yield the lines of all tables, in Markdown."""
-    drawn = [row for row in rows if row["outcome"] != "not drawn"]
+    """Yield the lines of all tables, in Markdown: of the acceptance series if there is one, else of all rows."""
+    every = [row for row in rows if row["outcome"] != "not drawn"]
+    drawn = [row for row in every if row.get("series") == "acceptance"] or every
     robots = list(dict.fromkeys(row["robot"] for row in drawn if "robot" in row))
     yield "Reached of what is possible, with Wilson's 95 % interval."
     yield ""
@@ -49,7 +50,7 @@ def tables(rows: Sequence[Row]) -> Iterator[str]:
     yield from _by_template(drawn, robots)
     yield ""
     yield from _impossible(drawn, robots)
-    yield from _series(drawn)
+    yield from _series(every)
     yield ""
     yield "Why possible tasks were not reached: class and first sentence, number, and a command that repeats one."
     yield ""
@@ -113,7 +114,7 @@ def _leaves(rows: Sequence[Row], kind: str) -> str:
 
 
 def _impossible(rows: Sequence[Row], robots: Sequence[str]) -> Iterator[str]:
-    yield "The witness on the tasks that failed: impossible, by kind; of these, ended with the right reason and no harm."
+    yield "The witness on tasks that failed: impossible ones by kind, and those of them that ended with the right reason."
     yield "What is open counts as possible."
     yield ""
     lines = []

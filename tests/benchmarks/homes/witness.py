@@ -23,7 +23,7 @@ from executive.robots import Robot
 from planlang.geometry import Array
 from sim import Body, Scene
 from sim.joints import Articulation
-from tests.benchmarks.homes.certificates import Search
+from tests.benchmarks.homes.certificates import Search, outline
 from tests.benchmarks.homes.tasks import Need, Task
 from tests.support.locations.dense_sampler import Joints
 from tests.support.locations.oracle import Oracle
@@ -275,20 +275,13 @@ class Witness:
         free = (np.abs(grid - room.pose.position[:2]) <= half - keep).all(axis=2)
         for body in self.scene.bodies:
             if body.shape not in ("room", "marker") and body.pose.position[2] - body.size[2] / 2 < LOW:
-                free &= _distance(body, grid.reshape(-1, 2)).reshape(free.shape) > keep
+                free &= outline(body).distances(grid.reshape(-1, 2)).reshape(free.shape) > keep
         return grid[_joined(free, np.linalg.norm(grid - start, axis=2))]
 
     def _check_room(self, thing: Body, at: str) -> None:
         """Raise _Broken if there is nowhere on or in a support that a thing would fit."""
         if not any(True for _ in self.search.spots(self.scene, thing, at, SPOTS, TURNS, TIGHT)):
             raise _Broken("no room", at, f"no room on {at} for {thing.name}")
-
-
-def _distance(body: Body, points: Array) -> Array:
-    """Return the distance of points (n, 2) from the outline of a body that stands, 0 inside (n,)."""
-    c, s = math.cos(body.pose.yaw), math.sin(body.pose.yaw)
-    local = (points - body.pose.position[:2]) @ np.array([(c, -s), (s, c)])
-    return np.linalg.norm(np.maximum(np.abs(local) - np.array(body.size[:2]) / 2, 0.0), axis=1)
 
 
 def _joined(free: NDArray[np.bool_], away: Array) -> NDArray[np.bool_]:
