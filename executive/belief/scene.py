@@ -110,7 +110,10 @@ FIXED = (
     "Place",
     "SpaceRegion",
 )
-"""Classes of things that stay where the map says, light furniture left out."""
+"""Classes of things that stay where the map says; light furniture and packages, which are below some, do not."""
+
+PACKAGES = ("PackagingContainerProduct",)
+"""Classes of packages, such as cardboard boxes: hands take them if they are small enough."""
 
 CONTAINERS = ("StorageConstruct", "Box-Container", "Container", "Refrigerator", "Dishwasher", "Oven", "Shelf")
 """Classes of things inside of which others may lie: as a part of something larger, such a thing is a compartment."""
@@ -207,7 +210,7 @@ def _movable(thing: MapObject, semantic_map: SemanticMap, *, wide: bool) -> bool
         return False
     if _is_a(thing, semantic_map, LIGHT_FURNITURE):
         return True
-    if _is_a(thing, semantic_map, FIXED):
+    if _is_a(thing, semantic_map, FIXED) and not _is_a(thing, semantic_map, PACKAGES):
         return False
     narrow = min(thing.size[:2]) <= GRASPABLE_WIDTH or thing.size[2] <= THIN
     return (wide or narrow) and max(thing.size) <= LONGEST

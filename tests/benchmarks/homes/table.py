@@ -114,7 +114,7 @@ def _leaves(rows: Sequence[Row], kind: str) -> str:
 
 
 def _impossible(rows: Sequence[Row], robots: Sequence[str]) -> Iterator[str]:
-    yield "The witness on tasks that failed: impossible ones by kind, and those of them that ended with the right reason."
+    yield "The witness on tasks that failed: impossible ones by kind, and those that ended with the right reason."
     yield "What is open counts as possible."
     yield ""
     lines = []

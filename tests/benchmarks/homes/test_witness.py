@@ -1,4 +1,4 @@
-"""The witness of the homes: an obvious task is possible, and planted impossible ones are impossible for their reason."""
+"""The witness of the homes: an obvious task is possible, planted impossible ones are impossible for their reason."""
 
 from __future__ import annotations
 

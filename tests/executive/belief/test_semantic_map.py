@@ -429,6 +429,15 @@ def test_parts_and_hinged_things_stay_where_they_are(map_of: Read, thing: Write,
     assert [body.name for body in scene.bodies if body.movable] == ["ball1"]
 
 
+def test_a_small_cardboard_box_is_taken_by_hands_and_a_large_one_stays(map_of: Read, thing: Write, seen: Write) -> None:
+    semantic_map = map_of(
+        *(thing(name, "CardboardBox", size) for name, size in (("box1", (0.2, 0.06, 0.25)), ("box2", (0.6, 0.4, 0.4)))),
+        thing("drawer1", "Drawer", (0.1, 0.1, 0.1)),
+        *(seen(name, (n, 0, 0.5), number=n) for n, name in enumerate(("box1", "box2", "drawer1"), 1)),
+    )
+    assert [body.name for body in scene_of(semantic_map).bodies if body.movable] == ["box1"]
+
+
 def test_a_handle_is_a_part_of_a_body_that_hands_take_by_it_and_not_of_furniture(
     map_of: Read, thing: Write, seen: Write
 ) -> None:
