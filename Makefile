@@ -3,6 +3,8 @@
 # make test-long   tests that take long, up to minutes, beside shorter ones of the same; all random examples
 # make mutants the kernel broken on purpose, and what notices            make coverage   branches that no test takes
 # make bench   measurements            make seeds   the bundled recipe in 30 worlds that are not as the map says
+# make homes   everyday tasks in homes drawn at random, by four robots, with the table of docs/homes.md: three hours
+#              SERIES=acceptance for the homes that follow from the commit; a series that was stopped goes on
 # make maps    the reachability maps of the bundled robots, after a change of their URDF or of how maps are made
 # make processors   the bundled recipe as other processors would run it, ten seeds: the same decisions
 # make counts  lines, files, modules of a run, import circles, names that exist twice
@@ -29,7 +31,7 @@ PYTEST_ARGS ?=
 # Tests and measurements start hundreds of processes; each would compile all modules anew where the variable is set.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help demo test test-long lint counts bench bench-locations coverage mutants seeds processors fuzz maps clean
+.PHONY: help demo test test-long lint counts bench bench-locations coverage mutants seeds homes processors fuzz maps clean
 
 help:
 	@sed -n 's/^# //p' Makefile
@@ -130,6 +132,10 @@ seeds: $(VENV)/.dev-stamp
 
 processors: $(VENV)/.dev-stamp
 	$(BIN)/python tests/benchmarks/processors.py
+
+SERIES ?= development
+homes: $(VENV)/.pr2-stamp
+	$(BIN)/python -m tests.benchmarks.homes series $(SERIES) --jobs $(JOBS) --docs docs/homes.md
 
 fuzz: $(VENV)/.dev-stamp
 	$(BIN)/python tests/fuzz/run.py --seconds $(FUZZ_SECONDS) --seed $(FUZZ_SEED) --jobs $(JOBS)

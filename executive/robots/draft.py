@@ -36,6 +36,8 @@ MARGIN = 0.02
 """Room that is added around the base [m]."""
 PAYLOAD = 1.0
 """Mass that any arm carries [kg]: a URDF does not say."""
+USUAL_OPENING = 0.07
+"""Opening that stands as an example where it is missing [m]."""
 TURNS = 8 * np.pi
 """Range of a turning joint that nobody can have meant [rad]."""
 _CARRYING = re.compile(r"carry|tuck|transport|travel|park|stow", re.IGNORECASE)
@@ -282,13 +284,17 @@ class _Maker:
             what = "no finger of the URDF moves: without a gripper nothing can be grasped"
             table.add("opened", {"finger_joint": 0.04}, what, Status.MISSING)
             table.add("closed", {"finger_joint": 0.0}, "", Status.MISSING)
-            table.add("max_opening", 0.07, "", Status.MISSING)
+            table.add("max_opening", USUAL_OPENING, "", Status.MISSING)
             return
-        table.add("opened", shape.opened, "fingers farthest from each other, as far as a hand has to open")
-        table.add("closed", shape.closed, "fingers together")
-        table.add("fingers", shape.fingers)
+        status = Status.DERIVED if shape.max_opening else Status.MISSING
+        table.add("opened", shape.opened, "fingers farthest from each other, as far as a hand has to open", status)
+        table.add("closed", shape.closed, "fingers together", status)
+        table.add("fingers", shape.fingers, "", status)
         measured = "95 % of the gap between the opened fingers"
-        if any(one.code == "B013" for one in read_description(self.draft.urdf).diagnostics):
+        if not shape.max_opening:
+            why = "no gap between two fingers can be measured; the data sheet of the hand says what fits"
+            table.add("max_opening", USUAL_OPENING, why, status)
+        elif any(one.code == "B013" for one in read_description(self.draft.urdf).diagnostics):
             coarse = f"{measured}, whose meshes may be among those that are not there"
             table.add("max_opening", shape.max_opening, coarse, Status.ASSUMED)
         else:

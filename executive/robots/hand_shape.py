@@ -33,7 +33,7 @@ STILL = 0.002
 SHARE = 0.95
 """Share of the opening into which a thing fits."""
 LEAST_OPENING = 0.01
-"""Opening that is told of fingers that hardly move [m]."""
+"""Least opening that is believed [m]: where less is measured, the fingers are not two that face each other."""
 WIDEST = {"revolute": math.pi, "continuous": 0.0, "prismatic": 0.3}
 """Largest range of a finger's joint that is believed [rad, m]."""
 WIDEST_GAP = 0.13
@@ -62,7 +62,7 @@ class HandShape:
     opened: Values
     closed: Values
     max_opening: float
-    """Widest thing that fits [m]; 0 without fingers that move."""
+    """Widest thing that fits [m]; 0 if it cannot be measured, or no finger moves."""
     fingers: tuple[str, ...]
     is_measured: bool
     """False if the directions are those of the wrist, for want of fingers."""
@@ -212,13 +212,16 @@ class _Hand:
         return float(np.mean(np.abs(middles)))
 
     def _opening(self, approach: Array, closing: Array, opened: Values, closed: Values) -> float:
-        """Return the widest thing that fits: the gap between the fingers, or their travel if they have no two sides."""
+        """Return the widest thing that fits: the gap between the fingers, or their travel if they have no two sides.
+
+        0 if neither tells: with several fingers around the palm, or with fingers of one joint and no shape.
+        """
         gap = self._gap(approach, closing, opened)
         if gap is None or gap[1] - gap[0] < LEAST_OPENING:
             width = 2 * (self._spread(closing, opened) - self._spread(closing, closed))
         else:
             width = gap[1] - gap[0]
-        return max(round(SHARE * width, 3), LEAST_OPENING)
+        return round(SHARE * width, 3) if width >= LEAST_OPENING else 0.0
 
     def _gap(self, approach: Array, closing: Array, values: Values) -> tuple[float, float] | None:
         """Return from where to where along the closing direction nothing is between the fingers' ends [m]."""

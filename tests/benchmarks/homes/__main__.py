@@ -1,63 +1,170 @@
 """Everyday tasks in homes that are drawn at random: how many reach their goal, by template and robot.
 
-python -m tests.benchmarks.homes --robots amigo,pr2 --seeds 0:3 [--templates fetch,pour] [--keep FOLDER]
+python -m tests.benchmarks.homes run --robots amigo,pr2 --seeds 0:3 [--templates fetch,beside] [--out ROWS]
+python -m tests.benchmarks.homes series acceptance [--docs docs/homes.md]
+python -m tests.benchmarks.homes table ROWS... [--docs docs/homes.md]
+python -m tests.benchmarks.homes write FOLDER --robots pr2 --seeds 0:1 --templates fetch
+python -m tests.benchmarks.homes witness --robots pr2 --seeds 0:1 --templates fetch
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import sys
-from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
+import time
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from executive.belief import read_map, scene_of
+from executive.processes.calls import Limits
+from executive.sweeps import Row
+from executive.sweeps import run as sweep
+from executive.sweeps.files import read_sweep
+from executive.sweeps.records import Done
+from planlang.diagnostics import BadInput
+from planlang.ontology import load
+from tests.benchmarks.homes import series
+from tests.benchmarks.homes.furnishing import NoRoom
+from tests.benchmarks.homes.robots import MADE, ROBOTS, named
+from tests.benchmarks.homes.series import Case, NotAccepted
+from tests.benchmarks.homes.table import documented, tables
 from tests.benchmarks.homes.tasks import TEMPLATES
-from tests.benchmarks.homes.trial import run, write
+from tests.benchmarks.homes.trial import task_of, verdict, write
+
+LIMITS = Limits(seconds=300, memory=3_000_000_000, wall=900.0)
+"""Of one task with its witness."""
+TASKS = 10
+"""Tasks of each template and robot in a whole series."""
 
 
-def main() -> int:
-    """Measure."""
+def main(words: Sequence[str] | None = None) -> int:
+    """Measure, or say what was measured."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--robots", default="amigo,pr2")
-    parser.add_argument("--seeds", default="0:1", help="FIRST:END")
-    parser.add_argument("--templates", default="")
-    parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--displaced", action="store_true", help="the seed displaces the world, the map stays")
-    parser.add_argument("--write", help="write the files of the tasks to a folder instead of running them")
-    parser.add_argument("--out", help="append a line of JSON for each task to a file")
-    given = parser.parse_args()
+    commands = parser.add_subparsers(required=True, dest="command")
+    for name in ("run", "write", "witness"):
+        one = commands.add_parser(name)
+        one.add_argument("--robots", default=",".join(ROBOTS))
+        one.add_argument("--seeds", default="0:1", help="FIRST:END")
+        one.add_argument("--templates", default="", help="all by default")
+        if name == "write":
+            one.add_argument("folder", type=Path)
+        if name == "run":
+            one.add_argument("--displaced", action="store_true", help="the seed displaces the world, the map stays")
+            one.add_argument("--witness", choices=("all", "failed", "none"), default="failed")
+            one.add_argument("--jobs", type=int, default=None, help="processes; as many as cores by default")
+            one.add_argument("--out", type=Path, help="a file of rows, which is gone on with")
+    one = commands.add_parser("series", help="a whole series, in homes as their maps say and displaced")
+    one.add_argument("series", choices=("development", "acceptance"))
+    one.add_argument("--robots", default=",".join(ROBOTS))
+    one.add_argument("--tasks", type=int, default=TASKS, help="for each template and robot")
+    one.add_argument("--jobs", type=int, default=None)
+    one.add_argument("--docs", type=Path, help="write the table into this page")
+    one = commands.add_parser("table")
+    one.add_argument("rows", type=Path, nargs="+")
+    one.add_argument("--docs", type=Path, help="write it into this page")
+    words = sys.argv[1:] if words is None else words
+    given = parser.parse_args(["run", *words] if words[:1] and words[0].startswith("--") else words)
+    try:
+        return COMMANDS[given.command](given)
+    except (NotAccepted, BadInput) as problem:
+        print(problem, file=sys.stderr)
+        return 2
+
+
+def _cases(given: argparse.Namespace) -> list[Case]:
+    names = [one for one in sorted(TEMPLATES) if not given.templates or one in given.templates.split(",")]
     first, end = map(int, given.seeds.split(":"))
-    names: Sequence[str] = [
-        one for one in sorted(TEMPLATES) if not given.templates or one in given.templates.split(",")
-    ]
-    if given.write:
-        Path(given.write).mkdir(parents=True, exist_ok=True)
-        for seed in range(first, end):
-            for name in names:
-                write(name, seed, Path(given.write))
-        return 0
-    cases = [(n, s, r, given.displaced) for s in range(first, end) for n in names for r in given.robots.split(",")]
-    good = total = 0
-    with ProcessPoolExecutor(given.jobs) as pool:
-        for row in pool.map(run, *zip(*cases, strict=True)):
-            total += row["outcome"] != "not drawn"
-            good += bool(row.get("reached"))
-            said = (
-                "reached"
-                if row.get("reached")
-                else f"{row['outcome']}: {row.get('failure') or row.get('cause')} {row.get('unmet')}"
-            )
-            print(
-                f"{row['robot']:6} {row['template']:24} {row['seed']:3} {row.get('cpu', 0):6} s  {said[:220]}",
-                flush=True,
-            )
-            if given.out:
-                with Path(given.out).open("a", encoding="utf-8") as file:
-                    file.write(json.dumps(row) + "\n")
-    print(f"{good} of {total}")
+    return list(series.cases(range(first, end), names, given.robots.split(","), getattr(given, "displaced", False)))
+
+
+def _run(given: argparse.Namespace) -> int:
+    rows = _swept(_cases(given), given.witness, given.jobs, given.out, {"series": "development"})
+    print("\n".join(tables(rows)))
     return 0
 
+
+def _series(given: argparse.Namespace) -> int:
+    """Run a series, and go on with it if its files are there; another series of the same commit is compared."""
+    is_accepted = given.series == "acceptance"
+    commit = series.commit_measured(allow_changes=not is_accepted)
+    seeds = series.acceptance_series(commit, given.tasks) if is_accepted else range(given.tasks)
+    MADE.mkdir(parents=True, exist_ok=True)
+    for displaced in (False, True):
+        cases = list(series.cases(seeds, sorted(TEMPLATES), given.robots.split(","), displaced))
+        file = MADE / f"{given.series}-{commit[:12]}{'-displaced' if displaced else ''}.jsonl"
+        _swept(cases, "failed", given.jobs, file, {"series": given.series, "commit": commit})
+    given.rows = sorted(MADE.glob(f"*-{commit[:12]}*.jsonl"))
+    return _table(given)
+
+
+def _swept(
+    cases: Sequence[Case], witnessed: str, jobs: int | None, out: Path | None, about: Mapping[str, str]
+) -> list[Row]:
+    """Run tasks in supervised processes; return their rows."""
+    for robot in {case.robot for case in cases}:
+        named(robot)  # it is made before several processes want it
+    told = _Progress(len(cases))
+    worlds = [case.world | {"witnessed": witnessed} for case in cases]
+    job = "tests.benchmarks.homes.trial:job"
+    return sweep(worlds, job, processes=jobs, limits=LIMITS, out=out, about=about, told=told, resumed=told.resumed)
+
+
+class _Progress:
+    """Prints a line for each task."""
+
+    def __init__(self, total: int) -> None:
+        self.total, self.done, self.began = total, 0, time.monotonic()
+        self.known = 0
+
+    def resumed(self, rows: Sequence[Row]) -> None:
+        """Say how many rows there are."""
+        self.known = len(rows)
+
+    def __call__(self, done: Done) -> None:
+        """Say how a task ended, and how long the others will take."""
+        self.done, row = self.done + 1, done.row
+        left = (self.total - self.known - self.done) * (time.monotonic() - self.began) / self.done
+        said = "reached" if row.get("reached") else f"{row['outcome']}: {row.get('failure')} {row.get('unmet')}"
+        kind = row.get("witness", {}).get("kind", "")
+        print(f"{row['world']:40} {done.seconds:6.1f} s, {left / 60:.0f} min left  {kind} {said[:220]}", flush=True)
+
+
+def _table(given: argparse.Namespace) -> int:
+    rows = [(sweep.header["about"], row) for sweep in map(read_sweep, given.rows) for row in sweep.rows]
+    text = "\n".join(tables([row | {"series": about.get("series")} for about, row in rows]))
+    if given.docs:
+        given.docs.write_text(documented(given.docs.read_text(encoding="utf-8"), text), encoding="utf-8")
+    else:
+        print(text)
+    return 0
+
+
+def _write(given: argparse.Namespace) -> int:
+    given.folder.mkdir(parents=True, exist_ok=True)
+    for case in _cases(given):
+        try:
+            recipe, home = write(task_of(case), case.seed, given.folder)
+        except NoRoom as problem:
+            print(problem, file=sys.stderr)
+            continue
+        print(f"planlang run {recipe} --robot {named(case.robot)} --environment {home}")
+    return 0
+
+
+def _witness(given: argparse.Namespace) -> int:
+    folder = MADE / "maps"
+    folder.mkdir(parents=True, exist_ok=True)
+    for case in _cases(given):
+        task = task_of(case)
+        _, home = write(task, case.seed, folder)
+        found = verdict(task, scene_of(read_map(load(home))), case.robot)
+        print(
+            f"{case.template:24} {case.seed:4} {case.robot:10} {found.answer.value:10} {found.why} {found.open or ''}"
+        )
+    return 0
+
+
+COMMANDS = {"run": _run, "series": _series, "table": _table, "write": _write, "witness": _witness}
 
 if __name__ == "__main__":
     sys.exit(main())

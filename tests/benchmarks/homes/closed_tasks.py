@@ -43,7 +43,7 @@ def tidy_cups(home: Home) -> Task:
     table = some_table(home)
     cups = [home.thing("cup", table, where=somewhere(home)) for _ in range(2)]
     wanted = all_of(*(goals.inside(one, closed.name) for one in cups))
-    needs = [Need("open", closed.leaves[0], closed.name), *takes_and_puts(cups, closed.leaves[0])]
+    needs = [Need("open", closed.leaves[0], closed.name, either=True), *takes_and_puts(cups, closed.leaves[0])]
     return task_of(home, "tidy_cups", moves(cups, place("in-ContGeneric", closed.name)), wanted, cups, needs)
 
 
@@ -59,7 +59,12 @@ def put_away_behind_door(home: Home) -> Task:
         step("ClosingAContainerArtifact", what=closed.name),
     )
     wanted = all_of(goals.inside(thing, closed.name), goals.shut(*closed.leaves))
-    needs = [Need("open", closed.leaves[0], closed.name), *takes_and_puts([thing], closed.leaves[0])]
+    leaf = closed.leaves[0]
+    needs = [
+        Need("open", leaf, closed.name, either=True),
+        *takes_and_puts([thing], leaf),
+        Need("close", leaf, closed.name, either=True),
+    ]
     return task_of(home, "put_away_behind_door", steps, wanted, [thing], needs)
 
 
@@ -87,7 +92,7 @@ def bowl_from_drawer(home: Home) -> Task:
     table = some_table(home)
     steps = (*moves([bowl], place("on-Physical", table)), step("ClosingAContainerArtifact", what=leaf))
     wanted = all_of(goals.on(bowl, table), goals.shut(leaf))
-    needs = [Need("open", leaf, closed.name), *takes_and_puts([bowl], table)]
+    needs = [Need("open", leaf, closed.name), *takes_and_puts([bowl], table), Need("close", leaf, closed.name)]
     return task_of(home, "bowl_from_drawer", steps, wanted, [bowl], needs)
 
 
@@ -104,7 +109,8 @@ def milk_from_refrigerator(home: Home) -> Task:
         step("ClosingAContainerArtifact", what=closed.name),
     )
     wanted = all_of(goals.on(milk, table), goals.shut(*closed.leaves))
-    needs = [Need("open", closed.leaves[0], closed.name), *takes_and_puts([milk], table)]
+    leaf = closed.leaves[0]
+    needs = [Need("open", leaf, closed.name), *takes_and_puts([milk], table), Need("close", leaf, closed.name)]
     return task_of(home, "milk_from_refrigerator", steps, wanted, [milk], needs)
 
 
@@ -122,7 +128,7 @@ def open_and_close(home: Home) -> Task:
         leaf = home.one_of(closed.leaves)
     wanted, watch = goals.was_open(leaf)
     steps = (step("OpeningAContainerArtifact", what=leaf), step("ClosingAContainerArtifact", what=leaf))
-    needs = [Need("open", leaf, closed.name)]
+    needs = [Need("open", leaf, closed.name), Need("close", leaf, closed.name)]
     return task_of(
         home, "open_and_close", steps, all_of(wanted, goals.shut(*closed.leaves)), [], needs, watchers=[watch]
     )

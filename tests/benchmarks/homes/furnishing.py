@@ -57,6 +57,12 @@ class Rectangle:
         local = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)]) * self.half
         return local @ np.array([(c, s), (-s, c)]) + (self.x, self.y)
 
+    def distances(self, points: np.ndarray) -> np.ndarray:
+        """Return how far points (n, 2) are from it, 0 inside (n,)."""
+        c, s = math.cos(self.yaw), math.sin(self.yaw)
+        local = (points - (self.x, self.y)) @ np.array([(c, -s), (s, c)])
+        return np.asarray(np.linalg.norm(np.maximum(np.abs(local) - self.half, 0.0), axis=1))
+
     def overlaps(self, other: Rectangle) -> bool:
         """Return True if the two have a point in common: separating axes."""
         mine, its = self.corners(), other.corners()
@@ -132,6 +138,8 @@ class Home:
 
     def room(self, cls: str) -> None:
         """Make the room."""
+        if cls == "LivingRoom":
+            self.classes[cls] = "knowrob:RoomInAConstruction"
         self.inside = self.size_of(sizes.ROOM)
         self.add(Thing("room1", cls, Pose((0.0, 0.0, self.inside[2] / 2)), self.inside))
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
+
 from tests.benchmarks.homes import goals
 from tests.benchmarks.homes.closed import open_shelf
 from tests.benchmarks.homes.furnishing import Home
@@ -161,6 +164,11 @@ def sort_by_class(home: Home) -> Task:
 
 # Liquids
 
+FULL = 0.7
+"""Share of a vessel's outline that may be full: walls, neck and rim take the rest."""
+LEFT = (10.0, 40.0)
+"""Amount that is left in a glass that is filled up [ml]."""
+
 
 def _poured(home: Home) -> tuple[str, str, float]:
     """Put a bottle with something in it and a glass on one or two tables."""
@@ -168,8 +176,16 @@ def _poured(home: Home) -> tuple[str, str, float]:
     bottle = home.thing("bottle", table, where=somewhere(home))
     other = table if home.chance(0.6) else some_table(home)
     glass = home.thing(home.one_of(("glass", "cup", "mug")), other, where=somewhere(home))
-    home.filled(bottle, "Water", home.between((300.0, 500.0)))
-    return bottle, glass, float(int(home.rng.integers(5, 16)) * 10)
+    amount = float(int(home.rng.integers(5, 16)) * 10)
+    home.filled(bottle, "Water", round(min(home.between((300.0, 500.0)), FULL * volume(home, bottle)), 1))
+    return bottle, glass, min(amount, 10.0 * int(FULL * volume(home, glass) / 10) - LEFT[1])
+
+
+def volume(home: Home, vessel: str) -> float:
+    """Return what is inside the outline of something round [ml]."""
+    size = home.things[vessel].size
+    assert size is not None
+    return math.pi / 4 * size[0] ** 2 * size[2] * 1e6
 
 
 @template
@@ -193,7 +209,7 @@ def refill_glass(home: Home) -> Task:
     """Fill a glass up in which something is left."""
     home.room("Kitchen")
     bottle, glass, amount = _poured(home)
-    left = float(int(home.rng.integers(1, 5)) * 10)
+    left = 10.0 * int(home.rng.integers(LEFT[0] / 10, LEFT[1] / 10 + 1))
     home.filled(glass, "Water", left)
     steps = (step("FluidFlow-Translation", what=bottle, to=glass, amount=repr(amount)),)
     wanted = goals.contains(glass, left + amount)
@@ -222,6 +238,12 @@ def press_button(home: Home) -> Task:
     return task_of(home, "press_button", steps, goals.switched(device, on=True), [], [Need("press", button)])
 
 
+def is_on(home: Home, device: str) -> None:
+    """Let a device be on at the beginning."""
+    one = home.things[device]
+    home.things[device] = replace(one, facts=(*one.facts, "knowrob:stateOfObject knowrob:DeviceStateOn"))
+
+
 @template
 def devices_off(home: Home) -> Task:
     """Turn two devices off that are on."""
@@ -230,15 +252,7 @@ def devices_off(home: Home) -> Task:
     table = some_table(home)
     devices = [home.device("toaster", counter), home.device(home.one_of(("lamp", "microwave")), table)]
     for device, _ in devices:
-        one = home.things[device]
-        home.things[device] = type(one)(
-            one.name,
-            one.cls,
-            one.pose,
-            one.size,
-            one.parts,
-            (*one.facts, "knowrob:stateOfObject knowrob:DeviceStateOn"),
-        )
+        is_on(home, device)
     steps = tuple(step("TurningOffPoweredDevice", what=device) for device, _ in devices)
     wanted = all_of(*(goals.switched(device, on=False) for device, _ in devices))
     return task_of(home, "devices_off", steps, wanted, [], [Need("press", button) for _, button in devices])
@@ -258,17 +272,20 @@ def wipe_table(home: Home) -> Task:
 
 @template
 def several_in_a_row(home: Home) -> Task:
-    """Bring a drink, put a book onto a shelf, and turn a lamp off."""
+    """Put a box onto a shelf, bring a drink, and turn a lamp off."""
     home.room("LivingRoom")
     shelves = open_shelf(home)
     who = home.person_seated()
     table = some_table(home)
-    cup, book = home.thing("cup", table), home.thing("book", table)
+    cup, box = home.thing("cup", table), home.thing("box", table)
+    lamp, button = home.device("lamp", some_table(home, ("sideboard", "desk", "counter")))
+    is_on(home, lamp)
     shelf = home.one_of(shelves)
     steps = (
-        *moves([book], place("in-ContGeneric", shelf)),
+        *moves([box], place("in-ContGeneric", shelf)),
         step("TransportingAnObject", what=cup, who=who),
+        step("TurningOffPoweredDevice", what=lamp),
     )
-    wanted = all_of(goals.inside(book, shelf), goals.held(cup, who))
-    needs = [*takes_and_puts([book], shelf), Need("grasp", cup), Need("hand over", cup, who)]
-    return task_of(home, "several_in_a_row", steps, wanted, [cup, book], needs)
+    wanted = all_of(goals.inside(box, shelf), goals.held(cup, who), goals.switched(lamp, on=False))
+    needs = [*takes_and_puts([box], shelf), Need("grasp", cup), Need("hand over", cup, who), Need("press", button)]
+    return task_of(home, "several_in_a_row", steps, wanted, [cup, box], needs)

@@ -11,8 +11,9 @@ Sources of the ranges:
   1,900 to 2,100 mm by 900 to 1,000 mm at 450 to 600 mm, seats at 430 to 470 mm; nursing beds 400 to 800 mm.
 * [P] people: DIN 33402-2, women's 5th to men's 95th percentile: 1,535 to 1,855 mm tall, 1,200 to 1,400 mm when seated.
 * [W] ways: 900 to 1,200 mm before furniture that is opened (Neufert; NKBA asks for 914 mm), 800 to 1,200 mm else.
-* [T] tableware and packages as sold: mugs 80 to 95 mm, glasses 60 to 80 mm, bottles of 0.5 to 1 l 60 to 85 mm, cans
-  66 mm, cartons of 1 l 70 mm square, plates 190 to 270 mm, bowls 120 to 170 mm, cutlery 160 to 210 mm.
+* [T] tableware and packages as sold: cups 60 (espresso) to 95 mm (coffee), mugs 80 to 95 mm, glasses 60 to 80 mm,
+  bottles of 0.5 to 1 l 60 to 85 mm, cans 66 mm, cartons of 1 l 70 mm square, plates 190 to 270 mm, bowls 120 to 170 mm,
+  cutlery 160 to 210 mm.
 
 All lengths are in metres: (depth, width, height) along a thing's own x, y and z; x points to its front.
 """
@@ -36,7 +37,7 @@ class Extents(NamedTuple):
 
 
 THINGS: Mapping[str, Extents] = {
-    "cup": Extents("Cup", (0.075, 0.095), (0.075, 0.095), (0.075, 0.105), is_round=True),
+    "cup": Extents("Cup", (0.06, 0.095), (0.06, 0.095), (0.055, 0.105), is_round=True),
     "mug": Extents("DrinkingMug", (0.08, 0.095), (0.08, 0.095), (0.085, 0.11), is_round=True),
     "glass": Extents("DrinkingGlass", (0.06, 0.08), (0.06, 0.08), (0.09, 0.15), is_round=True),
     "bottle": Extents("DrinkingBottle", (0.06, 0.085), (0.06, 0.085), (0.19, 0.3), is_round=True),
@@ -56,7 +57,7 @@ THINGS: Mapping[str, Extents] = {
 """[T]. Phones, books and keys as on the market."""
 
 MASSES: Mapping[str, Range] = {
-    "cup": (0.2, 0.35), "mug": (0.25, 0.4), "glass": (0.15, 0.35), "bottle": (0.3, 1.1), "can": (0.35, 0.53),
+    "cup": (0.15, 0.35), "mug": (0.25, 0.4), "glass": (0.15, 0.35), "bottle": (0.3, 1.1), "can": (0.35, 0.53),
     "milk": (1.03, 1.08), "bowl": (0.25, 0.5), "plate": (0.3, 0.75), "fork": (0.04, 0.07), "knife": (0.05, 0.09),
     "spoon": (0.04, 0.07), "book": (0.15, 0.6), "phone": (0.14, 0.23), "keys": (0.05, 0.12), "box": (0.1, 0.8),
     "sponge": (0.01, 0.03),

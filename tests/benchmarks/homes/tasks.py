@@ -19,15 +19,22 @@ from tests.support.scenarios import Watched
 
 REDRAWN = 40
 """Homes that are drawn for one task before its seed is given up."""
+KEPT = 0.2
+"""Share of tasks that stay in although a robot's hand is too small or too weak for a thing of theirs."""
 
 
 @dataclass(frozen=True)
 class Need:
-    """Something that has to be possible: "grasp", "place", "open", "hand over", "press", "wipe", "see", "pour"."""
+    """Something that has to be possible.
+
+    ``kind``: "grasp", "place", "open", "close", "hand over", "press", "wipe", "see" or "pour".
+    """
 
     kind: str
     thing: str
     at: str = ""
+    either: bool = False
+    """Another door of the same furniture will do as well."""
 
 
 @dataclass(frozen=True)
@@ -37,11 +44,19 @@ class Task:
     template: str
     home: Home
     steps: tuple[Step, ...]
-    goal: Goal
+    wanted: Goal
+    """What the user wants."""
+    unharmed: Goal
+    """What must hold in any case: nothing else was moved, nothing fell or was spilled."""
     needs: tuple[Need, ...]
     unknown: tuple[str, ...] = ()
     """Things of which the robot does not know where they are."""
     watchers: tuple[Callable[[Watched], None], ...] = field(default=())
+
+    @property
+    def goal(self) -> Goal:
+        """The task is done: what the user wants, and no harm."""
+        return all_of(self.wanted, self.unharmed)
 
 
 Template = Callable[[Home], Task]
@@ -54,9 +69,15 @@ def template(draw: Template) -> Template:
     return draw
 
 
-def drawn(name: str, seed: int) -> Task:
-    """Return the task of a template and a seed; homes that are too full are drawn anew."""
-    number = sorted(TEMPLATES).index(name)
+def drawn(name: str, seed: int, suits: Callable[[Task], bool] = lambda task: True) -> Task:
+    """Return the task of a template and a seed; homes that are too full are drawn anew.
+
+    So are most of those that do not suit a robot: its user has things that its hand can hold. One in five is kept, to
+    see that the robot says so.
+    """
+    number = _number(name)
+    is_kept = np.random.default_rng([seed, number, REDRAWN]).uniform() < KEPT
+    task = None
     for again in range(REDRAWN):
         home = Home(np.random.default_rng([seed, number, again]))
         try:
@@ -64,8 +85,16 @@ def drawn(name: str, seed: int) -> Task:
             _others(home)
         except NoRoom:
             continue
-        return task
-    raise NoRoom(f"{name} {seed}: {REDRAWN} homes are too full")
+        if is_kept or suits(task):
+            return task
+    if task is None:
+        raise NoRoom(f"{name} {seed}: {REDRAWN} homes are too full")
+    return task
+
+
+def _number(name: str) -> int:
+    """Return the number of a template; those of later modules follow, so that the homes of earlier ones stay."""
+    return sorted(TEMPLATES, key=lambda one: (TEMPLATES[one].__module__.endswith("more_tasks"), one)).index(name)
 
 
 def _others(home: Home) -> None:
@@ -91,8 +120,8 @@ def task_of(
     watchers: Sequence[Callable[[Watched], None]] = (),
 ) -> Task:
     """Return a task; beside its goal, nothing else may have been moved, dropped or spilled."""
-    whole = all_of(wanted, goals.undisturbed(*moved), goals.level(*poured))
-    return Task(name, home, tuple(steps), whole, tuple(needs), tuple(unknown), tuple(watchers))
+    unharmed = all_of(goals.undisturbed(*moved), goals.level(*poured))
+    return Task(name, home, tuple(steps), wanted, unharmed, tuple(needs), tuple(unknown), tuple(watchers))
 
 
 def step(cls: str, **facts: str) -> Step:

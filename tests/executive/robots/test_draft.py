@@ -147,6 +147,16 @@ def test_a_jaw_that_closes_on_a_fixed_one_is_opened_as_far_as_both_are_in_front(
     assert 0.01 < found["gripper"]["max_opening"] < 0.06
 
 
+def test_an_opening_that_cannot_be_measured_is_missing_and_the_robot_has_no_gripper(tmp_path: Path) -> None:
+    jaw = '<link name="jaw"/>' + joint("jaw", "l6", "jaw", "0 0.0 0.07", "-1 0 0", "0 1.5")
+    (tmp_path / "jaw.urdf").write_text(arm(fingers=False, more=jaw))
+    draft = draft_of(tmp_path / "jaw.urdf")
+    (found,) = (one.message for one in draft.diagnostics() if "max_opening" in one.message)
+    assert "no gap between two fingers can be measured" in found
+    assert "# opened = { jaw = " in draft.text()
+    assert bind_draft(draft, tmp_path / "jaw.urdf").arms[0].gripper is None
+
+
 def test_every_value_of_a_robot_file_has_its_reason_and_what_is_missing_is_a_comment(urdf: Path) -> None:
     lines = draft_of(urdf).text().splitlines()
     assert any(line.startswith("# link =") for line in lines), "no camera"

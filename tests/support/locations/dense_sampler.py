@@ -65,7 +65,7 @@ class Joints:
         ends = np.clip(np.array([limits[name] for name in names]), -math.pi, math.pi)
         return Joints(
             np.array([_origin(joint) for joint in chain]),
-            axes / np.linalg.norm(axes, axis=1)[:, None],
+            axes / np.maximum(np.linalg.norm(axes, axis=1), 1e-9)[:, None],
             np.array([joint.get("type") == "prismatic" for joint in chain]),
             columns,
             names,
@@ -161,31 +161,55 @@ def _claim(
     oracle: Oracle, ways: Ways, arm: Arm, chain: Joints, base: BasePose, poses: Array, q: Array, target: str
 ) -> Claim | None:
     """Return the whole way from one solution of its grasp, if nothing of it is pressed into anything."""
-    hand, opened = oracle.fingers(arm.name), _opened(arm)
+    claim = way_from(oracle, ways, arm, chain, base, poses, q, target)
+    if claim is None:
+        return None
+    closed = arm.gripper.closed if arm.gripper is not None else {}
+    for share in np.linspace(0.0, 1.0, CLOSING + 1)[1:].tolist():
+        fingers = {name: (1.0 - share) * value + share * closed[name] for name, value in claim.fingers.items()}
+        if not _is_free(oracle, arm, chain, base, q, fingers, target):
+            return None
+    return claim if oracle.objection(claim) is None else None
 
-    def is_free(values: Array, fingers: Mapping[str, float] = opened) -> bool:
-        joints = dict(zip(chain.names, values.tolist(), strict=True))
-        oracle.place(base, {**oracle.posture, **fingers, **joints})
-        return oracle.touched(hand, target, depth=PRESSED) is None
 
-    if not is_free(q):
+def way_from(
+    oracle: Oracle, ways: Ways, arm: Arm, chain: Joints, base: BasePose, poses: Array, q: Array, target: str | None
+) -> Claim | None:
+    """Return a way of an arm, fingers opened, through poses (k, 4, 4), the second of which joints (d,) reach.
+
+    None if the base cannot get there, or anything is pressed into anything but fingers into the target.
+    """
+    opened = _opened(arm)
+    if not _is_free(oracle, arm, chain, base, q, opened, target):
         return None
     oracle.place(base, oracle.posture)
     if oracle.touched(depth=PRESSED) is not None or not ways.lead_to(base):
         return None
-    others, good = chain.solve(_inverse(base) @ poses[[0, 2]], np.tile(q, (2, 1)))
-    if not good.all() or not all(map(is_free, others)):
+    rest = [0, *range(2, len(poses))]
+    others, good = chain.solve(_inverse(base) @ poses[rest], np.tile(q, (len(rest), 1)))
+    if not good.all() or not all(_is_free(oracle, arm, chain, base, one, opened, target) for one in others):
         return None
-    values = np.stack([others[0], q, others[1]])
-    if np.abs(np.diff(values, axis=0)).max() > 1.0 or not all(map(is_free, on_the_way(values))):
+    values = np.insert(others, 1, q, axis=0)
+    between = on_the_way(values)
+    if np.abs(np.diff(values, axis=0)).max() > 1.0:
         return None
-    closed = arm.gripper.closed if arm.gripper is not None else {}
-    for share in np.linspace(0.0, 1.0, CLOSING + 1)[1:].tolist():
-        fingers = {name: (1.0 - share) * value + share * closed[name] for name, value in opened.items()}
-        if not is_free(q, fingers):
-            return None
-    claim = Claim(base, arm.name, chain.names, values, poses, target, opened)
-    return claim if oracle.objection(claim) is None else None
+    if not all(_is_free(oracle, arm, chain, base, one, opened, target) for one in between):
+        return None
+    return Claim(base, arm.name, chain.names, values, poses, target, opened)
+
+
+def _is_free(
+    oracle: Oracle,
+    arm: Arm,
+    chain: Joints,
+    base: BasePose,
+    values: Array,
+    fingers: Mapping[str, float],
+    target: str | None,
+) -> bool:
+    joints = dict(zip(chain.names, values.tolist(), strict=True))
+    oracle.place(base, {**oracle.posture, **fingers, **joints})
+    return oracle.touched(oracle.fingers(arm.name), target, depth=PRESSED) is None
 
 
 def _is_seen(oracle: Oracle, ways: Ways, claim: Claim, target: str, rng: np.random.Generator) -> bool:

@@ -19,6 +19,7 @@ import pybullet
 from executive.robots import Robot
 from planlang.geometry import Array, Pose
 from sim import Body
+from sim.bodies import plain
 from sim.engine import quiet
 from sim.people import parts_of
 from tests.support.locations.rooms import Room
@@ -43,6 +44,7 @@ SAMPLES = 40
 """Random postures; links that touch in nearly all of them are modelled so."""
 
 BasePose = tuple[float, float, float]
+HERE = Pose((0.0, 0.0, 0.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,6 +93,7 @@ class Oracle:
         self.posture: dict[str, float] = {name: _nearest_zero(ends) for name, ends in self.limits.items()}
         self.posture |= {n: v for n, v in robot.postures.get("carrying", {}).items() if n in self.joints}
         self.pieces: dict[int, str] = {}
+        self._offsets: dict[int, Pose] = {}
         for body in room.bodies:
             self._build(body)
         self._allowed = self._modelled_so()
@@ -114,13 +117,11 @@ class Oracle:
                 self._piece(
                     body.name, "box", (length, 0.1, height), Pose((x, y + sign * (width / 2 + 0.05), height / 2))
                 )
-        elif body.shape == "person":
-            for part in parts_of(body):
-                self._piece(body.name, part.kind, part.size, body.pose @ part.offset)
         else:
-            self._piece(body.name, body.shape, body.size, body.pose)
+            for part in parts_of(body) if body.shape == "person" else plain(body):
+                self._piece(body.name, part.kind, part.size, body.pose, part.offset)
 
-    def _piece(self, name: str, kind: str, size: Sequence[float], at: Pose) -> None:
+    def _piece(self, name: str, kind: str, size: Sequence[float], at: Pose, offset: Pose = HERE) -> None:
         match kind:
             case "cylinder":
                 shape = {"shapeType": pybullet.GEOM_CYLINDER, "radius": max(size[:2]) / 2, "height": size[2]}
@@ -131,8 +132,19 @@ class Oracle:
         solid = pybullet.createCollisionShape(physicsClientId=self.client, **shape)
         seen = {"length" if key == "height" else key: value for key, value in shape.items()}
         visual = pybullet.createVisualShape(physicsClientId=self.client, **seen)
-        uid = pybullet.createMultiBody(0, solid, visual, at.position, at.orientation, physicsClientId=self.client)
-        self.pieces[uid] = name
+        pose = at @ offset
+        uid = pybullet.createMultiBody(0, solid, visual, pose.position, pose.orientation, physicsClientId=self.client)
+        self.pieces[uid], self._offsets[uid] = name, offset
+
+    def move(self, name: str, pose: Pose) -> None:
+        """Put a body of the room elsewhere: a leaf that is open, a thing that was carried away."""
+        for uid, owner in self.pieces.items():
+            if owner == name:
+                there = pose @ self._offsets[uid]
+                pybullet.resetBasePositionAndOrientation(
+                    uid, there.position, there.orientation, physicsClientId=self.client
+                )
+        pybullet.performCollisionDetection(physicsClientId=self.client)
 
     def _modelled_so(self) -> set[frozenset[int]]:
         """Pairs of links that touch because of how the robot is modelled: in its posture, or whatever it does."""

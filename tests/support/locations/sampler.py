@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -163,10 +163,14 @@ def grasp_poses(arm: Arm, grip: Array, yaw: float, pitch: float = 0.0, roll: flo
     """Pre-grasp, grasp and lift (3, 4, 4) of a hand that comes from the direction of ``yaw``, ``pitch`` down."""
     approach = np.array([math.cos(yaw) * math.cos(pitch), math.sin(yaw) * math.cos(pitch), -math.sin(pitch)])
     closing = roll * np.array([-math.sin(yaw), math.cos(yaw), 0.0])
-    turn = _frame(approach, closing) @ _frame(np.array(arm.approach), np.array(arm.closing)).T
-    poses = np.tile(np.eye(4), (3, 1, 1))
-    poses[:, :3, :3] = turn
-    poses[:, :3, 3] = [grip - BACK * approach, grip, grip + np.array([0.0, 0.0, UP])]
+    return hand_poses(arm, [grip - BACK * approach, grip, grip + np.array([0.0, 0.0, UP])], approach, closing)
+
+
+def hand_poses(arm: Arm, grips: Sequence[Array], approach: Array, closing: Array) -> Array:
+    """Poses (k, 4, 4) of a hand with its grip point at some points, that comes and closes along unit vectors (3,)."""
+    poses = np.tile(np.eye(4), (len(grips), 1, 1))
+    poses[:, :3, :3] = _frame(approach, closing) @ _frame(np.array(arm.approach), np.array(arm.closing)).T
+    poses[:, :3, 3] = grips
     return poses
 
 
