@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -428,3 +429,18 @@ def test_a_hand_comes_before_a_wide_thing_as_open_as_the_grasp_was_checked(share
     now = dict(zip(arm.openings.joints, stage.platform.joints(arm.openings.joints), strict=True))
     assert arm.openings.share(now) == pytest.approx(arm.openings.share(dict(begun.plan.fingers)), abs=0.01)
     assert arm.openings.share(now) > share, "the fingers have opened"
+
+
+@pytest.mark.parametrize("aside", [0.02, 0.04])
+def test_without_a_camera_a_thing_is_grasped_where_the_hand_has_felt_it(aside: float, make_blind: MakeStage) -> None:
+    x, y, z = BOTTLE.pose.position
+    stage = make_blind(CABINET, BOTTLE, truth=(CABINET, replace(BOTTLE, pose=Pose((x, y + aside, z)))))
+    stage.belief.trusts_map = True
+    stand(stage, next(stage.resolver.bases(a_location(in_reach_of=(THE_BOTTLE, BEFORE, AROUND)))).base)
+
+    async def grasp() -> None:
+        for one in (reach(BEFORE), OPEN, reach(AROUND), CLOSE):
+            await perform(one)
+
+    stage.run(partial(with_failure_handling, grasp, Recovery(GraspMissed, look_and_repeat(THE_BOTTLE), attempts=2)))
+    assert held_by(stage.truth, "bottle") == "robot"
