@@ -23,7 +23,13 @@ from executive.robots.arms import ArmModel
 from executive.robots.openings import Fingers
 from planlang import Fluent, checkpoint, using, wait_for
 from planlang.designators import Object
-from planlang.failures import GraspSlipped, LookingGoalUnreachable, ObjectLost, ObjectUnresolvable
+from planlang.failures import (
+    GraspSlipped,
+    GripperGoalNotReached,
+    LookingGoalUnreachable,
+    ObjectLost,
+    ObjectUnresolvable,
+)
 from planlang.geometry import Array, Pose, matrices
 from planlang.protocols import Motion, MotionState, Touch, Trajectory, World
 from planlang.records import dataclass
@@ -302,6 +308,18 @@ class Hands:
         wanted = gripper.closed if closed else dict(fingers) or gripper.opened
         path = np.stack([self._control.joints(gripper.joints), [wanted[name] for name in gripper.joints]])
         return await self._control.follow(f"gripper of {arm.name}", self._control.timed(gripper.joints, path))
+
+    async def close(self, arm: ArmModel) -> Motion:
+        """Close the fingers until they are closed, or something that they feel stops them.
+
+        Raises GripperGoalNotReached if they end elsewhere: a gripper that does not move has no hold of what its open
+        fingers are near to.
+        """
+        motion = await self.move(arm, closed=True)
+        now = dict(zip(arm.openings.joints, self._control.joints(arm.openings.joints), strict=True))
+        if motion.touch is None and now and arm.openings.share(now) > SAME:
+            raise GripperGoalNotReached(arm=arm.name, blocked_by=motion.blocked_by)
+        return motion
 
     async def shape(self, arm: ArmModel, fingers: Fingers) -> None:
         """Bring the fingers of a free hand to the opening for which a hand pose was checked, from a closed hand, too.

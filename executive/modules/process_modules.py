@@ -417,7 +417,7 @@ class Grasping(PlatformModule):
 
     async def _close(self, arm: ArmModel, action: Action) -> str:
         hands = self.platform.hands
-        motion = await hands.move(arm, closed=True)
+        motion = await hands.close(arm)
         name = hands.between_fingers(arm)
         if name is None:
             what = action.get("object_acted_on")

@@ -17,6 +17,7 @@ from planlang.designators import Action, Location, a_device, a_location, a_perso
 from planlang.failures import (
     ActionUnresolvable,
     GraspMissed,
+    GripperGoalNotReached,
     HandoverNotTaken,
     ManipulationFailure,
     ManipulationGoalInCollision,
@@ -25,8 +26,8 @@ from planlang.failures import (
     Timeout,
 )
 from planlang.geometry import Array, Pose
-from planlang.protocols import Detection
-from sim import Body
+from planlang.protocols import Detection, Trajectory
+from sim import Body, PyBulletWorld
 from sim.world import at_rest_on, held_by
 from tests.executive.conftest import BED, BOTTLE, CABINET, THE_BOTTLE, MakeStage, Stage, hold_bottle, stand
 from tests.support.examples import some
@@ -444,3 +445,21 @@ def test_without_a_camera_a_thing_is_grasped_where_the_hand_has_felt_it(aside: f
 
     stage.run(partial(with_failure_handling, grasp, Recovery(GraspMissed, look_and_repeat(THE_BOTTLE), attempts=2)))
     assert held_by(stage.truth, "bottle") == "robot"
+
+
+@pytest.mark.parametrize("part", [0.0, 0.3], ids=["at all", "far enough"])
+def test_a_gripper_that_does_not_close_holds_nothing(
+    part: float, before_bottle: Stage, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stage, start = before_bottle, PyBulletWorld.start
+    do(stage, reach(BEFORE), OPEN, reach(AROUND))
+
+    def jammed(world: PyBulletWorld, group: str, trajectory: Trajectory) -> None:
+        rows = trajectory.positions
+        start(world, group, replace(trajectory, positions=rows[: 1 + int(part * len(rows))]))
+
+    monkeypatch.setattr(PyBulletWorld, "start", jammed)
+    with pytest.raises(GripperGoalNotReached):
+        do(stage, CLOSE)
+    assert stage.executive.held() == ()
+    assert stage.truth.attached() == {}
