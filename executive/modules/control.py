@@ -17,6 +17,7 @@ from executive.belief.believed_bodies import MEANT, Block
 from executive.belief.obstacles import EDGE, NAMES, behind
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose, pinched
+from executive.modules.out_of_arms import out_of_arms
 from executive.motion import Grid, MotionError, NoPath, clearance_at, clearance_field, plan_base_path, time_path
 from executive.robots import Gripper, Robot
 from executive.robots.arms import ArmModel
@@ -312,8 +313,7 @@ class Hands:
     async def close(self, arm: ArmModel) -> Motion:
         """Close the fingers until they are closed, or something that they feel stops them.
 
-        Raises GripperGoalNotReached if they end elsewhere: a gripper that does not move has no hold of what its open
-        fingers are near to.
+        Raises GripperGoalNotReached if they end elsewhere: what open fingers are near to is not held.
         """
         motion = await self.move(arm, closed=True)
         now = dict(zip(arm.openings.joints, self._control.joints(arm.openings.joints), strict=True))
@@ -322,10 +322,7 @@ class Hands:
         return motion
 
     async def shape(self, arm: ArmModel, fingers: Fingers) -> None:
-        """Bring the fingers of a free hand to the opening for which a hand pose was checked, from a closed hand, too.
-
-        No fingers mean that the pose was checked with the hand as it is.
-        """
+        """Bring the fingers of a free hand, closed or not, to the opening for which a hand pose was checked, if any."""
         if not fingers or self._control.scene.arms.held(arm.name) is not None:
             return
         now = dict(zip(arm.openings.joints, self._control.joints(arm.openings.joints), strict=True))
@@ -417,6 +414,9 @@ class Sensing:
         detections = [one for one in seen if belief.recognises(one.name)]
         belief.see(detections)
         self._control.sync()
+        if corrected := out_of_arms(detections, self._control.scene):
+            belief.see(corrected)
+            self._control.sync()
         self._explain()
         return tuple(detection.name for detection in detections)
 

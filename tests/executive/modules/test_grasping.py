@@ -463,3 +463,23 @@ def test_a_gripper_that_does_not_close_holds_nothing(
         do(stage, CLOSE)
     assert stage.executive.held() == ()
     assert stage.truth.attached() == {}
+
+
+@pytest.mark.parametrize("wrong", [(0.0, 0.025), (0.0, -0.02), (-0.03, 0.0)])
+def test_what_a_camera_shows_inside_a_hand_is_believed_beside_it(
+    wrong: tuple[float, float], before_bottle: Stage, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stage, detect = before_bottle, PyBulletWorld.detect
+
+    def inexact(world: PyBulletWorld, link: str) -> tuple[Detection, ...]:
+        shift = Pose((*wrong, 0.0))
+        return tuple(
+            replace(one, pose=shift @ one.pose) if one.name == "bottle" else one for one in detect(world, link)
+        )
+
+    do(stage, reach(BEFORE), OPEN, reach(AROUND))
+    monkeypatch.setattr(PyBulletWorld, "detect", inexact)
+    do(stage, action("LookingForSomething", object_acted_on=THE_BOTTLE))
+    assert stage.belief.pose("bottle").position != pytest.approx(BOTTLE.pose.position, abs=0.003), "it was seen"
+    assert not stage.planning.contacts(stage.truth.configuration())
+    do(stage, reach(a_posture("carrying")))
