@@ -17,13 +17,20 @@ from executive.belief.believed_bodies import MEANT, Block
 from executive.belief.obstacles import EDGE, NAMES, behind
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose, pinched
+from executive.modules.out_of_arms import out_of_arms
 from executive.motion import Grid, MotionError, NoPath, clearance_at, clearance_field, plan_base_path, time_path
 from executive.robots import Gripper, Robot
 from executive.robots.arms import ArmModel
 from executive.robots.openings import Fingers
 from planlang import Fluent, checkpoint, using, wait_for
 from planlang.designators import Object
-from planlang.failures import GraspSlipped, LookingGoalUnreachable, ObjectLost, ObjectUnresolvable
+from planlang.failures import (
+    GraspSlipped,
+    GripperGoalNotReached,
+    LookingGoalUnreachable,
+    ObjectLost,
+    ObjectUnresolvable,
+)
 from planlang.geometry import Array, Pose, matrices
 from planlang.protocols import Motion, MotionState, Touch, Trajectory, World
 from planlang.records import dataclass
@@ -303,11 +310,19 @@ class Hands:
         path = np.stack([self._control.joints(gripper.joints), [wanted[name] for name in gripper.joints]])
         return await self._control.follow(f"gripper of {arm.name}", self._control.timed(gripper.joints, path))
 
-    async def shape(self, arm: ArmModel, fingers: Fingers) -> None:
-        """Bring the fingers of a free hand to the opening for which a hand pose was checked, from a closed hand, too.
+    async def close(self, arm: ArmModel) -> Motion:
+        """Close the fingers until they are closed, or something that they feel stops them.
 
-        No fingers mean that the pose was checked with the hand as it is.
+        Raises GripperGoalNotReached if they end elsewhere: what open fingers are near to is not held.
         """
+        motion = await self.move(arm, closed=True)
+        now = dict(zip(arm.openings.joints, self._control.joints(arm.openings.joints), strict=True))
+        if motion.touch is None and now and arm.openings.share(now) > SAME:
+            raise GripperGoalNotReached(arm=arm.name, blocked_by=motion.blocked_by)
+        return motion
+
+    async def shape(self, arm: ArmModel, fingers: Fingers) -> None:
+        """Bring the fingers of a free hand, closed or not, to the opening for which a hand pose was checked, if any."""
         if not fingers or self._control.scene.arms.held(arm.name) is not None:
             return
         now = dict(zip(arm.openings.joints, self._control.joints(arm.openings.joints), strict=True))
@@ -399,6 +414,9 @@ class Sensing:
         detections = [one for one in seen if belief.recognises(one.name)]
         belief.see(detections)
         self._control.sync()
+        if corrected := out_of_arms(detections, self._control.scene):
+            belief.see(corrected)
+            self._control.sync()
         self._explain()
         return tuple(detection.name for detection in detections)
 

@@ -185,7 +185,7 @@ class HandReaching(PlatformModule):
         problem: ManipulationFailure | LocationUnresolvable | None = None
         for arm in arms:
             try:
-                await self._reach(arm, location)
+                await self._reach_where_felt(arm, location)
                 return
             except (ManipulationPoseUnreachable, LocationUnresolvable) as failure:
                 problem = problem or failure
@@ -281,6 +281,18 @@ class HandReaching(PlatformModule):
             return True
         return False
 
+    async def _reach_where_felt(self, arm: ArmModel, location: Location) -> None:
+        """Reach; plan again when the hand has felt what it reaches for beside where that was believed to be."""
+        bodies = self.platform.scene.bodies
+        about = [bodies.bind(one.reference) for one in location.relations if isinstance(one.reference, Object)]
+        for number in range(1, REPLANS + 1):
+            believed = [bodies.pose(name) for name in about]
+            try:
+                return await self._reach(arm, location)
+            except ManipulationGoalInCollision:
+                if number == REPLANS or believed == [bodies.pose(name) for name in about]:
+                    raise
+
     async def _reach(self, arm: ArmModel, location: Location) -> None:
         """Try hand poses that satisfy the location until one has a path."""
         problem: ManipulationPoseUnreachable | None = None
@@ -341,11 +353,8 @@ class HandReaching(PlatformModule):
 
     async def _straight(self, solution: HandSolution, joints: Array) -> None:
         """Move along straight lines of the tip to the last poses of a solution."""
-        poses = (
-            solution.plan.poses[-len(joints) :]
-            if solution.reach.kind is ReachKind.RETREAT
-            else solution.plan.poses[1 : 1 + len(joints)]
-        )
+        back = solution.reach.kind is ReachKind.RETREAT
+        poses = solution.plan.poses[-len(joints) :] if back else solution.plan.poses[1 : 1 + len(joints)]
         for pose, q in zip(poses, joints, strict=True):
             await self._line(solution, pose, q)
 
@@ -408,12 +417,15 @@ class Grasping(PlatformModule):
 
     async def _close(self, arm: ArmModel, action: Action) -> str:
         hands = self.platform.hands
-        motion = await hands.move(arm, closed=True)
+        motion = await hands.close(arm)
         name = hands.between_fingers(arm)
         if name is None:
             what = action.get("object_acted_on")
             wanted = str(what) if isinstance(what, Object) else None
-            self.platform.missed(arm)
+            if motion.touch is None:
+                self.platform.missed(arm)
+            else:  # one finger has met it: now it is known better where it is
+                await self.platform.sensing.bump(motion)
             raise GraspMissed(arm=arm.name, what=wanted, blocked_by=motion.blocked_by)
         hands.grasp(arm, name)
         return name

@@ -213,7 +213,7 @@ class TwoHands(HandWork):
         await self._arms_to(paths, grasp.approach[0], name)
         await self._go(paths, grasp.approach, name)
         for arm in arms:
-            await hands.move(arm, closed=True)
+            await hands.close(arm)
         if missed := next((arm for arm in arms if hands.between_fingers(arm) != name), None):
             for arm in arms:
                 await hands.move(arm, closed=False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from planlang.designators import Action, Location, a_device, a_location, a_perso
 from planlang.failures import (
     ActionUnresolvable,
     GraspMissed,
+    GripperGoalNotReached,
     HandoverNotTaken,
     ManipulationFailure,
     ManipulationGoalInCollision,
@@ -24,8 +26,8 @@ from planlang.failures import (
     Timeout,
 )
 from planlang.geometry import Array, Pose
-from planlang.protocols import Detection
-from sim import Body
+from planlang.protocols import Detection, Trajectory
+from sim import Body, PyBulletWorld
 from sim.world import at_rest_on, held_by
 from tests.executive.conftest import BED, BOTTLE, CABINET, THE_BOTTLE, MakeStage, Stage, hold_bottle, stand
 from tests.support.examples import some
@@ -428,3 +430,56 @@ def test_a_hand_comes_before_a_wide_thing_as_open_as_the_grasp_was_checked(share
     now = dict(zip(arm.openings.joints, stage.platform.joints(arm.openings.joints), strict=True))
     assert arm.openings.share(now) == pytest.approx(arm.openings.share(dict(begun.plan.fingers)), abs=0.01)
     assert arm.openings.share(now) > share, "the fingers have opened"
+
+
+@pytest.mark.parametrize("aside", [0.02, 0.04])
+def test_without_a_camera_a_thing_is_grasped_where_the_hand_has_felt_it(aside: float, make_blind: MakeStage) -> None:
+    x, y, z = BOTTLE.pose.position
+    stage = make_blind(CABINET, BOTTLE, truth=(CABINET, replace(BOTTLE, pose=Pose((x, y + aside, z)))))
+    stage.belief.trusts_map = True
+    stand(stage, next(stage.resolver.bases(a_location(in_reach_of=(THE_BOTTLE, BEFORE, AROUND)))).base)
+
+    async def grasp() -> None:
+        for one in (reach(BEFORE), OPEN, reach(AROUND), CLOSE):
+            await perform(one)
+
+    stage.run(partial(with_failure_handling, grasp, Recovery(GraspMissed, look_and_repeat(THE_BOTTLE), attempts=2)))
+    assert held_by(stage.truth, "bottle") == "robot"
+
+
+@pytest.mark.parametrize("part", [0.0, 0.3], ids=["at all", "far enough"])
+def test_a_gripper_that_does_not_close_holds_nothing(
+    part: float, before_bottle: Stage, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stage, start = before_bottle, PyBulletWorld.start
+    do(stage, reach(BEFORE), OPEN, reach(AROUND))
+
+    def jammed(world: PyBulletWorld, group: str, trajectory: Trajectory) -> None:
+        rows = trajectory.positions
+        start(world, group, replace(trajectory, positions=rows[: 1 + int(part * len(rows))]))
+
+    monkeypatch.setattr(PyBulletWorld, "start", jammed)
+    with pytest.raises(GripperGoalNotReached):
+        do(stage, CLOSE)
+    assert stage.executive.held() == ()
+    assert stage.truth.attached() == {}
+
+
+@pytest.mark.parametrize("wrong", [(0.0, 0.025), (0.0, -0.02), (-0.03, 0.0)])
+def test_what_a_camera_shows_inside_a_hand_is_believed_beside_it(
+    wrong: tuple[float, float], before_bottle: Stage, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stage, detect = before_bottle, PyBulletWorld.detect
+
+    def inexact(world: PyBulletWorld, link: str) -> tuple[Detection, ...]:
+        shift = Pose((*wrong, 0.0))
+        return tuple(
+            replace(one, pose=shift @ one.pose) if one.name == "bottle" else one for one in detect(world, link)
+        )
+
+    do(stage, reach(BEFORE), OPEN, reach(AROUND))
+    monkeypatch.setattr(PyBulletWorld, "detect", inexact)
+    do(stage, action("LookingForSomething", object_acted_on=THE_BOTTLE))
+    assert stage.belief.pose("bottle").position != pytest.approx(BOTTLE.pose.position, abs=0.003), "it was seen"
+    assert not stage.planning.contacts(stage.truth.configuration())
+    do(stage, reach(a_posture("carrying")))
