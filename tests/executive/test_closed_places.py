@@ -114,7 +114,7 @@ def test_a_drawer_is_opened_to_look_inside_and_stays_open_where_the_thing_is(sta
 
 def test_a_drawer_in_which_the_thing_is_not_is_closed_again(stack: ExitStack) -> None:
     stage, doors = kitchen(stack, inside=False)
-    with pytest.raises(ObjectNowhereToBeFound, match="looked at: the outside of case, in leaf$"):
+    with pytest.raises(ObjectNowhereToBeFound, match=r"looked at: the outside of case, in leaf$"):
         search(stage)
     assert doors.asked == [OPENS, CLOSES]
 
