@@ -10,7 +10,13 @@ import pytest
 
 from planlang import SimulationHost, at_location, checkpoint, perform, run, with_failure_handling
 from planlang.designators import Action, Condition, FixedPose, action, an_object
-from planlang.failures import HandleNotReachable, ObjectNotFound, ObjectNowhereToBeFound
+from planlang.failures import (
+    HandleNotReachable,
+    ObjectNotFound,
+    ObjectNowhereToBeFound,
+    ObjectUnresolvable,
+    PlanFailure,
+)
 from planlang.geometry import Pose
 from planlang.language.recovery import Recovery
 from planlang.recoveries import look_from_another_place
@@ -128,3 +134,13 @@ def test_what_could_not_be_opened_was_not_looked_at(stack: ExitStack) -> None:
 def test_what_is_yet_to_be_found_is_in_no_hand(stack: ExitStack) -> None:
     stage, _ = kitchen(stack, inside=True)
     assert not stage.executive.holds(Condition("holding", (KEYS,)))
+
+
+def test_a_step_that_drives_by_itself_looks_first_for_what_it_is_about(stack: ExitStack) -> None:
+    stage, doors = kitchen(stack, inside=True)
+    pushing = action("PushingMotion", object_acted_on=KEYS)
+    with pytest.raises(PlanFailure) as failure:  # there is nowhere to push them to
+        run(lambda: perform(pushing), host=SimulationHost(stage.truth), executive=stage.executive)
+    assert not isinstance(failure.value, ObjectUnresolvable)
+    assert doors.asked == [OPENS]
+    assert stage.platform.belief.remembers("keys")
