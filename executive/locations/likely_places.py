@@ -218,7 +218,11 @@ class Searches:
     def _size(self, what: Object) -> Size | None:
         """Return the size of the smallest thing that a designator may mean, None if that is not known."""
         belief = self.scene.belief
-        meant = [one for one in belief.map.objects if one.iri == what.iri or (what.iri is None and belief.is_a(one, what.type))]
+        meant = [
+            one
+            for one in belief.map.objects
+            if one.iri == what.iri or (what.iri is None and belief.is_a(one, what.type))
+        ]
         return min((one.size for one in meant if one.size is not None), key=lambda size: math.prod(size), default=None)
 
     # Which place
@@ -310,9 +314,7 @@ class Searches:
 
     # From where
 
-    def _place(
-        self, search: Search, name: str, likelihood: float, floor: Array, points: Array
-    ) -> LikelyPlace | None:
+    def _place(self, search: Search, name: str, likelihood: float, floor: Array, points: Array) -> LikelyPlace | None:
         """Return a place with the base pose to see points (n, 3) of it from; None without, or if no way leads there."""
         block, here = self.inside(name), self.scene.base()
         spots = floor[block.distance(floor) <= AROUND]
@@ -321,14 +323,15 @@ class Searches:
         bases = np.vstack([[here], np.column_stack([spots, headings])])
         shown = self.views.seen(bases, points, search.size)
         counts = shown.sum(axis=1)
-        good = np.flatnonzero((counts > 0) & (counts >= ENOUGH * counts.max(initial=0)))
-        for row in good.tolist():
-            x, y, yaw = bases[row].tolist()
-            if row and self.scene.collisions.contacts((x, y, yaw)):
-                continue
-            seconds = self._seconds((x, y, yaw)) if row else 0.0
-            if seconds is not None:
-                return LikelyPlace(name, likelihood, (x, y, yaw), points[shown[row]], seconds)
+        while counts.any():  # where the base does not get to the best poses, of those that are left
+            for row in np.flatnonzero(counts >= ENOUGH * counts.max()).tolist():
+                x, y, yaw = bases[row].tolist()
+                counts[row] = 0
+                if row and self.scene.collisions.contacts((x, y, yaw)):
+                    continue
+                seconds = self._seconds((x, y, yaw)) if row else 0.0
+                if seconds is not None:
+                    return LikelyPlace(name, likelihood, (x, y, yaw), points[shown[row]], seconds)
         return None
 
     def points(self, search: Search, name: str, base: BasePose) -> Array:
@@ -345,7 +348,14 @@ class Searches:
     def snapshot(self) -> list[Any]:
         """Return the searches as JSON."""
         return [
-            [name, dump(one.what), None if one.within is None else dump(one.within), _visits(one), one.failed, one.left_open]
+            [
+                name,
+                dump(one.what),
+                None if one.within is None else dump(one.within),
+                _visits(one),
+                one.failed,
+                one.left_open,
+            ]
             for name, one in self.begun.items()
         ]
 

@@ -26,6 +26,7 @@ from executive.locations import HandSolution, Reach, ReachKind, Resolver
 from executive.locations.demands import HandTerm
 from executive.locations.grasp_candidates import HandPoses
 from executive.modules.effects import ActionEffects, ModuleWithEffects
+from executive.modules.looking_first import LookingFirst
 from executive.modules.platform import ArmChoices, Platform
 from executive.robots import CARRYING, Robot
 from executive.robots.arms import ArmModel, arm_models, gaze_of
@@ -168,8 +169,11 @@ class RobotExecutive:
         self.tilts = Tilts(platform.leaning)
         """The largest tilts of what was carried, which are measured where the true world is watched."""
         self._effects = ActionEffects(platform)
+        self.finding = performed_with(platform.belief.map.ontology, "finds")
+        """Action classes that look for things."""
         self.modules: Sequence[ProcessModule] = tuple(
-            ModuleWithEffects(create(platform), self._effects) for create in modules
+            ModuleWithEffects(LookingFirst(create(platform), platform, self.finding), self._effects)
+            for create in modules
         )
 
     def may_create(self, what: Object, actions: Iterable[str]) -> bool:
@@ -181,8 +185,7 @@ class RobotExecutive:
         bodies = self.platform.scene.bodies
         if bodies.known(what) is not None or bodies.means_unknown(what):
             return True
-        finding = performed_with(self.platform.belief.map.ontology, "finds")
-        return any(cls in finding for action in actions for cls in self.ancestors(action))
+        return any(cls in self.finding for action in actions for cls in self.ancestors(action))
 
     def ancestors(self, action_type: str) -> Sequence[str]:
         """Return the class itself and its superclasses, nearest first; local names."""

@@ -14,8 +14,11 @@ from sim.world import at_rest_on, held_by
 
 
 def state_lines(truth: PyBulletWorld, names: Iterable[str]) -> Iterator[str]:
-    """Yield lines for each thing of the plan: where it is, whether it is open, its state (on, Clean), what is in it."""
-    scene = truth.scene
+    """Yield lines for each thing of the plan: where it is, whether it is open, its state (on, Clean), what is in it.
+
+    Then for each other door and drawer that the run has left open.
+    """
+    scene, leaves = truth.scene, set[str]()
     for name in dict.fromkeys(names):
         if scene.body(name).graspable:
             holder, support = held_by(truth, name), at_rest_on(truth, name)
@@ -25,12 +28,17 @@ def state_lines(truth: PyBulletWorld, names: Iterable[str]) -> Iterator[str]:
                 yield f"{name}: at rest on {support}" if support is not None else f"{name}: not at rest"
         for joint in scene.joints:
             if not joint.is_knob and name in (joint.leaf, joint.holder):
+                leaves.add(joint.leaf)
                 yield f"{joint.leaf}: {_opening(truth.joint(joint.leaf), joint)}"
         if (state := truth.changes.matter.states.get(name)) is not None:
             yield f"{name}: {state_word(state)}"
         content = truth.changes.matter.contents.get(name, {}).values()
         if content:
             yield f"{name}: holds {', '.join(f'{one.amount:.0f} ml of {local_name(one.type)}' for one in content)}"
+    for joint in scene.joints:
+        value = truth.joint(joint.leaf)
+        if not (joint.is_knob or joint.leaf in leaves or joint.is_shut(value)) and joint.is_shut(joint.first):
+            yield f"{joint.leaf}: left {_opening(value, joint)}"
 
 
 def _opening(value: float, joint: Articulation) -> str:

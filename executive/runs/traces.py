@@ -87,9 +87,22 @@ def line_of(record: Record, *, inner: bool = False) -> str | None:
             return "resumed"
         case {"event": "belief", "change": "switched", "name": name, "state": state}:
             return f"  belief: {name} {state_word(state)}"
+        case {"event": "belief", "change": "led" | "moved", "name": name, "value": value}:
+            return f"  belief: {name} {'closed' if value < CLOSED else 'open'}"
         case {"event": "belief", "change": change, "name": name}:
-            return f"  belief: {name} {change}"
+            return f"  belief: {name} {CHANGES.get(change, change)}"
     return None
+
+
+CLOSED = 0.03
+"""A door or drawer counts as closed below this value of its joint [rad, m]."""
+CHANGES = {
+    "leads": "held by its handle",
+    "let go": "released",
+    "not_seen": "not seen from here",
+    "not there": "not where it was believed to be",
+}
+"""What changes of the belief are called, where that is not the word of the trace."""
 
 
 AGREE = (

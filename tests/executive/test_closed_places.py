@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import ExitStack
 from dataclasses import replace
 
 import pytest
 
-from executive.belief import Belief
-from planlang import at_location, perform, with_failure_handling
-from planlang.designators import FixedPose, a_location, action
-from planlang.failures import ObjectNotFound, ObjectNowhereToBeFound
+from planlang import SimulationHost, at_location, checkpoint, perform, run, with_failure_handling
+from planlang.designators import Action, Condition, FixedPose, action, an_object
+from planlang.failures import (
+    HandleNotReachable,
+    ObjectNotFound,
+    ObjectNowhereToBeFound,
+    ObjectUnresolvable,
+    PlanFailure,
+)
 from planlang.geometry import Pose
 from planlang.language.recovery import Recovery
 from planlang.recoveries import look_from_another_place
 from sim import Body
-from tests.executive.conftest import BOTTLE, THE_BOTTLE, MakeStage, Stage
+from tests.executive.conftest import BOTTLE, THE_BOTTLE, MakeStage
+from tests.support.leaves import PLACE, Room, room, thing
 
 TABLE = Body("table", Pose((2.5, 0.0, 0.37)), (0.8, 1.2, 0.74), type="Table-PieceOfFurniture")
 DESK = Body("desk", Pose((0.0, -4.0, 0.37)), (0.8, 0.8, 0.74), type="Desk-PieceOfFurniture")
@@ -46,3 +54,93 @@ def test_a_recovery_that_has_seen_the_thing_is_not_undone_by_a_look_from_where_i
 
     stage.run(plan)
     assert stage.belief.remembers("bottle")
+
+
+class Doors:
+    """Opens and closes at once, as a user's own module may: searches ask whoever does it."""
+
+    name = "doors"
+    actions = ("OpeningAContainerArtifact", "ClosingAContainerArtifact")
+    failures = (HandleNotReachable,)
+
+    def __init__(self, stage: Room, *, sticks: bool = False) -> None:
+        self.stage, self.sticks, self.asked = stage, sticks, list[str]()
+
+    def resources(self, asked: Action) -> tuple[str, ...]:
+        return ()
+
+    async def execute(self, asked: Action) -> None:
+        await checkpoint()
+        self.asked.append(asked.type)
+        if self.sticks:
+            raise HandleNotReachable(what="leaf")
+        value = 0.3 if asked.type.startswith("Opening") else 0.0
+        self.stage.truth.set_joint("leaf", value)
+        self.stage.platform.belief.moved("leaf", value)
+        self.stage.platform.sync()
+
+
+@pytest.fixture
+def stack() -> Iterator[ExitStack]:
+    """Yield what ends the worlds of a test."""
+    with ExitStack() as stack:
+        yield stack
+
+
+OPENS, CLOSES = Doors.actions
+KEYS = an_object("Key", PLACE + "keys")
+
+
+def kitchen(stack: ExitStack, *, inside: bool, sticks: bool = False) -> tuple[Room, Doors]:
+    """A room with a chest with a drawer, and keys that the robot does not know of: in it, or nowhere to be seen."""
+    grip = thing("grip", "Handle", Pose((0.56, 0.0, 0.65)), (0.012, 0.2, 0.012))
+    leaf = thing("leaf", "Drawer", Pose((0.84, 0.0, 0.65)), (0.48, 0.5, 0.14), "grip")
+    case = thing("case", "Dresser-PieceOfFurniture", Pose((0.85, 0.0, 0.36)), (0.5, 0.54, 0.72), "leaf")
+    at = Pose((0.75, 0.0, 0.61)) if inside else Pose((-3.0, 3.0, 0.01))
+    keys = thing("keys", "Key", at, (0.1, 0.05, 0.02))
+    stage = room(stack, (case, leaf, grip, keys))
+    stage.platform.belief.not_there("keys")
+    stage.platform.sync()
+    doors = Doors(stage, sticks=sticks)
+    stage.executive.modules = (doors, *stage.executive.modules)
+    return stage, doors
+
+
+def search(stage: Room) -> None:
+    host = SimulationHost(stage.truth)
+    run(lambda: perform(action("LookingForSomething", object_acted_on=KEYS)), host=host, executive=stage.executive)
+
+
+def test_a_drawer_is_opened_to_look_inside_and_stays_open_where_the_thing_is(stack: ExitStack) -> None:
+    stage, doors = kitchen(stack, inside=True)
+    search(stage)
+    assert doors.asked == [OPENS]
+    assert stage.platform.belief.seen("keys")
+
+
+def test_a_drawer_in_which_the_thing_is_not_is_closed_again(stack: ExitStack) -> None:
+    stage, doors = kitchen(stack, inside=False)
+    with pytest.raises(ObjectNowhereToBeFound, match=r"looked at: the outside of case, in leaf$"):
+        search(stage)
+    assert doors.asked == [OPENS, CLOSES]
+
+
+def test_what_could_not_be_opened_was_not_looked_at(stack: ExitStack) -> None:
+    stage, _ = kitchen(stack, inside=True, sticks=True)
+    with pytest.raises(ObjectNowhereToBeFound, match=r"looked at: the outside of case; not in leaf \(.*handle.*\)$"):
+        search(stage)
+
+
+def test_what_is_yet_to_be_found_is_in_no_hand(stack: ExitStack) -> None:
+    stage, _ = kitchen(stack, inside=True)
+    assert not stage.executive.holds(Condition("holding", (KEYS,)))
+
+
+def test_a_step_that_drives_by_itself_looks_first_for_what_it_is_about(stack: ExitStack) -> None:
+    stage, doors = kitchen(stack, inside=True)
+    pushing = action("PushingMotion", object_acted_on=KEYS)
+    with pytest.raises(PlanFailure) as failure:  # there is nowhere to push them to
+        run(lambda: perform(pushing), host=SimulationHost(stage.truth), executive=stage.executive)
+    assert not isinstance(failure.value, ObjectUnresolvable)
+    assert doors.asked == [OPENS]
+    assert stage.platform.belief.remembers("keys")

@@ -29,6 +29,7 @@ def test_containers_devices_and_vessels_are_told_of_beside_where_things_are() ->
         assert list(state_lines(world, ["oven"])) == ["door: closed"], "as for those who close it"
         world.set_joint("door", DOOR.last_shut + 0.001)
         assert list(state_lines(world, ["oven"])) == ["door: open by 3 degrees"]
+        assert list(state_lines(world, ["cup"])) == ["cup: at rest on oven", "door: left open by 3 degrees"]
         world.set_joint("door", 1.0)
         world.changes.matter.states["oven"] = ON
         world.changes.matter.put("cup", Portion("http://example.org/x#Milk", 50.0, ()))
