@@ -112,7 +112,7 @@ class LeafWork(HandWork):
         if abs(self._value(joint) - path.values[0]) > 1e-9:
             return  # it is not where it was believed to be: its way has to be looked for again
         platform.arms.choices.choose(arm.name)
-        await platform.hands.move(arm, closed=False)
+        await platform.hands.move(arm, closed=False, fingers=path.fingers)
         await self.follow(arm, self.planned(arm, path.before, joint.handle), joint.handle)
         motion = await self.straight(arm, path.poses[1], path.joints[0], joint.handle)
         await self.arrived(arm, motion, joint.handle)
@@ -124,7 +124,7 @@ class LeafWork(HandWork):
             await self._lead(path, joint)
         except (ManipulationFailure, ContainerStuck) as failure:
             problem = failure
-        await platform.hands.move(arm, closed=False)
+        await platform.hands.move(arm, closed=False, fingers=path.fingers)
         await self.back(arm, path.poses, joint.handle)
         if problem is not None:
             raise problem

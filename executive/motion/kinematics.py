@@ -7,7 +7,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import astuple
+from dataclasses import astuple, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -124,6 +124,11 @@ class Chain(JointRanges):
     def locked(self, positions: Mapping[str, float]) -> Chain:
         """Return the same chain with more of its joints kept at a position."""
         return Chain(self._joints, others=self._others, locked={**self._locked, **positions})
+
+    def between(self, name: str, lower: float, upper: float) -> Chain:
+        """Return the same chain with one joint kept between two positions."""
+        joints = [replace(joint, lower=lower, upper=upper) if joint.name == name else joint for joint in self._joints]
+        return Chain(joints, others=self._others, locked=self._locked)
 
     @cached_property
     def digest(self) -> str:
