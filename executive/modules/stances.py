@@ -24,6 +24,8 @@ SIDEWAYS = 0.2
 """Price of a point at 90 degrees from the heading, beside the distance from the best place [m]."""
 FARTHER = 0.3
 """Price of driving one metre farther, beside the distance from the best place [m]."""
+GRID, TURNS = 0.08, 12
+"""Distance of base positions [m], and number of headings, of which it is computed how far points are from there."""
 HAIR = 1e-6
 """What rounding takes from these shares."""
 MOST = 40
@@ -91,3 +93,29 @@ def stances(
         if all(one.part in moving for one in contacts):
             offered += 1
             yield base[0], base[1], base[2]
+
+
+def distances(platform: Platform, rows: Sequence[Array], arms: Sequence[ArmModel]) -> list[float]:
+    """Compute how near arms get to rows of points (k, 2) of the map, from the best free base pose for each [m].
+
+    The distance of a row is that of its farthest point from the shoulders, inf if there is no such base pose.
+    """
+    platform.sync()
+    collisions, (shoulder, reach) = platform.scene.collisions, _shoulder(arms)
+    every = np.concatenate(rows)
+    far = reach + float(np.linalg.norm(shoulder))
+    x, y, yaw = (
+        grid.ravel()
+        for grid in np.meshgrid(
+            *(np.arange(low - far, high + far, GRID) for low, high in zip(every.min(0), every.max(0), strict=True)),
+            np.linspace(-np.pi, np.pi, TURNS, endpoint=False),
+        )
+    )
+    bases = np.stack([x, y, yaw], axis=1)
+    bases = bases[collisions.drivable()(bases)]
+    bases = bases[collisions.floor().holds(bases)]
+    if not len(bases):
+        return [math.inf] * len(rows)
+    c, s = np.cos(bases[:, 2]), np.sin(bases[:, 2])
+    shoulders = bases[:, :2] + np.stack([c * shoulder[0] - s * shoulder[1], s * shoulder[0] + c * shoulder[1]], axis=1)
+    return [float(np.linalg.norm(shoulders[:, None] - row, axis=2).max(axis=1).min()) for row in rows]
