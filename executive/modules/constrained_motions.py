@@ -129,7 +129,7 @@ class ConstrainedWork(PlatformModule):
                     waiting = [one for one in waiting if one[0] is not arm]
 
     async def drive_with_room(self, place: BasePose) -> None:
-        """Drive, if need be with the arms in the carrying posture: one that is stretched out does not turn with the base."""
+        """Drive, if need be with the arms tucked: one that is stretched out may be in the way as the base turns."""
         try:
             await self.drive(place)
         except NavigationPoseUnreachable:

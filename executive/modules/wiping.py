@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from executive.modules.motion_grounding import GroundedMotion
-from executive.modules.stances import distances
+from executive.modules.stances import BEST, distances
 from executive.modules.strokes import Plane, StrokeWork
 from planlang.designators import Action
 from planlang.failures import (
@@ -42,12 +42,15 @@ HAND = 0.05
 """Room beside the tool that the hand needs [m]."""
 ABOVE = 0.3
 """Height over the surface up to which things are in the way of the hand [m]."""
-IN_A_ROW = 4
+IN_A_ROW = 6
 """Lanes, or halves of lanes, that fail one after another before it is given up: the others are farther away."""
 HERE = 2
 """The same from one base pose."""
 ENOUGH = 0.8
 """Share of the free places that has to be wiped."""
+
+
+Stroke = Callable[..., Awaitable[Trajectory]]
 
 
 @process_module
@@ -86,7 +89,11 @@ class Wiping(StrokeWork):
         return ()
 
     async def _from_here(
-        self, stroke: Callable[..., Awaitable[Trajectory]], motion: GroundedMotion, last: Array, pending: Sequence[Array]
+        self,
+        stroke: Callable[..., Awaitable[Trajectory]],
+        motion: GroundedMotion,
+        last: Array,
+        pending: Sequence[Array],
     ) -> list[Array]:
         """Wipe the lanes near the last one that the arm reaches without driving; return them."""
         done, in_a_row = list[Array](), 0
@@ -102,17 +109,22 @@ class Wiping(StrokeWork):
         return done
 
     def _nearest_first(self, plane: Plane, motion: GroundedMotion, lanes: Iterable[Array]) -> list[Array]:
-        """Sort lanes by how near the base gets the arm to them."""
-        every = list(lanes)
-        away = self._away(plane, motion, every)
-        return [every[k] for k in sorted(range(len(every)), key=lambda k: round(away[k], 2))]
+        """Sort lanes by how near the base gets the arm to them, long ones first of those that are near enough."""
+        every, enough = list(lanes), BEST * min(arm.reach for arm in motion.arms)
+        away = [max(round(one, 1), enough) for one in self._away(plane, motion, every)]
+        return [every[k] for k in sorted(range(len(every)), key=lambda k: (away[k], -len(every[k])))]
 
     def _away(self, plane: Plane, motion: GroundedMotion, lanes: Sequence[Array]) -> list[float]:
         there = [moved(motion.things[plane.thing], lane[:, :3])[:, :2] for lane in lanes]
         return distances(self.platform, there, motion.arms) if lanes else []
 
     def _too_little(
-        self, plane: Plane, motion: GroundedMotion, share: float, pending: Sequence[Array], problems: Sequence[PlanFailure]
+        self,
+        plane: Plane,
+        motion: GroundedMotion,
+        share: float,
+        pending: Sequence[Array],
+        problems: Sequence[PlanFailure],
     ) -> ConstraintsUnsatisfied:
         """Return the failure that says how much was wiped, and what the rest is too far from."""
         name, arm = self.platform.scene.bodies.bind(plane.thing), motion.arms[0]
@@ -123,7 +135,7 @@ class Wiping(StrokeWork):
             if in_the_way is not None
             else "the base has no room beside the rest"
             if nearest == math.inf
-            else f"the shoulder of {arm.name} gets no nearer to the rest than {nearest:.2f} m, which is out of its reach "
+            else f"the shoulder of {arm.name} gets no nearer to the rest than {nearest:.2f} m, out of its reach "
             f"with {self.tool(motion)} held flat"
         )
         said = f"{share:.0%} of {name} was wiped, {ENOUGH:.0%} is due: {why}"
