@@ -51,6 +51,8 @@ INSIDE = 1 / 3
 """Share of the width between limits that is left out on both sides at first: a motion ends well inside if it can."""
 PLACES = 4
 """Places of the base from which a motion is tried."""
+LOOKED_AT = 20
+"""Places of the base from which it is computed whether the arms get there: one takes up to 1.5 s."""
 
 
 class ConstrainedWork(PlatformModule):
@@ -92,7 +94,7 @@ class ConstrainedWork(PlatformModule):
             except ConstraintsUnsatisfied as failure:
                 problem = failure
         tried = 0
-        for place in self._places(motion) if self._is_mobile() else ():
+        for place in islice(self._places(motion), LOOKED_AT) if self._is_mobile() else ():
             end = await apart(partial(self._end, grounding, motion, place))
             if end is None:
                 continue
@@ -127,7 +129,7 @@ class ConstrainedWork(PlatformModule):
                     waiting = [one for one in waiting if one[0] is not arm]
 
     async def drive_with_room(self, place: BasePose) -> None:
-        """Drive, if need be with the arms in the carrying posture: one that is stretched out does not turn with the base."""
+        """Drive, if need be with the arms tucked: one that is stretched out may be in the way as the base turns."""
         try:
             await self.drive(place)
         except NavigationPoseUnreachable:
@@ -157,7 +159,7 @@ class ConstrainedWork(PlatformModule):
 
     def _places(self, motion: GroundedMotion) -> Iterator[BasePose]:
         """Yield free places of the base before what the constraints are about, near ones first."""
-        return stances(self.platform, _middle(motion), motion.arms)
+        return stances(self.platform, _middle(motion), motion.arms, arms_first=True)
 
     def _end(self, grounding: Grounding, motion: GroundedMotion, base: BasePose) -> Array | None:
         """Return joint values (n,) at which constraints hold, from a base, and nothing is touched; None without.

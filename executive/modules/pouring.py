@@ -26,7 +26,6 @@ from planlang.ontology import expand
 from planlang.protocols import Trajectory
 from planlang.records import dataclass
 
-
 WITHIN, WITHIN_SHARE = 5.0, 0.05
 """Deviation that a poured amount may have: the larger of the two [ml, share]."""
 SLOWER = 1.25

@@ -128,10 +128,11 @@ class StrokeWork(ConstrainedWork):
         points: Array,
         *,
         closed: bool,
+        drives: bool = True,
     ) -> Trajectory:
-        """Bring the tool to the first of points (n, 4), driving where that is needed; return the way through all."""
+        """Bring the tool to the first of points (n, 4), driving if needed and allowed; return the way through all."""
         problem: MotionError | NavigationFailure | None = None
-        for base in chain((None,), self._reaching(grounding, phase, asked, plane, points)):
+        for base in chain((None,), self._reaching(grounding, phase, asked, plane, points) if drives else ()):
             motion = grounding.grounded(asked, phase)
             try:
                 if base is not None:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Awaitable, Callable, Iterable, Iterator, Sequence
+from functools import partial
 
 import numpy as np
 
 from executive.modules.motion_grounding import GroundedMotion
+from executive.modules.stances import BEST, distances
 from executive.modules.strokes import Plane, StrokeWork
 from planlang.designators import Action
 from planlang.failures import (
@@ -16,17 +19,21 @@ from planlang.failures import (
     ManipulationGoalInCollision,
     NavigationFailure,
     PerceptionFailure,
+    PlanFailure,
 )
 from planlang.geometry import Array
 from planlang.geometry.matrices import inverse, moved
 from planlang.geometry.shapes import corners
 from planlang.modules import process_module
 from planlang.motion_constraints import ConstraintsUnsatisfied
+from planlang.protocols import Trajectory
 
 OVERLAP = 0.8
 """Distance of lanes, as a share of the width of the tool."""
 STEP = 0.06
 """Distance of places along a lane [m]."""
+SHORT = 3
+"""Places of a lane that is not divided."""
 MOST = 9
 """Places of a lane that are wiped without a stop."""
 LIFTED = 0.04
@@ -35,8 +42,15 @@ HAND = 0.05
 """Room beside the tool that the hand needs [m]."""
 ABOVE = 0.3
 """Height over the surface up to which things are in the way of the hand [m]."""
+IN_A_ROW = 6
+"""Lanes, or halves of lanes, that fail one after another before it is given up: the others are farther away."""
+HERE = 2
+"""The same from one base pose."""
 ENOUGH = 0.8
 """Share of the free places that has to be wiped."""
+
+
+Stroke = Callable[..., Awaitable[Trajectory]]
 
 
 @process_module
@@ -48,27 +62,84 @@ class Wiping(StrokeWork):
     failures = (ManipulationFailure, NavigationFailure, PerceptionFailure, LookingFailure, DesignatorFailure)
 
     async def execute(self, action: Action) -> tuple[str, ...]:
-        """Wipe; return (): no constraint is given up. Raises ConstraintsUnsatisfied if too little was wiped."""
+        """Wipe; return (): no constraint is given up. Raises ConstraintsUnsatisfied if too little was wiped.
+
+        The lanes that the arm reaches most easily come first; from each base pose all lanes within reach are wiped. If
+        a lane cannot be wiped as a whole, its halves are tried.
+        """
         grounding, phase, asked, motion = await self.begun(action)
-        plane = Plane.of(motion, action)
-        due = sum(len(lane) - 2 for lane in self._lanes(plane, motion))
-        wiped, missed, problem = 0, 0, None
-        for lane in self._lanes(plane, motion):
+        plane, problems, wiped, in_a_row = Plane.of(motion, action), list[PlanFailure](), 0, 0
+        stroke = partial(self.stroke, grounding, phase, asked, plane, closed=False)
+        pending = self._nearest_first(plane, motion, self._lanes(plane, motion))
+        due = sum(map(_places, pending))
+        while pending and in_a_row < IN_A_ROW:
+            lane = pending.pop(0)
             try:
-                lap = await self.stroke(grounding, phase, asked, plane, lane, closed=False)
-                await self.gone(motion, lap)
-                wiped += len(lane) - 2
+                await self.gone(motion, await stroke(lane))
             except (ConstraintsUnsatisfied, ManipulationGoalInCollision, NavigationFailure) as failure:
-                missed, problem = missed + len(lane) - 2, problem or failure
-                if missed > (1 - ENOUGH) * due:
-                    break  # it cannot become enough any more: what is out of reach takes longest
-        else:
-            due = wiped + missed  # things that were seen meanwhile may stand on the rest
-        share = wiped / max(1, due)
-        if share < ENOUGH:
-            name = self.platform.scene.bodies.bind(plane.thing)
-            raise ConstraintsUnsatisfied(f"{share:.0%} of {name} was wiped", arm=motion.arms[0].name) from problem
+                problems, in_a_row = [*problems, failure], in_a_row + 1
+                pending = self._nearest_first(plane, motion, (*pending, *_halves(lane)))
+                continue
+            done = [lane, *await self._from_here(stroke, motion, lane, pending)]
+            pending = [one for one in pending if not any(one is other for other in done)]
+            wiped, in_a_row = wiped + sum(map(_places, done)), 0
+        due = min(due, sum(map(_places, self._lanes(plane, motion))))  # things that were seen since may stand there
+        if wiped < ENOUGH * due:
+            raise self._too_little(plane, motion, wiped / due, pending, problems)
         return ()
+
+    async def _from_here(
+        self,
+        stroke: Callable[..., Awaitable[Trajectory]],
+        motion: GroundedMotion,
+        last: Array,
+        pending: Sequence[Array],
+    ) -> list[Array]:
+        """Wipe the lanes near the last one that the arm reaches without driving; return them."""
+        done, in_a_row = list[Array](), 0
+        for lane in sorted(pending, key=lambda one: float(np.linalg.norm(one[0, :3] - last[-1, :3]))):
+            try:
+                await self.gone(motion, await stroke(lane, drives=False))
+            except (ConstraintsUnsatisfied, ManipulationGoalInCollision):
+                in_a_row += 1
+                if in_a_row == HERE:
+                    break
+                continue
+            done, in_a_row = [*done, lane], 0
+        return done
+
+    def _nearest_first(self, plane: Plane, motion: GroundedMotion, lanes: Iterable[Array]) -> list[Array]:
+        """Sort lanes by how near the base gets the arm to them, long ones first of those that are near enough."""
+        every, enough = list(lanes), BEST * min(arm.reach for arm in motion.arms)
+        away = [max(round(one, 1), enough) for one in self._away(plane, motion, every)]
+        return [every[k] for k in sorted(range(len(every)), key=lambda k: (away[k], -len(every[k])))]
+
+    def _away(self, plane: Plane, motion: GroundedMotion, lanes: Sequence[Array]) -> list[float]:
+        there = [moved(motion.things[plane.thing], lane[:, :3])[:, :2] for lane in lanes]
+        return distances(self.platform, there, motion.arms) if lanes else []
+
+    def _too_little(
+        self,
+        plane: Plane,
+        motion: GroundedMotion,
+        share: float,
+        pending: Sequence[Array],
+        problems: Sequence[PlanFailure],
+    ) -> ConstraintsUnsatisfied:
+        """Return the failure that says how much was wiped, and what the rest is too far from."""
+        name, arm = self.platform.scene.bodies.bind(plane.thing), motion.arms[0]
+        in_the_way = next((one for one in (getattr(each, "blocked_by", None) for each in problems) if one), None)
+        nearest = min(self._away(plane, motion, pending), default=math.inf)
+        why = (
+            f"{in_the_way} is in the way"
+            if in_the_way is not None
+            else "the base has no room beside the rest"
+            if nearest == math.inf
+            else f"the shoulder of {arm.name} gets no nearer to the rest than {nearest:.2f} m, out of its reach "
+            f"with {self.tool(motion)} held flat"
+        )
+        said = f"{share:.0%} of {name} was wiped, {ENOUGH:.0%} is due: {why}"
+        return ConstraintsUnsatisfied(said, arm=arm.name, what=name, blocked_by=in_the_way)
 
     def _lanes(self, plane: Plane, motion: GroundedMotion) -> Iterator[Array]:
         """Yield lanes (n, 4) of free places, with one over each end, in the frame of the thing, back and forth."""
@@ -109,6 +180,17 @@ class Wiping(StrokeWork):
             at = (places - np.array(plane.height.world.position)) @ axes.T
             free &= np.linalg.norm(np.maximum(np.maximum(low - at, at - high), 0.0), axis=1) > room
         return free
+
+
+def _places(lane: Array) -> int:
+    """Count the places of a lane, without those over its ends."""
+    return len(lane) - 2
+
+
+def _halves(lane: Array) -> tuple[Array, ...]:
+    """Divide a lane in two; one of three places or fewer is not divided."""
+    places = lane[1:-1, :3]
+    return tuple(map(_lifted, np.array_split(places, 2))) if len(places) > SHORT else ()
 
 
 def _spread(extent: float, step: float) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -16,7 +16,7 @@ from executive.modules.pouring import Flow
 from planlang.geometry import Pose
 from sim.world import PyBulletWorld, held_by
 from tests.support.extras import skip_without_pr2
-from tests.support.scenarios import Scenario, Watched, judged
+from tests.support.scenarios import Judged, Scenario, Watched, judged
 
 POUR = """
 Prefix: : <http://example.org/pour.owl#>
@@ -64,3 +64,93 @@ def test_when_the_vessel_is_lost_in_mid_pour_only_the_rest_is_poured(
     recipe.write_text(POUR, encoding="utf-8")
     found = judged(Scenario("pour", (str(recipe), "--robot", "pr2", "--environment", "stove_kitchen"), poured))
     assert found.reached, (found.result.message, found.unmet)
+
+
+KITCHEN = """
+Prefix: : <http://example.org/home.owl#>
+Prefix: knowrob: <http://knowrob.org/kb/knowrob.owl#>
+Ontology: <http://example.org/home.owl>
+Individual: home
+    Types: knowrob:SemanticEnvironmentMap
+Individual: table1
+    Types: knowrob:KitchenTable
+    Facts: knowrob:describedInMap home, knowrob:pose pose_table1,
+        knowrob:depthOfObject 0.7, knowrob:widthOfObject 1.6, knowrob:heightOfObject 0.74
+Individual: pose_table1
+    Types: knowrob:RotationMatrix3D
+    Facts: knowrob:translation "0.65 0.0 0.37", knowrob:quaternion "0 0 0 1"
+Individual: bottle1
+    Types: knowrob:DrinkingBottle
+    Facts: knowrob:describedInMap home, knowrob:pose pose_bottle1,
+        knowrob:depthOfObject 0.06, knowrob:widthOfObject 0.06, knowrob:heightOfObject 0.2
+Individual: pose_bottle1
+    Types: knowrob:RotationMatrix3D
+    Facts: knowrob:translation "0.45 -0.15 0.84", knowrob:quaternion "0 0 0 1"
+Individual: bowl1
+    Types: knowrob:Bowl-Mixing
+    Facts: knowrob:describedInMap home, knowrob:pose pose_bowl1, knowrob:capacity 500.0,
+        knowrob:depthOfObject 0.2, knowrob:widthOfObject 0.2, knowrob:heightOfObject 0.1
+Individual: pose_bowl1
+    Types: knowrob:RotationMatrix3D
+    Facts: knowrob:translation "0.45 0.2 0.79", knowrob:quaternion "0 0 0 1"
+"""
+WATER = """
+Individual: water1
+    Types: knowrob:Water
+    Facts: knowrob:in-ContGeneric bottle1, knowrob:amount 400.0
+"""
+POUR_WATER = """
+Prefix: : <http://example.org/pour_water.owl#>
+Prefix: home: <http://example.org/home.owl#>
+Prefix: knowrob: <http://knowrob.org/kb/knowrob.owl#>
+Ontology: <http://example.org/pour_water.owl>
+Individual: home:bottle1
+    Types: knowrob:DrinkingBottle
+Individual: home:bowl1
+    Types: knowrob:Bowl-Mixing
+Class: PourWater
+    SubClassOf: knowrob:PurposefulAction, knowrob:subAction some PourIt
+Class: PourIt
+    SubClassOf: knowrob:FluidFlow-Translation, knowrob:objectActedOn value home:bottle1,
+        knowrob:toLocation value home:bowl1, knowrob:amount value {amount}
+"""
+
+
+def poured(folder: Path, amount: float, content: str, goal: Callable[[Watched], Iterable[str]]) -> Judged:
+    """Let Amigo pour out of a bottle into a bowl on the same table."""
+    (folder / "pour.omn").write_text(POUR_WATER.format(amount=amount), encoding="utf-8")
+    (folder / "home.omn").write_text(KITCHEN + content, encoding="utf-8")
+    arguments = (str(folder / "pour.omn"), "--robot", "amigo", "--environment", str(folder / "home.omn"))
+    return judged(Scenario("pour", arguments, goal))
+
+
+@pytest.mark.long
+def test_amigo_pours_the_amount_between_two_things_on_one_table(tmp_path: Path) -> None:
+    def right(watched: Watched) -> Iterator[str]:
+        if abs((amount := watched.world.changes.matter.total("bowl1")) - 100.0) > 5.0:
+            yield f"bowl1 holds {amount:.0f} ml"
+
+    found = poured(tmp_path, 100.0, WATER, right)
+    assert found.reached, (found.result.message, found.unmet)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("amount", "content", "failure", "said"),
+    [
+        (100.0, "", "VesselEmpty", "nothing is known to be in bottle1"),
+        (450.0, WATER, "AmountNotPoured", "450 ml were asked for, 0 ml were poured: bottle1 holds 400 ml"),
+    ],
+    ids=["empty", "too_much"],
+)
+def test_nothing_is_poured_if_the_amount_is_not_there(
+    tmp_path: Path, amount: float, content: str, failure: str, said: str
+) -> None:
+    def untouched(watched: Watched) -> Iterator[str]:
+        if watched.world.changes.matter.total("bowl1") > 0:
+            yield "something was poured"
+
+    found = poured(tmp_path, amount, content, untouched)
+    assert found.result.failure[0] == failure
+    assert said in found.result.message
+    assert not found.unmet
