@@ -141,7 +141,7 @@ class _Explanation:
         gap = self._beside(body)
         if gap is None:
             return said
-        return f"{said}, {max(gap, 0.0):.2f} m beside it; give {self.reach.body} more room there"
+        return f"{said}, {max(gap, 0.0):.2f} m away from it; more room between the two is needed"
 
     def _beside(self, body: str) -> float | None:
         """Return the horizontal distance between a body and the thing at the thing's height; None if that is large."""
@@ -165,7 +165,10 @@ class _Explanation:
             said = f"the base has no room to stand within {AROUND:g} m of {self.reach.body}"
         without = self._without()
         better = [(gap, body) for body, gap in without if gap < now - CELL]
-        return f"{said}; without {min(better)[1]} it would get to {min(better)[0]:.2f} m" if better else said
+        if better:
+            return f"{said}; without {min(better)[1]} it would get to {min(better)[0]:.2f} m"
+        support = self.scene.bodies.support(self.reach.body)
+        return f"{said}, so {self.reach.body} has to stand nearer to the edge of {support}" if support else said
 
     def _without(self) -> Iterator[tuple[str, float]]:
         supports = {self.reach.body, self.scene.bodies.support(self.reach.body)}

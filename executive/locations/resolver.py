@@ -27,6 +27,7 @@ from executive.locations.demands import (
     hand_demand,
     thing_demand,
 )
+from executive.locations.explanations import explain_bases
 from executive.locations.floor_search import FloorSearch
 from executive.locations.hand_predicates import Stage, candidates_of, hand_holds
 from executive.locations.hand_solutions import HandSolution, from_base
@@ -98,6 +99,7 @@ class Resolver:
             yield self._after({name: view for name, view in (here or views).items() if name in left}, solution)
         if not found and log.counts[NOT_VISIBLE]:
             yield from self._after_a_look(demand, wanted, log, found)
+        explain_bases(wanted, validator.arms(demand), scene, self.maps, log)
         log.findings.inversions.clear()  # else the traceback would keep them
         raise log.failure(location, after=len(found))
 

@@ -78,7 +78,9 @@ def _is_just_a_place(ontology: Ontology, iri: str) -> bool:
     if not ontology.is_a(iri, place):
         return False
     above = {ancestor for cls in classes_of(ontology, iri) for ancestor in ontology.ancestors(cls)}
-    return all(ancestor == place or ontology.is_a(place, ancestor) for ancestor in above if is_vocabulary_class(ancestor))
+    return all(
+        ancestor == place or ontology.is_a(place, ancestor) for ancestor in above if is_vocabulary_class(ancestor)
+    )
 
 
 def _pose(ontology: Ontology, iri: str) -> tuple[float, float, float, float] | None:
