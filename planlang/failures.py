@@ -290,7 +290,7 @@ class LocationUnresolvable(DesignatorFailure):
     text: ClassVar[str] = "no place found"
 
     def describe(self) -> str:
-        """``no place found for DESIGNATOR: FIGURES (312 candidates: 112 in collision, ...; in the way: bed1 96, ...)``."""
+        """``no place found for DESIGNATOR: FIGURES (312 candidates: 112 in collision; in the way: bed1 96, ...)``."""
         text = f"no more places than {self.after}" if self.after else self.text
         text = f"{text} for {self.designator}" if self.designator else text
         reasons = ", ".join(f"{number} {reason}" for reason, number in self.counts.items())

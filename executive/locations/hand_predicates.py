@@ -6,6 +6,7 @@ Things are on and in things and before people.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from enum import IntEnum
 from functools import partial
@@ -277,8 +278,8 @@ def _count_no_grip(reach: Reach, grips: Sequence[Block], arm: ArmModel, rejectio
         high = max(grip.high - grip.low for grip in grips)
         reason = "no room for the hand around it"
         figures = (
-            f"{body} is {wide:.3f} m wide and fits between the fingers ({opening}), but it is {high:.3f} m high, and the "
-            f"palm or the tips of the fingers would touch it or what it stands on"
+            f"{body} is {wide:.3f} m wide and fits between the fingers ({opening}), but it is {high:.3f} m high, and "
+            "the palm or the tips of the fingers would touch it or what it stands on"
         )
     rejections.add(reason)
     rejections.figures[reason] = figures
