@@ -292,22 +292,29 @@ class DesignatorFailure(PlanFailure):
 
 @dataclass(eq=False, repr=False)
 class LocationUnresolvable(DesignatorFailure):
-    """No candidate is left; ``counts`` says how many were rejected for which reason, ``blocking`` which bodies."""
+    """No candidate is left; ``counts`` says how many were rejected for which reason, ``blocking`` which bodies.
+
+    ``figures``: a sentence about the most frequent reason, with what was measured and what would do. ``after``: how
+    many places had been found, and did not do either.
+    """
 
     counts: Mapping[str, int] = field(default_factory=dict, kw_only=True)
     blocking: Mapping[str, int] = field(default_factory=dict, kw_only=True)
+    figures: str = field(default="", kw_only=True)
+    after: int = field(default=0, kw_only=True)
 
     text: ClassVar[str] = "no place found"
 
     def describe(self) -> str:
-        """``no place found: DESIGNATOR: 312 candidates: 200 out of reach, 112 in collision (bed1 96, ...)``."""
-        text = f"{self.text}: {self.designator}" if self.designator else self.text
-        if self.counts:
-            reasons = ", ".join(f"{number} {reason}" for reason, number in self.counts.items())
-            text = f"{text}: {sum(self.counts.values())} candidates: {reasons}"
+        """``no place found for DESIGNATOR: FIGURES (312 candidates: 112 in collision; in the way: bed1 96, ...)``."""
+        text = f"no more places than {self.after}" if self.after else self.text
+        text = f"{text} for {self.designator}" if self.designator else text
+        reasons = ", ".join(f"{number} {reason}" for reason, number in self.counts.items())
+        parts = [f"{sum(self.counts.values())} candidates: {reasons}"] if self.counts else []
         if self.blocking:
-            text += f" (in the way: {', '.join(f'{body} {number}' for body, number in self.blocking.items())})"
-        return text
+            parts.append(f"in the way: {', '.join(f'{body} {number}' for body, number in self.blocking.items())}")
+        text = f"{text}: {self.figures}" if self.figures else text
+        return f"{text} ({'; '.join(parts)})" if parts else text
 
 
 @dataclass(eq=False, repr=False)
@@ -318,8 +325,8 @@ class BehindClosedDoor(LocationUnresolvable):
     door: Object | None = field(default=None, kw_only=True)
 
     def describe(self) -> str:
-        """``no place found: DESIGNATOR: bottle1 is behind door1, which is closed``."""
-        return f"{self.text}: {self.designator}: {self.what} is behind {self.door}, which is closed"
+        """``no place found for DESIGNATOR: bottle1 is behind door1, which is closed``."""
+        return f"{self.text} for {self.designator}: {self.what} is behind {self.door}, which is closed"
 
 
 @dataclass(eq=False, repr=False)
@@ -332,9 +339,9 @@ class TooHeavy(LocationUnresolvable):
     hands: int = field(default=1, kw_only=True)
 
     def describe(self) -> str:
-        """``no place found: DESIGNATOR: bottle1 weighs 40 kg, the hand carries 1.5 kg``."""
+        """``no place found for DESIGNATOR: bottle1 weighs 40 kg, the hand carries 1.5 kg``."""
         carry = "the hand carries" if self.hands == 1 else "both hands carry"
-        return f"{self.text}: {self.designator}: {self.what} weighs {self.mass:g} kg, {carry} {self.payload:g} kg"
+        return f"{self.text} for {self.designator}: {self.what} weighs {self.mass:g} kg, {carry} {self.payload:g} kg"
 
 
 @dataclass(eq=False, repr=False)
@@ -350,11 +357,11 @@ class HandsLacking(LocationUnresolvable):
     alone: bool = field(default=False, kw_only=True)
 
     def describe(self) -> str:
-        """``no place found: DESIGNATOR: tray1 takes 2 hands, 1 is there for it``."""
+        """``no place found for DESIGNATOR: tray1 takes 2 hands, 1 is there for it``."""
         there = f"{'1 is' if self.hands == 1 else f'{self.hands} are'} there for it"
         if self.alone:
             there = "and was asked of one alone (PickingUpAnObject takes it with all)"
-        return f"{self.text}: {self.designator}: {self.what} takes {self.needed} hands, {there}"
+        return f"{self.text} for {self.designator}: {self.what} takes {self.needed} hands, {there}"
 
 
 class ObjectUnresolvable(DesignatorFailure):

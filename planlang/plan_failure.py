@@ -77,8 +77,10 @@ PlanFailure.__module__ = "planlang.failures"  # where plans import it from, and 
 
 
 def in_words(details: Mapping[str, Any]) -> str:
-    """Return fields of a failure as a message states them."""
-    return ", ".join(f"{name.replace('_', ' ')} {_plain(value)}" for name, value in details.items())
+    """Return fields of a failure as a message states them, first the object that it is about, which needs no name."""
+    about = [_plain(details["what"])] if "what" in details else []
+    others = (f"{name.replace('_', ' ')} {_plain(value)}" for name, value in details.items() if name != "what")
+    return ", ".join([*about, *others])
 
 
 def attach_cleanup(error: BaseException, failures: Iterable[PlanFailure]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
 from itertools import combinations
 from operator import itemgetter
 from typing import TYPE_CHECKING, Generic, TypeVar
@@ -66,6 +67,9 @@ CLOSING_STEPS = 24
 OPPOSED = -0.5
 """Cosine up to which the directions from which two fingers are touched count as opposed."""
 
+MOST_REMOVED = 8
+"""Bodies near the way of which is worked out whether the base would get farther without them."""
+
 
 def pinched(touches: Iterable[Touch]) -> Array | None:
     """Return the point (3,) of the map about which two fingers feel something between them; None if they do not."""
@@ -90,6 +94,13 @@ def _closing(gripper: Gripper, fingers: Fingers) -> list[dict[str, float]]:
         {name: (1.0 - share) * value + share * gripper.closed[name] for name, value in fingers}
         for share in np.linspace(0.0, 1.0, CLOSING_STEPS + 1)[1:].tolist()
     ]
+
+
+def _flood(base: BasePose, floor: Floor) -> Drivable:
+    """Return where a base can get to on a floor."""
+    x_min, y_min, x_max, y_max = floor.bounds
+    grid = Grid.over((x_min, y_min), (x_max, y_max))
+    return drivable(base[:2], grid, floor.boxes, floor.silhouette, cores(floor.outlines))
 
 
 class SceneCollisions:
@@ -128,6 +139,10 @@ class SceneCollisions:
 
         return self._floor.of((self._state(), self._posture()), work_out)
 
+    def floor_without(self, body: str) -> Floor:
+        """Return the floor that would be left to the base if a body were not there."""
+        return replace(self.floor(), boxes=self.boxes_but((body,))[0])
+
     def has_way(self, base: BasePose) -> bool:
         """Return whether the base can get to a pose: with a turn at most, or else as :meth:`drivable` says."""
         return self._goes_straight(base) or bool(self.drivable()(np.array([base]))[0])
@@ -161,10 +176,31 @@ class SceneCollisions:
             large = (x_max - x_min) * (y_max - y_min) > MOST_FLOOR
             if large or self._world.contacts(now, ("base",)):
                 return Drivable(Grid(0.0, 0.0, 1, 1), np.ones((1, 1), bool), beyond=True)
-            grid = Grid.over((x_min, y_min), (x_max, y_max))
-            return drivable(base[:2], grid, floor.boxes, floor.silhouette, cores(floor.outlines))
+            return _flood(base, floor)
 
         return self._drivable.of((floor, base[:2]), work_out)
+
+    def closes_way(self, place: Array, within: float) -> str | None:
+        """Return the body without which the base would get to more floor ``within`` [m] of a place (2,), if one does.
+
+        Of several the one that keeps the base from most of that floor; bodies far from the straight line are not tried.
+        """
+        known = self.drivable()
+        if known.beyond:
+            return None
+        base, cells = self._world.configuration().base, known.near(place, within)
+        boxes, names = self.boxes_but(())
+        line = np.linspace(base[:2], place, 20)
+        away = np.linalg.norm(boxes.centres[:, None, :2] - line, axis=2).min(axis=1) - boxes.half_extents[:, :2].max(
+            axis=1
+        )
+        nearest = dict.fromkeys(names[row] for row in np.argsort(away, kind="stable").tolist())
+        gains = {
+            name: _flood(base, self.floor_without(name)).near(place, within) - cells
+            for name in list(nearest)[:MOST_REMOVED]
+        }
+        best = max(gains, key=lambda name: gains[name], default=None)
+        return best if best is not None and gains[best] > 0 else None
 
     def obstacles(self) -> Boxes:
         """Return boxes around the pieces of all bodies that are not held, the floor left out."""

@@ -277,7 +277,7 @@ def _resolved(
         *(f"  {line}" for line, _ in places),
     ]
     if not places:
-        message = str(failure).replace(f": {location}", "", 1)  # the phrase is printed above
+        message = str(failure).replace(f" for {location}", "", 1)  # the phrase is printed above
         data |= {"failure": [type(failure).__name__], "message": message}
         lines.append(message)
     elif counts:

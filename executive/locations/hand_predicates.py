@@ -6,6 +6,7 @@ Things are on and in things and before people.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from enum import IntEnum
 from functools import partial
@@ -270,14 +271,35 @@ def _grasps(
     if not any(map(len, tables)) and reach.grasp is not None and all(map(is_flat, (block, *handles))):
         rejections.add("too low for a grasp but from above")
     elif not any(map(len, tables)) and not rejections.counts["under something else"]:
-        reason = "no gripper" if arm.max_opening <= 0 else "too wide for the gripper"
-        rejections.add(reason)
-        if arm.max_opening > 0:
-            wide = min(scene.bodies.size(reach.body)[:2])
-            rejections.figures[reason] = (
-                f"{reach.body} is {wide:.3f} m wide, {arm.name} opens to {arm.max_opening:.3f} m"
-            )
+        _count_no_grip(reach, (block, *handles), arm, rejections)
     return tables
+
+
+def _count_no_grip(reach: Reach, grips: Sequence[Block], arm: ArmModel, rejections: Rejections) -> None:
+    """Count why a hand has no grasp of a body anywhere, with the sizes of both."""
+    if arm.max_opening <= 0:
+        rejections.add("no gripper")
+        return
+    body, opening = reach.body, f"{arm.name} opens to {arm.max_opening:.3f} m"
+    wide = min(_narrowest(grip) for grip in grips)
+    if wide > arm.max_opening:
+        reason, figures = "too wide for the gripper", f"{body} is {wide:.3f} m wide, {opening}"
+    else:
+        high = max(grip.high - grip.low for grip in grips)
+        reason = "no room for the hand around it"
+        figures = (
+            f"{body} is {wide:.3f} m wide and fits between the fingers ({opening}), but it is {high:.3f} m high, and "
+            "the palm or the tips of the fingers would touch it or what it stands on"
+        )
+    rejections.add(reason)
+    rejections.figures[reason] = figures
+
+
+def _narrowest(grip: Block) -> float:
+    """Return the least width that fingers have to open to around a part of a thing [m]."""
+    if grip.soft:
+        return 0.0
+    return grip.wall or 2 * (max if grip.round else min)(grip.half_x, grip.half_y)
 
 
 def _around(

@@ -98,12 +98,17 @@ class Rejections:
     """Candidates (m, 2 or more) that were refused before they were looked at, with the reason."""
     findings: Findings = field(default_factory=Findings)
     figures: dict[str, str] = field(default_factory=dict)
-    """Reason -> what was measured, and what would do."""
+    """Reason -> a sentence with what was measured, and what would do."""
 
     def refuse(self, reason: str, candidates: Array) -> None:
         """Count candidates (m, 2 or more) rejected for a reason, and remember where they are."""
         if len(candidates):
             self.add(reason, len(candidates))
+            self.show(reason, candidates)
+
+    def show(self, reason: str, candidates: Array) -> None:
+        """Remember for a picture where candidates (m, 2 or more) are that were counted for a reason."""
+        if len(candidates):
             self.refused.append((reason, candidates))
 
     def add(self, reason: str, number: int = 1) -> None:
@@ -153,19 +158,25 @@ class Rejections:
         if len(self.places) < MOST_PLACES:
             self.places.append(Validated(base, score, reason, body))
 
+    def ordered(self) -> Mapping[str, int]:
+        """Return the counts of reasons, most frequent first."""
+        return _ordered(self.counts)
+
+    def ordered_blocking(self) -> Mapping[str, int]:
+        """Return the bodies in the way with their counts, most frequent first."""
+        return _ordered(self.blocking)
+
     def failure(self, designator: object, after: int = 0) -> LocationUnresolvable:
-        """Return the failure that tells all this, most frequent first; ``after`` so many places that were found."""
-        failure = LocationUnresolvable(
-            designator=str(designator), counts=_ordered(self.counts), blocking=_ordered(self.blocking)
+        """Return the failure that states all this, most frequent first; ``after`` so many places that were found."""
+        counts = self.ordered()
+        figures = (self.figures[reason] for reason in counts if reason in self.figures)
+        return LocationUnresolvable(
+            designator=str(designator),
+            counts=counts,
+            blocking=self.ordered_blocking(),
+            figures=next(figures, ""),
+            after=after,
         )
-        said = failure.describe()
-        for reason, figure in self.figures.items():
-            said = said.replace(f" {reason}", f" {reason} ({figure})", 1)
-        if after:
-            said = said.replace(failure.text, f"no more places than {after}", 1)
-        if after or self.figures:
-            failure.message = said
-        return failure
 
 
 def first_body(contacts: Iterable[Contact]) -> str:

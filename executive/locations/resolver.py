@@ -30,6 +30,7 @@ from executive.locations.demands import (
     thing_demand,
     use_at,
 )
+from executive.locations.explanations import explain_bases
 from executive.locations.floor_search import FloorSearch
 from executive.locations.hand_predicates import Stage, hand_holds
 from executive.locations.hand_solutions import HandSolution, from_base
@@ -121,6 +122,7 @@ class Resolver:
             yield self._after({name: view for name, view in (here or views).items() if name in left}, solution)
         if len(found) == before and log.counts[NOT_VISIBLE]:
             yield from self._after_a_look(demand, wanted, log, found)
+        explain_bases(wanted, validator.arms(demand), scene, self.maps, log)
         log.findings.inversions.clear()  # else the traceback would keep them
 
     def _after_a_look(

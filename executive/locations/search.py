@@ -119,6 +119,8 @@ class ReachSearch:
             log.add(reason, number)
         if not len(found) and not any(refused.values()):
             log.add(OUT_OF_REACH.text, sum(len(hand.candidates) for hand in hands))
+            for hand in hands:
+                log.show(OUT_OF_REACH.text, hand.candidates.points)
         self.crowded = inversion.crowded()
         if log.explained:
             self.validator.name_crowding(self.crowded, log)

@@ -64,6 +64,9 @@ from planlang.relations import Sense
 REPLANS = 3
 """Paths that are planned around obstacles that were not believed to be there: then the plan decides."""
 
+AT_GOAL = 0.15
+"""Distance from its goal within which floor counts when a body is sought that keeps the base from there [m]."""
+
 
 @process_module
 class Navigation(PlatformModule):
@@ -131,7 +134,8 @@ class Navigation(PlatformModule):
         except MotionError as problem:
             if (met := self.platform.belief.met) is not None:
                 raise NavigationGoalNotReached(target=goal, blocked_by=met) from problem
-            raise NavigationPoseUnreachable(target=goal) from problem
+            closing = self.platform.scene.collisions.closes_way(np.array(goal[:2]), AT_GOAL)
+            raise NavigationPoseUnreachable(target=goal, blocked_by=closing) from problem
 
 
 def _blocking(problem: GoalInCollision | StartInCollision) -> str | None:

@@ -39,9 +39,13 @@ class Drivable:
         return np.asarray(np.where(inside, self.cells[row, column], self.beyond))
 
     def comes_near(self, place: Array, within: float) -> bool:
-        """Return whether the base may get ``within`` [m] of a place (2,)."""
+        """Return True if the base may get ``within`` [m] of a place (2,)."""
+        return self.beyond or self.near(place, within) > 0
+
+    def near(self, place: Array, within: float) -> int:
+        """Count the cells ``within`` [m] of a place (2,) that the base can get to."""
         centres = self.grid.centres()[self.cells]
-        return self.beyond or bool((np.hypot(centres[:, 0] - place[0], centres[:, 1] - place[1]) <= within).any())
+        return int((np.hypot(centres[:, 0] - place[0], centres[:, 1] - place[1]) <= within).sum())
 
 
 def drivable(

@@ -8,7 +8,7 @@ from enum import Enum
 from functools import partial
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-from planlang.failures import CompositeFailure, PlanFailure
+from planlang.failures import CompositeFailure, LocationUnresolvable, PlanFailure
 from planlang.kernel.core import here
 from planlang.kernel.primitives import called, node, record
 from planlang.language.branches import evaporating
@@ -307,13 +307,21 @@ def _otherwise(otherwise: Otherwise | None, failure: PlanFailure) -> Return[Any]
 
 
 def explain(failure: BaseException) -> str:
-    """Return several lines: the failure, where in the plan, what it was raised from, what else failed with it."""
+    """Return several lines: the failure, where in the plan, what it was raised from, what else failed with it.
+
+    The first line also has the figures of the location that could not be found, if that is what it was raised from.
+    What was raised again and again on its way outward is stated once.
+    """
     _EXPLAIN.instance("failure", failure, BaseException, "a failure, or another exception")
     lines: list[str] = []
     links = list(failure.chain()) if isinstance(failure, PlanFailure) else [failure]
-    for number, link in enumerate(links):
+    stated = list({(type(link), str(link)): link for link in reversed(links)}.values())[::-1]
+    for number, link in enumerate(stated):
         lead = "" if number == 0 else "because of "
         lines.extend(_explain_one(link, lead, "  " * number))
+    figures = (link.figures for link in stated[1:] if isinstance(link, LocationUnresolvable) and link.figures)
+    if sentence := next(figures, ""):
+        lines[0] += f"; {sentence}"
     return "\n".join(lines)
 
 

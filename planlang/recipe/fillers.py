@@ -20,6 +20,9 @@ OBJECT_PROPERTY = OWL.ObjectProperty
 PLACES = ("Point2D", "Point3D")
 """Classes of location designators: of the base, of the hand or an object."""
 
+PLACE = "Place"
+"""Class of location designators that say no more; cities and rooms are below it too, and are things."""
+
 ANYTHING = ("EnduringThing-Localized", "SpatialThing-Localized", "SpatialThing")
 """Classes of things that are somewhere, whatever they are."""
 
@@ -65,7 +68,19 @@ def is_device(ontology: Ontology, cls: str) -> bool:
 
 def is_place(ontology: Ontology, iri: str) -> bool:
     """Return True for a location designator, written as an individual or as a class."""
-    return any(ontology.is_a(iri, expand(place)) for place in PLACES) or _pose(ontology, iri) is not None
+    is_point = any(ontology.is_a(iri, expand(place)) for place in PLACES)
+    return is_point or _is_just_a_place(ontology, iri) or _pose(ontology, iri) is not None
+
+
+def _is_just_a_place(ontology: Ontology, iri: str) -> bool:
+    """Return True if an IRI is a Place and, as far as the vocabulary knows, nothing more particular, such as a room."""
+    place = expand(PLACE)
+    if not ontology.is_a(iri, place):
+        return False
+    above = {ancestor for cls in classes_of(ontology, iri) for ancestor in ontology.ancestors(cls)}
+    return all(
+        ancestor == place or ontology.is_a(place, ancestor) for ancestor in above if is_vocabulary_class(ancestor)
+    )
 
 
 def _pose(ontology: Ontology, iri: str) -> tuple[float, float, float, float] | None:

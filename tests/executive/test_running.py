@@ -343,7 +343,7 @@ def test_a_run_ends_with_what_a_listener_raises_and_the_others_are_told_on() -> 
         ({"event": "started", "node": Node(PLAN, "plan", "serve_a_drink")}, "serve_a_drink"),
         (
             {"event": "ended", "node": PERFORMED, "failure": ObjectNotFound(what="bottle1")},
-            "failed: ObjectNotFound: object not found: what bottle1",
+            "failed: ObjectNotFound: object not found: bottle1",
         ),
         ({"event": "ended", "node": PERFORMED, "status": "succeeded"}, None),
         ({"event": "recovery", "node": PLAN, "decision": "retry"}, "recovery: retry"),

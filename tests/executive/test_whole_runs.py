@@ -172,7 +172,7 @@ def test_a_patient_who_does_not_take_it_leaves_the_bottle_in_the_gripper(run_in:
     result, _ = run_in(asleep)
     assert (result.outcome, result.final_state) == (Outcome.FAILED, ("bottle1: held by robot",))
     assert result.failure[0] == "HandoverNotTaken"
-    assert "what bottle1, recipient patient1" in result.message
+    assert "bottle1, recipient patient1" in result.message
 
 
 @pytest.mark.long

@@ -44,6 +44,9 @@ def test_a_bottle_on_a_high_pillar_is_out_of_reach(refused: Refused) -> None:
     assert set(failure.counts) <= {"out of reach", "not visible", "no room for the base", "in collision"}
     assert failure.counts["out of reach"] > 0
     assert set(failure.blocking) <= {"pillar"}
+    said = re.search(r"bottle is at (\d\.\d+) m; the arm \w+ grasps from the side up to (\d\.\d+) m", str(failure))
+    assert said is not None, str(failure)
+    assert float(said[1]) > float(said[2]) > 1.2
 
 
 @pytest.mark.parametrize(
@@ -59,6 +62,7 @@ def test_a_corner_that_is_walled_off_has_no_way_for_the_base(
     failure = refused(location, wall, *aside)
     assert failure.counts["no way for the base"] > 0
     assert "not looked at" not in failure.counts
+    assert location is not TO_GRASP or "without wall it could" in str(failure)
     gap = replace(wall, pose=Pose((4.0, -0.7, 1.0)), size=(0.1, 10.6, 2.0))
     beyond = next(make_stage(gap, *aside).resolver.bases(location)).base
     assert beyond[0] > 4.1, "around the wall's end there is one"
@@ -75,8 +79,25 @@ def test_before_a_thing_that_is_too_wide_for_hands_the_width_is_the_reason(refus
 def test_a_bottle_wider_than_the_open_fingers_is_too_wide_for_the_gripper(refused: Refused) -> None:
     failure = refused(TO_GRASP, CABINET, replace(BOTTLE, size=(0.118, 0.118, 0.2)))
     assert failure.counts["too wide for the gripper"] > 0
-    assert re.search(r"too wide for the gripper \(bottle is 0\.118 m wide, \w+ opens to 0\.\d+ m\)", str(failure))
+    assert re.search(r": bottle is 0\.118 m wide, \w+ opens to 0\.\d+ m \(\d+ candidates", str(failure))
     assert "out of reach" not in failure.counts
+
+
+def test_a_plate_that_fits_between_the_fingers_is_not_called_too_wide(refused: Refused) -> None:
+    failure = refused(TO_GRASP, CABINET, replace(BOTTLE, size=(0.06, 0.06, 0.003), pose=Pose((1.5, 0.0, 0.8015))))
+    assert "too wide for the gripper" not in failure.counts
+    assert "bottle is 0.060 m wide and fits between the fingers" in str(failure)
+
+
+def test_the_body_without_which_the_base_would_get_nearer_is_named(refused: Refused) -> None:
+    posts = [
+        box(f"post{k}", 1.6 + 1.0 * math.cos(k * math.pi / 6), 1.0 * math.sin(k * math.pi / 6), (0.5, 0.5, 0.6))
+        for k in range(12)
+    ]
+    said = str(refused(TO_GRASP, CABINET, BOTTLE, *posts))
+    assert re.search(r"the base gets no nearer than \d\.\d\d m to bottle; without post\d+ it would get to \d", said), (
+        said
+    )
 
 
 def test_posts_around_a_cabinet_leave_no_room_and_are_named(refused: Refused) -> None:
@@ -135,9 +156,9 @@ def test_the_message_tells_the_counts_and_the_bodies(refused: Refused) -> None:
     table = box("table", 1.6, 0.0, (2.4, 2.4, 0.8))
     failure = refused(TO_GRASP, table, replace(BOTTLE, pose=Pose((1.6, 0.0, 0.9))))
     text = str(failure)
-    assert text.startswith("no place found: in_reach_of(bottle): ")
+    assert text.startswith("no place found for in_reach_of(bottle): ")
     assert f"{failure.counts['no room for the base']} no room for the base" in text
-    assert f"(in the way: table {failure.blocking['table']})" in text
+    assert f"; in the way: table {failure.blocking['table']})" in text
 
 
 def test_each_place_is_counted_once(refused: Refused) -> None:

@@ -149,6 +149,17 @@ def test_place_described_as_a_class_is_a_place(compiled: Any) -> None:
     assert 'a_location("BesideTheCup", above=table_piece_of_furniture, next_to=cup)' in plan.source
 
 
+def test_class_place_is_a_place_and_a_room_below_it_is_a_thing(compiled: Any) -> None:
+    plan = compiled(
+        task("Take", "Reach Visit"),
+        "Class: BesideTheCup\n    EquivalentTo: k:Place and (k:toTheSideOf value room:cup1)",
+        step("Reach", "k:Reaching", "k:toLocation some BesideTheCup"),
+        step("Visit", "k:Translation-LocationChange", "k:toLocation some k:Kitchen"),
+    )
+    assert 'a_location("BesideTheCup", next_to=cup)' in plan.source
+    assert 'an_object("Kitchen")' in plan.source
+
+
 def test_place_may_be_relative_to_another_place(compiled: Any) -> None:
     plan = compiled(
         task("Take", "Reach"),

@@ -66,8 +66,8 @@ def test_the_message_is_built_from_the_fields() -> None:
         blocking={"bed1": 90, "cabinet1": 6},
     )
     assert str(unresolvable) == (
-        "no place found: in_reach_of(bottle1): 296 candidates: 200 out of reach, 96 in collision "
-        "(in the way: bed1 90, cabinet1 6)"
+        "no place found for in_reach_of(bottle1) (296 candidates: 200 out of reach, 96 in collision; "
+        "in the way: bed1 90, cabinet1 6)"
     )
 
 
@@ -105,7 +105,7 @@ def test_an_explanation_shows_chain_places_siblings_and_members() -> None:
     with pytest.raises(ObjectUnreachable) as caught:
         run(serve, host=VirtualHost())
     lines = explain(caught.value).splitlines()
-    assert lines[0] == "ObjectUnreachable: the object cannot be reached: what cup"
+    assert lines[0] == "ObjectUnreachable: the object cannot be reached: cup"
     assert lines[1].startswith("  in serve (test_failures.py:")
     assert lines[2] == "  because of GraspMissed: the gripper closed on nothing: arm left"
     assert lines[3].startswith("    in serve/par/left (test_failures.py:")

@@ -57,4 +57,4 @@ def test_a_door_that_is_stuck_is_the_reason_of_the_failure() -> None:
 
 def test_the_failure_says_what_is_behind_which_door() -> None:
     said = str(BehindClosedDoor(designator="in_reach_of(cup1)", what="cup1", door=DOOR))
-    assert said == "no place found: in_reach_of(cup1): cup1 is behind door1, which is closed"
+    assert said == "no place found for in_reach_of(cup1): cup1 is behind door1, which is closed"

@@ -43,7 +43,7 @@ def test_one_step_happened_before_another_if_it_had_ended_when_that_began(run: P
     backwards = run.happened_before("grasp", "look")
     assert not backwards
     assert str(backwards) == (
-        "grasp (5 to 6 s, failed with GraspMissed: the gripper closed on nothing: what cup); look (2 to 4 s, succeeded)"
+        "grasp (5 to 6 s, failed with GraspMissed: the gripper closed on nothing: cup); look (2 to 4 s, succeeded)"
     )
     assert repr(backwards).startswith("<no: grasp (5 to 6 s")
     assert not run.happened_before("look", "listen")
@@ -63,7 +63,7 @@ def test_attempts_are_counted_with_how_they_went(run: PlanRun[None]) -> None:
     assert run.attempts("nothing of the kind") == 0
     count = run.attempts("grasp")
     assert count.explained()[1] == (
-        "grasp, attempt 2: 6 to 7 s, failed with GraspMissed: the gripper closed on nothing: what cup"
+        "grasp, attempt 2: 6 to 7 s, failed with GraspMissed: the gripper closed on nothing: cup"
     )
     assert run.attempts("nothing").explained() == ["nothing never began"]
     assert (str(count), repr(count), f"{count}") == ("3", "3", "3")

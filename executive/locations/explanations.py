@@ -1,0 +1,188 @@
+"""Explains in a sentence why no base pose of a location will do, with what would have to change in the map or task."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from executive.belief.floor import Floor
+from executive.belief.planning_scene import PlanningScene
+from executive.locations.base_candidates import InverseMaps
+from executive.locations.demands import Reach, ReachKind
+from executive.locations.grasp_candidates import CLASSES
+from executive.locations.hand_predicates import Stage, candidates_of
+from executive.locations.reachability import CELL, GraspClass
+from executive.locations.rejections import COLLISION, NO_ROOM, NO_WAY, OUT_OF_REACH, Rejections
+from executive.motion import clearance_at
+from executive.robots.arms import ArmModel
+from planlang.records import dataclass
+
+AROUND = 2.5
+"""Distance from a thing within which the nearest place for the base is looked for [m]."""
+MOST_TRIED = 4
+"""Bodies of which is worked out what would be without them."""
+APPROACHES = {GraspClass.SIDE: "from the side", GraspClass.TILTED: "at a slant", GraspClass.TOP: "from above"}
+BESIDE = 1.0
+"""Bodies that are farther from a thing than this are no reason why a hand has no room there [m]."""
+
+
+def explain_bases(
+    wanted: Sequence[Reach], arms: Sequence[ArmModel], scene: PlanningScene, inverse: InverseMaps, log: Rejections
+) -> None:
+    """Add to ``log.figures`` what was measured about the reason that is most frequent, and what would do."""
+    if not wanted or not log.counts:
+        return
+    reason = next(iter(log.ordered()))
+    if reason in log.figures:
+        return
+    explanation = _Explanation(wanted[0], arms, scene, inverse, log)
+    makers = {
+        OUT_OF_REACH.text: explanation.out_of_reach,
+        COLLISION: explanation.in_collision,
+        NO_ROOM: explanation.no_room,
+        NO_WAY: explanation.no_way,
+    }
+    if reason in makers and (sentence := makers[reason]()):
+        log.figures[reason] = sentence
+
+
+@dataclass(frozen=True, slots=True)
+class _Limit:
+    """The heights of candidates for one arm and approach, and the heights that the arm reaches [m]."""
+
+    arm: str
+    grasp: GraspClass
+    wanted: tuple[float, float]
+    reached: tuple[float, float]
+
+    @property
+    def gap(self) -> float:
+        """Height that is missing: above 0 if what is wanted is too high, below 0 if it is too low, else 0."""
+        if self.wanted[0] > self.reached[1]:
+            return self.wanted[0] - self.reached[1]
+        return min(self.wanted[1] - self.reached[0], 0.0)
+
+
+class _Explanation:
+    """What is measured about one reach for which no base pose was found."""
+
+    def __init__(
+        self,
+        reach: Reach,
+        arms: Sequence[ArmModel],
+        scene: PlanningScene,
+        inverse: InverseMaps,
+        log: Rejections,
+    ) -> None:
+        self.reach, self.arms, self.scene, self.inverse, self.log = reach, arms, scene, inverse, log
+
+    def out_of_reach(self) -> str:
+        """Return by how much the thing is too high or too low; else how near the base gets, and how far arms reach."""
+        limits = list(self._limits())
+        if not limits:
+            return ""
+        nearest = min(limits, key=lambda one: abs(one.gap))
+        if not nearest.gap:
+            return self._too_far()
+        high = nearest.gap > 0
+        at, limit = (nearest.wanted[0], nearest.reached[1]) if high else (nearest.wanted[1], nearest.reached[0])
+        does = "grasps" if self.reach.kind is ReachKind.GRASP else "reaches"
+        return (
+            f"{self._aim()} is at {at:.2f} m; the arm {nearest.arm} {does} {APPROACHES[nearest.grasp]} "
+            f"{'up' if high else 'down'} to {limit:.2f} m"
+        )
+
+    def _aim(self) -> str:
+        """Return what the hand goes to: a thing, or a place on or at it."""
+        kind, body = self.reach.kind, self.reach.body
+        return body if kind is ReachKind.GRASP else f"the place for the hand at {body}"
+
+    def _limits(self) -> Iterator[_Limit]:
+        for arm in self.arms:
+            for table in candidates_of(self.reach, arm, self.scene, Rejections(), Stage.ALL):
+                for number in sorted(set(table.grasps.tolist())):
+                    heights = table.points[table.grasps == number, 2]
+                    forward = self.inverse(arm, CLASSES[number]).forward
+                    if not len(forward):
+                        continue
+                    rise = 0.0 if arm.lift is None else float(arm.lift.rise(arm.lift.highest))
+                    levels = forward.rows["z"]
+                    reached = CELL * (float(levels.min()) - 0.5), CELL * (float(levels.max()) + 0.5) + rise
+                    yield _Limit(arm.name, CLASSES[number], (float(heights.min()), float(heights.max())), reached)
+
+    def _too_far(self) -> str:
+        gap = self._gap(self.scene.collisions.floor())
+        farthest, arm = max((self._reach_of(arm), arm.name) for arm in self.arms)
+        if gap <= farthest:
+            return ""
+        nearest = f"{gap:.2f} m" if math.isfinite(gap) else f"more than {AROUND:g} m"
+        return f"the base gets no nearer than {nearest} to {self.reach.body}; the arm {arm} reaches {farthest:.2f} m"
+
+    def _reach_of(self, arm: ArmModel) -> float:
+        return max(self.inverse(arm, grasp).reach for grasp in CLASSES)
+
+    def _gap(self, floor: Floor) -> float:
+        """Return the distance of the thing to the nearest place where the base has room to stand, inf if none [m]."""
+        block = self.scene.bodies.block(self.reach.body)
+        steps = np.arange(-AROUND, AROUND, CELL)
+        points = np.stack(np.meshgrid(block.x + steps, block.y + steps), axis=-1).reshape(-1, 2)
+        away = np.hypot(points[:, 0] - block.x, points[:, 1] - block.y)
+        return float(away[floor.nearly(points, 0.0) & (floor.at(points) > -np.inf)].min(initial=np.inf))
+
+    def in_collision(self) -> str:
+        """Return which body a hand or an arm would be in, and how far that is from the thing."""
+        if not self.log.blocking:
+            return ""
+        body, number = next(iter(self.log.ordered_blocking().items()))
+        part = "the robot's own parts are" if body not in self.scene.bodies.names() else f"{body} is"
+        said = f"{part} in the way of {number} of {sum(self.log.counts.values())} ways to reach {self.reach.body}"
+        gap = self._beside(body)
+        if gap is None:
+            return said
+        return f"{said}, {max(gap, 0.0):.2f} m away from it; more room between the two is needed"
+
+    def _beside(self, body: str) -> float | None:
+        """Return the horizontal distance between a body and the thing at the thing's height; None if that is large."""
+        boxes, names = self.scene.collisions.boxes_but(())
+        rows = np.flatnonzero([name == body for name in names])
+        if not len(rows) or body == self.reach.body:
+            return None
+        block = self.scene.bodies.block(self.reach.body)
+        over = ((block.low + 1e-3, block.high + 0.1, 0.0),)
+        gap = float(clearance_at([[block.x, block.y]], boxes.only(rows), over)[0]) - max(block.half_x, block.half_y)
+        return gap if gap < BESIDE else None
+
+    def no_room(self) -> str:
+        """Return how near the base gets as it is, and without the bodies that are most in its way."""
+        if self.reach.kind is ReachKind.OFFER:
+            return ""
+        floor = self.scene.collisions.floor()
+        now = self._gap(floor)
+        said = f"the base gets no nearer than {now:.2f} m to {self.reach.body}"
+        if not math.isfinite(now):
+            said = f"the base has no room to stand within {AROUND:g} m of {self.reach.body}"
+        without = self._without()
+        better = [(gap, body) for body, gap in without if gap < now - CELL]
+        if better:
+            return f"{said}; without {min(better)[1]} it would get to {min(better)[0]:.2f} m"
+        support = self.scene.bodies.support(self.reach.body)
+        return f"{said}, so {self.reach.body} has to stand nearer to the edge of {support}" if support else said
+
+    def _without(self) -> Iterator[tuple[str, float]]:
+        supports = {self.reach.body, self.scene.bodies.support(self.reach.body)}
+        for body in [one for one in self.log.ordered_blocking() if one not in supports][:MOST_TRIED]:
+            yield body, self._gap(self.scene.collisions.floor_without(body))
+
+    def no_way(self) -> str:
+        """Return which body closes the way to where the base would have to stand."""
+        block = self.scene.bodies.block(self.reach.body)
+        near = self.inverse_reach()
+        body = self.scene.collisions.closes_way(np.array([block.x, block.y]), near)
+        said = f"the base cannot drive to where it could reach {self.reach.body}"
+        return f"{said}; without {body} it could" if body is not None else said
+
+    def inverse_reach(self) -> float:
+        """Return the farthest that any of the arms reaches from the middle of the base [m]."""
+        return max(map(self._reach_of, self.arms))
