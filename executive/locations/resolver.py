@@ -122,7 +122,7 @@ class Resolver:
             yield self._after({name: view for name, view in (here or views).items() if name in left}, solution)
         if len(found) == before and log.counts[NOT_VISIBLE]:
             yield from self._after_a_look(demand, wanted, log, found)
-        explain_bases(wanted, validator.arms(demand), scene, self.maps, log)
+        explain_bases(wanted, self._validator.arms(demand), scene, self.maps, log)
         log.findings.inversions.clear()  # else the traceback would keep them
 
     def _after_a_look(

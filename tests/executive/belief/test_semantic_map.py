@@ -172,12 +172,12 @@ def test_what_is_as_large_as_a_room_and_has_things_in_it_is_one_though_its_class
     map_of: Read, thing: Write, seen: Write
 ) -> None:
     found: list[Diagnostic] = []
-    room = thing("room1", "LivingRoom", (5.0, 4.0, 2.5)), seen("room1", (0, 0, 1.25))
+    room = thing("room1", "Conservatory", (5.0, 4.0, 2.5)), seen("room1", (0, 0, 1.25))
     wardrobe = thing("wardrobe1", "Armoire", (0.6, 1.6, 2.0)), seen("wardrobe1", (2, 0, 1.0))
     scene = scene_of(map_of(*room, *wardrobe), found)
     assert [body.shape for body in scene.bodies] == ["room", "box"]
     assert [d.help for d in found if "taken for a room" in d.message] == [
-        "say so in the map: Class: LivingRoom SubClassOf: RoomInAConstruction"
+        "say so in the map: Class: Conservatory SubClassOf: RoomInAConstruction"
     ]
 
 

@@ -12,6 +12,7 @@ import pytest
 
 import executive.runs.assembly  # noqa: F401 - imports every wrapper
 from executive.modules.effects import ActionEffects, ModuleWithEffects
+from executive.modules.looking_first import LookingFirst
 from planlang import VirtualHost, action, run
 from planlang.designators import Action
 from planlang.failures import GraspMissed
@@ -62,11 +63,18 @@ def with_effects(module: Unusual) -> WrappedModule:
     return ModuleWithEffects(module, effects)
 
 
+def looking_first(module: Unusual) -> WrappedModule:
+    platform = Mock()
+    platform.belief.unknown = ()
+    return LookingFirst(module, platform, frozenset())
+
+
 MADE: dict[type[WrappedModule], Callable[[Unusual], WrappedModule]] = {
     WrappedModule: WrappedModule,
     RecordedModule: lambda module: RecordedModule(module, Answers()),  # type: ignore[arg-type]
     ModuleWithEffects: with_effects,
     _Demanded: on_demand,
+    LookingFirst: looking_first,
 }
 
 
