@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from planlang.compiler.lowering import LATER, NEXT_SOLUTION
+from planlang.compiler.recoveries import LATER, NEXT_SOLUTION
 from planlang.files import bundled
 from planlang.ontology import Literal, Ontology, expand, load, shorten
 from planlang.ontology.terms import KNOWROB, OWL, RDF, RDFS, VOCABULARIES, XSD
@@ -223,6 +223,11 @@ def test_every_recovery_is_complete_and_of_declared_strategies_and_failures(voca
         "nextPlace",
         "lookAndGraspAgain",
         "fetchAgain",
+        "moveAgain",
+        "openAgain",
+        "driveAgain",
+        "offerAgain",
+        "operateAgain",
     ]
     for recovery in recoveries:
         assert vocabulary.value(recovery, "strategy") in strategies

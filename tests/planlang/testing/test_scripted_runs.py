@@ -199,10 +199,12 @@ def test_a_bottle_that_is_always_missed_is_unfetchable() -> None:
     assert run.never("HandOverBottle")
 
 
-def test_a_bottle_that_slips_leaves_the_plan_with_its_failure() -> None:
+def test_a_bottle_that_slips_each_time_is_unfetchable() -> None:
     script = Script().on("LiftBottle", fails=GraspSlipped, does=lambda belief, action: belief.drop())
     run = run_plan(serve_a_drink, script=script)
-    assert isinstance(run.failure, GraspSlipped)
+    assert isinstance(run.failure, ObjectUnfetchable)
+    assert isinstance(run.failure.__cause__, GraspSlipped)
+    assert run.attempts("LiftBottle") == 3
     assert run.belief.holding == []
 
 

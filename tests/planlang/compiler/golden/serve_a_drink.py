@@ -1,14 +1,24 @@
 """Serve a drink.
 
 Compiled by planlang 0.1.0 from serve_a_drink.omn (sha256 7b3a485023f303a1), task ServeADrink.
-What follows has sha256 ef94fb43509973be73da32771b6dadc6f388219dd0fdb602d9488ea27de4c9f8 unless it was edited.
+What follows has sha256 5989abf667d508725a1aee71cae27e9d166e1292f604d3af8aabbc0a1a430926 unless it was edited.
 """
 
 from functools import partial
 
 from planlang import Recovery, action, action_class, at_location, holding, perform, plan
 from planlang.designators import Object, Person, a_device, a_location, a_person, a_posture, an_object
-from planlang.failures import GraspMissed, ObjectLost, ObjectNotFound, ObjectUnfetchable, ObjectUnreachable
+from planlang.failures import (
+    GraspMissed,
+    GraspSlipped,
+    GripperGoalNotReached,
+    HandoverNotTaken,
+    ManipulationGoalNotReached,
+    ObjectLost,
+    ObjectNotFound,
+    ObjectUnfetchable,
+    ObjectUnreachable,
+)
 from planlang.recoveries import fetch_again, look_and_repeat, look_from_another_place, open_what_is_in_the_way
 
 RECIPE = "http://planlang.org/kb/serve_a_drink.owl#"
@@ -27,15 +37,30 @@ async def grasp_bottle(*, bottle: Object = BOTTLE) -> None:
     """Grasp a bottle."""
     # where the hand waits before it grasps
     approach_pose = a_location("approachPose", in_front_of=bottle, using=GRIPPER)
-    await perform(action(RECIPE + "ApproachBottle", below="Reaching", to_location=approach_pose, device_used=GRIPPER))
-    await perform(action(RECIPE + "OpenGripper", below="OpeningAGripper", device_used=GRIPPER))
+    await perform(
+        action(RECIPE + "ApproachBottle", below="Reaching", to_location=approach_pose, device_used=GRIPPER),
+        recoveries=[Recovery(ManipulationGoalNotReached, attempts=3)],
+    )
+    await perform(
+        action(RECIPE + "OpenGripper", below="OpeningAGripper", device_used=GRIPPER),
+        recoveries=[Recovery(GripperGoalNotReached, attempts=3)],
+    )
     grasp_pose = a_location("graspPose", in_center_of=bottle, using=GRIPPER)  # where the hand closes
-    await perform(action(RECIPE + "ReachForBottle", below="Reaching", to_location=grasp_pose, device_used=GRIPPER))
+    await perform(
+        action(RECIPE + "ReachForBottle", below="Reaching", to_location=grasp_pose, device_used=GRIPPER),
+        recoveries=[Recovery(ManipulationGoalNotReached, attempts=3)],
+    )
     await perform(action(RECIPE + "CloseGripper", below="ClosingAGripper", device_used=GRIPPER))
     # lift the bottle to where the hand came from
-    await perform(action(RECIPE + "LiftBottle", below="Reaching", to_location=approach_pose, device_used=GRIPPER))
+    await perform(
+        action(RECIPE + "LiftBottle", below="Reaching", to_location=approach_pose, device_used=GRIPPER),
+        recoveries=[Recovery(ManipulationGoalNotReached, attempts=3)],
+    )
     # bring the bottle close to the robot
-    await perform(action(RECIPE + "ParkArm", below="Reaching", to_location=CARRYING, device_used=GRIPPER))
+    await perform(
+        action(RECIPE + "ParkArm", below="Reaching", to_location=CARRYING, device_used=GRIPPER),
+        recoveries=[Recovery(ManipulationGoalNotReached, attempts=3)],
+    )
 
 
 @plan(RECIPE + "ServeADrink")
@@ -50,7 +75,14 @@ async def serve_a_drink(*, bottle: Object = BOTTLE, patient: Person = PATIENT) -
             action(RECIPE + "GraspBottle", below="GraspingSomething", object_acted_on=bottle, device_used=GRIPPER),
             otherwise=partial(grasp_bottle, bottle=bottle),
             until=holding(bottle),
-            recoveries=[Recovery(GraspMissed, look_and_repeat(bottle), attempts=2, otherwise=ObjectUnfetchable)],
+            recoveries=[
+                Recovery(
+                    (GraspMissed, GraspSlipped, GripperGoalNotReached),
+                    look_and_repeat(bottle),
+                    attempts=2,
+                    otherwise=ObjectUnfetchable,
+                ),
+            ],
         )
 
     fetch_bottle = partial(
@@ -71,10 +103,14 @@ async def serve_a_drink(*, bottle: Object = BOTTLE, patient: Person = PATIENT) -
     async def at_handover_place() -> None:
         # offer the bottle to the patient
         await perform(
-            action(RECIPE + "ReachToHandoverPose", below="Reaching", to_location=handover_pose, device_used=GRIPPER)
+            action(RECIPE + "ReachToHandoverPose", below="Reaching", to_location=handover_pose, device_used=GRIPPER),
+            recoveries=[Recovery(ManipulationGoalNotReached, attempts=3)],
         )
         # let go of the bottle when the patient has taken it
-        await perform(action(HAND_OVER_BOTTLE, object_acted_on=bottle, recipient=patient, device_used=GRIPPER))
+        await perform(
+            action(HAND_OVER_BOTTLE, object_acted_on=bottle, recipient=patient, device_used=GRIPPER),
+            recoveries=[Recovery(HandoverNotTaken, attempts=3)],
+        )
 
     await at_location(
         a_location("handoverPlace", in_reach_of=patient, using=GRIPPER),  # where the base stands to hand over
