@@ -279,6 +279,33 @@ def fetch_again(what: Object, again: Branch | None = None) -> Do:
     return fetch
 
 
+@recovery_strategy("PutDownAndRegrasp", about_object=True, moves_base=True, goes_back=True)
+def put_down_and_regrasp(what: Object, again: Branch | None = None) -> Do:
+    """Put a held object down on whatever is near, grasp it by another grip by the branch ``again``, run the body again.
+
+    Without ``again`` the body itself grasps. If it cannot be put down, or not be grasped otherwise, the failure goes
+    outward: in the latter case the object stands where it was put. So it does if it is not held at all.
+    """
+
+    regrasping = Usage("put_down_and_regrasp", {"what": "bottle"}, {"again": "fetch_bottle"})
+    regrasping.instance("what", what, Object, "an object")
+    if again is not None:
+        regrasping.branch("again", again)
+
+    async def regrasp(failure: PlanFailure) -> RecoveryResult:
+        if not executive_for("put_down_and_regrasp").holds(Condition("holding", (what,))):
+            return PROPAGATE
+        try:
+            await perform(action("SettingAsideAnObject", object_acted_on=what))
+            if again is not None:
+                await called(again)
+        except PlanFailure:
+            return PROPAGATE
+        return RETRY
+
+    return regrasp
+
+
 @recovery_strategy("Ignore")
 async def ignore(failure: PlanFailure) -> RecoveryResult:
     """Go on as if the body had succeeded, with None."""

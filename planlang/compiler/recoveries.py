@@ -31,9 +31,6 @@ FROM_HERE = frozenset(kind.__name__ for kind in CURABLE if issubclass(kind, (Man
 ATTEMPTS_FROM_HERE = 2
 REPEAT = Strategy("Repeat", retry)
 
-LATER = frozenset({"PutDownAndRegrasp"})
-"""Strategies of the vocabulary for which no function is registered so far."""
-
 
 @check("R043", "R044")
 def check_recoveries(rules: tuple[RecoveryRule, ...]) -> Iterator[Diagnostic]:
@@ -60,12 +57,9 @@ def _unregistered(rule: RecoveryRule) -> Iterator[Diagnostic]:
         message = f"the strategy {rule.strategy} of the recovery `{rule.name}` cannot be loaded"
         yield error("R043", message, rule.span, "; ".join([f"{type(failed).__name__}: {failed}", *failed.__notes__]))
         return
-    if not known and rule.strategy in LATER:
-        message = f"the recovery `{rule.name}` is ignored: no function is registered for {rule.strategy}"
-        yield warning("R043", message, rule.span)
-    elif not known:
+    if not known:
         names = {one.name for one in registered_strategies()}
-        yield _unknown(rule, "strategy", rule.strategy, names | LATER | {NEXT_SOLUTION})
+        yield _unknown(rule, "strategy", rule.strategy, names | {NEXT_SOLUTION})
 
 
 def _other_than_a_scope(rule: RecoveryRule) -> Iterator[Diagnostic]:

@@ -1,7 +1,7 @@
 """Serve a drink.
 
 Compiled by planlang 0.1.0 from serve_a_drink.omn (sha256 7b3a485023f303a1), task ServeADrink.
-What follows has sha256 5989abf667d508725a1aee71cae27e9d166e1292f604d3af8aabbc0a1a430926 unless it was edited.
+What follows has sha256 5a19b384ee3766ac634baad90269f3fd892ea1c6b102f3fd1d8764a1b742d249 unless it was edited.
 """
 
 from functools import partial
@@ -16,10 +16,17 @@ from planlang.failures import (
     ManipulationGoalNotReached,
     ObjectLost,
     ObjectNotFound,
+    ObjectUndeliverable,
     ObjectUnfetchable,
     ObjectUnreachable,
 )
-from planlang.recoveries import fetch_again, look_and_repeat, look_from_another_place, open_what_is_in_the_way
+from planlang.recoveries import (
+    fetch_again,
+    look_and_repeat,
+    look_from_another_place,
+    open_what_is_in_the_way,
+    put_down_and_regrasp,
+)
 
 RECIPE = "http://planlang.org/kb/serve_a_drink.owl#"
 HOSPITAL_ROOM = "http://planlang.org/kb/hospital_room.owl#"
@@ -92,6 +99,7 @@ async def serve_a_drink(*, bottle: Object = BOTTLE, patient: Person = PATIENT) -
         Recovery(ObjectUnreachable, open_what_is_in_the_way(bottle), attempts=2),
         Recovery(ObjectNotFound, look_from_another_place(bottle), attempts=3),
         Recovery(ObjectLost, fetch_again(bottle), attempts=2),
+        Recovery(ObjectUndeliverable, put_down_and_regrasp(bottle), attempts=1),
         reaching=(approach_pose, grasp_pose),
         by=action_class(RECIPE + "MoveBaseToGraspPose", below="Translation-LocationChange"),
     )
@@ -117,6 +125,7 @@ async def serve_a_drink(*, bottle: Object = BOTTLE, patient: Person = PATIENT) -
         at_handover_place,
         Recovery(ObjectNotFound, look_from_another_place(patient), attempts=3),
         Recovery(ObjectLost, fetch_again(bottle, fetch_bottle), attempts=2),
+        Recovery(ObjectUndeliverable, put_down_and_regrasp(bottle, fetch_bottle), attempts=1),
         reaching=(handover_pose,),
         by=action_class(RECIPE + "MoveBaseToHandoverPose", below="Translation-LocationChange"),
     )
