@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from executive.modules import perception, process_modules
+from executive.modules import navigation, perception, process_modules
 from executive.modules.platform import Platform
 from planlang.designators import Action, Object
 from planlang.diagnostics import Diagnostic
@@ -155,7 +155,7 @@ ON_DEMAND = (
 def bundled_registry() -> ModuleRegistry:
     """Return a registry with the process modules that come with planlang."""
     registry = ModuleRegistry()
-    for module in (process_modules, perception):
+    for module in (navigation, process_modules, perception):
         registry.add(module, "planlang", Rank.BUNDLED)
     for one in ON_DEMAND:
         registry.add_on_demand(one, "planlang", Rank.BUNDLED)

@@ -1,34 +1,30 @@
-"""The process modules that most plans need: of base, arms, grippers and handovers; perception.py has head and camera.
+"""The process modules that most plans need: of arms, grippers and handovers.
 
-The base is planned in the planning scene, driven in the true world, and learns from contacts. Arms go to named
-postures, before things, around them, over them, and to people; a handover waits until the person takes what an arm
-holds. The head points the camera at things, perception looks for them.
+Arms go to named postures, before things, around them, over them, and to people; a handover waits until the person
+takes what an arm holds. The base is in navigation.py, head and camera are in perception.py.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from itertools import islice, product
 
 import numpy as np
 
-from executive.belief.scene_collisions import BasePose
 from executive.locations import HandSolution, ReachKind
 from executive.locations.demands import asks_for
 from executive.modules.platform import ITERATIONS, PlatformModule
+from executive.modules.ways_out import way_out_of_arm
 from executive.motion import GoalInCollision, MotionError, NoPath, StartInCollision
 from executive.robots.arms import ArmModel
 from planlang import checkpoint, perform
 from planlang.designators import (
     Action,
     Device,
-    FixedPose,
     Location,
     Object,
     Person,
-    Posture,
     Relation,
     a_location,
     action,
@@ -48,11 +44,7 @@ from planlang.failures import (
     ManipulationPoseUnreachable,
     MissingCapability,
     NavigationFailure,
-    NavigationGoalInCollision,
-    NavigationGoalNotReached,
-    NavigationPoseUnreachable,
     ObjectLost,
-    ObjectNowhereToBeFound,
     PerceptionFailure,
 )
 from planlang.geometry import Array
@@ -63,89 +55,6 @@ from planlang.relations import Sense
 
 REPLANS = 3
 """Paths that are planned around obstacles that were not believed to be there: then the plan decides."""
-
-AT_GOAL = 0.15
-"""Distance from its goal within which floor counts when a body is sought that keeps the base from there [m]."""
-
-
-@process_module
-class Navigation(PlatformModule):
-    """Moves the base to a pose, or to the best base pose of a location."""
-
-    name = "navigation"
-    actions = ("Translation-LocationChange",)
-    failures = (NavigationFailure, ObjectLost, DesignatorFailure, ObjectNowhereToBeFound)
-
-    def resources(self, action: Action) -> tuple[str, ...]:
-        """Return the base."""
-        return ("base",)
-
-    async def execute(self, action: Action) -> None:
-        """Drive to ``x``, ``y``, ``yaw``, or to a base pose that satisfies ``to_location``.
-
-        What a step made means the next place at each use: where one cannot be driven to, the one after it.
-        """
-        while True:
-            try:
-                return await self._drive(self._goal(action))
-            except NavigationFailure:
-                if not self.platform.goes_elsewhere(action.get("to_location")):
-                    raise
-
-    async def _drive(self, goal: BasePose) -> None:
-        blocked_by: str | None = None
-        for _ in range(REPLANS):
-            if _close(goal, self.platform.base()):
-                return
-            path = self._path(goal)
-            try:
-                motion = await self.platform.follow("base", path)
-            finally:
-                self.platform.drive.moved()
-            if motion.state is MotionState.DONE:
-                return
-            blocked_by = motion.blocked_by
-            await self.platform.sensing.bump(motion)
-        raise NavigationGoalNotReached(target=goal, blocked_by=blocked_by)
-
-    def _goal(self, action: Action) -> BasePose:
-        match action.get("x"), action.get("y"), action.get("yaw"), action.get("to_location"):
-            case float(x), float(y), float(yaw), None:
-                return x, y, yaw
-            case None, None, None, FixedPose() as pose:
-                return self.platform.base_at(pose)
-            case None, None, None, Posture(name=str(name)) | str(name) if goal := self.platform.made_goal(name):
-                return goal
-            case None, None, None, Location() | Object() as where:
-                location = where if isinstance(where, Location) else a_location(in_reach_of=where)
-                return next(self.platform.resolver.bases(location)).base
-        raise ActionUnresolvable("a base motion needs to_location, or x, y and yaw", designator=str(action))
-
-    def _path(self, goal: BasePose) -> Trajectory:
-        if self.platform.robot.base.fixed:
-            raise NavigationPoseUnreachable("the base is fixed", target=goal)
-        try:
-            return self.platform.drive.path(goal)
-        except GoalInCollision as problem:
-            raise NavigationGoalInCollision(target=goal, blocked_by=_blocking(problem)) from problem
-        except StartInCollision as problem:
-            stuck = _blocking(problem)
-            raise NavigationGoalNotReached("the base is stuck", target=goal, blocked_by=stuck) from problem
-        except MotionError as problem:
-            if (met := self.platform.belief.met) is not None:
-                raise NavigationGoalNotReached(target=goal, blocked_by=met) from problem
-            closing = self.platform.scene.collisions.closes_way(np.array(goal[:2]), AT_GOAL)
-            raise NavigationPoseUnreachable(target=goal, blocked_by=closing) from problem
-
-
-def _blocking(problem: GoalInCollision | StartInCollision) -> str | None:
-    return next((body for _, body in problem.pairs), None)
-
-
-def _close(one: BasePose, other: BasePose) -> bool:
-    turn = math.remainder(one[2] - other[2], 2 * math.pi)
-    return math.dist(one[:2], other[:2]) < 1e-3 and abs(turn) < 1e-3
-
 
 BACKING = (0.15, 0.3)
 """Least distances by which the base backs off, one after the other, when an arm has no way [m]."""
@@ -344,16 +253,31 @@ class HandReaching(PlatformModule):
         others: Sequence[Array] = (),
         iterations: int = ITERATIONS,
     ) -> None:
+        """Go to joint positions (d,), or to ``others``; an arm that is believed to be in something gets out first."""
+        try:
+            trajectory = await self._planned(arm, goal, touches, label, others, iterations)
+        except ManipulationPoseUnreachable as stuck:
+            if not isinstance(stuck.__cause__, StartInCollision):
+                raise
+            out = way_out_of_arm(self.platform, arm, touches)
+            if out is None:
+                raise
+            await self._follow(arm, out, label)
+            trajectory = await self._planned(arm, goal, touches, label, others, iterations)
+        await self._follow(arm, trajectory, label)
+
+    async def _planned(
+        self, arm: ArmModel, goal: Array, touches: str | None, label: str, others: Sequence[Array], iterations: int
+    ) -> Trajectory:
         rounds = max(1, iterations // FEW)  # a search begins anew: one that is long holds up all other tasks
         for number in range(1, rounds + 1):
             try:
-                trajectory = self.platform.arms.path(arm, goal, touches, iterations // rounds, others)
-                break
+                return self.platform.arms.path(arm, goal, touches, iterations // rounds, others)
             except MotionError as problem:
                 if not isinstance(problem, NoPath) or number == rounds:
                     raise ManipulationPoseUnreachable(arm=arm.name, what=label) from problem
                 await checkpoint()
-        await self._follow(arm, trajectory, label)
+        raise AssertionError("there is at least one round")
 
     async def _straight(self, solution: HandSolution, joints: Array) -> None:
         """Move along straight lines of the tip to the last poses of a solution."""

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 import planlang
 from executive.modules.perception import Head, Perception
-from executive.modules.process_modules import Grasping, Handover, Navigation, Reaching
+from executive.modules.navigation import Navigation
+from executive.modules.process_modules import Grasping, Handover, Reaching
 from executive.runs.assembly import RobotExecutive
 from planlang.failures import LowLevelFailure, PlanFailure
 from planlang.geometry import Pose

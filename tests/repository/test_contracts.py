@@ -83,8 +83,8 @@ def test_each_contract_is_broken_by_an_import_that_it_forbids(tmp_path: Path) ->
 REGISTRY = "executive/modules/bundled.py"
 """The file that may name process modules: it registers those that come with planlang."""
 REACHES_IN = (
-    "from executive.modules.process_modules import Navigation",
-    "def late():\n    from executive.modules.process_modules import Navigation as Drive",
+    "from executive.modules.process_modules import Reaching",
+    "def late():\n    from executive.modules.process_modules import Reaching as Drive",
     "from executive.modules import process_modules",
     "import executive.modules.process_modules",
     "import executive.modules.process_modules as bundled",

@@ -132,6 +132,19 @@ def test_a_robot_that_starts_inside_furniture_says_that_it_is_stuck(make_stage: 
     assert caught.value.blocked_by == "cabinet"
 
 
+def test_a_robot_that_only_seems_to_be_in_furniture_gets_out_of_it_and_drives(make_stage: MakeStage) -> None:
+    room = next(x / 100 for x in range(60, 130) if _depths(make_stage(*WARD, start=(x / 100, 0.0, 0.0))))
+    stage = make_stage(*WARD, start=(room, 0.0, 0.0))
+    assert max(_depths(stage)) < 0.03
+    drive(stage, to(0.0, 0.0))
+    assert stage.truth.configuration().base == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
+
+
+def _depths(stage: Stage) -> list[float]:
+    """How deep the robot is in what, as it believes [m]."""
+    return [contact.depth for contact in stage.platform.scene.collisions.contacts(stage.platform.base())]
+
+
 def test_a_base_motion_without_a_goal_is_refused(ward: Stage) -> None:
     with pytest.raises(ActionUnresolvable, match="to_location, or x, y and yaw"):
         drive(ward, action("Translation-LocationChange", x=1.0))
