@@ -137,7 +137,7 @@ class LeafPaths:
         return bases[order], steps[order]
 
     def _lattice(self, arm: ArmModel, tips: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """Return places around the way of the handle (m, 3), that of the base first; and which are to be tried first."""
+        """Return base poses around the path of the handle (m, 3), that of the base first; and which to try first."""
         here = np.array([self._control.base()])
         if self._control.robot.base.fixed:
             return here, np.ones(1, bool)

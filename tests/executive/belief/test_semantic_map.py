@@ -448,7 +448,6 @@ def test_parts_and_hinged_things_stay_where_they_are(map_of: Read, thing: Write,
     assert [body.name for body in scene.bodies if body.movable] == ["ball1"]
 
 
-
 def test_a_handle_is_a_part_of_a_body_that_hands_take_by_it_and_not_of_furniture(
     map_of: Read, thing: Write, seen: Write
 ) -> None:
