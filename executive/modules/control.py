@@ -17,6 +17,7 @@ from executive.belief.believed_bodies import MEANT, Block
 from executive.belief.obstacles import EDGE, NAMES, behind
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose, pinched
+from executive.locations.views import NO_SCREENS, hiding
 from executive.modules.out_of_arms import out_of_arms
 from executive.motion import Grid, MotionError, NoPath, clearance_at, clearance_field, plan_base_path, time_path
 from executive.robots import Gripper, Robot
@@ -426,6 +427,17 @@ class Sensing:
         if camera is not None and space is not None:
             eye = np.array(control.world.link_pose(camera.link).position)
             space.integrate(eye, *control.world.scan(camera.link))
+
+    def hidden(self, points: Array) -> tuple[NDArray[np.bool_], Array]:
+        """Take a picture of depths: return which points (n, 3) something hides from the camera, (n,), and where.
+
+        The latter, (k, 3), are the points of the map at which the lines of sight to the hidden ones end.
+        """
+        control, camera = self._control, self._control.robot.camera
+        if camera is None or not len(points):
+            return np.zeros(len(points), bool), NO_SCREENS
+        eye = np.array(control.world.link_pose(camera.link).position)
+        return hiding(eye, points, *control.world.scan(camera.link))
 
     async def _look_over(self, point: Array) -> None:
         """Look at what was touched at a map point (3,), or, where the neck cannot bend that far, as low as it can."""

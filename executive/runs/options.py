@@ -6,12 +6,16 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field
 from enum import Enum
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from executive.runs.final_state import Tilts
 from planlang.diagnostics import Diagnostic
 from planlang.records import dataclass
 from planlang.runs import RecordedRun
 from sim import PyBulletWorld
+
+if TYPE_CHECKING:
+    from executive.runs.assembly import RobotExecutive
 
 
 class Outcome(Enum):
@@ -77,6 +81,8 @@ class RunOptions:
     """Given the diagnostics once, before the plan runs."""
     watchers: tuple[Callable[[PyBulletWorld], None], ...] = ()
     """Called with the true world before the plan runs and after every step of the world."""
+    around: Callable[[RobotExecutive], None] = lambda executive: None
+    """Given the executive before the plan runs: it may wrap its process modules, to let requests fail, for example."""
 
 
 @dataclass(frozen=True, slots=True)

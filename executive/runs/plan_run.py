@@ -165,6 +165,7 @@ class Run:
             return self._refused(assessment.missing)
         platform, truth = self._assembled(asked, robot, given, held)
         executive = RobotExecutive(platform, self._modules)
+        options.around(executive)
         take(platform, truth, held)
         platform.scene.collisions.prepare()
         header = self._header(asked, platform, assessment, given)

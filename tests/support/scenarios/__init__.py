@@ -116,7 +116,7 @@ def judged(scenario: Scenario, seed: int = 0) -> Judged:
     """Run a scenario in this process, in a folder of its own; raises BadInput as the command does."""
     texts = [_at_home(one) for one in scenario.arguments]
     with TemporaryDirectory() as folder, chdir(folder):
-        return judged_run(scenario, options_of(_parsed([*texts, "--seed", str(seed), "--json"])))
+        return judged_run(scenario, options_of(parsed([*texts, "--seed", str(seed), "--json"])))
 
 
 def judged_run(scenario: Scenario, options: RunOptions) -> Judged:
@@ -141,7 +141,7 @@ def _at_home(text: str) -> str:
     return next((f"{mark}{folder / path}" for start, folder in folders.items() if path.startswith(start)), text)
 
 
-def _parsed(words: Sequence[str]) -> RunArguments:
+def parsed(words: Sequence[str]) -> RunArguments:
     """Return the arguments that the command would get."""
     group = typer.main.get_command(app)
     command = group.commands["run"]  # type: ignore[attr-defined]
