@@ -138,10 +138,15 @@ def grips_of(scene: PlanningScene, arm: ArmModel, joint: Articulation, *, tight:
                     starts.append(rigid(rotation, point - short * approach))
                     points.append(point)
                     turns.append(turning)
-    approach = np.array(arm.frame.approach)
-    starts, points = np.array(starts).reshape(-1, 4, 4), np.array(points).reshape(-1, 3)
     back = min(APPROACH, ahead + 0.5 * float(size[order[1]]) + PAST) if tight else APPROACH
-    return Grips(starts, points, np.array(turns, bool), fingers, approach, back)
+    return Grips(
+        np.array(starts).reshape(-1, 4, 4),
+        np.array(points).reshape(-1, 3),
+        np.array(turns, bool),
+        fingers,
+        np.array(arm.frame.approach),
+        back,
+    )
 
 
 def _opened(arm: ArmModel, width: float, room: float) -> Fingers:
