@@ -98,7 +98,9 @@ from planlang.recoveries import (
     look_and_repeat,
     look_from_another_place,
     open_what_is_in_the_way,
+    put_down_and_regrasp,
     recovery_strategy,
+    step_back_and_repeat,
 )
 from planlang.runs import Trace
 
@@ -185,6 +187,7 @@ __all__ = [
     "perform_async",
     "plan",
     "pursue",
+    "put_down_and_regrasp",
     "race",
     "recovery_strategy",
     "retry",
@@ -195,6 +198,7 @@ __all__ = [
     "shield",
     "sleep",
     "state_machine",
+    "step_back_and_repeat",
     "suspend",
     "sweep",
     "switched_on",

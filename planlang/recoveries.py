@@ -18,8 +18,10 @@ from typing import Any, TypeVar, cast
 from planlang.designators import Condition, Object, a_location, action
 from planlang.failures import (
     BehindClosedDoor,
+    ContainerStuck,
+    HandleNotReachable,
     LookingFailure,
-    ManipulationFailure,
+    LowLevelFailure,
     ObjectNotFound,
     ObjectNowhereToBeFound,
     ObjectUndeliverable,
@@ -31,9 +33,9 @@ from planlang.failures import (
 from planlang.kernel.primitives import called
 from planlang.language.branches import Branch
 from planlang.language.executive import executive_for
-from planlang.language.location import at_location
+from planlang.language.location import AGAIN, at_location, make_room
 from planlang.language.performing import perform
-from planlang.language.recovery import PROPAGATE, RETRY, Do, RecoveryResult, Return, retry
+from planlang.language.recovery import PROPAGATE, RETRY, Do, Recovery, RecoveryResult, Return, retry
 from planlang.misuse import Usage, written
 from planlang.records import dataclass
 
@@ -172,11 +174,11 @@ def _load_installed() -> None:
 
 @recovery_strategy("LookFromAnotherPlace", about_object=True, moves_base=True, otherwise=ObjectNowhereToBeFound)
 def look_from_another_place(what: Object) -> Do:
-    """Go where the object should be visible from and look for it there, then run the body again.
+    """Look for the object once more from here, else from where it should be visible, then run the body again.
 
-    Not finding it there either is no failure yet: the body will tell. If it is not known where it is, it is looked for
-    wherever it is likely. Raises ObjectNowhereToBeFound when there is no other place to look from; so does a Recovery
-    when it is used up, if it says nothing else.
+    The base does not move if it is seen from here. Not finding it elsewhere either is no failure yet: the body will
+    tell. If it is not known where it is, it is looked for wherever it is likely. Raises ObjectNowhereToBeFound when
+    there is no other place to look from; so does a Recovery when it is used up, if it says nothing else.
     """
 
     Usage("look_from_another_place", {"what": "bottle"}).instance("what", what, Object, "an object")
@@ -185,9 +187,9 @@ def look_from_another_place(what: Object) -> Do:
         try:
             if any(isinstance(link, ObjectUnresolvable) for link in failure.chain()):
                 await _look_for(what)
-                return RETRY
-            with suppress(ObjectNotFound):
-                await at_location(a_location(visible_from=what), partial(_look_for, what))
+            elif not await _sees(what):
+                with suppress(ObjectNotFound):
+                    await at_location(a_location(visible_from=what), partial(_look_for, what))
         except (ObjectUnreachable, ObjectUndeliverable) as nowhere:
             raise ObjectNowhereToBeFound(what=str(what)) from nowhere
         return RETRY
@@ -202,7 +204,8 @@ def look_and_repeat(what: Object) -> Do:
     Usage("look_and_repeat", {"what": "bottle"}).instance("what", what, Object, "an object")
 
     async def look(failure: PlanFailure) -> RecoveryResult:
-        await _look_for(what)
+        if not await _sees(what):
+            await _look_for(what)
         return RETRY
 
     return look
@@ -221,10 +224,30 @@ def open_what_is_in_the_way(what: Object) -> Do:
         closed = next((link for link in failure.chain() if isinstance(link, BehindClosedDoor)), None)
         if closed is None or closed.door is None:
             return PROPAGATE
-        await perform(action("OpeningAContainerArtifact", object_acted_on=closed.door))
+        opening = action("OpeningAContainerArtifact", object_acted_on=closed.door)
+        again = Recovery((ContainerStuck, HandleNotReachable), step_back_and_repeat(closed.door), attempts=AGAIN)
+        await perform(opening, recoveries=[again])
         return RETRY
 
     return open_it
+
+
+@recovery_strategy("StepBackAndRepeat", about_object=True, moves_base=True)
+def step_back_and_repeat(what: Object) -> Do:
+    """Drive a step back with the arms in their posture for driving, look at the object, then run the body again.
+
+    What was felt and seen meanwhile changes what is planned: how far a door has come, what is in its way.
+    """
+
+    Usage("step_back_and_repeat", {"what": "cabinet"}).instance("what", what, Object, "an object")
+
+    async def step_back(failure: PlanFailure) -> RecoveryResult:
+        with suppress(LowLevelFailure):  # the body will tell whether there is room enough
+            await perform(action("SteppingBack"))
+        await _sees(what)
+        return RETRY
+
+    return step_back
 
 
 @recovery_strategy("FetchAgain", about_object=True, moves_base=True, goes_back=True, otherwise=ObjectUnfetchable)
@@ -246,9 +269,7 @@ def fetch_again(what: Object, again: Branch | None = None) -> Do:
         if executive.holds(Condition("holding", (what,))):
             return PROPAGATE
         is_seen = await _sees(what)
-        with suppress(ManipulationFailure):  # there may be room once the base has moved
-            for motion in executive.before_retry():
-                await perform(motion)
+        await make_room(executive)
         if not is_seen:
             await look_from_another_place(what)(failure)
         if again is not None:
@@ -256,6 +277,33 @@ def fetch_again(what: Object, again: Branch | None = None) -> Do:
         return RETRY
 
     return fetch
+
+
+@recovery_strategy("PutDownAndRegrasp", about_object=True, moves_base=True, goes_back=True)
+def put_down_and_regrasp(what: Object, again: Branch | None = None) -> Do:
+    """Put a held object down on whatever is near, grasp it by another grip by the branch ``again``, run the body again.
+
+    Without ``again`` the body itself grasps. If it cannot be put down, or not be grasped otherwise, the failure goes
+    outward: in the latter case the object stands where it was put. So it does if it is not held at all.
+    """
+
+    regrasping = Usage("put_down_and_regrasp", {"what": "bottle"}, {"again": "fetch_bottle"})
+    regrasping.instance("what", what, Object, "an object")
+    if again is not None:
+        regrasping.branch("again", again)
+
+    async def regrasp(failure: PlanFailure) -> RecoveryResult:
+        if not executive_for("put_down_and_regrasp").holds(Condition("holding", (what,))):
+            return PROPAGATE
+        try:
+            await perform(action("SettingAsideAnObject", object_acted_on=what))
+            if again is not None:
+                await called(again)
+        except PlanFailure:
+            return PROPAGATE
+        return RETRY
+
+    return regrasp
 
 
 @recovery_strategy("Ignore")

@@ -137,6 +137,7 @@ class Belief(KnownThings):
     def released(self, name: str, pose: Pose, *, to: str | None = None) -> None:
         """Record that a thing was let go: to a person, or it came down at ``pose``, and with it what stands on it."""
         self._came_down(name, pose)
+        self.refused.pop(name, None)
         if to is not None:
             self._taken.add(name)
         self._changed("released", name=name, pose=pose, to=to)
@@ -145,6 +146,11 @@ class Belief(KnownThings):
         """Record that a hand has pushed a thing to where it now is."""
         self._know(name, Source.DONE)
         self._put(name, pose, "pushed")
+
+    def refuse(self, name: str, grip: Grip) -> None:
+        """Record that a thing could not be used by a grip: until it is let go by another one, that is not taken."""
+        self.refused.setdefault(name, []).extend(hand.offset for hand in grip.hands)
+        self._changed("grip refused", name=name)
 
     def lost(self, name: str, pose: Pose) -> None:
         """Record that a thing has left the hand by itself and came down, as far as is known, at ``pose``."""
@@ -239,6 +245,7 @@ class Belief(KnownThings):
             "poses": moved,
             "held": held,
             "dropped": dict(self.dropped),
+            "refused": {name: [dump(offset) for offset in offsets] for name, offsets in self.refused.items()},
             "taken": sorted(self._taken),
             "unknown": list(self.unknown),
             "recognition": self.recognition.snapshot(),
@@ -284,6 +291,8 @@ class Belief(KnownThings):
             if unknown := {rider for grip in self.held.values() for rider in grip.riders} - self._poses.keys():
                 raise ValueError(f"the map has no {', '.join(sorted(unknown))}")
             self.dropped = dropped
+            refused = state["refused"].items()
+            self.refused = {str(name): [_pose(offset) for offset in offsets] for name, offsets in refused}
             self._taken, self._moves = set(state["taken"]), int(state["moves"])
             self._known = {
                 name: Knowledge(Source(source), float(time), int(moves))

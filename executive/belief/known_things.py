@@ -46,6 +46,8 @@ class KnownThings:
         self.recognition = Recognition(semantic_map.ontology)
         self.revision = 0
         self.held: dict[str, Grip] = {}
+        self.refused: dict[str, list[Pose]] = {}
+        """Thing -> poses of it in the frame of a hand's tip, with which it could not be used."""
         self.dropped: dict[str, str] = {}
         """Arm -> the thing that it lost and nothing has grasped since: it may stand between the fingers."""
         self.tell: Callable[[str, Mapping[str, Any]], None] = _ignore

@@ -95,6 +95,12 @@ ON_DEMAND = (
         "ITaSCMotion",
         failures=(ManipulationFailure, NavigationFailure, PerceptionFailure, LookingFailure, DesignatorFailure),
     ),
+    _on_demand(
+        "setting_aside:SettingAside",
+        "setting_aside",
+        "SettingAsideAnObject",
+        failures=(ManipulationFailure, NavigationFailure, PerceptionFailure, LookingFailure, DesignatorFailure),
+    ),
     _on_demand("stepping_back:SteppingBack", "stepping_back", "SteppingBack", failures=(NavigationFailure,)),
     _on_demand(
         "strokes:Strokes",

@@ -207,10 +207,10 @@ class BodyWriter:
                 return before, handled.extended(recoveries=several)
             case Handle(Achieve() | Scope() as body, recoveries):
                 before, handled = self._awaited(body, depth)
-                return before, handled.further(*map(self._write.recovery, recoveries))
+                return before, handled.further(*self._write.each_recovery(recoveries))
             case Handle(body, recoveries):
                 before, branch = self._branch(body, depth)
-                return before, call(use("with_failure_handling"), branch, *map(self._write.recovery, recoveries))
+                return before, call(use("with_failure_handling"), branch, *self._write.each_recovery(recoveries))
             case Scope():
                 return self._scope(node, depth)
             case Parallel(branches):

@@ -13,7 +13,8 @@ from typing import TypeVar
 from planlang.compiler.bodies import BodyWriter
 from planlang.compiler.expressions import Symbols, is_iri, quoted
 from planlang.compiler.layout import INDENT, WIDTH, Expression, Text, assignment, call, signature, statement
-from planlang.compiler.lowering import Lowering, check_recoveries
+from planlang.compiler.lowering import Lowering
+from planlang.compiler.recoveries import check_recoveries
 from planlang.compiler.tree import Function, PlanTree
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, has_errors

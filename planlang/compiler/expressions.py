@@ -10,7 +10,9 @@ import builtins
 import keyword
 import re
 from collections import Counter
-from collections.abc import Callable, Hashable, Iterable
+from collections.abc import Callable, Hashable, Iterable, Sequence
+from dataclasses import replace
+from itertools import groupby
 
 from planlang.compiler.layout import INDENT, WIDTH, Expression, Remark, Sum, Text, call, sequence
 from planlang.compiler.layout import Call as CallExpression
@@ -455,16 +457,21 @@ class Expressions:
         """Return recoveries as one argument; where they may name what only an inner function knows, a list."""
 
         def written() -> Expression:
-            return sequence([self.recovery(one) for one in recoveries], "[]")
+            return sequence(self.each_recovery(recoveries), "[]")
 
         if recoveries in self._held or (is_outermost and len(recoveries) > 1 and recoveries in self._shared):
             return Text(self._variable(recoveries, "recoveries", None, written))
         return written()
 
-    def recovery(self, recovery: Recover) -> Expression:
-        """Return a recovery."""
+    def each_recovery(self, recoveries: tuple[Recover, ...]) -> list[Expression]:
+        """Return each recovery; neighbours that differ in the failure alone are one for several failures."""
+        groups = groupby(recoveries, key=lambda one: replace(one, failure=""))
+        return [self._recovery([one.failure for one in group], alike) for alike, group in groups]
+
+    def _recovery(self, failures: Sequence[str], recovery: Recover) -> Expression:
         use = self._symbols.use
-        arguments: list[Expression | str] = [use(recovery.failure, "planlang.failures")]
+        kinds = [Text(use(failure, "planlang.failures")) for failure in failures]
+        arguments: list[Expression | str] = [kinds[0] if len(kinds) == 1 else sequence(kinds)]
         attempts = recovery.attempts if recovery.strategy.function is not None else 0
         if recovery.strategy.origin is not None:
             module, function = recovery.strategy.origin

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from collections.abc import Set as AbstractSet
 
-from planlang import failures
 from planlang.compiler.expressions import without_digits
 from planlang.compiler.going_back import Keeping, going_back
+from planlang.compiler.recoveries import Recoveries
 from planlang.compiler.structure import Overlaps, machine, structured
 from planlang.compiler.terms import HandUse, Renaming, Roles, Terms, renamed_thing
 from planlang.compiler.tree import (
@@ -28,161 +28,16 @@ from planlang.compiler.tree import (
     Series,
 )
 from planlang.designators import snake_case
-from planlang.diagnostics import Diagnostic, error, note, warning
+from planlang.diagnostics import Diagnostic, note
 from planlang.effects import effects_of
-from planlang.failures import ObjectUndeliverable, ObjectUnreachable, PlanFailure
-from planlang.language.location import CURABLE
 from planlang.ontology import Ontology, shorten
 from planlang.ontology.terms import OWL
-from planlang.recipe.actions import Actions, RecoveryRule, gone_to, recoveries_of
+from planlang.recipe.actions import Actions
 from planlang.recipe.checks import check
 from planlang.recipe.checks.orderings import ordering_to_write
 from planlang.recipe.fillers import action_class, is_vocabulary_class
 from planlang.recipe.model import Kind, Place, Recipe, RecipeSet, Step, Thing
 from planlang.recipe.order import Precedence, Unit, callees_first, recipe_order, scopes_of, single_steps
-from planlang.recoveries import Strategy, find_strategy, registered_strategies
-from planlang.spelling import similar
-
-NEXT_SOLUTION = "NextSolution"
-"""The next solution, which is no registered strategy: a location scope performs it."""
-
-
-CURED = frozenset(failure.__name__ for failure in CURABLE)
-"""Failures for which a location scope tries the next place; rules cannot choose them."""
-
-RAISED = (ObjectUnreachable.__name__, ObjectUndeliverable.__name__)
-"""The failures that a location scope raises without a further place: if nothing is held, and if something is."""
-
-LATER = frozenset({"PutDownAndRegrasp"})
-"""Strategies of the vocabulary for which no function is registered so far."""
-
-
-@check("R043", "R044")
-def check_recoveries(rules: tuple[RecoveryRule, ...]) -> Iterator[Diagnostic]:
-    """Report each name and number that a recovery rule gets wrong (an error), and rules that are left out."""
-    classes = {
-        name for name, value in vars(failures).items() if isinstance(value, type) and issubclass(value, PlanFailure)
-    }
-    for rule in rules:
-        yield from rule.problems
-        named = [*rule.failures, *([rule.escalates_to] if rule.escalates_to else [])]
-        for name in (name for name in named if name not in classes):
-            yield _unknown(rule, "failure", name, classes)
-        if rule.strategy == NEXT_SOLUTION:
-            yield from _other_than_a_scope(rule)
-        else:
-            yield from _unregistered(rule)
-
-
-def _unregistered(rule: RecoveryRule) -> Iterator[Diagnostic]:
-    """Yield a diagnostic if the strategy of a rule is not registered."""
-    try:
-        known = find_strategy(rule.strategy) is not None
-    except Exception as failed:  # whatever the user's package raises
-        message = f"the strategy {rule.strategy} of the recovery `{rule.name}` cannot be loaded"
-        yield error("R043", message, rule.span, "; ".join([f"{type(failed).__name__}: {failed}", *failed.__notes__]))
-        return
-    if not known and rule.strategy in LATER:
-        message = f"the recovery `{rule.name}` is ignored: no function is registered for {rule.strategy}"
-        yield warning("R043", message, rule.span)
-    elif not known:
-        names = {one.name for one in registered_strategies()}
-        yield _unknown(rule, "strategy", rule.strategy, names | LATER | {NEXT_SOLUTION})
-
-
-def _other_than_a_scope(rule: RecoveryRule) -> Iterator[Diagnostic]:
-    """Yield diagnostics where a rule for the next place asks for what a location scope does not do."""
-    if set(rule.failures) != CURED:
-        message = f"the recovery `{rule.name}` cannot change the failures for which the next place is tried"
-        yield warning("R044", message, rule.span, f"name exactly {', '.join(sorted(CURED))}")
-    if rule.escalates_to is not None and rule.escalates_to not in RAISED:
-        message = f"the recovery `{rule.name}` cannot escalate to {rule.escalates_to}"
-        advice = f"leave it out: without a further place {RAISED[0]} is raised, {RAISED[1]} if something is held"
-        yield warning("R044", message, rule.span, advice)
-
-
-def _unknown(rule: RecoveryRule, what: str, name: str, known: AbstractSet[str]) -> Diagnostic:
-    alike = similar(name, sorted(known))
-    advice = f"did you mean {alike[0]}?" if alike else f"known: {', '.join(sorted(known))}"
-    return error("R043", f"the recovery `{rule.name}` names an unknown {what} {name}", rule.span, advice)
-
-
-class Recoveries:
-    """Chooses recoveries for the steps of recipes."""
-
-    def __init__(self, actions: Actions) -> None:
-        self._ontology = actions.ontology
-        self._rules = actions.recoveries
-        self._acted_on = frozenset(action for rule in self._rules for action in rule.actions)
-        self._known: dict[tuple[str, ...], list[tuple[str, RecoveryRule]]] = {}
-        """Ancestors that rules speak of -> the rules that hold below these."""
-        self._primitives = actions.primitives
-
-    def _of(self, cls: str) -> list[tuple[str, RecoveryRule]]:
-        """Return :func:`recoveries_of` of a class, cached as many classes share them."""
-        concerned = tuple(name for name in self._ontology.ancestors(cls) if name in self._acted_on)
-        found = self._known.get(concerned)
-        if found is None:
-            found = self._known[concerned] = recoveries_of(self._ontology, self._rules, cls)
-        return found
-
-    def attempts_at_places(self, step: Step) -> int:
-        """Return how many places the scope of this base motion tries: one if no rule is about the next place."""
-        attempts = [rule.attempts for _, rule in self._of(step.iri) if rule.strategy == NEXT_SOLUTION]
-        return max(attempts, default=1)
-
-    def around_step(self, cls: str, about: Thing | None, written: frozenset[str]) -> tuple[Recover, ...]:
-        """Return the recoveries of a class that keep the base in place; ``written`` names rules already outside."""
-        return tuple(
-            _recover(failure, rule, strategy, about)
-            for failure, rule in self._of(cls)
-            if (strategy := find_strategy(rule.strategy)) is not None
-            and not strategy.moves_base
-            and not strategy.goes_back
-            and rule.name not in written
-            and (about is not None or not strategy.about_object)
-        )
-
-    def names(self, cls: str) -> frozenset[str]:
-        """Return the names of the rules that hold for a class."""
-        return frozenset(rule.name for _, rule in self._of(cls))
-
-    def around_scope(self, step: Step, about: Thing | None) -> tuple[Recover, ...]:
-        """Return the recoveries that move the base: of the step's class, and of the actions its primitive implies."""
-        classes = [step.iri]
-        if step.primitive is not None:
-            classes += self._primitives[step.primitive].implies
-        found: dict[str, Recover] = {}
-        if about is not None:
-            for cls in classes:
-                for failure, rule in self._of(cls):
-                    strategy = find_strategy(rule.strategy)
-                    if strategy is not None and strategy.moves_base and not strategy.goes_back:
-                        found.setdefault(failure, _recover(failure, rule, strategy, about))
-        return tuple(found.values())
-
-    def going_back(self, cls: str, about: Thing | None) -> tuple[Recover, ...]:
-        """Return the recoveries that go back to an action of a class from what follows it."""
-        return tuple(
-            _recover(failure, rule, strategy, about)
-            for failure, rule in self._of(cls)
-            if about is not None and (strategy := find_strategy(rule.strategy)) is not None and strategy.goes_back
-        )
-
-    def looked_at(self, step: Step) -> Thing | None:
-        """Return the thing that a step looks at before it acts: the object that it handles, or the recipient."""
-        primitive = self._primitives[step.primitive] if step.primitive is not None else None
-        if primitive is not None and primitive.releases:
-            return next((filler for filler in step.fillers("recipient") if isinstance(filler, Thing)), None)
-        for filler in step.fillers("objectActedOn"):
-            if isinstance(filler, Thing) and filler.kind is Kind.OBJECT:
-                return filler
-        reached = (thing for filler in step.fillers("toLocation") for thing in gone_to(filler))
-        return next((thing for thing in reached if thing.kind is Kind.OBJECT), None)
-
-
-def _recover(failure: str, rule: RecoveryRule, strategy: Strategy, about: Thing | None) -> Recover:
-    return Recover(failure, strategy, about if strategy.about_object else None, rule.attempts, rule.escalates_to)
 
 
 class Lowering:
@@ -254,7 +109,7 @@ class Lowering:
             # a recipe that stays where its caller is leaves looking from elsewhere to the caller's scope
             is_outermost = recipe.iri == self._recipes.task or self._actions.moves_the_base(recipe, self._recipes)
             if unit.base is None and is_outermost:
-                made = self._steps.with_looking(recipe, made, [recipe.step(iri)])
+                made = self._steps.with_looking(recipe, made, [recipe.step(iri)], in_scope=not self._scopes)
             return overlaps.gated(iri, made)
 
         nodes = [unit_node(unit) for unit in found.units]
@@ -340,8 +195,11 @@ class Steps:
         self._terms = terms
         self._roles = roles
         self.recoveries = Recoveries(actions)
-        self._around: dict[str, tuple[Recover, ...]] = {}
-        """The recoveries that leave the place, one for each failure, of each recipe that does not move the base."""
+        self._around: dict[tuple[str, bool], tuple[Recover, ...]] = {}
+        """The recoveries that leave the place, one for each failure, of each recipe that does not move the base.
+
+        With it whether it is performed in a scope.
+        """
 
         self._open: dict[str, Keeping] = {}
         """The things that each recipe holds at its end, with the recoveries that go back to it from what follows."""
@@ -384,13 +242,13 @@ class Steps:
             recipe = self._recipes.recipes[name]
             yield from ((inner.name, self.node(recipe, inner, frozenset())) for inner in recipe.steps)
 
-    def with_looking(self, recipe: Recipe, node: Node, steps: Iterable[Step]) -> Node:
+    def with_looking(self, recipe: Recipe, node: Node, steps: Iterable[Step], *, in_scope: bool = True) -> Node:
         """Return the node with the recoveries of its steps that leave its place, one for each failure.
 
         None, where a step is among them that must not be repeated.
         """
         steps = tuple(steps)
-        found = () if any(self._is_unrepeatable(step) for step in steps) else self._leaving(recipe, steps)
+        found = () if any(self._is_unrepeatable(step) for step in steps) else self._leaving(recipe, steps, in_scope)
         if not found:
             return node
         if isinstance(node, Handle):
@@ -438,22 +296,23 @@ class Steps:
                 self._unrepeatable[callee] = any(map(self._is_unrepeatable, self._recipes.recipes[callee].steps))
         return step.is_abstract or any(self._unrepeatable[callee] for callee in step.recipes)
 
-    def _leaving(self, recipe: Recipe, steps: Iterable[Step]) -> tuple[Recover, ...]:
+    def _leaving(self, recipe: Recipe, steps: Iterable[Step], in_scope: bool) -> tuple[Recover, ...]:
         found: dict[str, Recover] = {}
-        for recovery in self._around_scope(recipe, steps):
+        for recovery in self._around_scope(recipe, steps, in_scope):
             found.setdefault(recovery.failure, recovery)
         return tuple(found.values())
 
-    def _around_scope(self, recipe: Recipe, steps: Iterable[Step]) -> Iterator[Recover]:
+    def _around_scope(self, recipe: Recipe, steps: Iterable[Step], in_scope: bool) -> Iterator[Recover]:
         for step in steps:
-            yield from self.recoveries.around_scope(step, self.recoveries.looked_at(step))
+            yield from self.recoveries.around_scope(step, self.recoveries.looked_at(step), in_scope=in_scope)
             for callee in step.recipes:
                 below = self._recipes.recipes[callee]
                 if not self._actions.moves_the_base(below, self._recipes):
-                    if callee not in self._around:
-                        self._around[callee] = self._leaving(below, self._terms.steps(below))
+                    kept = callee, in_scope
+                    if kept not in self._around:
+                        self._around[kept] = self._leaving(below, self._terms.steps(below), in_scope)
                     renaming = self._terms.renaming(recipe, step, callee)
-                    yield from (_renamed(recovery, renaming) for recovery in self._around[callee])
+                    yield from (_renamed(recovery, renaming) for recovery in self._around[kept])
 
     def _call(self, recipe: Recipe, step: Step, callee: str) -> FunctionCall:
         renaming = self._terms.renaming(recipe, step, callee)

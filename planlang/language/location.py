@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Iterable, Iterator
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from planlang.designators import Device, Location, Object, a_location
 from planlang.failures import (
+    GripperGoalNotReached,
     LocationUnresolvable,
     LookingGoalUnreachable,
+    ManipulationFailure,
     ManipulationGoalInCollision,
+    ManipulationGoalNotReached,
     ManipulationPoseUnreachable,
     MissingCapability,
     NavigationFailure,
@@ -55,6 +59,10 @@ ATTEMPTS = 5
 """Places that a scope tries unless the plan says otherwise."""
 APART = 0.05
 """Base poses nearer than this to one that failed count as the same [m]: what is out of reach stays so."""
+AGAIN = 3
+"""Times that a motion of a construct is made again that did not get where it was planned to: as recipes' motions."""
+NOT_ARRIVED = (ManipulationGoalNotReached, GripperGoalNotReached, NavigationGoalNotReached)
+"""Failures of motions that may go well when they are made again."""
 REPLACED = 10
 """Times that the base is put back when something else has moved it: more often than chance disturbs a robot."""
 
@@ -158,8 +166,7 @@ class _Visit:
         for attempt in range(1, attempts + 1):
             try:
                 if last is not None:
-                    for action in self.executive.before_retry():
-                        await perform(action)
+                    await make_room(self.executive)
                 solution = await self._prepared()
             except (LocationUnresolvable, MissingCapability) as exhausted:
                 record("no more poses", attempt=attempt, failure=exhausted)
@@ -282,6 +289,17 @@ class _Watched(Scope):
         if task.outcome is not Status.SUCCEEDED:
             raise self.attach(failure_of(task))
         return task.result
+
+
+async def make_room(executive: Executive) -> None:
+    """Bring the robot into a posture from which it can drive elsewhere, as far as that goes.
+
+    A motion that does not arrive is made again. Where an arm has no way, or the base none to make room for it, what
+    comes next is planned with the arm as it is: there may be room once the base has moved.
+    """
+    for motion in executive.before_retry():
+        with suppress(ManipulationFailure, NavigationFailure):
+            await perform(motion, recoveries=[Recovery(NOT_ARRIVED, attempts=AGAIN)])
 
 
 def _near(solution: Solution, failed: Solution) -> bool:

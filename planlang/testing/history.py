@@ -240,9 +240,14 @@ _ONCE = {("branch", "plan"), ("branch", "perform"), ("state", "plan"), ("state",
 
 
 def _stands_for_its_branch(step: Step, query: str) -> bool:
-    """Return True for a plan or an action that is a branch or a state of the same name: it counts once."""
-    parent = step.parent
-    return parent is not None and (parent.kind, step.kind) in _ONCE and parent.called(query)
+    """Return True for a plan or an action that is a branch or a state of the same name: it counts once.
+
+    So does the first attempt of one with recoveries around it.
+    """
+    parent, kind = step.parent, step.kind
+    while parent is not None and parent.kind == "with_failure_handling" and parent.children[0] is step:
+        step, parent = parent, parent.parent
+    return parent is not None and (parent.kind, kind) in _ONCE and parent.called(query)
 
 
 def _name(what: What) -> str:

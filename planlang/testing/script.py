@@ -182,7 +182,7 @@ class Belief:
                 self.on.extend([device] if device is not None and device not in self.on else [])
             case "TurningOffPoweredDevice":
                 self.on[:] = [one for one in self.on if one != _name(action.get("object_acted_on"))]
-            case "PuttingDownAnObject":
+            case "PuttingDownAnObject" | "SettingAsideAnObject":
                 self._lower(action)
                 self.drop(_name(action.get("object_acted_on")))
             case "OpeningAGripper" | "ReleasingGraspOfSomething":
@@ -213,7 +213,7 @@ EFFECTIVE = frozenset(
     (
         *("Translation-LocationChange", "Reaching", "ClosingAGripper", "OpeningAGripper", "GraspingSomething"),
         *("PickingUpAnObject", "LoweringAnObject", "PuttingDownAnObject", "ReleasingGraspOfSomething"),
-        *("HandingOverAnObject",),
+        *("HandingOverAnObject", "SettingAsideAnObject"),
         *("TurningOnPoweredDevice", "TurningOffPoweredDevice"),
         *("OpeningAContainerArtifact", "ClosingAContainerArtifact"),
     )

@@ -28,6 +28,7 @@ ORDINARY: Mapping[str, tuple[str, ...]] = {
     "perception": ("LookingForSomething", "Perceiving"),
     "handover": ("HandingOverAnObject",),
     "lowering": ("LoweringAnObject",),
+    "setting_aside": ("SettingAsideAnObject",),
     "stepping_back": ("SteppingBack",),
     "container": ("OpeningAContainerArtifact", "ClosingAContainerArtifact"),
 }
@@ -36,10 +37,11 @@ NEEDS: Mapping[str, tuple[str, ...]] = {
     "navigation": ("base",),
     "head": ("head",),
     "perception": ("head",),
+    "setting_aside": ("base", "arm"),
     "stepping_back": ("base",),
     "container": ("base", "head"),
 }
-RELEASING = ("OpeningAGripper", "HandingOverAnObject", "PuttingDownAnObject")
+RELEASING = ("OpeningAGripper", "HandingOverAnObject", "PuttingDownAnObject", "SettingAsideAnObject")
 
 
 @dataclass(eq=False)

@@ -94,7 +94,7 @@ def test_without_scopes_a_base_motion_is_a_step_like_any_other(compiled: Any) ->
         scopes=False,
     )
     assert "at_location" not in plan.source
-    written = "perform(action(RECIPE + 'Drive', below='Translation-LocationChange', to_location=there))"
+    written = "perform(action(RECIPE + 'Drive', below='Translation-LocationChange', to_location=there)"
     assert written in unbroken(plan.source)
 
 
@@ -186,11 +186,11 @@ def test_place_is_described_where_it_is_first_used_and_its_label_stands_in_the_p
     described = 'beyond = a_location("beyond", above=cup)'
     assert described in body(plan, "again")
     assert "# over it" not in body(plan, "take")
-    look, place, reach, again = body(plan, "take").splitlines()[2:]
-    assert 'RECIPE + "Look"' in look
-    assert place.strip() == described
-    assert "to_location=beyond" in reach
-    assert "partial(again, cup=cup)" in again
+    lines = body(plan, "take").splitlines()
+    (place,) = (number for number, line in enumerate(lines) if line.strip() == described)
+    assert 'RECIPE + "Look"' in lines[place - 1]
+    assert "to_location=beyond" in lines[place + 2]
+    assert any("partial(again, cup=cup)" in line for line in lines[place:])
 
 
 def test_place_that_a_called_function_has_for_another_thing_is_described_for_each(compiled: Any) -> None:
@@ -264,8 +264,8 @@ def test_recipe_nearer_than_a_primitive_is_called(compiled: Any) -> None:
         task("CarefulReach", "Look", above="k:Reaching"),
         step("Look", "k:LookingForSomething"),
     )
-    written = 'await perform(action(RECIPE + "CarefulReach", below="Reaching"), otherwise=careful_reach)'
-    assert written in body(plan, "serve")
+    written = "action(RECIPE + 'CarefulReach', below='Reaching'), otherwise=careful_reach,"
+    assert written in unbroken(plan.source)
 
 
 def test_primitive_nearer_than_a_recipe_is_performed(compiled: Any) -> None:
@@ -306,7 +306,7 @@ def test_recovery_stated_in_the_recipe_replaces_the_inherited_one(compiled: Any)
         "    Facts: k:recoversAction Close, k:recoversFailure k:GraspMissed, k:strategy k:Repeat, k:attempts 4",
     )
     assert "Recovery(GraspMissed, attempts=4)" in plan.source
-    assert "look_and_repeat" not in plan.source
+    assert "Recovery((GraspSlipped, GripperGoalNotReached), look_and_repeat(bottle)" in unbroken(plan.source)
 
 
 def test_recovery_with_no_attempts_is_switched_off(compiled: Any) -> None:
@@ -316,7 +316,7 @@ def test_recovery_with_no_attempts_is_switched_off(compiled: Any) -> None:
         "Individual: never\n    Types: k:Recovery\n"
         "    Facts: k:recoversAction Close, k:recoversFailure k:GraspMissed, k:strategy k:Repeat, k:attempts 0",
     )
-    assert "Recovery" not in plan.source
+    assert "GraspMissed" not in plan.source
 
 
 @pytest.mark.parametrize(
@@ -359,7 +359,7 @@ def test_task_that_is_run_by_itself_has_its_own_recoveries(compiled: Any) -> Non
         step("Close", "k:ClosingAGripper", "k:objectActedOn value room:bottle1"),
     )
     assert "async def grasp_once() -> None:" in body(plan, "grasp")
-    assert unbroken(plan.source).count("Recovery(GraspMissed") == 1
+    assert unbroken(plan.source).count("Recovery((GraspMissed,") == 1
 
 
 def carrying(*after: str) -> tuple[str, ...]:

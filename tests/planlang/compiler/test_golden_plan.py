@@ -119,7 +119,7 @@ def golden() -> ModuleType:
 
 
 GRASP = ["Reaching", "OpeningAGripper", "Reaching", "ClosingAGripper", "Reaching", "Reaching"]
-DRIVE = "Translation-LocationChange"
+DRIVE, LOOK = "Translation-LocationChange", "LookingForSomething"
 
 
 def test_golden_plan_fetches_then_hands_over(golden: ModuleType) -> None:
@@ -162,15 +162,19 @@ def test_grasp_that_is_always_missed_ends_as_an_unfetchable_object(golden: Modul
 
 def test_bottle_that_is_not_seen_is_looked_for_from_elsewhere(golden: ModuleType) -> None:
     robot = Robot()
-    unseen = iter([True])
+    unseen, unseen_again = iter([True]), iter([True])
 
     async def reach(wanted: Action) -> None:
         if next(unseen, False):
             raise ObjectNotFound()
 
-    robot.does["Reaching"] = reach
+    async def look(wanted: Action) -> None:
+        if next(unseen_again, False):
+            raise ObjectNotFound()
+
+    robot.does["Reaching"], robot.does["LookingForSomething"] = reach, look
     run(golden.serve_a_drink, host=VirtualHost(), executive=robot)
-    assert robot.log[:5] == [DRIVE, "Reaching", DRIVE, "LookingForSomething", DRIVE]
+    assert robot.log[:6] == [DRIVE, "Reaching", LOOK, DRIVE, LOOK, DRIVE]
     assert robot.wanted[1].relations[0].name == "visible_from"
 
 

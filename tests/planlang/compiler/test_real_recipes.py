@@ -82,10 +82,10 @@ def test_place_without_relations_is_a_posture(hydro: CompiledPlan) -> None:
 
 def test_step_outside_a_recipe_with_a_device_gets_none(hydro: CompiledPlan) -> None:
     source = unbroken(hydro.source)
-    assert "perform(action(RECIPE + 'HandoverObject', below='Reaching', to_location=hand_pose_handover))" in source
+    assert "perform(action(RECIPE + 'HandoverObject', below='Reaching', to_location=hand_pose_handover)" in source
     for name in ("OpenGripperForGrasping", "OpenGripperForHandover"):
         stated = f"RECIPE + '{name}', below='OpeningAGripper'"
-        assert f"perform(action({stated}, device_used=ROBOT_RIGHT_GRIPPER))" in source
+        assert f"perform(action({stated}, device_used=ROBOT_RIGHT_GRIPPER)" in source
 
 
 def test_cabinet_that_no_step_uses_is_left_out(hydro: CompiledPlan) -> None:

@@ -1,15 +1,32 @@
 """Serve a drink.
 
 Compiled by planlang 0.1.0 from serve_a_drink.omn (sha256 7b3a485023f303a1), task ServeADrink.
-What follows has sha256 ef94fb43509973be73da32771b6dadc6f388219dd0fdb602d9488ea27de4c9f8 unless it was edited.
+What follows has sha256 5a19b384ee3766ac634baad90269f3fd892ea1c6b102f3fd1d8764a1b742d249 unless it was edited.
 """
 
 from functools import partial
 
 from planlang import Recovery, action, action_class, at_location, holding, perform, plan
 from planlang.designators import Object, Person, a_device, a_location, a_person, a_posture, an_object
-from planlang.failures import GraspMissed, ObjectLost, ObjectNotFound, ObjectUnfetchable, ObjectUnreachable
-from planlang.recoveries import fetch_again, look_and_repeat, look_from_another_place, open_what_is_in_the_way
+from planlang.failures import (
+    GraspMissed,
+    GraspSlipped,
+    GripperGoalNotReached,
+    HandoverNotTaken,
+    ManipulationGoalNotReached,
+    ObjectLost,
+    ObjectNotFound,
+    ObjectUndeliverable,
+    ObjectUnfetchable,
+    ObjectUnreachable,
+)
+from planlang.recoveries import (
+    fetch_again,
+    look_and_repeat,
+    look_from_another_place,
+    open_what_is_in_the_way,
+    put_down_and_regrasp,
+)
 
 RECIPE = "http://planlang.org/kb/serve_a_drink.owl#"
 HOSPITAL_ROOM = "http://planlang.org/kb/hospital_room.owl#"
@@ -27,15 +44,30 @@ async def grasp_bottle(*, bottle: Object = BOTTLE) -> None:
     """Grasp a bottle."""
     # where the hand waits before it grasps
     approach_pose = a_location("approachPose", in_front_of=bottle, using=GRIPPER)
-    await perform(action(RECIPE + "ApproachBottle", below="Reaching", to_location=approach_pose, device_used=GRIPPER))
-    await perform(action(RECIPE + "OpenGripper", below="OpeningAGripper", device_used=GRIPPER))
+    await perform(
+        action(RECIPE + "ApproachBottle", below="Reaching", to_location=approach_pose, device_used=GRIPPER),
+        recoveries=[Recovery(ManipulationGoalNotReached, attempts=3)],
+    )
+    await perform(
+        action(RECIPE + "OpenGripper", below="OpeningAGripper", device_used=GRIPPER),
+        recoveries=[Recovery(GripperGoalNotReached, attempts=3)],
+    )
     grasp_pose = a_location("graspPose", in_center_of=bottle, using=GRIPPER)  # where the hand closes
-    await perform(action(RECIPE + "ReachForBottle", below="Reaching", to_location=grasp_pose, device_used=GRIPPER))
+    await perform(
+        action(RECIPE + "ReachForBottle", below="Reaching", to_location=grasp_pose, device_used=GRIPPER),
+        recoveries=[Recovery(ManipulationGoalNotReached, attempts=3)],
+    )
     await perform(action(RECIPE + "CloseGripper", below="ClosingAGripper", device_used=GRIPPER))
     # lift the bottle to where the hand came from
-    await perform(action(RECIPE + "LiftBottle", below="Reaching", to_location=approach_pose, device_used=GRIPPER))
+    await perform(
+        action(RECIPE + "LiftBottle", below="Reaching", to_location=approach_pose, device_used=GRIPPER),
+        recoveries=[Recovery(ManipulationGoalNotReached, attempts=3)],
+    )
     # bring the bottle close to the robot
-    await perform(action(RECIPE + "ParkArm", below="Reaching", to_location=CARRYING, device_used=GRIPPER))
+    await perform(
+        action(RECIPE + "ParkArm", below="Reaching", to_location=CARRYING, device_used=GRIPPER),
+        recoveries=[Recovery(ManipulationGoalNotReached, attempts=3)],
+    )
 
 
 @plan(RECIPE + "ServeADrink")
@@ -50,7 +82,14 @@ async def serve_a_drink(*, bottle: Object = BOTTLE, patient: Person = PATIENT) -
             action(RECIPE + "GraspBottle", below="GraspingSomething", object_acted_on=bottle, device_used=GRIPPER),
             otherwise=partial(grasp_bottle, bottle=bottle),
             until=holding(bottle),
-            recoveries=[Recovery(GraspMissed, look_and_repeat(bottle), attempts=2, otherwise=ObjectUnfetchable)],
+            recoveries=[
+                Recovery(
+                    (GraspMissed, GraspSlipped, GripperGoalNotReached),
+                    look_and_repeat(bottle),
+                    attempts=2,
+                    otherwise=ObjectUnfetchable,
+                ),
+            ],
         )
 
     fetch_bottle = partial(
@@ -60,6 +99,7 @@ async def serve_a_drink(*, bottle: Object = BOTTLE, patient: Person = PATIENT) -
         Recovery(ObjectUnreachable, open_what_is_in_the_way(bottle), attempts=2),
         Recovery(ObjectNotFound, look_from_another_place(bottle), attempts=3),
         Recovery(ObjectLost, fetch_again(bottle), attempts=2),
+        Recovery(ObjectUndeliverable, put_down_and_regrasp(bottle), attempts=1),
         reaching=(approach_pose, grasp_pose),
         by=action_class(RECIPE + "MoveBaseToGraspPose", below="Translation-LocationChange"),
     )
@@ -71,16 +111,21 @@ async def serve_a_drink(*, bottle: Object = BOTTLE, patient: Person = PATIENT) -
     async def at_handover_place() -> None:
         # offer the bottle to the patient
         await perform(
-            action(RECIPE + "ReachToHandoverPose", below="Reaching", to_location=handover_pose, device_used=GRIPPER)
+            action(RECIPE + "ReachToHandoverPose", below="Reaching", to_location=handover_pose, device_used=GRIPPER),
+            recoveries=[Recovery(ManipulationGoalNotReached, attempts=3)],
         )
         # let go of the bottle when the patient has taken it
-        await perform(action(HAND_OVER_BOTTLE, object_acted_on=bottle, recipient=patient, device_used=GRIPPER))
+        await perform(
+            action(HAND_OVER_BOTTLE, object_acted_on=bottle, recipient=patient, device_used=GRIPPER),
+            recoveries=[Recovery(HandoverNotTaken, attempts=3)],
+        )
 
     await at_location(
         a_location("handoverPlace", in_reach_of=patient, using=GRIPPER),  # where the base stands to hand over
         at_handover_place,
         Recovery(ObjectNotFound, look_from_another_place(patient), attempts=3),
         Recovery(ObjectLost, fetch_again(bottle, fetch_bottle), attempts=2),
+        Recovery(ObjectUndeliverable, put_down_and_regrasp(bottle, fetch_bottle), attempts=1),
         reaching=(handover_pose,),
         by=action_class(RECIPE + "MoveBaseToHandoverPose", below="Translation-LocationChange"),
     )

@@ -1,0 +1,105 @@
+"""The process module that puts what a hand holds, and cannot use as it holds it, on whatever is near."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import suppress
+from itertools import islice
+
+import numpy as np
+
+from executive.belief.scene_collisions import BasePose
+from executive.modules.hand_work import HandWork
+from executive.robots import CARRYING
+from executive.robots.arms import ArmModel
+from planlang import Recovery, perform
+from planlang.designators import Action, Object, a_location, a_posture, action, resting_on
+from planlang.failures import (
+    ActionUnresolvable,
+    DesignatorFailure,
+    GripperGoalNotReached,
+    LocationUnresolvable,
+    LookingFailure,
+    ManipulationFailure,
+    ManipulationGoalNotReached,
+    NavigationFailure,
+    PerceptionFailure,
+    PlanFailure,
+)
+from planlang.modules import process_module
+
+SUPPORTS = 4
+"""Pieces of furniture that are tried, the nearest ones."""
+PLACES = 2
+"""Places of the base that are tried at each."""
+AGAIN = Recovery((ManipulationGoalNotReached, GripperGoalNotReached), attempts=3)
+"""What may go well when it is done again."""
+
+
+@process_module
+class SettingAside(HandWork):
+    """Puts a held thing down on furniture near the robot, and leaves it; its next grip is to be another one."""
+
+    name = "setting_aside"
+    actions = ("SettingAsideAnObject",)
+    failures = (ManipulationFailure, NavigationFailure, PerceptionFailure, LookingFailure, DesignatorFailure)
+
+    def resources(self, action: Action) -> tuple[str, ...]:
+        """Return the whole robot."""
+        return self.whole_robot()
+
+    async def execute(self, action: Action) -> str:
+        """Put ``object_acted_on`` down; return the name of what it stands on.
+
+        Raises the failure of the nearest place if it can be put down nowhere: then it is still held.
+        """
+        what = action.get("object_acted_on")
+        name = self.platform.scene.bodies.bind(what) if isinstance(what, Object) else None
+        holding = [arm for arm in self.platform.scene.arms.all if self._holds(arm, name)]
+        if not isinstance(what, Object) or len(holding) != 1:
+            raise ActionUnresolvable("setting aside needs object_acted_on in one hand", designator=str(action))
+        problem: PlanFailure | None = None
+        for support, base in self._places():
+            try:
+                await self._lower(what, support, base)
+            except (ManipulationFailure, NavigationFailure) as failure:
+                problem = problem or failure
+                continue
+            grip = self.platform.belief.held[str(name)]
+            await self._leave(what)
+            self.platform.belief.refuse(str(name), grip)
+            return support.name
+        raise problem or LocationUnresolvable("nothing near has room for it", designator=str(action))
+
+    def _holds(self, arm: ArmModel, name: str | None) -> bool:
+        held = self.platform.scene.arms.held(arm.name)
+        return held is not None and held.name == name
+
+    def _places(self) -> Iterator[tuple[Object, BasePose]]:
+        """Yield furniture and places of the base before it, the nearest furniture first."""
+        scene = self.platform.scene
+        bodies, x, y = scene.bodies, *self.platform.base()[:2]
+        names = [name for name in bodies.names() if self._is_support(name)]
+        for name in sorted(names, key=lambda one: (bodies.block(one).away(np.array([x, y, 0.0])), one))[:SUPPORTS]:
+            support = bodies.designator(name)
+            with suppress(LocationUnresolvable):
+                near = self.platform.resolver.bases(a_location(in_reach_of=resting_on(support)))
+                for solution in islice(near, PLACES):
+                    yield support, solution.base
+
+    def _is_support(self, name: str) -> bool:
+        bodies = self.platform.scene.bodies
+        is_other = bodies.is_movable(name) or bodies.is_person(name) or bodies.is_room(name)
+        return not is_other and bodies.rests_at(name) is not None
+
+    async def _lower(self, what: Object, support: Object, base: BasePose) -> None:
+        await self.drive(base)
+        lowering = action("LoweringAnObject", object_acted_on=what, to_location=support)
+        await perform(lowering, recoveries=[AGAIN])
+
+    async def _leave(self, what: Object) -> None:
+        """Let it go, and take the hand away as far as there is room."""
+        await perform(action("OpeningAGripper", object_acted_on=what), recoveries=[AGAIN])
+        with suppress(ManipulationFailure, DesignatorFailure):
+            await perform(action("Reaching", to_location=a_location(in_front_of=what)), recoveries=[AGAIN])
+            await perform(action("Reaching", to_location=a_posture(CARRYING)), recoveries=[AGAIN])

@@ -1,0 +1,74 @@
+"""What cannot be used as it is held is put down near the robot, and grasped otherwise."""
+
+from __future__ import annotations
+
+from executive.locations.demands import hand_demand
+from executive.locations.hand_predicates import Stage as SearchStage
+from executive.locations.hand_predicates import candidates_of
+from executive.locations.rejections import Rejections
+from planlang import Recovery, perform, put_down_and_regrasp, with_failure_handling
+from planlang.designators import a_location, action
+from planlang.failures import ObjectUndeliverable, PlanFailure
+from planlang.testing import Script, run_plan
+from sim.world import at_rest_on
+from tests.executive.conftest import BED, BOTTLE, CABINET, PATIENT, THE_BOTTLE, MakeStage, Stage, hold_bottle
+
+GRASP = a_location(in_center_of=THE_BOTTLE)
+ASIDE = action("SettingAsideAnObject", object_acted_on=THE_BOTTLE)
+
+
+def grasps(stage: Stage) -> tuple[int, int]:
+    """How many grasps of the bottle there are, and how many were left out as they could not be used."""
+    scene, log = stage.platform.scene, Rejections()
+    tables = candidates_of(hand_demand(GRASP, scene, None), scene.arms.all[0], scene, log, SearchStage.ALL)
+    return sum(map(len, tables)), log.counts["a grip that could not be used"]
+
+
+def test_what_is_set_aside_stands_on_furniture_and_is_not_taken_by_the_same_grip(make_stage: MakeStage) -> None:
+    stage = make_stage(BED, BOTTLE, CABINET, PATIENT)
+    every, left_out = grasps(stage)
+    assert left_out == 0
+    hold_bottle(stage)
+
+    async def plan() -> None:
+        await perform(ASIDE)
+
+    stage.run(plan)
+    assert at_rest_on(stage.truth, "bottle") in ("cabinet", "bed")
+    assert list(stage.platform.belief.held) == []
+    others, left_out = grasps(stage)
+    assert left_out > 0
+    assert 0 < others < every
+
+
+def failing(*failures: PlanFailure) -> Callable[[], Awaitable[None]]:
+    """A plan that holds the bottle and cannot deliver it so often, with the recovery."""
+    left = list(failures)
+
+    async def fetch() -> None:
+        await perform(action("ClosingAGripper", object_acted_on=THE_BOTTLE))
+
+    async def deliver() -> None:
+        if left:
+            raise left.pop(0)
+
+    async def plan() -> None:
+        await fetch()
+        regrasp = Recovery(ObjectUndeliverable, put_down_and_regrasp(THE_BOTTLE, fetch), attempts=1)
+        await with_failure_handling(deliver, regrasp)
+
+    return plan
+
+
+def test_what_cannot_be_delivered_is_put_down_grasped_again_and_delivered() -> None:
+    run = run_plan(failing(ObjectUndeliverable()))
+    assert run.failure is None
+    assert (run.attempts("SettingAsideAnObject"), run.attempts("ClosingAGripper")) == (1, 2)
+
+
+def test_what_cannot_be_grasped_otherwise_stays_where_it_was_put_and_the_first_failure_is_reported() -> None:
+    first = ObjectUndeliverable(what="bottle")
+    script = Script().on("ClosingAGripper", since=2.0, fails=PlanFailure)
+    run = run_plan(failing(first), script=script)
+    assert run.failure is first
+    assert run.belief.holding == []

@@ -1,0 +1,51 @@
+"""The tables of docs/recoveries.md are those of ontologies/recovery.omn: running this file writes them."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from planlang.files import bundled
+from planlang.ontology import Ontology, load, shorten
+
+PAGE = Path(__file__).resolve().parents[3] / "docs" / "recoveries.md"
+
+
+def words(ontology: Ontology, individual: str, fact: str) -> str:
+    """The values of a property, each as code."""
+    return ", ".join(f"`{shorten(str(value))}`" for value in ontology.values(individual, fact))
+
+
+def number(ontology: Ontology, individual: str, fact: str) -> float:
+    value = ontology.value(individual, fact)
+    return value.number() if hasattr(value, "number") else 0.0
+
+
+def tables() -> dict[str, str]:
+    """The tables, by name."""
+    ontology = load(bundled("ontologies") / "knowrob.omn")
+    rows = ["| Failures | of actions | strategy | attempts | ends in |", "|---|---|---|---|---|"]
+    for one in sorted(ontology.individuals("Recovery"), key=lambda one: number(ontology, one, "rank")):
+        cells = [words(ontology, one, fact) for fact in ("recoversFailure", "recoversAction", "strategy")]
+        attempts = f"{number(ontology, one, 'attempts'):g}"
+        rows.append(f"| {' | '.join([*cells, attempts, words(ontology, one, 'escalatesTo')])} |".replace("|  |", "| |"))
+    strategies = [
+        f"* `{shorten(one)}`: {ontology.label(one)}." for one in sorted(ontology.individuals("RecoveryStrategy"))
+    ]
+    return {"recoveries": "\n".join(rows), "strategies": "\n".join(strategies)}
+
+
+def rewritten(text: str) -> str:
+    for name, table in tables().items():
+        begin, end = f"<!-- begin of the table of {name} -->\n", f"<!-- end of the table of {name} -->"
+        text = re.sub(f"(?s){begin}.*?{end}", lambda _, whole=f"{begin}{table}\n{end}": whole, text)
+    return text
+
+
+def test_the_page_lists_the_recoveries_and_strategies_that_the_ontology_states() -> None:
+    text = PAGE.read_text(encoding="utf-8")
+    assert text == rewritten(text), f"run python {Path(__file__).name} to write the tables"
+
+
+if __name__ == "__main__":
+    PAGE.write_text(rewritten(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
