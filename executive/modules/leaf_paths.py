@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,7 @@ from executive.modules.leaf_grips import LAGS, Grips, grips_of
 from executive.motion import InverseKinematics, cartesian_path
 from executive.robots.arms import ArmModel
 from executive.robots.openings import Fingers
+from planlang.failures import LocationUnresolvable
 from planlang.geometry import Array
 from planlang.geometry.matrices import inverse, moved, product
 from planlang.protocols import Configuration
@@ -48,6 +50,8 @@ ENOUGH = 0.12
 """Share of its way by which a hand has to move a leaf from one place, at least."""
 BEHIND = (0.08, 0.2, 0.3)
 """Distances behind the handle at which the arm is that has it [m]."""
+MOST_NAMED = 3
+"""Bodies in the way that a failure names."""
 IN_THE_WAY = 12
 """Places without room of which it is found out which body is there."""
 SWEPT = Reason("swept over by the leaf")
@@ -77,7 +81,7 @@ class LeafPaths:
 
     def __init__(self, control: Control, joint: Articulation) -> None:
         self._control, self._joint = control, joint
-        self.rejected = Rejections()
+        self.rejected, self._tried = Rejections(), tuple[ArmModel, ...]()
 
     def towards(self, value: float, arms: Sequence[ArmModel], wanted: float) -> Iterator[LeafPath | None]:
         """Yield ways to move the leaf from where it is to a value, those that get there first; None while it looks.
@@ -87,6 +91,7 @@ class LeafPaths:
         """
         control, joint = self._control, self._joint
         control.sync()
+        self._tried = tuple(arms)
         now = control.belief.joint(joint.leaf)
         count = max(2, math.ceil(abs(value - now) / STEPS[joint.kind]) + 1)
         values = np.linspace(now, value, count)
@@ -104,6 +109,33 @@ class LeafPaths:
                     partial.append(path)
         least = max(2, math.ceil(ENOUGH * count))
         yield from sorted((one for one in partial if len(one.values) > least), key=lambda one: -len(one.values))
+
+    def failure(self) -> LocationUnresolvable:
+        """Return why no way was found, with figures; for when none was."""
+        handle, joint, scene = str(self._joint.handle), self._joint, self._control.scene
+        height, counts = scene.bodies.pose(handle).position[2], self.rejected.ordered()
+        figures = ""
+        if set(counts) == {NO_GRIP}:
+            body = next(iter(self.rejected.ordered_blocking()))
+            figures = (
+                f"in each of the {counts[NO_GRIP]} grips that were looked at the hand is in something, mostly {body}"
+            )
+        elif OUT_OF_REACH.text in counts and (limit := self._limit(height)):
+            figures = f"{handle} is at {height:.2f} m; {limit}"
+        elif counts.get(COLLISION):
+            bodies = ", ".join(islice(self.rejected.ordered_blocking(), MOST_NAMED))
+            figures = f"{counts[COLLISION]} postures with a hand at it are in collision, mostly with {bodies}"
+        reason = next(iter(counts), "")
+        self.rejected.figures = {reason: figures} if figures else {}
+        return self.rejected.failure(f"the base with a hand at {handle} as {joint.leaf} moves")
+
+    def _limit(self, height: float) -> str:
+        """Return up to where, or down to where, arms reach at most; "" if a height is between [m]."""
+        spans = [(arm.shoulder_low[2] - arm.reach, arm.shoulder_high[2] + arm.reach) for arm in self._tried]
+        low, high = min(one for one, _ in spans), max(one for _, one in spans)
+        if height > high:
+            return f"the arms reach up to {high:.2f} m"
+        return f"the arms reach down to {low:.2f} m" if height < low else ""
 
     def _of_arm(self, arm: ArmModel, values: Array, enough: int, *, tight: bool) -> Iterator[LeafPath | None]:
         """Yield ways with one arm, as far as they are free; best places of the base first, None after some of them."""
@@ -159,6 +191,7 @@ class LeafPaths:
         bases, coarse = self._lattice(arm, tips)
         reached, strain = _within_reach(arm, bases, tips)
         near = reached > 1
+        self.rejected.add(OUT_OF_REACH.text, 0 if near.any() else len(near))
         bases, coarse, reached, strain = bases[near], coarse[near], reached[near], strain[near]
         free = collisions.floor().holds(bases)
         self._crowded(bases[~free], strain[~free])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import replace
@@ -16,6 +17,7 @@ from executive.locations.hand_solutions import base_matrices
 from executive.modules.leaf_paths import LeafPath, LeafPaths
 from executive.motion import MotionError, cartesian_path
 from executive.robots.arms import ArmModel
+from planlang import explain
 from planlang.designators import Condition, a_location
 from planlang.failures import ActionUnresolvable, BehindClosedDoor, HandleNotReachable
 from planlang.geometry import Array, Pose
@@ -164,9 +166,18 @@ def test_a_handle_that_no_arm_reaches_is_named(stack: ExitStack) -> None:
     up = Pose((0.0, 0.0, 1.5))
     high = tuple(replace(one, pose=up @ one.pose) for one in (leaf, grip) if one.pose is not None)
     stage = room(stack, (case, *high))
-    with pytest.raises(HandleNotReachable, match="the handle of leaf is out of reach: no way was found"):
+    with pytest.raises(HandleNotReachable, match="the handle of leaf is out of reach: no way was found") as caught:
         stage.do(OPEN, "leaf")
     assert stage.truth.joint("leaf") == 0.0
+    assert re.search(r"; grip is at 2\.\d\d m; the arms reach up to 1\.\d\d m", explain(caught.value).splitlines()[0])
+
+
+def test_a_handle_at_which_the_hand_has_no_room_is_reported_with_what_is_there(stack: ExitStack) -> None:
+    stage = room(stack, beside_a_wall(0.215), "panda")
+    with pytest.raises(HandleNotReachable) as caught:
+        stage.do(OPEN, "leaf")
+    figures = r"; in each of the \d+ grips that were looked at the hand is in something, mostly wall$"
+    assert re.search(figures, explain(caught.value).splitlines()[0])
 
 
 def test_what_has_no_door_cannot_be_opened(stack: ExitStack) -> None:
