@@ -17,8 +17,8 @@ from executive.belief.floor import CELL, Floor
 from executive.motion import Boxes, Grid, QuickCheck
 from executive.motion.arm_bodies import ArmBodies, ArmShapes, Ignored, Room, links_of
 from executive.motion.bodies import Solids
-from executive.motion.clearance import Band, cores, outlines
-from executive.motion.drivable import Drivable, drivable
+from executive.motion.clearance import Band, outlines
+from executive.motion.drivable import EVERY, LACKING, SPARE, Drivable, drivable, free_poses
 from executive.robots import Gripper, Robot
 from executive.robots.arms import ArmModel
 from executive.robots.openings import Fingers
@@ -96,11 +96,11 @@ def _closing(gripper: Gripper, fingers: Fingers) -> list[dict[str, float]]:
     ]
 
 
-def _flood(base: BasePose, floor: Floor) -> Drivable:
-    """Return where a base can get to on a floor."""
+def _flood(base: BasePose, floor: Floor, slack: float = LACKING) -> Drivable:
+    """Return where a base can get to on a floor, if it may lack some room [m]."""
     x_min, y_min, x_max, y_max = floor.bounds
     grid = Grid.over((x_min, y_min), (x_max, y_max))
-    return drivable(base[:2], grid, floor.boxes, floor.silhouette, cores(floor.outlines))
+    return drivable(base, grid, free_poses(grid, floor.boxes, floor.silhouette, floor.outlines, slack))
 
 
 class SceneCollisions:
@@ -111,6 +111,7 @@ class SceneCollisions:
         self._bodies: Latest[tuple[Boxes, Solids]] = Latest()
         self._floor: Latest[Floor] = Latest()
         self._drivable: Latest[Drivable] = Latest()
+        self._reached: Latest[Drivable] = Latest()
         self._links = frozenset(world.robot.solid_names)
         self._rest = {arm.name: self._links - self._own_links(arm) for arm in arms}
         links = links_of(world)
@@ -144,8 +145,8 @@ class SceneCollisions:
         return replace(self.floor(), boxes=self.boxes_but((body,))[0])
 
     def has_way(self, base: BasePose) -> bool:
-        """Return whether the base can get to a pose: with a turn at most, or else as :meth:`drivable` says."""
-        return self._goes_straight(base) or bool(self.drivable()(np.array([base]))[0])
+        """Return whether the base can get to a pose: with a turn at most, or else over places and headings."""
+        return self._goes_straight(base) or bool(self._surely()(np.array([base]))[0])
 
     def _goes_straight(self, base: BasePose) -> bool:
         """Return whether there is room to turn on two lines to a pose, which meet beside its middle, one of a few.
@@ -164,21 +165,33 @@ class SceneCollisions:
         return bool((room >= np.where(before, CELL, 0.0)).all(axis=1).any())
 
     def drivable(self) -> Drivable:
-        """Return where the base can get to from where it is, arms left out.
+        """Return where the base can get to from where it is, arms left out; a little room may be missing.
 
         Nothing is ruled out for a base that stands in something, nor on a map that is too large to be filled.
         """
-        now, floor = self._world.configuration(), self.floor()
-        base = now.base
+        return self._flooded(self._drivable, self.floor(), LACKING)
+
+    def _surely(self) -> Drivable:
+        """Return where the base can get to from where it is, arms left out; no room may be missing on the way."""
+        return self._flooded(self._reached, self.floor(), -SPARE)
+
+    def _flooded(self, known: Latest[Drivable], floor: Floor, slack: float) -> Drivable:
+        """Return where the base can get to on a floor, if it may lack some room [m]."""
+        now = self._world.configuration()
 
         def work_out() -> Drivable:
             x_min, y_min, x_max, y_max = floor.bounds
             large = (x_max - x_min) * (y_max - y_min) > MOST_FLOOR
             if large or self._world.contacts(now, ("base",)):
-                return Drivable(Grid(0.0, 0.0, 1, 1), np.ones((1, 1), bool), beyond=True)
-            return _flood(base, floor)
+                return Drivable(Grid(0.0, 0.0, 1, 1), np.full((1, 1), EVERY), beyond=True)
+            return _flood(now.base, floor, slack)
 
-        return self._drivable.of((floor, base[:2]), work_out)
+        return known.of((floor, now.base), work_out)
+
+    def whole(self) -> Floor:
+        """Return the floor that is left to the base: with the robot's body and its arms, as they are now."""
+        shapes = outlines(self._world.outlines())
+        return Floor(self.obstacles(), self.silhouette(), shapes, self._world.scene.bounds)
 
     def closes_way(self, place: Array, within: float) -> str | None:
         """Return the body without which the base would get to more floor ``within`` [m] of a place (2,), if one does.

@@ -67,6 +67,8 @@ LEVEL = 0.2
 """Largest lean of a level hand, or of an upright thing in it [rad]."""
 
 Mask = NDArray[np.bool_]
+Spots = tuple[Array, Array]
+"""Places with yaws (n, 4) of a thing's box centre, and scores (n,)."""
 
 
 def hand_holds(location: Location, arm: ArmModel, scene: PlanningScene, viewer: tuple[float, float]) -> bool:
@@ -252,20 +254,37 @@ def _made(
 
 
 def delivering(
-    reach: Reach, arm: ArmModel, held: Held | None, scene: PlanningScene, rejections: Rejections, stage: Stage
+    reach: Reach,
+    arm: ArmModel,
+    held: Held | None,
+    scene: PlanningScene,
+    rejections: Rejections,
+    stage: Stage,
+    spots: Spots | None = None,
 ) -> GraspCandidates:
-    """Return candidates to offer something to a person, or to put it down, as an arm holds it or would hold it."""
+    """Return candidates to offer something to a person, or to put it down, as an arm holds it or would hold it.
+
+    ``spots``: those of :func:`spots_of`, where they are known.
+    """
     fine = stage > Stage.NATURAL
     if reach.kind is ReachKind.OFFER:
         return offering(reach.body, scene.bodies.zone(reach.body), arm.frame, held, fine=fine)
     assert held is not None, "an empty hand puts nothing down"
-    # the same wherever the base is: where it can reach one of them is asked next
-    demand, oblique = put_demand(reach, held.name, scene), stage is Stage.CLOSEST
-    spots, scores = Placement(held.name, demand, scene, near=False, oblique=oblique).spots(rejections)
+    places, scores = spots_of(reach, held.name, scene, rejections, stage) if spots is None else spots
+    is_round = scene.bodies.is_round(held.name)
+    return placing(reach.body, places, scores, arm.frame, held, is_round=is_round, fine=fine)
+
+
+def spots_of(reach: Reach, name: str, scene: PlanningScene, rejections: Rejections, stage: Stage) -> Spots:
+    """Return where a thing may be put down and the scores, some of the best: the same however it is held.
+
+    They are the same wherever the base is, too: where it can reach one of them is asked next.
+    """
+    demand, oblique = put_demand(reach, name, scene), stage is Stage.CLOSEST
+    spots, scores = Placement(name, demand, scene, near=False, oblique=oblique).spots(rejections)
     good = int((scores >= GOOD[stage] * scores.max(initial=0.0)).sum())
     chosen = _spread(spots[:good], MOST_SPOTS[stage])
-    is_round = scene.bodies.is_round(held.name)
-    return placing(reach.body, spots[chosen], scores[chosen], arm.frame, held, is_round=is_round, fine=fine)
+    return spots[chosen], scores[chosen]
 
 
 def _spread(spots: Array, most: int) -> list[int]:

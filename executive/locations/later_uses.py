@@ -16,7 +16,7 @@ from executive.belief.scene_collisions import Latest
 from executive.locations.base_candidates import InverseMaps
 from executive.locations.demands import Reach, ReachKind
 from executive.locations.grasp_candidates import CLASSES, GraspCandidates
-from executive.locations.hand_predicates import Stage, candidates_of, delivering
+from executive.locations.hand_predicates import Spots, Stage, candidates_of, delivering, spots_of
 from executive.locations.rejections import Rejections
 from executive.robots.arms import ArmModel, Held
 from planlang.geometry import Pose
@@ -44,6 +44,7 @@ class LaterUses:
     def __init__(self, scene: PlanningScene, maps: InverseMaps) -> None:
         self._scene, self._maps = scene, maps
         self._known: Latest[dict[tuple[Reach, Grip], bool]] = Latest()
+        self._spots: Latest[dict[tuple[Reach, str], Spots]] = Latest()
 
     def candidates(self, reach: Reach, arm: ArmModel, log: Rejections, stage: Stage) -> list[GraspCandidates]:
         """Return the candidates of a reach; of a grasp only those that serve all later uses."""
@@ -77,7 +78,7 @@ class LaterUses:
         """Return True if an arm that holds a thing like this can do what a use asks for, as far as this tells."""
         if use.arms is not None and arm.name not in use.arms:
             return False
-        table = delivering(use, arm, held, self._scene, Rejections(), Stage.ALL)
+        table = delivering(use, arm, held, self._scene, Rejections(), Stage.ALL, self._spots_of(use, held.name))
         levels = list(
             zip(table.grasps.tolist(), table.rolls.tolist(), table.points[:, 2].round(ALIKE).tolist(), strict=True)
         )
@@ -91,6 +92,15 @@ class LaterUses:
         hits = self._scene.collisions.arm_check(arm, held.name, ()).hand_hit(tips.reshape(-1, 4, 4))
         free = np.array([hit in (None, door) for hit in hits], bool).reshape(tips.shape[:2])
         return bool(free.all(axis=1).any())
+
+    def _spots_of(self, use: Reach, name: str) -> Spots | None:
+        """Return where a use may put a thing down, worked out once for all grips; None if it is offered."""
+        if use.kind is ReachKind.OFFER:
+            return None
+        known = self._spots.of(self._scene.revision(), dict)
+        if (use, name) not in known:
+            known[use, name] = spots_of(use, name, self._scene, Rejections(), Stage.ALL)
+        return known[use, name]
 
     def _reaches(self, arm: ArmModel, grasp: int, roll: int, height: float) -> bool:
         """Return True if an arm reaches a height [m] somewhere with its hand like this."""

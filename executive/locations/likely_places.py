@@ -20,7 +20,7 @@ from executive.belief.hollow import room_behind
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
 from executive.belief.semantic_map import MapObject
-from executive.locations.views import Size, Views
+from executive.locations.views import NO_SCREENS, Size, Views
 from planlang.designators import Object
 from planlang.failures import ObjectNowhereToBeFound
 from planlang.geometry import Array, Pose
@@ -39,7 +39,7 @@ AROUND = 2.5
 MOST = 60
 """Base poses that are compared for one place, the nearest to the robot."""
 LEAST = 0.1
-"""Share of a place that another view of it has to show anew."""
+"""Points of a place that another view of it has to show anew, as a share of those that were seen."""
 ENOUGH = 0.9
 """Share of the best view that is good enough: of such base poses the nearest to the robot is taken."""
 ABOVE = 0.06
@@ -178,13 +178,14 @@ class Searches:
         search.visited[place.name] = place.base
         return place
 
-    def view(self, search: Search, name: str, unseen: Array) -> LikelyPlace | None:
+    def view(self, search: Search, name: str, unseen: Array, screens: Array = NO_SCREENS) -> LikelyPlace | None:
         """Return a place with the base pose from where most of its points (n, 3) that are still unseen are seen.
 
-        None if hardly any of them is seen from anywhere.
+        ``screens`` (k, 3) hide what is behind them. None if hardly any of the points is seen from anywhere.
         """
-        place = self._place(search, name, 0.0, self.views.places(), unseen) if len(unseen) else None
-        return place if place is not None and len(place.points) >= LEAST * len(self.points_of(name)) else None
+        place = self._place(search, name, 0.0, self.views.places(), unseen, screens) if len(unseen) else None
+        seen = len(self.points_of(name)) - len(unseen)
+        return place if place is not None and len(place.points) >= LEAST * seen else None
 
     def inside(self, name: str) -> Block:
         """Return the room that things are looked for in: in a drawer, behind a door, else a body with what is on it."""
@@ -314,14 +315,22 @@ class Searches:
 
     # From where
 
-    def _place(self, search: Search, name: str, likelihood: float, floor: Array, points: Array) -> LikelyPlace | None:
+    def _place(
+        self,
+        search: Search,
+        name: str,
+        likelihood: float,
+        floor: Array,
+        points: Array,
+        screens: Array = NO_SCREENS,
+    ) -> LikelyPlace | None:
         """Return a place with the base pose to see points (n, 3) of it from; None without, or if no way leads there."""
         block, here = self.inside(name), self.scene.base()
         spots = floor[block.distance(floor) <= AROUND]
         spots = spots[np.argsort(np.hypot(*(spots - here[:2]).T).round(6), kind="stable")][:MOST]
         headings = np.arctan2(block.y - spots[:, 1], block.x - spots[:, 0])
         bases = np.vstack([[here], np.column_stack([spots, headings])])
-        shown = self.views.seen(bases, points, search.size)
+        shown = self.views.seen(bases, points, search.size, screens)
         counts = shown.sum(axis=1)
         while counts.any():  # where the base does not get to the best poses, of those that are left
             for row in np.flatnonzero(counts >= ENOUGH * counts.max()).tolist():

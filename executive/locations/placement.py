@@ -247,11 +247,12 @@ class Placement:
     def _crowding(self, centres: Array) -> list[str]:
         """Return the bodies that take the room at some of the places."""
         boxes, bodies = self.scene.collisions.boxes_but((self.name, self.demand.on or ""))
+        some = centres[:: max(1, len(centres) // 16)]
         found: dict[str, None] = {}
-        for x, y, z in centres[:: max(1, len(centres) // 16)]:
-            band = self._band(float(z), max(self._size[:2]) / 2)
+        for z in dict.fromkeys(some[:, 2].tolist()):
+            places, band = some[some[:, 2] == z, :2], self._band(z, max(self._size[:2]) / 2)
             for index, body in enumerate(bodies):
-                if body not in found and clearance_at([(x, y)], boxes.only(index), (band,))[0] < FREE:
+                if body not in found and clearance_at(places, boxes.only(index), (band,)).min() < FREE:
                     found[body] = None
         return list(found)
 

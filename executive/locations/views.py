@@ -21,6 +21,15 @@ PIXELS = 12.0
 FRAME = 0.5
 """Share of the camera's half angle in which points count as shown: a thing about them is to be in the picture whole."""
 
+SCREEN = 0.08
+"""Lines of sight keep this far from what a picture of depths shows before a point [m]: points are 0.15 m apart."""
+PIXEL = 0.02
+"""Angle between the lines of sight to a point and to the nearest pixel, in a picture that shows the point [rad]."""
+BEFORE = 0.05
+"""A surface that is so much nearer to the camera than a point hides it [m]."""
+NO_SCREENS = np.zeros((0, 3))
+"""Nothing was measured that the world of the belief does not have."""
+
 Size = tuple[float, float, float]
 
 
@@ -39,10 +48,13 @@ class Views:
         points = points[floor.at(points) > 0.0]
         return points[self.scene.collisions.drivable()(np.column_stack([points, np.zeros(len(points))]))]
 
-    def seen(self, bases: Array, points: Array, size: Size | None = None) -> NDArray[np.bool_]:
+    def seen(
+        self, bases: Array, points: Array, size: Size | None = None, screens: Array = NO_SCREENS
+    ) -> NDArray[np.bool_]:
         """Return which points (m, 3) the neck can turn the camera to from bases (n, 3) with nothing between, (n, m).
 
         With the ``size`` (x, y, z) of a thing [m]: only those at which it would have enough pixels to be recognised.
+        ``screens`` (k, 3) are points of the map at which something unknown hides what is behind it.
         """
         camera, gaze = self.scene.robot.camera, self.scene.visibility.gaze
         shown = np.zeros((len(bases), len(points)), bool)
@@ -63,7 +75,7 @@ class Views:
             near, eyes = near[fits], matrices.moved(frame, eyes[fits])
             lines = points[near] - eyes
             ends = points[near] - lines * (NEARLY / np.maximum(np.linalg.norm(lines, axis=1), NEARLY))[:, None]
-            shown[row, near] = self.scene.world.clear_lines(eyes, ends)
+            shown[row, near] = self.scene.world.clear_lines(eyes, ends) & ~_crossed(eyes, ends, screens)
         return shown
 
     def gazes(self, base: BasePose, points: Array) -> Iterator[Array]:
@@ -81,6 +93,30 @@ class Views:
             best = int(np.argmax((together & left).sum(axis=1) * left))
             left &= ~together[best]
             yield points[best]
+
+
+def hiding(eye: Array, points: Array, ends: Array, at_surface: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], Array]:
+    """Return which points (n, 3) a picture of depths taken at ``eye`` (3,) shows to be hidden, (n,), and by what.
+
+    The picture's lines of sight end at ``ends`` (m, 3), on a surface where ``at_surface`` (m,). The second array
+    (k, 3) are those ends before the hidden points.
+    """
+    lines, away = ends - eye, points - eye
+    long, far = np.linalg.norm(lines, axis=1), np.linalg.norm(away, axis=1)
+    alike = (away / np.maximum(far, 1e-9)[:, None]) @ (lines / np.maximum(long, 1e-9)[:, None]).T
+    nearest = alike.argmax(axis=1)
+    is_shown = alike[np.arange(len(points)), nearest] >= np.cos(PIXEL)
+    hides = is_shown & at_surface[nearest] & (long[nearest] < far - BEFORE)
+    return hides, ends[nearest[hides]]
+
+
+def _crossed(starts: Array, ends: Array, screens: Array) -> NDArray[np.bool_]:
+    """Return which lines from starts (n, 3) to ends (n, 3) pass points (k, 3) that hide what is behind them, (n,)."""
+    lines = ends - starts
+    away = screens[None] - starts[:, None]
+    along = np.einsum("nkd,nd->nk", away, lines) / np.maximum(np.einsum("nd,nd->n", lines, lines), 1e-9)[:, None]
+    apart = np.linalg.norm(away - np.clip(along, 0.0, 1.0)[:, :, None] * lines[:, None], axis=2)
+    return np.asarray((apart < SCREEN).any(axis=1))
 
 
 def _pixels(camera: CameraModel, arrows: Array, size: Size) -> Array:

@@ -89,7 +89,8 @@ class LeafWork(HandWork):
         problem: ManipulationFailure | NavigationFailure | None = None
         goal, wanted = (joint.upper, joint.first_open) if opens else (0.0, joint.last_shut)
         tried = 0
-        for path in LeafPaths(self.platform, joint).towards(goal, arms, wanted):
+        paths = LeafPaths(self.platform, joint)
+        for path in paths.towards(goal, arms, wanted):
             if path is None:
                 await checkpoint()
                 continue
@@ -102,7 +103,7 @@ class LeafWork(HandWork):
             if (tried := tried + 1) == WAYS:
                 break
         said = f"the handle of {joint.leaf} is out of reach: {ways_tried(tried)}"
-        raise HandleNotReachable(said, what=joint.leaf) from problem
+        raise HandleNotReachable(said, what=joint.leaf) from problem or paths.failure()
 
     async def _along(self, path: LeafPath, joint: Articulation) -> None:
         """Drive there, take the handle, go with the leaf, let it go."""

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
-from itertools import product
 from typing import NoReturn, TypeVar
 
 import numpy as np
@@ -17,8 +15,9 @@ from executive.belief.believed_bodies import MEANT, Block
 from executive.belief.obstacles import EDGE, NAMES, behind
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose, pinched
+from executive.locations.views import NO_SCREENS, hiding
 from executive.modules.out_of_arms import out_of_arms
-from executive.motion import Grid, MotionError, NoPath, clearance_at, clearance_field, plan_base_path, time_path
+from executive.motion import time_path
 from executive.robots import Gripper, Robot
 from executive.robots.arms import ArmModel
 from executive.robots.openings import Fingers
@@ -157,130 +156,6 @@ class Control:
             jerk=[limit.jerk for limit in limits],
             rate=self.world.rate,
         )
-
-
-CHECKS = 0.08
-"""Distance of the poses at which a path of the base is checked at first [m]; the timed path is checked again."""
-FINER = (1.0, 0.5, 0.25)
-"""Factors of that distance: a timed path that touches something between checks is planned again with closer ones."""
-ROOMY = 0.01
-"""A pose with this much room around the robot's outline, taken for round, touches nothing and is not checked [m]."""
-BACK_OFF = (0.1, 0.2, 0.3, 0.45, 0.6)
-"""Distances at which room for the carrying posture is looked for [m]; the base is to stay near its work."""
-AWAY = tuple(share * math.pi for share in (1.0, 0.75, -0.75, 0.5, -0.5, 0.25, -0.25, 0.0))
-"""Directions in which the base backs off, relative to its heading [rad]: straight back first; arms work at any side."""
-LEVEL = 0.5
-"""Level share of the direction of a hand from which on that is a heading."""
-STRIDE, HAIR = 0.025, 1e-6
-"""Steps in which a straight way of the base is looked at, and what rounding takes from them [m]."""
-
-
-class Drive:
-    """Plans motions of the base."""
-
-    def __init__(self, control: Control) -> None:
-        self._control = control
-
-    def path(self, goal: BasePose) -> Trajectory:
-        """Return a timed path of the base through the planning scene; raises a MotionError.
-
-        While a room is explored it leads over what was seen, if it can: what nobody has seen may be full.
-        """
-        control = self._control
-        control.sync()
-        scene, radius = control.scene, control.robot.base.radius
-        x_min, y_min, x_max, y_max = scene.world.scene.bounds
-        grid = Grid.over((x_min, y_min), (x_max, y_max))
-        silhouette = scene.collisions.silhouette()
-        room = clearance_field(grid, scene.collisions.obstacles(), silhouette)
-        if scene.space is not None:
-            seen = scene.space.room(grid, max(high for _, high, _ in silhouette), radius)
-            with suppress(NoPath):
-                return self._timed(goal, grid, np.where(seen, room, np.minimum(room, -radius)))
-        return self._path(goal, grid, room)
-
-    def _path(self, goal: BasePose, grid: Grid, room: Array) -> Trajectory:
-        """Return a timed path where there is room on a grid (rows, columns) [m].
-
-        Where arms leave none to turn, it leads past with a heading in which they have room.
-        """
-        try:
-            return self._timed(goal, grid, room)
-        except NoPath:
-            reached = self._control.scene.collisions.drivable()
-            if reached.grid != grid:
-                raise
-            return self._timed(goal, grid, room, reached.cells)
-
-    def _timed(self, goal: BasePose, grid: Grid, room: Array, tight: NDArray[np.bool_] | None = None) -> Trajectory:
-        control, scene, limits = self._control, self._control.scene, self._control.robot.base
-        obstacles, silhouette, start = scene.collisions.obstacles(), scene.collisions.silhouette(), control.base()
-
-        def touching(x: float, y: float, yaw: float) -> list[tuple[str, str]]:
-            return [(contact.part, contact.body) for contact in scene.collisions.contacts((x, y, yaw))]
-
-        for factor in FINER:
-            trajectory = time_path(
-                ("x", "y", "yaw"),
-                plan_base_path(start, goal, grid, room, touching, tight=tight, resolution=CHECKS * factor),
-                velocity=(limits.speed, limits.speed, limits.turn_speed),
-                acceleration=(limits.acceleration, limits.acceleration, limits.turn_acceleration),
-                jerk=limits.jerk,
-                rate=control.world.rate,
-            )
-            rows = trajectory.positions[1:]
-            doubtful = rows[clearance_at(rows[:, :2], obstacles, silhouette) < ROOMY]
-            if not any(touching(*row) for row in doubtful.tolist()):
-                return trajectory
-        raise NoPath(start, goal, {"finer checks": len(FINER)})
-
-    def seconds(self, goal: BasePose) -> float | None:
-        """Return the time to drive to a base pose [s], None if no path is found."""
-        try:
-            return (len(self.path(goal).positions) - 1) / self._control.world.rate
-        except MotionError:
-            return None
-
-    def room_for(self, postures: Sequence[tuple[ArmModel, Array]], least: float = 0.0) -> BasePose | None:
-        """Return the nearest base pose, here or around, where arms can go to postures (d,); None if there is none.
-
-        It is at least so far from here [m]. Poses to which the robot can go straight, as its arms are now, come first,
-        and those opposite of where the first arm's hand shows: it gets out of a cabinet, and off a handle, as it came.
-        """
-        x, y, yaw = self._control.base()
-        contacts = self._control.scene.collisions.contacts
-        work = self._heading(postures[0][0]) if postures else yaw
-        around = [] if self._control.robot.base.fixed else product(BACK_OFF, AWAY)
-        bent, free = None, dict.fromkeys(AWAY, 0.0)
-
-        def at(step: float, turn: float) -> BasePose:
-            return (x + step * math.cos(work + turn), y + step * math.sin(work + turn), yaw)
-
-        def is_straight(step: float, turn: float) -> bool:
-            while free[turn] < step and not contacts(at(free[turn] + STRIDE, turn)):
-                free[turn] += STRIDE
-            return free[turn] >= step
-
-        for step, turn in [(0.0, math.pi), *around]:
-            pose = at(step, turn)
-            if step < least or (step and contacts(pose)):
-                continue
-            if any(contacts(pose, arm, posture) for arm, posture in postures):
-                continue
-            if is_straight(step - HAIR, turn):
-                return pose
-            bent = bent or pose
-        return bent
-
-    def _heading(self, arm: ArmModel) -> float:
-        """Return the heading in the map in which a hand approaches things as it is now [rad]."""
-        x, y, _ = matrices.rotated(self._control.scene.arms.tip(arm)[:3, :3], np.asarray(arm.frame.approach)).tolist()
-        return math.atan2(y, x) if math.hypot(x, y) > LEVEL else self._control.base()[2]
-
-    def moved(self) -> None:
-        """Record that the base has moved: things have to be looked at again before they are handled."""
-        self._control.belief.base_moved()
-        self._control.sync()
 
 
 class Hands:
@@ -426,6 +301,17 @@ class Sensing:
         if camera is not None and space is not None:
             eye = np.array(control.world.link_pose(camera.link).position)
             space.integrate(eye, *control.world.scan(camera.link))
+
+    def hidden(self, points: Array) -> tuple[NDArray[np.bool_], Array]:
+        """Take a picture of depths: return which points (n, 3) something hides from the camera, (n,), and where.
+
+        The latter, (k, 3), are the points of the map at which the lines of sight to the hidden ones end.
+        """
+        control, camera = self._control, self._control.robot.camera
+        if camera is None or not len(points):
+            return np.zeros(len(points), bool), NO_SCREENS
+        eye = np.array(control.world.link_pose(camera.link).position)
+        return hiding(eye, points, *control.world.scan(camera.link))
 
     async def _look_over(self, point: Array) -> None:
         """Look at what was touched at a map point (3,), or, where the neck cannot bend that far, as low as it can."""

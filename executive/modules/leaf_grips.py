@@ -7,23 +7,28 @@ hand comes square to the leaf or at an angle: from above to a low handle, from b
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from executive.belief.planning_scene import PlanningScene
 from executive.robots.arms import ArmModel
-from executive.robots.openings import Fingers
+from executive.robots.openings import ROOM, TIGHT, Fingers
 from planlang.geometry import Array
-from planlang.geometry.matrices import cross_matrix, moved, product, rigid, rotated
+from planlang.geometry.matrices import cross_matrix, inverse, moved, product, rigid, rotated
+from planlang.protocols import Configuration
 from planlang.records import dataclass
 from sim.joints import Articulation, JointKind
 
-APPROACH = 0.08
-"""Distance of the pose before a handle back along the approach direction [m]."""
-PITCHES, YAWS, STEEPEST = (0.0, 0.4, 0.9, 1.3), (0.0, 0.4, -0.4, 0.8, -0.8), 1.31
-"""Angles of the approach from square to the leaf: up or down, sideways, and the largest sum of both [rad]."""
+APPROACH, PAST = 0.08, 0.01
+"""Distance of the pose before a handle back along the approach direction, and of fingertips from the handle there, at
+least [m]."""
+PITCHES, STEEPEST = (0.0, 0.4, 0.9, 1.3), 1.31
+"""Angles of the approach from square to the leaf, up or down, and the largest sum with those sideways [rad]."""
+YAWS, FINER = (0.0, 0.4, -0.4, 0.8, -0.8), (0.0, 0.3, -0.3, 0.45, -0.45, 0.6, -0.6, 0.75, -0.75, 0.9, -0.9)
+"""Angles of the approach sideways, and those beside a wall, which is met by the hand or else by its fingers [rad]."""
 ROLLS = (0.0, math.pi / 2, math.pi / 4, -math.pi / 4)
 """Rolls in which a hand takes a knob from the front [rad]."""
 LAGS = (0.0, 0.5, 1.0)
@@ -56,15 +61,25 @@ class Grips:
     """How far the hand opens for it."""
     approach: Array
     """Approach direction in the tip frame (3,)."""
+    back: float
+    """Distance of the pose before the handle back along it [m]."""
 
     def __len__(self) -> int:
         return len(self.starts)
 
+    def chosen(self, which: NDArray[np.bool_]) -> Grips:
+        """Return some of them (g,)."""
+        return replace(self, starts=self.starts[which], points=self.points[which], turns=self.turns[which])
+
     @property
     def before(self) -> Array:
         """The poses of the tip from which the hand goes straight to the handle (g, 4, 4)."""
+        return self.short_by(self.back)
+
+    def short_by(self, away: float) -> Array:
+        """Return the poses of the tip at some distance back along the approach direction [m] (g, 4, 4)."""
         poses = self.starts.copy()
-        poses[:, :3, 3] -= APPROACH * (self.starts[:, :3, :3] @ self.approach)
+        poses[:, :3, 3] -= away * (self.starts[:, :3, :3] @ self.approach)
         return poses
 
     def along(self, joint: Articulation, values: Array) -> Array:
@@ -85,42 +100,70 @@ class Grips:
         return found
 
 
-def grips_of(scene: PlanningScene, arm: ArmModel, joint: Articulation) -> Grips:
-    """Work out how a hand may take the handle of a leaf where that is now, the straightest ways first."""
+def grips_of(scene: PlanningScene, arm: ArmModel, joint: Articulation, *, tight: bool = False) -> Grips:
+    """Work out how a hand may take the handle of a leaf where that is now, the straightest ways first.
+
+    ``tight``: fingers are opened less, and come from more sides and from nearer.
+    """
     assert joint.handle is not None
     pose, size = scene.bodies.pose(joint.handle), np.asarray(scene.bodies.size(joint.handle))
     outwards, middle = outwards_of(scene, joint), np.array(pose.position)
     order = np.argsort(size)
     is_bar = bool(size[order[2]] > LONG * size[order[1]])
     easiest = float(np.mean([arm.shoulder_low[2], arm.shoulder_high[2]])) - BELOW_SHOULDER
-    ahead = float((arm.hand_corners @ np.array(arm.frame.approach)).max())
-    starts, points, turns, widths = [], [], [], []
-    for bar in _bars(pose.rotation[:, order[2]], outwards, is_bar=is_bar):
-        lengthways = 0.5 * float(size[order[2]]) - END if is_bar else 0.0
+    lengthways = 0.5 * float(size[order[2]]) - END if is_bar else 0.0
+    yaws = FINER if tight else YAWS
+    ways = [
+        (bar, approach, closing)
+        for bar in _bars(pose.rotation[:, order[2]], outwards, is_bar=is_bar)
+        for approach, closing in _directions(outwards, bar, yaws, down=middle[2] < easiest, is_bar=is_bar)
+    ]
+    widths = [float(np.abs(pose.rotation.T @ closing) @ size) for _, _, closing in ways]
+    fingers = _opened(
+        arm, max((one for one in widths if one <= arm.max_opening), default=0.0), TIGHT if tight else ROOM
+    )
+    hand = _hand_with(scene, arm, fingers)
+    ahead = float((hand @ np.array(arm.frame.approach)).max())
+    starts, points, turns = [], [], []
+    for (bar, approach, closing), width in zip(ways, widths, strict=True):
+        if width > arm.max_opening:
+            continue
         turning = joint.kind is JointKind.HINGED and abs(float(bar @ np.array(joint.axis))) > PARALLEL
-        for approach, closing in _directions(outwards, bar, down=middle[2] < easiest, is_bar=is_bar):
-            width = float(np.abs(pose.rotation.T @ closing) @ size)
-            if width > arm.max_opening:
-                continue
-            for along in _along(bar, lengthways, easiest - middle[2]):
-                for sign in (1.0, -1.0):
-                    rotation = arm.frame.rotation(approach, sign * closing)
-                    point = middle + along * bar
-                    short = _short_of(scene, joint, rotation @ arm.hand_corners.T, point, outwards, approach)
-                    if short > ahead - HELD:
-                        continue
+        for along in _along(bar, lengthways, easiest - middle[2]):
+            for sign in (1.0, -1.0):
+                rotation = arm.frame.rotation(approach, sign * closing)
+                point = middle + along * bar
+                short = _short_of(scene, joint, rotation @ hand.T, point, outwards, approach)
+                if short <= ahead - HELD:
                     starts.append(rigid(rotation, point - short * approach))
                     points.append(point)
                     turns.append(turning)
-                    widths.append(width)
-    opening = arm.openings.around(np.array([[max(widths, default=0.0), 0.0]]))[0] if arm.openings.fingers else 0
+    back = min(APPROACH, ahead + 0.5 * float(size[order[1]]) + PAST) if tight else APPROACH
     return Grips(
         np.array(starts).reshape(-1, 4, 4),
         np.array(points).reshape(-1, 3),
         np.array(turns, bool),
-        arm.openings.fingers[int(opening)] if arm.openings.fingers else (),
+        fingers,
         np.array(arm.frame.approach),
+        back,
     )
+
+
+def _opened(arm: ArmModel, width: float, room: float) -> Fingers:
+    """Return fingers open for a width [m], with so much room beside it."""
+    if not arm.openings.fingers:
+        return ()
+    return arm.openings.fingers[int(arm.openings.around(np.array([[width, 0.0]]), room)[0])]
+
+
+def _hand_with(scene: PlanningScene, arm: ArmModel, fingers: Fingers) -> Array:
+    """Return points (n, 3) in the tip frame that span a hand with its fingers somewhere."""
+    world, tip = scene.world, scene.robot.arm(arm.name).tip
+    now = world.configuration()
+    back = inverse(world.link_pose(tip, Configuration(now.base, {**now.joints, **dict(fingers)})).matrix())
+    points = world.robot.points(sorted(world.robot.hand_of(tip)))
+    world.link_pose(tip)  # it shows the robot as it is again
+    return np.asarray(moved(back, np.concatenate(points)))
 
 
 def outwards_of(scene: PlanningScene, joint: Articulation) -> Array:
@@ -146,11 +189,13 @@ def _bars(longest: Array, outwards: Array, *, is_bar: bool) -> list[Array]:
     return [math.cos(roll) * up + math.sin(roll) * across for roll in ROLLS]
 
 
-def _directions(outwards: Array, bar: Array, *, down: bool, is_bar: bool) -> Iterator[tuple[Array, Array]]:
+def _directions(
+    outwards: Array, bar: Array, yaws: Sequence[float], *, down: bool, is_bar: bool
+) -> Iterator[tuple[Array, Array]]:
     """Yield approach and closing directions, square to the leaf first; ``down``: from above, else from below."""
     up = _square(np.eye(3)[2] if abs(outwards[2]) < PARALLEL else bar, outwards)
     side, sign = np.cross(up, outwards), 1.0 if down else -1.0
-    pairs = [(p, y) for p in PITCHES for y in YAWS if p + abs(y) < STEEPEST and (is_bar or p + abs(y) < 1.0)]
+    pairs = [(p, y) for p in PITCHES for y in yaws if p + abs(y) < STEEPEST and (is_bar or p + abs(y) < 1.0)]
     for pitch, yaw in sorted(pairs, key=lambda pair: pair[0] + abs(pair[1])):
         level = math.cos(yaw) * outwards + math.sin(yaw) * side
         approach = -(math.cos(pitch) * level + sign * math.sin(pitch) * up)
@@ -175,7 +220,7 @@ def _short_of(
 ) -> float:
     """Compute how far short of a point of the handle the tip stops, so that fingers do not touch the leaf behind [m].
 
-    ``corners``: those of the hand about its tip (3, n).
+    ``corners``: points that span the hand, about its tip (3, n).
     """
     leaf = scene.bodies.pose(joint.leaf)
     thick = float(np.abs(leaf.rotation.T @ outwards) @ np.asarray(scene.bodies.size(joint.leaf))) / 2

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,7 @@ from executive.modules.leaf_grips import LAGS, Grips, grips_of
 from executive.motion import InverseKinematics, cartesian_path
 from executive.robots.arms import ArmModel
 from executive.robots.openings import Fingers
+from planlang.failures import LocationUnresolvable
 from planlang.geometry import Array
 from planlang.geometry.matrices import inverse, moved, product
 from planlang.protocols import Configuration
@@ -46,9 +48,14 @@ FARTHEST = 0.5
 """Largest move of a joint of the arm between two postures [rad, m]."""
 ENOUGH = 0.12
 """Share of its way by which a hand has to move a leaf from one place, at least."""
+BEHIND = (0.08, 0.2, 0.3)
+"""Distances behind the handle at which the arm is that has it [m]."""
+MOST_NAMED = 3
+"""Bodies in the way that a failure names."""
 IN_THE_WAY = 12
 """Places without room of which it is found out which body is there."""
 SWEPT = Reason("swept over by the leaf")
+NO_GRIP = "no room for the hand at the handle"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,22 +81,28 @@ class LeafPaths:
 
     def __init__(self, control: Control, joint: Articulation) -> None:
         self._control, self._joint = control, joint
-        self.rejected = Rejections()
+        self.rejected, self._tried = Rejections(), tuple[ArmModel, ...]()
 
     def towards(self, value: float, arms: Sequence[ArmModel], wanted: float) -> Iterator[LeafPath | None]:
         """Yield ways to move the leaf from where it is to a value, those that get there first; None while it looks.
 
         ``wanted``: the value that will do as well. Ways that end before come last, the farthest first.
+        Grips that need less room are looked at where others have no way.
         """
         control, joint = self._control, self._joint
         control.sync()
+        self._tried = tuple(arms)
         now = control.belief.joint(joint.leaf)
         count = max(2, math.ceil(abs(value - now) / STEPS[joint.kind]) + 1)
         values = np.linspace(now, value, count)
         enough = int(np.argmax((values >= wanted) if value > now else (values <= wanted))) + 1
         partial: list[LeafPath] = []
-        for arm in arms:
-            for path in self._of_arm(arm, values, enough):
+        found = False
+        for arm, tight in ((arm, tight) for tight in (False, True) for arm in arms):
+            if tight and found:
+                break
+            for path in self._of_arm(arm, values, enough, tight=tight):
+                found = found or path is not None
                 if path is None or len(path.values) >= enough:
                     yield path
                 else:
@@ -97,18 +110,71 @@ class LeafPaths:
         least = max(2, math.ceil(ENOUGH * count))
         yield from sorted((one for one in partial if len(one.values) > least), key=lambda one: -len(one.values))
 
-    def _of_arm(self, arm: ArmModel, values: Array, enough: int) -> Iterator[LeafPath | None]:
+    def failure(self) -> LocationUnresolvable:
+        """Return why no way was found, with figures; for when none was."""
+        handle, joint, scene = str(self._joint.handle), self._joint, self._control.scene
+        height, counts = scene.bodies.pose(handle).position[2], self.rejected.ordered()
+        figures = ""
+        if set(counts) == {NO_GRIP}:
+            body = next(iter(self.rejected.ordered_blocking()))
+            figures = (
+                f"in each of the {counts[NO_GRIP]} grips that were looked at the hand is in something, mostly {body}"
+            )
+        elif OUT_OF_REACH.text in counts and (limit := self._limit(height)):
+            figures = f"{handle} is at {height:.2f} m; {limit}"
+        elif counts.get(COLLISION):
+            bodies = ", ".join(islice(self.rejected.ordered_blocking(), MOST_NAMED))
+            figures = f"{counts[COLLISION]} postures with a hand at it are in collision, mostly with {bodies}"
+        reason = next(iter(counts), "")
+        self.rejected.figures = {reason: figures} if figures else {}
+        return self.rejected.failure(f"the base with a hand at {handle} as {joint.leaf} moves")
+
+    def _limit(self, height: float) -> str:
+        """Return up to where, or down to where, arms reach at most; "" if a height is between [m]."""
+        spans = [(arm.shoulder_low[2] - arm.reach, arm.shoulder_high[2] + arm.reach) for arm in self._tried]
+        low, high = min(one for one, _ in spans), max(one for _, one in spans)
+        if height > high:
+            return f"the arms reach up to {high:.2f} m"
+        return f"the arms reach down to {low:.2f} m" if height < low else ""
+
+    def _of_arm(self, arm: ArmModel, values: Array, enough: int, *, tight: bool) -> Iterator[LeafPath | None]:
         """Yield ways with one arm, as far as they are free; best places of the base first, None after some of them."""
-        grips = grips_of(self._control.scene, arm, self._joint)
+        grips = self._free(arm, grips_of(self._control.scene, arm, self._joint, tight=tight))
         if not len(grips):
-            self.rejected.add("too wide for the gripper")
             return
-        ways = _Ways(self._control, self._joint, arm, grips, values, self.rejected)
+        roomy = self._roomy(arm, grips, values, enough)
+        ways = _Ways(self._control, self._joint, arm, grips, values, roomy, self.rejected)
         bases, steps = self._bases(arm, values, grips, enough)
         for first in range(0, min(len(bases), BLOCK * MOST_BLOCKS), BLOCK):
             block = slice(first, first + BLOCK)
             yield from ways.of(bases[block], steps[block])
             yield None
+
+    def _free(self, arm: ArmModel, grips: Grips) -> Grips:
+        """Return the grips in which the hand alone is inside nothing, wherever the base is."""
+        if not len(grips):
+            self.rejected.add("too wide for the gripper")
+            return grips
+        check = self._control.scene.collisions.arm_check(arm, self._joint.handle, grips.fingers)
+        met = [one or other for one, other in zip(*map(check.hand_hit, (grips.starts, grips.before)), strict=True)]
+        self.rejected.count(Reason(NO_GRIP, one) for one in met if one is not None)
+        return grips.chosen(np.array([one is None for one in met], bool))
+
+    def _roomy(self, arm: ArmModel, grips: Grips, values: Array, enough: int) -> NDArray[np.bool_]:
+        """Return at which values of the joint a way of the leaf may end (n,): a hand can come to the handle again.
+
+        What is opened beside a wall would else be opened until nobody closes it. As far as is ``enough`` it goes. The
+        arm follows its hand straight on for :data:`BEHIND`.
+        """
+        first = self._joint.motion(float(values[0])).inverse().matrix()
+        check = self._control.scene.collisions.arm_check(arm, self._joint.handle, grips.fingers)
+        ways = np.stack([grips.short_by(away) for away in (0.0, *BEHIND)], axis=1)
+        roomy = np.ones(len(values), bool)
+        for number in range(enough, len(values) if values[-1] > values[0] else 0):
+            motion = product(self._joint.motion(float(values[number])).matrix(), first)
+            met = check.hand_hit(product(motion, ways).reshape(-1, 4, 4))
+            roomy[number] = np.array([one is None for one in met]).reshape(len(grips), -1).all(axis=1).any()
+        return roomy
 
     # Places of the base
 
@@ -125,6 +191,7 @@ class LeafPaths:
         bases, coarse = self._lattice(arm, tips)
         reached, strain = _within_reach(arm, bases, tips)
         near = reached > 1
+        self.rejected.add(OUT_OF_REACH.text, 0 if near.any() else len(near))
         bases, coarse, reached, strain = bases[near], coarse[near], reached[near], strain[near]
         free = collisions.floor().holds(bases)
         self._crowded(bases[~free], strain[~free])
@@ -137,7 +204,7 @@ class LeafPaths:
         return bases[order], steps[order]
 
     def _lattice(self, arm: ArmModel, tips: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """Return places around the way of the handle (m, 3), that of the base first; and which are to be tried first."""
+        """Return places around the way of the handle (m, 3), that of the base first; and which are tried first."""
         here = np.array([self._control.base()])
         if self._control.robot.base.fixed:
             return here, np.ones(1, bool)
@@ -205,10 +272,22 @@ class _Ways:
     """Ways of one arm with its grips of a handle."""
 
     def __init__(
-        self, control: Control, joint: Articulation, arm: ArmModel, grips: Grips, values: Array, rejected: Rejections
+        self,
+        control: Control,
+        joint: Articulation,
+        arm: ArmModel,
+        grips: Grips,
+        values: Array,
+        roomy: NDArray[np.bool_],
+        rejected: Rejections,
     ) -> None:
         self._control, self._joint, self._arm, self._grips, self._values = control, joint, arm, grips, values
-        self._rejected, self._before, self._poses = rejected, grips.before, grips.along(joint, values)
+        self._roomy, self._rejected, self._before, self._poses = (
+            roomy,
+            rejected,
+            grips.before,
+            grips.along(joint, values),
+        )
         lags = np.ones((len(grips), len(LAGS)), bool)
         lags[~grips.turns, 1:] = False
         self._lags = lags
@@ -295,6 +374,7 @@ class _Ways:
             self._rejected.add("no hold for the fingers")
             return None
         count = 1 + self._free_steps(base, joints[1:], closed)
+        count = 1 + int(np.flatnonzero(self._roomy[:count])[-1])
         return LeafPath(arm, base, fingers, joints[0], poses[: 1 + count], self._values[:count], joints[1 : 1 + count])
 
     def _free_steps(self, base: BasePose, rows: Array, fingers: Mapping[str, float]) -> int:

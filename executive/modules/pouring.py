@@ -80,7 +80,8 @@ class Pouring:
             if flow.turned[0] and flow.name in self._phase.pours:
                 self._flowed(flow, now() - self._phase.pours[flow.name].until)
                 if not flow.turned[-1]:
-                    await self._hold(flow, self._foreseen(flow))
+                    step = self._flow_rate / rate  # it ends within a step, rather with a little more than less
+                    await self._hold(flow, self._foreseen(flow) - step)
         began = now()
         try:
             yield

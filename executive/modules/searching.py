@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import suppress
+from dataclasses import field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from executive.belief.recognition import EXPLORATION, VISION
 from executive.belief.scene_collisions import BasePose
 from executive.locations.likely_places import LikelyPlace, Search
+from executive.locations.views import NO_SCREENS
 from executive.modules.exploring import look_around
 from executive.modules.platform import Platform, PlatformModule
 from planlang import checkpoint, perform
@@ -28,6 +31,7 @@ from planlang.failures import (
 from planlang.geometry import Array
 from planlang.kernel import now
 from planlang.modules import process_module
+from planlang.records import dataclass
 
 ABOUT = 2.0
 """Distance from the robot of the points that it looks at where it does not know what there is [m]."""
@@ -43,6 +47,26 @@ MOST_UNSEEN = 0.5
 """Share of a place that may stay hidden although it counts as looked at."""
 IN_VAIN = (EnvironmentManipulationFailure, ManipulationFailure, NavigationFailure)
 """Failures to open or close a door or drawer after which the search goes on."""
+
+
+@dataclass(slots=True)
+class Shown:
+    """What pictures from one base pose show of points at which something may be."""
+
+    points: Array
+    """Points (n, 3) of the map that should be seen, by what is believed."""
+    screens: Array = field(default_factory=NO_SCREENS.copy)
+    """Points (k, 3) of the map at which something hides what is behind it."""
+    hidden: NDArray[np.bool_] = field(init=False)
+    """Which of the points are hidden, (n,)."""
+
+    def __post_init__(self) -> None:
+        self.hidden = np.zeros(len(self.points), bool)
+
+    def add(self, hidden: NDArray[np.bool_], screens: Array) -> None:
+        """Add what one picture shows."""
+        self.hidden |= hidden
+        self.screens = np.vstack([self.screens, screens])
 
 
 @process_module
@@ -181,22 +205,25 @@ def _lacks_places(platform: Platform, search: Search) -> bool:
 async def _seen_at(platform: Platform, search: Search, name: str, first: LikelyPlace | None) -> str | None:
     """Look at a place from one base pose after another until all of it was seen that is seen from anywhere.
 
-    Return the name of what is looked for as soon as it is seen, be it on the way.
+    What the pictures show before it hides what is behind, be it known or not: that is looked at from elsewhere. Return
+    the name of what is looked for as soon as it is seen, be it on the way.
     """
     searches = platform.searches
     place, unseen = first or searches.view(search, name, searches.points_of(name)), searches.points_of(name)
-    whole = len(unseen)
+    whole, screens = len(unseen), NO_SCREENS
     for _ in range(VIEWS):
         if place is None:
             break
         if place.seconds and not await _drives(place.base):
             search.failed[name] = "the base does not get to where it is seen"
             return _found(platform, search.what)
-        if found := _found(platform, search.what) or await seen_from_here(platform, search.what):
+        points = searches.points(search, name, platform.base())
+        shown = Shown(points)
+        if found := _found(platform, search.what) or await seen_from_here(platform, search.what, shown):
             return found
-        shown = searches.points(search, name, platform.base())
-        unseen = unseen[~(unseen[:, None] == shown[None]).all(axis=2).any(axis=1)]
-        place = searches.view(search, name, unseen)
+        seen, screens = points[~shown.hidden], np.vstack([screens, shown.screens])
+        unseen = unseen[~(unseen[:, None] == seen[None]).all(axis=2).any(axis=1)]
+        place = searches.view(search, name, unseen, screens)
     if name in platform.belief.joints and len(unseen) > MOST_UNSEEN * whole:
         search.failed[name] = f"{100 * len(unseen) / whole:.0f} % of it is not seen from anywhere"
     return None
@@ -238,8 +265,11 @@ async def _drives(base: BasePose) -> bool:
     return False
 
 
-async def seen_from_here(platform: Platform, what: Object) -> str | None:
-    """Look where something is likely, from here; return its name, None if it is not seen."""
+async def seen_from_here(platform: Platform, what: Object, shown: Shown | None = None) -> str | None:
+    """Look where something is likely, from here; return its name, None if it is not seen.
+
+    ``shown`` learns which of its points something hides.
+    """
     before = _seen(platform, what)
     if before is not None:
         return before
@@ -247,6 +277,8 @@ async def seen_from_here(platform: Platform, what: Object) -> str | None:
         with suppress(LookingGoalUnreachable):
             await platform.sensing.look_at(point, str(what))
             platform.sensing.see()
+            if shown is not None:
+                shown.add(*platform.sensing.hidden(shown.points))
         if (name := _seen(platform, what)) is not None:
             return name
     known = platform.scene.bodies.known(what)

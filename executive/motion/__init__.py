@@ -4,10 +4,11 @@ General layout: ``symbolic`` is the mathematics behind ``kinematics``.
 ``bodies`` are convex pieces and the spheres in them, ``arm_bodies`` puts a robot's links and a room together, and
 ``collision`` checks configurations and base poses by them and by the ``separation`` of hulls, here and for
 ``executive.locations``.
-``arm_path`` searches a joint space with it, ``base_path`` (on ``clearance``) drives. ``trajectories`` go straight, and
-turn waypoints into motions. ``constrained_motion`` moves arms under motion constraints: ``constraint_functions`` over
-an ``arm_group``, ends of phases (``constrained_ends``) and ways to them by ``constraint_optimisation``; it is imported
-where it is used. Random generators are passed in; ``errors`` lists what is raised.
+``arm_path`` searches a joint space with it, ``base_path`` (on ``clearance``) drives, ``tight_path`` (on ``drivable``)
+where that finds no way. ``trajectories`` go straight, and turn waypoints into motions. ``constrained_motion`` moves
+arms under motion constraints: ``constraint_functions`` over an ``arm_group``, ends of phases (``constrained_ends``) and
+ways to them by ``constraint_optimisation``; it is imported where it is used. Random generators are passed in;
+``errors`` lists what is raised.
 """
 
 from executive.motion.arm_path import JointSpace, plan_path

@@ -13,7 +13,6 @@ from heapq import heappop, heappush
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from executive.motion.clearance import Grid
 from executive.motion.errors import GoalInCollision, NoPath, OutsideLimits, StartInCollision
@@ -44,14 +43,13 @@ class _Search:
     comfort: float
     escape: float
     resolution: float
-    tight: NDArray[np.bool_] | None = None
     costs: Array = field(init=False)
     known: dict[Planar, Sequence[tuple[str, str]]] = field(default_factory=dict)
     expanded: int = 0
 
     def __post_init__(self) -> None:
         """Compute the cost per metre (rows, columns): inf where the base may not go."""
-        tight = np.zeros(self.room.shape, dtype=bool) if self.tight is None else self.tight.copy()
+        tight = np.zeros(self.room.shape, dtype=bool)
         centres = self.grid.centres()
         for x, y, _ in (self.start, self.goal):
             tight |= np.hypot(centres[..., 0] - x, centres[..., 1] - y) <= self.escape
@@ -84,7 +82,6 @@ def plan_base_path(
     clearance: Array,
     touching: Touching,
     *,
-    tight: NDArray[np.bool_] | None = None,
     comfort: float = 0.25,
     escape: float = ESCAPE,
     resolution: float = 0.08,
@@ -93,11 +90,10 @@ def plan_base_path(
     """Return waypoints (n, 3) of x, y [m] and yaw [rad] from start to goal; yaw is continuous, the shorter way.
 
     ``clearance`` (rows, columns) is the field over the grid. Where there is more room than ``comfort`` no more is
-    preferred; within ``escape`` of start and goal, and where a mask says ``tight`` (rows, columns), the field may be
-    negative. ``touching(x, y, yaw)`` is asked at steps of ``resolution`` [m, rad] along the path found; where something
-    touches the path is planned anew around these places, at most ``replans`` times. Raises :class:`StartInCollision`
-    and :class:`GoalInCollision` with what touches there, :class:`OutsideLimits` for places off the grid or that are
-    none, and :class:`NoPath` with counts.
+    preferred; within ``escape`` of start and goal the field may be negative. ``touching(x, y, yaw)`` is asked at steps
+    of ``resolution`` [m, rad] along the path found; where something touches the path is planned anew around these
+    places, at most ``replans`` times. Raises :class:`StartInCollision` and :class:`GoalInCollision` with what touches
+    there, :class:`OutsideLimits` for places off the grid or that are none, and :class:`NoPath` with counts.
     """
     if clearance.shape != (grid.rows, grid.columns):
         raise ValueError(f"expected a field of shape {(grid.rows, grid.columns)}, got {clearance.shape}")
@@ -110,7 +106,7 @@ def plan_base_path(
     for what, place in (("the start", start), ("the goal", goal)):
         if grid.cell(place[0], place[1]) is None:
             raise OutsideLimits(what, place[:2], low, high)
-    search = _Search(grid, clearance, touching, start, goal, comfort, escape, resolution, tight)
+    search = _Search(grid, clearance, touching, start, goal, comfort, escape, resolution)
     if pairs := search.pairs(start):
         raise StartInCollision(start, pairs)
     if pairs := search.pairs(goal):
@@ -254,13 +250,17 @@ def _refined(search: _Search, places: Array) -> Array:
 
 def _hits(search: _Search, path: Array) -> Iterator[Planar]:
     """Yield the poses of a path (n, 3), at the resolution, that are not exactly free."""
+    return (pose for pose in poses_along(path, search.resolution) if search.pairs(pose))
+
+
+def poses_along(path: Array, resolution: float) -> Iterator[Planar]:
+    """Yield the poses of a path (n, 3) at most ``resolution`` [m, rad] apart, its first left out."""
     for a, b in pairwise(path):
         far = max(math.hypot(b[0] - a[0], b[1] - a[1]), abs(b[2] - a[2]))
-        count = max(1, math.ceil(far / search.resolution))
+        count = max(1, math.ceil(far / resolution))
         for i in range(1, count + 1):
             x, y, yaw = (b if i == count else a + (b - a) * (i / count)).tolist()
-            if search.pairs((x, y, yaw)):
-                yield x, y, yaw
+            yield x, y, yaw
 
 
 def _forbid(search: _Search, pose: Planar, radius: float) -> None:

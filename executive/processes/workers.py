@@ -32,14 +32,17 @@ class Source:
         self._lock = threading.Lock()
         self._process: subprocess.Popen[bytes] | None = None
         self._control: socket.socket | None = None
+        self._is_closed = False
 
     def connect(self, limits: Limits) -> socket.socket:
-        """Return a connection to a new process. Raises ConnectionError if the source has just ended."""
+        """Return a connection to a new process. Raises ConnectionError if the source has just ended, or is closed."""
         here, there = socket.socketpair()
         message = LAYOUT.pack(limits.seconds, limits.memory, limits.wall)
         self.start()
         with there, self._lock:
-            assert self._control is not None
+            if self._control is None:
+                here.close()
+                raise ConnectionError("no process is started any more")
             try:
                 socket.send_fds(self._control, [message], [there.fileno()])
             except OSError:
@@ -63,17 +66,18 @@ class Source:
         if self._process is not None:
             self._process.kill()
             self._process.wait()
-        self._process = None
+        self._control = self._process = None
 
     def start(self) -> None:
         """Start the process, if there is none: the first worker waits for what it reads."""
         with self._lock:
-            if self._process is None or self._process.poll() is not None:
+            if not self._is_closed and (self._process is None or self._process.poll() is not None):
                 self._start()
 
     def close(self) -> None:
-        """End the process and its workers."""
+        """End the process and its workers, for good: a call that is lost thereby is not tried again."""
         with self._lock:
+            self._is_closed = True
             self._end()
 
 

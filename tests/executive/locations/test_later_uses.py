@@ -6,13 +6,16 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
+import pytest
 
 from executive.locations.grasp_candidates import CLASSES, offering
+from executive.locations.placement import Placement
 from executive.locations.reachability import GraspClass
+from executive.locations.rejections import Rejections
 from executive.robots.arms import Held
 from planlang import perform
 from planlang.designators import Action, Object, a_location, a_person, action
-from planlang.geometry import Pose
+from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import inverse, rigid
 from sim import Body, BodyShape
 from tests.executive.conftest import MakeStage, Stage
@@ -72,6 +75,22 @@ def test_a_low_cup_is_gripped_from_the_side_if_it_goes_between_two_shelves(make_
     cup, shelf = known(stage, "cup"), known(stage, "shelf")
     put = action("TransportingAnObject", object_acted_on=cup, to_location=shelf)
     assert grips(stage, cup, put) == {"side"}
+
+
+def test_places_for_what_follows_are_looked_for_once_for_all_grips(
+    make_stage: MakeStage, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stage, counted = make_stage(TABLE, CUP, SHELF, BOARD), list[str]()
+
+    def spots(self: Placement, log: Rejections) -> tuple[Array, Array]:
+        counted.append(self.name)
+        return there(self, log)
+
+    there = Placement.spots
+    monkeypatch.setattr(Placement, "spots", spots)
+    cup, shelf = known(stage, "cup"), known(stage, "shelf")
+    grips(stage, cup, action("TransportingAnObject", object_acted_on=cup, to_location=shelf))
+    assert counted == ["cup"]
 
 
 def test_a_level_hand_offers_what_it_took_from_above_unless_that_has_to_stay_upright(make_stage: MakeStage) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import replace
@@ -10,10 +12,12 @@ from itertools import islice
 import numpy as np
 import pytest
 
+from executive.belief import MapObject
 from executive.locations.hand_solutions import base_matrices
-from executive.modules.leaf_paths import LeafPaths
+from executive.modules.leaf_paths import LeafPath, LeafPaths
 from executive.motion import MotionError, cartesian_path
 from executive.robots.arms import ArmModel
+from planlang import explain
 from planlang.designators import Condition, a_location
 from planlang.failures import ActionUnresolvable, BehindClosedDoor, HandleNotReachable
 from planlang.geometry import Array, Pose
@@ -21,7 +25,7 @@ from planlang.geometry.matrices import inverse, product
 from planlang.protocols import Trajectory
 from tests.benchmarks.doors import opened
 from tests.support.examples import some
-from tests.support.leaves import drawn, room, thing
+from tests.support.leaves import Room, drawn, room, thing
 
 OPEN, CLOSE = "OpeningAContainerArtifact", "ClosingAContainerArtifact"
 DOOR, DRAWER = 0, 2
@@ -63,6 +67,41 @@ def test_a_low_upright_handle_is_taken_from_above(stack: ExitStack) -> None:
     stage = room(stack, (case, leaf, grip))
     stage.do(OPEN, "leaf")
     assert stage.platform.belief.joints["leaf"].is_open(stage.truth.joint("leaf"))
+
+
+def beside_a_wall(face: float) -> tuple[MapObject, ...]:
+    """A cabinet with its front at x = 0.6, hinge at y = -0.25, handle at 0.2, beside a wall with its face at some y."""
+    back = (0.0, 0.0, 1.0, 0.0)
+    grip = thing("grip", "Handle", Pose((0.54, 0.2, 0.8), back), (0.012, 0.012, 0.16))
+    leaf = thing("leaf", "Door", Pose((0.59, 0.0, 0.8), back), (0.02, 0.5, 0.6), "grip")
+    case = thing("case", "Cupboard", Pose((0.8, 0.0, 0.6), back), (0.4, 0.5, 1.2), "leaf")
+    wall = thing("wall", "Cupboard", Pose((0.4, face + math.copysign(0.1, face), 1.0), back), (2.0, 0.2, 2.0))
+    return (case, leaf, grip, wall)
+
+
+def first_way(stage: Room, value: float, wanted: float) -> LeafPath:
+    arms = stage.platform.scene.arms.all
+    ways = LeafPaths(stage.platform, stage.platform.belief.joints["leaf"]).towards(value, arms, wanted)
+    return next(one for one in ways if one is not None)
+
+
+def test_a_hand_takes_a_handle_beside_a_wall_at_an_angle_at_which_its_fingers_are_clear_of_the_leaf(
+    stack: ExitStack,
+) -> None:
+    stage = room(stack, beside_a_wall(0.262), "panda")
+    joint = stage.platform.belief.joints["leaf"]
+    way = first_way(stage, joint.upper, joint.first_open)
+    assert abs(math.atan2(way.poses[1][1, 2], way.poses[1][0, 2])) > 0.3
+
+
+def test_a_leaf_beside_a_wall_is_opened_no_farther_than_a_hand_comes_to_its_handle_again(stack: ExitStack) -> None:
+    stage = room(stack, beside_a_wall(-0.44), "panda")
+    joint, truth = stage.platform.belief.joints["leaf"], stage.truth
+    value = float(first_way(stage, joint.upper, joint.first_open).values[-1])
+    assert joint.is_open(value)
+    truth.set_joint("leaf", value)
+    stage.platform.belief.moved("leaf", value)
+    assert first_way(stage, 0.0, joint.last_shut).values[-1] == pytest.approx(0.0)
 
 
 @pytest.mark.long
@@ -127,9 +166,18 @@ def test_a_handle_that_no_arm_reaches_is_named(stack: ExitStack) -> None:
     up = Pose((0.0, 0.0, 1.5))
     high = tuple(replace(one, pose=up @ one.pose) for one in (leaf, grip) if one.pose is not None)
     stage = room(stack, (case, *high))
-    with pytest.raises(HandleNotReachable, match="the handle of leaf is out of reach: no way was found"):
+    with pytest.raises(HandleNotReachable, match="the handle of leaf is out of reach: no way was found") as caught:
         stage.do(OPEN, "leaf")
     assert stage.truth.joint("leaf") == 0.0
+    assert re.search(r"; grip is at 2\.\d\d m; the arms reach up to 1\.\d\d m", explain(caught.value).splitlines()[0])
+
+
+def test_a_handle_at_which_the_hand_has_no_room_is_reported_with_what_is_there(stack: ExitStack) -> None:
+    stage = room(stack, beside_a_wall(0.215), "panda")
+    with pytest.raises(HandleNotReachable) as caught:
+        stage.do(OPEN, "leaf")
+    figures = r"; in each of the \d+ grips that were looked at the hand is in something, mostly wall$"
+    assert re.search(figures, explain(caught.value).splitlines()[0])
 
 
 def test_what_has_no_door_cannot_be_opened(stack: ExitStack) -> None:

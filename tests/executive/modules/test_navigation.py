@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from executive.belief.obstacles import NAMES
-from executive.modules.control import ROOMY
+from executive.modules.drive import ROOMY
 from executive.motion import clearance_at
 from planlang import Recovery, look_from_another_place, perform, with_failure_handling
 from planlang.designators import Action, Location, Object, a_location, action, an_object

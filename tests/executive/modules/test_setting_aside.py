@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Awaitable, Callable
+
 from executive.locations.demands import hand_demand
 from executive.locations.hand_predicates import Stage as SearchStage
 from executive.locations.hand_predicates import candidates_of

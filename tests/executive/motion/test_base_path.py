@@ -6,8 +6,6 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from executive.motion.base_path import Touching, plan_base_path
 from executive.motion.clearance import (
@@ -22,7 +20,6 @@ from executive.motion.clearance import (
     outlines,
     stands_in_none,
 )
-from executive.motion.drivable import drivable
 from executive.motion.errors import GoalInCollision, NoPath, OutsideLimits, StartInCollision
 from planlang.geometry import Array, Pose
 
@@ -366,42 +363,3 @@ def test_sizes_must_go_with_poses() -> None:
         Boxes.around([Pose.planar(0, 0)], np.ones((2, 3)))
     with pytest.raises(ValueError, match="no cell"):
         Grid.over((0, 0), (0.01, 1))
-
-
-places = st.tuples(st.floats(0.2, 5.8), st.floats(0.2, 5.8))
-sizes = st.tuples(st.floats(0.05, 4.0), st.floats(0.05, 0.6))
-
-
-@given(
-    st.lists(st.builds(lambda at, size, turn: (*at, *size[:: 1 - 2 * turn]), places, sizes, st.booleans()), max_size=9),
-    places,
-    places,
-)
-def test_a_base_that_has_a_path_can_drive_there(
-    walls: list[tuple[float, float, float, float]], start: tuple[float, float], goal: tuple[float, float]
-) -> None:
-    boxes = room(*walls)
-    try:
-        plan(boxes, (*start, 0.0), (*goal, 1.0))
-    except (NoPath, StartInCollision, GoalInCollision):
-        return
-    assert drivable(start, GRID, boxes, ROBOT, ROBOT)(np.array([[*goal, 1.0]])).all()
-
-
-def test_a_base_can_drive_to_no_place_behind_a_wall_nor_off_the_grid() -> None:
-    reached = drivable((1.0, 1.0), GRID, room((3.0, 3.0, 0.1, 6.0)), ROBOT, ROBOT)
-    bases = np.array([[2.0, 5.0, 0.0], [4.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])
-    assert reached(bases).tolist() == [True, False, False]
-    assert reached.comes_near(np.array([3.3, 1.0]), 0.9)
-    assert not reached.comes_near(np.array([5.0, 1.0]), 0.9)
-
-
-def test_long_corridor_without_room_to_turn_is_driven_through_where_a_mask_says_tight() -> None:
-    walls = room((3.0, 1.3, 4.0, 2.7), (3.0, 4.7, 4.0, 2.7))
-    check = touching(square(walls, 0.3))  # its corners are 0.42 m from its middle, the walls 0.35 m
-    field = clearance_field(GRID, walls, [(0.0, 1.4, 0.43)])
-    start, goal = (0.5, 3.0, 0.0), (5.5, 3.0, math.pi / 2)
-    with pytest.raises(NoPath):
-        plan_base_path(start, goal, GRID, field, check, escape=0.4)
-    path = plan_base_path(start, goal, GRID, field, check, escape=0.4, tight=field > -0.2)
-    assert all(not check(*pose) for pose in finely(path).tolist())

@@ -269,8 +269,19 @@ OUTSIDE: list[Case] = [
 ]  # fmt: skip
 
 
-ANYTHING = {"Return", "given", "retry", "ignore", "PlanFailure", "TaskNode", "Signal", "Feature", "MotionConstraint"}
-"""What takes whatever there is, is called by the language only, or is made by it only."""
+ANYTHING = {
+    "Return",
+    "given",
+    "retry",
+    "ignore",
+    "PlanFailure",
+    "TaskNode",
+    "Signal",
+    "Feature",
+    "MotionConstraint",
+    "sweep",
+}
+"""What takes whatever there is, is called or made by the language only, or is a command that judges its options."""
 
 
 def test_the_table_has_all_public_names_that_take_arguments() -> None:
