@@ -145,6 +145,23 @@ def test_a_hand_that_cannot_go_back_all_its_way_goes_back_as_far_as_it_can(
     assert lengths[1] == pytest.approx(lengths[0] / 2)
 
 
+def test_the_way_of_an_arm_to_the_pose_before_a_handle_does_not_go_through_the_handle(
+    stack: ExitStack, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stage = room(stack, drawn(DRAWER), "panda")
+    arms, touched = stage.platform.arms, list[str | None]()
+    path = arms.path
+
+    def seen(arm: ArmModel, goal: Array, touches: str | None = None, *rest: int, **more: int) -> Trajectory:
+        touched.append(touches)
+        return path(arm, goal, touches, *rest, **more)
+
+    monkeypatch.setattr(arms, "path", seen)
+    stage.do(OPEN, "leaf")
+    assert touched
+    assert set(touched) == {None}
+
+
 def test_what_is_open_is_left_alone(stack: ExitStack) -> None:
     stage = room(stack, drawn(DOOR))
     stage.truth.set_joint("leaf", 1.5)
