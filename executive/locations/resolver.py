@@ -92,7 +92,7 @@ class Resolver:
         demand = base_demand(location, scene, self._viewer(location))
         self._check_parts(location, demand)
         for reach in validator.wanted(demand):
-            validator.check_hands(reach, location)
+            validator.check_hands(self._with_uses(reach), location)
         found: list[BasePose] = []
         served = replace(demand, reaches=tuple(self._with_uses(reach, look=True) for reach in demand.reaches))
         if served != demand:

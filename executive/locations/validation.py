@@ -110,14 +110,28 @@ class BaseValidator:
             return arms
         return [arm for arm in arms if self.scene.arms.held(arm.name) is not None] or full
 
+    def _leaves_a_hand(self, reach: Reach) -> bool:
+        """Return whether a hand stays free when a thing is grasped: doors are opened with it."""
+        free = sum(self.scene.arms.held(arm.name) is None for arm in self.scene.arms.all)
+        return free > self.scene.bodies.hands(reach.body)
+
+    def _closed_later(self, reach: Reach) -> tuple[str, str | None]:
+        """Return in what a thing is put down later, and the door that is shut before it, None if none is."""
+        inside = [use.body for use in reach.then if use.kind is ReachKind.PLACE and use.inside]
+        doors = ((body, self.scene.bodies.door_of(body)) for body in inside)
+        return next((one for one in doors if one[1] is not None), (reach.body, None))
+
     def check_hands(self, reach: Reach, location: Location) -> None:
         """Raise LocationUnresolvable if a door is in the way, what is grasped too heavy, or if all hands are full."""
         door = self.scene.bodies.closed_before(reach.body) if reach.kind is ReachKind.GRASP else None
+        what = reach.body
         if reach.kind is ReachKind.PLACE and reach.inside:
             door = self.scene.bodies.door_of(reach.body)
+        if door is None and reach.kind is ReachKind.GRASP and not self._leaves_a_hand(reach):
+            what, door = self._closed_later(reach)
         if door is not None:
             leaf = self.scene.bodies.designator(door)
-            raise BehindClosedDoor(designator=str(location), what=reach.body, door=leaf)
+            raise BehindClosedDoor(designator=str(location), what=what, door=leaf)
         if reach.kind is ReachKind.GRASP and (needed := self.scene.bodies.hands(reach.body)) > 1:
             hands = sum(self.scene.arms.held(arm.name) is None for arm in self.scene.arms.all)
             raise HandsLacking(

@@ -114,7 +114,7 @@ class LeafWork(HandWork):
             return  # it is not where it was believed to be: its way has to be looked for again
         platform.arms.choices.choose(arm.name)
         await platform.hands.move(arm, closed=False, fingers=path.fingers)
-        await self.follow(arm, self.planned(arm, path.before, joint.handle), joint.handle)
+        await self.follow(arm, self.planned(arm, path.before, None), joint.handle)
         motion = await self.straight(arm, path.poses[1], path.joints[0], joint.handle)
         await self.arrived(arm, motion, joint.handle)
         problem: ManipulationFailure | ContainerStuck | None = None

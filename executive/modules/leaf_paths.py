@@ -357,12 +357,12 @@ class _Ways:
         fingers = self._grips.fingers
         assert handle is not None
 
-        def is_free(q: Array) -> bool:
-            met = collisions.contacts(base, arm, q, handle, fingers)
+        def is_free(q: Array, touches: str | None = handle) -> bool:
+            met = collisions.contacts(base, arm, q, touches, fingers)
             self._rejected.count([Reason(COLLISION, first_body(met))] if met else [])
             return not met
 
-        if collisions.contacts(base) or not (is_free(joints[0]) and is_free(joints[1])):
+        if collisions.contacts(base) or not (is_free(joints[0], None) and is_free(joints[1])):
             return None
         poses = np.concatenate([self._before[grip][None], self._poses[grip, lag]])
         ends = product(inverse(base_matrices(np.array([base]))[0]), poses[:2])

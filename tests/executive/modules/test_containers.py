@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import replace
+from functools import partial
 from itertools import islice
 
 import numpy as np
@@ -17,8 +18,8 @@ from executive.locations.hand_solutions import base_matrices
 from executive.modules.leaf_paths import LeafPath, LeafPaths
 from executive.motion import MotionError, cartesian_path
 from executive.robots.arms import ArmModel
-from planlang import explain
-from planlang.designators import Condition, a_location
+from planlang import SimulationHost, explain, perform, run
+from planlang.designators import Condition, a_location, action
 from planlang.failures import ActionUnresolvable, BehindClosedDoor, HandleNotReachable
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import inverse, product
@@ -145,6 +146,23 @@ def test_a_hand_that_cannot_go_back_all_its_way_goes_back_as_far_as_it_can(
     assert lengths[1] == pytest.approx(lengths[0] / 2)
 
 
+def test_the_way_of_an_arm_to_the_pose_before_a_handle_does_not_go_through_the_handle(
+    stack: ExitStack, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stage = room(stack, drawn(DRAWER), "panda")
+    arms, touched = stage.platform.arms, list[str | None]()
+    path = arms.path
+
+    def seen(arm: ArmModel, goal: Array, touches: str | None = None, *rest: int, **more: int) -> Trajectory:
+        touched.append(touches)
+        return path(arm, goal, touches, *rest, **more)
+
+    monkeypatch.setattr(arms, "path", seen)
+    stage.do(OPEN, "leaf")
+    assert touched
+    assert set(touched) == {None}
+
+
 def test_what_is_open_is_left_alone(stack: ExitStack) -> None:
     stage = room(stack, drawn(DOOR))
     stage.truth.set_joint("leaf", 1.5)
@@ -184,6 +202,28 @@ def test_what_has_no_door_cannot_be_opened(stack: ExitStack) -> None:
     stage = room(stack, (*drawn(DOOR), thing("cup", "Cup", Pose((0.0, 2.0, 0.05)), (0.08, 0.08, 0.1))))
     with pytest.raises(ActionUnresolvable, match="cup has no door"):
         stage.do(OPEN, "cup")
+
+
+@pytest.mark.parametrize(("robot", "is_opened"), [("panda", True), ("amigo", False)])
+def test_a_hand_that_is_needed_for_a_door_does_not_take_what_goes_behind_it_before(
+    stack: ExitStack, robot: str, is_opened: bool
+) -> None:
+    cup = thing("cup", "Cup", Pose((-0.4, -1.2, 0.78)), (0.06, 0.06, 0.1))
+    table = thing("table", "KitchenTable", Pose((-0.4, -1.4, 0.365)), (0.8, 0.8, 0.73))
+    stage = room(stack, (*drawn(DOOR), table, cup), robot)
+    what, case = stage.designator("cup"), stage.designator("case")
+    doors = list[str]()
+
+    async def search() -> None:
+        try:
+            next(stage.platform.resolver.bases(a_location(in_reach_of=what)))
+        except BehindClosedDoor as closed:
+            doors.append(str(closed.door))
+
+    put = action("TransportingAnObject", object_acted_on=what, to_location=a_location(in_=case))
+    plan = partial(perform, put, otherwise=search)
+    run(plan, host=SimulationHost(stage.truth), executive=stage.executive)
+    assert doors == (["leaf"] if is_opened else [])
 
 
 def test_a_thing_in_a_drawer_is_in_reach_once_the_drawer_is_open(stack: ExitStack) -> None:
