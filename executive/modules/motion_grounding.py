@@ -160,7 +160,6 @@ class Grounding:
             asked = (one for one in motion.constraints if one.kind is ConstraintKind.PERPENDICULARITY)
             if any(one.tool.of == tool and one.limits[1] < least for one in asked):
                 continue
-            motion.things[UP] = np.eye(4)
             axis, level = (
                 a_feature(kind, of=of, position=(0.0, 0.0, 0.0), direction=(0.0, 0.0, 1.0))
                 for kind, of in (("LINE", tool), ("PLANE", UP))
@@ -203,7 +202,7 @@ class Grounding:
         where = Surroundings(
             base_link,
             motion.tools,
-            motion.things,
+            {**motion.things, UP: np.eye(4)},
             frames,
             Pose.planar(0.0, 0.0, place[2]).rotation,
         )

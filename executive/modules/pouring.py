@@ -11,7 +11,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from executive.modules.motion_grounding import UP, GroundedMotion
+from executive.modules.motion_grounding import GroundedMotion
 from executive.modules.phases import Phase, Pour
 from executive.modules.platform import Platform
 from executive.motion.arm_group import ArmGroup
@@ -170,7 +170,7 @@ class Pouring:
     def _target(self, motion: GroundedMotion) -> str | None:
         """Return the vessel that a motion is about in the world."""
         bodies, changes = self._platform.scene.bodies, self._platform.scene.world.changes
-        names = [bodies.bind(one) for one in motion.things if one != UP]
+        names = [bodies.bind(one) for one in motion.things]
         return next((name for name in names if changes.is_vessel(name)), None)
 
     def _turned(self, group: ArmGroup, rows: Array, arm: int, offset: Array) -> Array:

@@ -3,6 +3,7 @@
 import pytest
 
 from executive.modules.constrained_motions import constraints_of
+from executive.modules.motion_grounding import Grounding
 from executive.modules.phases import Phases, Pour
 from planlang import perform
 from planlang.designators import Device, a_location, action, an_object
@@ -17,6 +18,16 @@ MOUTH = a_feature(of=an_object("ObjectActedOn"), path=("MouthOfVessel",))
 TOP = a_feature(of=an_object("TargetOfMotion"), path=("TopSide",))
 ABOVE = a_constraint("HEIGHT", MOUTH, TOP, lower=0.1)
 TABLE = Body("table", Pose((1.3, 0.0, 0.37)), (0.6, 1.4, 0.74), type="KitchenTable")
+A_CUP = Body(
+    "cup",
+    Pose((1.2, 0.0, 0.8)),
+    (0.08, 0.08, 0.1),
+    "cylinder",
+    type="Cup",
+    iri=PLACE + "cup",
+    movable=True,
+    largest_tilt=0.2,
+)
 
 
 @pytest.mark.parametrize("target", [PAN, a_location(on=PAN)])
@@ -62,3 +73,20 @@ def test_constraints_that_contradict_each_other_are_named_and_no_others(make_sta
     with pytest.raises(ConstraintsUnsatisfied, match="contradict") as caught:
         stage.run(lambda: perform(action("ITaSCMotion", constrained_by=asked)))
     assert set(caught.value.constraints) == {"over", "low"}
+
+
+def test_a_tool_that_may_not_lean_does_not_change_what_its_motion_is_about(make_stage: MakeStage) -> None:
+    """Else bases are looked for around the middle between that thing and the map's origin."""
+    stage = make_stage(TABLE, A_CUP)
+    platform = stage.platform
+    stand(stage, (-1.5, 0.0, 0.0))
+    platform.belief.grasped("cup", "left", platform.robot.arm("left").tip, Pose((0.0, 0.0, 0.0)))
+    cup = an_object("Cup", PLACE + "cup")
+    mouth = a_feature("LINE", of=cup, position=(0.0, 0.0, 0.05), direction=(0.0, 0.0, 1.0))
+    top = a_feature(
+        "PLANE", of=an_object("KitchenTable", PLACE + "table"), position=(0.0, 0.0, 0.37), direction=(0.0, 0.0, 1.0)
+    )
+    grounding = Grounding(platform)
+    motion = grounding.grounded((a_constraint("HEIGHT", mouth, top, lower=0.1, upper=0.3),), Phases().current())
+    assert grounding.uprights(motion), "the cup may not lean"
+    assert [str(one) for one in motion.things] == [str(top.of)]
