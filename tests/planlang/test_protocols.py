@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import planlang
-from executive.modules.perception import Head, Perception
 from executive.modules.navigation import Navigation
+from executive.modules.perception import Head, Perception
 from executive.modules.process_modules import Grasping, Handover, Reaching
 from executive.runs.assembly import RobotExecutive
 from planlang.failures import LowLevelFailure, PlanFailure
