@@ -8,6 +8,7 @@ from functools import partial
 from typing import NoReturn, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from executive.belief import Belief
 from executive.belief.believed_bodies import MEANT, Block
