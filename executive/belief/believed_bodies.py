@@ -361,10 +361,18 @@ class BelievedBodies:
 
     def door_of(self, name: str) -> str | None:
         """Return a door of furniture all doors of which are closed, or a closed drawer itself; None without one."""
+        shut, doors = self._doors_of(name)
+        return shut[0] if shut and len(shut) == doors else None
+
+    def shut_doors(self, name: str) -> list[str]:
+        """Return the doors of furniture, or the drawer itself, that are closed."""
+        return self._doors_of(name)[0]
+
+    def _doors_of(self, name: str) -> tuple[list[str], int]:
+        """Return the closed ones of the doors of furniture, or a drawer itself; and how many there are."""
         joints = [joint for leaf, joint in self._belief.joints.items() if name in (leaf, joint.holder)]
         doors = [one for one in joints if one.leaf == name or (one.kind is JointKind.HINGED and not one.is_knob)]
-        shut = [one.leaf for one in doors if one.is_shut(self._belief.joint(one.leaf))]
-        return shut[0] if shut and len(shut) == len(doors) else None
+        return [one.leaf for one in doors if one.is_shut(self._belief.joint(one.leaf))], len(doors)
 
     def doors(self, name: str) -> Sequence[Door]:
         """Return the doors that a body is or has: things of the class Door, itself or hinged to it."""

@@ -98,6 +98,8 @@ class Resolver:
         if served != demand:
             yield from self._found(served, Rejections(), found)
         yield from self._found(demand, log, found)
+        if not found:
+            validator.check_doors(validator.wanted(demand), location, log)
         raise log.failure(location, after=len(found))
 
     def _with_uses(self, reach: Reach, *, look: bool = False) -> Reach:

@@ -130,8 +130,7 @@ class BaseValidator:
         if door is None and reach.kind is ReachKind.GRASP and not self._leaves_a_hand(reach):
             what, door = self._closed_later(reach)
         if door is not None:
-            leaf = self.scene.bodies.designator(door)
-            raise BehindClosedDoor(designator=str(location), what=what, door=leaf)
+            raise self._behind(door, what, location)
         if reach.kind is ReachKind.GRASP and (needed := self.scene.bodies.hands(reach.body)) > 1:
             hands = sum(self.scene.arms.held(arm.name) is None for arm in self.scene.arms.all)
             raise HandsLacking(
@@ -146,6 +145,17 @@ class BaseValidator:
             raise TooHeavy(designator=str(location), what=reach.body, mass=mass, payload=max(free))
         full = ", ".join(f"{arm} holds {held.name}" for arm in arms if (held := self.scene.arms.held(arm)) is not None)
         raise LocationUnresolvable(f"no free hand to grasp {reach.body}: {full}", designator=str(location))
+
+    def check_doors(self, reaches: Sequence[Reach], location: Location, log: Rejections) -> None:
+        """Raise BehindClosedDoor if nothing could be put inside because one more door of what it is put in is shut."""
+        for reach in reaches:
+            if reach.kind is ReachKind.PLACE and reach.inside:
+                shut = self.scene.bodies.shut_doors(reach.body)
+                for door in [name for name in log.ordered_blocking() if name in shut][:1]:
+                    raise self._behind(door, reach.body, location)
+
+    def _behind(self, door: str, what: str, location: Location) -> BehindClosedDoor:
+        return BehindClosedDoor(designator=str(location), what=what, door=self.scene.bodies.designator(door))
 
     def at(
         self, base: BasePose, score: float, demand: BaseDemand, arms: Sequence[ArmModel], log: Rejections
