@@ -47,6 +47,9 @@ TASKS = {
 }
 """Task -> arguments of planlang run, and the goal."""
 
+LEFT_OUT = frozenset({("fetch", "panda")})
+"""What is not done without faults either: the only hand is full when the door is to be closed."""
+
 
 def job(world: Mapping[str, Any]) -> Row:
     """Run a task with faults; return its row."""
@@ -136,6 +139,7 @@ def main(words: Sequence[str] | None = None) -> int:
         {"world": f"{task} {robot} {seed}", "task": task, "robot": robot, "seed": seed, "rate": given.rate}
         for task in given.tasks.split(",")
         for robot in given.robots.split(",")
+        if (task, robot) not in LEFT_OUT
         for seed in seeds
     ]
     rows = sweep(worlds, JOB, processes=given.jobs, limits=LIMITS, out=given.out)
