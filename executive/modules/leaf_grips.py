@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from executive.belief.planning_scene import PlanningScene
 from executive.robots.arms import ArmModel
 from executive.robots.openings import ROOM, TIGHT, Fingers
-from planlang.geometry import Array
+from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import cross_matrix, inverse, moved, product, rigid, rotated
 from planlang.protocols import Configuration
 from planlang.records import dataclass
@@ -42,7 +42,7 @@ END = 0.02
 BELOW_SHOULDER = 0.2
 """Height below the shoulder at which an arm reaches farthest to the front [m]."""
 HELD = 0.006
-"""Length of the fingers that is at a handle, at least [m]."""
+"""Length of the fingers that is at a handle, at least [m]; and they come as far as its middle."""
 CLEAR = 0.003
 """Room between the fingertips and the leaf behind a handle [m]."""
 
@@ -134,7 +134,7 @@ def grips_of(scene: PlanningScene, arm: ArmModel, joint: Articulation, *, tight:
                 rotation = arm.frame.rotation(approach, sign * closing)
                 point = middle + along * bar
                 short = _short_of(scene, joint, rotation @ hand.T, point, outwards, approach)
-                if short <= ahead - HELD:
+                if short <= ahead + min(0.0, _depth(pose, size, approach) - HELD):
                     starts.append(rigid(rotation, point - short * approach))
                     points.append(point)
                     turns.append(turning)
@@ -147,6 +147,11 @@ def grips_of(scene: PlanningScene, arm: ArmModel, joint: Articulation, *, tight:
         np.array(arm.frame.approach),
         back,
     )
+
+
+def _depth(pose: Pose, size: Array, approach: Array) -> float:
+    """Return half the extent of a box along an approach direction [m]."""
+    return float(np.abs(pose.rotation.T @ approach) @ size) / 2
 
 
 def _opened(arm: ArmModel, width: float, room: float) -> Fingers:
