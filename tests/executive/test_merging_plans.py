@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from executive.cli.app import app
 from planlang.files import bundled
 
-EDIT = ("attempts=2, otherwise=ObjectUnfetchable", "attempts=9, otherwise=ObjectUnfetchable")
+EDIT = ("look_from_another_place(bottle), attempts=3", "look_from_another_place(bottle), attempts=9")
 CHANGE = ("bring the bottle close to the robot", "hold the bottle close")
 
 
