@@ -88,7 +88,7 @@ def test_a_table_counts_what_is_possible_false_successes_and_right_reasons():
     text = "\n".join(tables(rows))
     robot = next(line for line in text.splitlines() if "as its map" in line)
     cells = [cell.strip() for cell in robot.split("|")[1:-1]]
-    assert cells == ["amigo", "as its map", "6", "1/3", "33% (6% to 79%)", "1", "1/3", "-", "2.0"]
+    assert cells == ["amigo", "as its map", "6", "1/3", "33% (6% to 79%)", "1/1", "1", "1/3", "-", "2.0"]
     assert "3/6" in text
     assert "too wide 3" in text
     assert [is_rightly_refused(one) for one in rows[3:]] == [True, False, False]
