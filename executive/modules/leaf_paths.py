@@ -52,6 +52,8 @@ BEHIND = (0.08, 0.2, 0.3)
 """Distances behind the handle at which the arm is that has it [m]."""
 MOST_NAMED = 3
 """Bodies in the way that a failure names."""
+LEAVING = (0.25, 0.5, 1.0)
+"""Shares of the way to the handle at which a hand that leaves it is looked at."""
 IN_THE_WAY = 12
 """Places without room of which it is found out which body is there."""
 SWEPT = Reason("swept over by the leaf")
@@ -374,8 +376,28 @@ class _Ways:
             self._rejected.add("no hold for the fingers")
             return None
         count = 1 + self._free_steps(base, joints[1:], closed)
-        count = 1 + int(np.flatnonzero(self._roomy[:count])[-1])
+        ends = np.flatnonzero(self._roomy[:count] & self._leaves(grip, lag, count))
+        if not len(ends):
+            self._rejected.add("no way for the fingers to leave the handle")
+            return None
+        count = 1 + int(ends[-1])
         return LeafPath(arm, base, fingers, joints[0], poses[: 1 + count], self._values[:count], joints[1 : 1 + count])
+
+    def _leaves(self, grip: int, lag: int, count: int) -> NDArray[np.bool_]:
+        """Return at which of the first values of the joint the open hand can go back from the leaf as it came (count,).
+
+        A hand that turned less than the leaf stands at an angle to it, with a finger between leaf and handle.
+        """
+        tips, grips = self._poses[grip, lag, :count], self._grips
+        back = tips[:, :3, :3] @ grips.approach
+        ways = np.repeat(tips[:, None], len(LEAVING), axis=1)
+        ways[..., :3, 3] -= grips.back * np.multiply.outer(LEAVING, back).swapaxes(0, 1)
+        # to the leaf as it is now
+        first = self._joint.motion(float(self._values[0])).inverse().matrix()
+        motions = np.stack([product(self._joint.motion(one).matrix(), first) for one in self._values[:count].tolist()])
+        check = self._control.scene.collisions.arm_check(self._arm, self._joint.handle, grips.fingers)
+        met = check.hand_hit(product(inverse(motions)[:, None], ways).reshape(-1, 4, 4))
+        return np.array([one != self._joint.leaf for one in met]).reshape(count, -1).all(axis=1)
 
     def _free_steps(self, base: BasePose, rows: Array, fingers: Mapping[str, float]) -> int:
         """Return how many steps the arm can go with the fingers closed on the handle, and the leaf behind them."""

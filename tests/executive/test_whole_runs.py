@@ -142,14 +142,11 @@ def with_body(scene: Scene, name: str, pose: Pose, size: tuple[float, float, flo
 
 
 @pytest.mark.long
-def test_a_bottle_on_another_table_is_nowhere_to_be_found(run_in: Run) -> None:
+def test_a_bottle_on_another_table_is_looked_for_there_and_served(run_in: Run) -> None:
     on_the_bedside_table = {"bottle1": Pose((2.7, 1.335, 0.7))}
     result, trace = run_in(lambda scene: scene.with_poses(on_the_bedside_table))
-    assert (result.outcome, result.final_state) == (Outcome.FAILED, ("bottle1: at rest on bedside_table1",))
-    assert result.failure[:2] == ("ObjectNowhereToBeFound", "ObjectNotFound")
-    assert "bottle1" in result.message
-    looked = [record for record in trace if record["event"] == "belief" and record["change"] == "not_seen"]
-    assert len({tuple(record["base"]) for record in looked}) >= 3, "it was looked for from several places"
+    assert (result.outcome, result.final_state[0]) == (Outcome.DONE, "bottle1: held by patient1")
+    assert any(record["event"] == "belief" and record["change"] == "not_seen" for record in trace)
 
 
 @pytest.mark.long
@@ -157,7 +154,7 @@ def test_without_the_patient_the_bottle_stays_in_the_gripper_while_they_are_look
     result, _ = run_in(lambda scene: without(scene, "patient1"))
     assert (result.outcome, result.final_state) == (Outcome.FAILED, ("bottle1: held by robot",))
     assert result.failure == ("ObjectNowhereToBeFound", "ObjectNotFound")
-    assert "what patient1" in result.message
+    assert "nowhere to be found: patient1" in result.message
 
 
 @pytest.mark.long

@@ -149,7 +149,7 @@ def test_a_missed_grasp_is_cured_by_looking_and_grasping_again(before_bottle: St
             x, y, z = BOTTLE.pose.position
             _, (hand_x, hand_y, _) = min((BOTTLE.pose.distance(tip), tip.position) for tip in tips(stage))
             across = np.array([hand_y - y, x - hand_x])
-            x, y = map(float, (x, y) + 0.06 * across / np.linalg.norm(across))
+            x, y = map(float, (x, y) + 0.15 * across / np.linalg.norm(across))
             moved.append(Pose((x, y, z)))
             stage.truth.set_pose("bottle", moved[0])
         for one in (reach(AROUND), CLOSE):

@@ -221,7 +221,6 @@ def test_a_bottle_hidden_from_everywhere_is_nowhere_to_be_found_after_three_reco
 
     with pytest.raises(ObjectNowhereToBeFound) as caught:
         stage.run(plan)
-    assert [type(link) for link in caught.value.chain()] == [ObjectNowhereToBeFound, ObjectNotFound]
     assert caught.value.what == "bottle"
     assert len(set(places)) == 4, f"it looked from {len(set(places))} places only"
 
