@@ -55,8 +55,8 @@ from planlang.relations import HEIGHTS, RELATIONS, Sense
 
 AT_CENTRE = 0.01
 """Largest distance of a grip point from the centre, or from the line from there up [m]."""
-OTHER_GRIP, OTHER_HEIGHT = math.cos(math.radians(30.0)), 0.03
-"""Cosine of the angle by which a grip differs from one that could not be used, at least, or how far it is off [m]."""
+OTHER_GRIP = math.radians(30.0)
+"""Angle by which a hand comes more or less steeply to a thing than in a grip that could not be used, at least [rad]."""
 FINGERS = 0.05
 """Length of fingers beyond the grip point, at most [m]."""
 AT_POSE = 0.02
@@ -186,7 +186,9 @@ def candidates_of(
     Where there are none the reason is counted.
     """
     tables = [table for table in _made(reach, arm, scene, rejections, stage) if len(table)]
-    kept = [_not_refused(_among(table, reach, arm, scene, rejections), reach, scene, rejections) for table in tables]
+    kept = [
+        _not_refused(_among(table, reach, arm, scene, rejections), reach, arm, scene, rejections) for table in tables
+    ]
     return [part for table in kept for part in table.by_opening(arm.openings)]
 
 
@@ -206,23 +208,20 @@ def _among(
 
 
 def _not_refused(
-    candidates: GraspCandidates, reach: Reach, scene: PlanningScene, rejections: Rejections
+    candidates: GraspCandidates, reach: Reach, arm: ArmModel, scene: PlanningScene, rejections: Rejections
 ) -> GraspCandidates:
     """Return the grasps of a thing that differ from those with which it could not be used."""
     refused = scene.belief.refused.get(reach.body, ()) if reach.kind is ReachKind.GRASP else ()
     if not refused or not len(candidates):
         return candidates
-    up, thing = scene.bodies.is_round(reach.body), scene.bodies.pose(reach.body).matrix()
+    thing = scene.bodies.pose(reach.body).matrix()
+    approach, kept = np.array(arm.frame.approach), np.ones(len(candidates), bool)
     offsets = product(inverse(rigid(candidates.rotations, candidates.points)), thing)
-    kept = np.ones(len(candidates), bool)
+    lean = np.arccos(np.clip(offsets[:, :3, 2] @ approach, -1.0, 1.0))
     for grip in refused:
-        other = grip.matrix()
-        # a round thing may be turned about its axis as one likes: how that leans in the hand is what differs
-        columns = slice(2, 3) if up else slice(0, 3)
-        likeness = (offsets[:, :3, columns] * other[:3, columns]).sum(axis=1).min(axis=1)
-        along = np.einsum("nki,nk->ni", offsets[:, :3, columns], offsets[:, :3, 3])
-        apart = np.abs(along - other[:3, columns].T @ other[:3, 3]).max(axis=1)
-        kept &= (likeness < OTHER_GRIP) | (apart > OTHER_HEIGHT)
+        # on which side the hand is, and how it is rolled, differs with the base: how steeply it comes is another grip
+        other = math.acos(float(np.clip(grip.matrix()[:3, 2] @ approach, -1.0, 1.0)))
+        kept &= np.abs(lean - other) > OTHER_GRIP
     rejections.add("a grip that could not be used", int((~kept).sum()))
     return candidates.chosen(kept)
 
