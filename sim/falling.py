@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import ExitStack
 
 import numpy as np
 
@@ -23,6 +24,8 @@ _STEP = 0.01
 _UP = 0.021  # above the lowest point of the body: a support may be penetrated by 2 cm
 _NEAR = 0.03
 """Height above its support up to which a body stands on it [m]: maps are not better."""
+_SAME = 0.001
+"""Difference up to which two heights count as the same [m]."""
 _SKIN = 0.001
 """Depth below the top of a body at which the search for what bears it begins at the latest [m]."""
 _DEPTH = 100.0
@@ -42,10 +45,22 @@ class Falling:
     def rest(self, name: str) -> tuple[Pose, str | None]:
         """Return where a body would come to rest if it were let go here, and on what (None: there is nothing below)."""
         body = self.bodies.bodies[name]
-        with self.rays.without(name):
+        with ExitStack() as stack:
+            for one in (name, *self._inside(name)):
+                stack.enter_context(self.rays.without(one))
             return resting(
                 self.bodies.poses[name], body.size, self.rays.down, cylinder=body.shape is BodyShape.CYLINDER
             )
+
+    def _inside(self, name: str) -> Iterator[str]:
+        """Yield the bodies that begin between bottom and top of one, as a cup on a tray does: none of them bears it."""
+        low, high = self.bodies.box_of(name)
+        for other, body in self.bodies.bodies.items():
+            if body.movable and other != name and other not in self.bodies.removed:
+                least, most = self.bodies.box_of(other)
+                beside = (least[:2] > high[:2]).any() or (most[:2] < low[:2]).any()
+                if not beside and low[2] + _SAME < least[2] < high[2]:
+                    yield other
 
     def begin(self, name: str, riders: Collection[str] = ()) -> None:
         """Let a body go, with those that stand on it; one with nothing below it stays in the air."""

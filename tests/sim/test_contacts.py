@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import Callable, Iterator
+from contextlib import closing
 
 import numpy as np
 import pybullet
@@ -378,3 +379,11 @@ def test_an_interrupted_question_leaves_the_world_and_its_physics_as_they_were(q
         assert whole
     finally:
         world.close()
+
+
+def test_a_tray_rests_on_its_table_not_on_the_hollow_cup_that_stands_on_it() -> None:
+    table = Body("table", Pose((0.0, 0.0, 0.37)), (0.8, 0.8, 0.74))
+    tray = Body("tray", Pose((0.0, 0.0, 0.755)), (0.32, 0.45, 0.03), movable=True, wall=0.004)
+    cup = Body("cup", Pose((0.0, 0.0, 0.791)), (0.07, 0.07, 0.09), movable=True, wall=0.004)
+    with closing(PyBulletWorld(Scene((table, tray, cup)))) as world:
+        assert (world.support("tray"), world.support("cup")) == ("table", "tray")
