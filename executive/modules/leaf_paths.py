@@ -376,11 +376,11 @@ class _Ways:
             self._rejected.add("no hold for the fingers")
             return None
         count = 1 + self._free_steps(base, joints[1:], closed)
-        ends = np.flatnonzero(self._roomy[:count] & self._leaves(grip, lag, count))
-        if not len(ends):
+        free = np.flatnonzero(self._roomy[:count] & self._leaves(grip, lag, count))
+        if not len(free):
             self._rejected.add("no way for the fingers to leave the handle")
             return None
-        count = 1 + int(ends[-1])
+        count = 1 + int(free[-1])
         return LeafPath(arm, base, fingers, joints[0], poses[: 1 + count], self._values[:count], joints[1 : 1 + count])
 
     def _leaves(self, grip: int, lag: int, count: int) -> NDArray[np.bool_]:
@@ -397,7 +397,7 @@ class _Ways:
         motions = np.stack([product(self._joint.motion(one).matrix(), first) for one in self._values[:count].tolist()])
         check = self._control.scene.collisions.arm_check(self._arm, self._joint.handle, grips.fingers)
         met = check.hand_hit(product(inverse(motions)[:, None], ways).reshape(-1, 4, 4))
-        return np.array([one != self._joint.leaf for one in met]).reshape(count, -1).all(axis=1)
+        return np.asarray(np.array([one != self._joint.leaf for one in met]).reshape(count, -1).all(axis=1))
 
     def _free_steps(self, base: BasePose, rows: Array, fingers: Mapping[str, float]) -> int:
         """Return how many steps the arm can go with the fingers closed on the handle, and the leaf behind them."""
