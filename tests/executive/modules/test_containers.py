@@ -247,3 +247,15 @@ def test_of_doors_and_drawers_drawn_by_seeds_nearly_all_are_opened_and_the_other
     results = [opened("panda", seed) for seed in range(8)]
     assert sum(is_open for is_open, _, _ in results) >= 7
     assert all(is_open or reason.startswith(("HandleNotReachable", "ContainerStuck")) for is_open, reason, _ in results)
+
+
+def test_a_hand_that_opened_a_door_gets_away_from_its_handle(stack: ExitStack) -> None:
+    faces = Pose((0.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0))
+    parts = (
+        thing("cabinet", "Cabinet-PieceOfFurniture", Pose((1.7, 0.0, 0.65)) @ faces, (0.4, 0.9, 1.3), "leaf"),
+        thing("leaf", "Door", Pose((1.491, 0.1, 0.995)) @ faces, (0.018, 0.45, 0.55), "handle"),
+        thing("handle", "Handle", Pose((1.446, -0.08, 0.995)) @ faces, (0.012, 0.012, 0.16)),
+    )
+    stage = room(stack, parts, start=(-0.6, -0.8, 0.0))
+    stage.do(OPEN, "cabinet")
+    assert not stage.platform.arms.untucked()
