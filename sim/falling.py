@@ -58,8 +58,7 @@ class Falling:
         for other, body in self.bodies.bodies.items():
             if body.movable and other != name and other not in self.bodies.removed:
                 least, most = self.bodies.box_of(other)
-                beside = (least[:2] > high[:2]).any() or (most[:2] < low[:2]).any()
-                if not beside and low[2] + _SAME < least[2] < high[2]:
+                if low[2] + _SAME < least[2] < high[2] and not _beside((low, high), (least, most)):
                     yield other
 
     def begin(self, name: str, riders: Collection[str] = ()) -> None:
@@ -79,8 +78,7 @@ class Falling:
                 if not body.movable or other in found or other in held or other in bodies.removed:
                     continue
                 least, most = bodies.box_of(other)
-                beside = (least[:2] > high[:2]).any() or (most[:2] < low[:2]).any()
-                if beside or least[2] > high[2] + _NEAR or least[2] < low[2]:
+                if _beside((low, high), (least, most)) or least[2] > high[2] + _NEAR or least[2] < low[2]:
                     continue
                 rest, on = self.rest(other)
                 if on == support and bodies.poses[other].position[2] - rest.position[2] <= _NEAR:
@@ -102,6 +100,11 @@ class Falling:
             else:
                 self.bodies.place(name, Pose((x, y, height), rest.orientation))
                 self.on_the_way[name] = (speed, rest)
+
+
+def _beside(one: tuple[Array, Array], other: tuple[Array, Array]) -> bool:
+    """Return whether two boxes, each with its lowest and highest corner (3,), are beside each other from above."""
+    return bool((other[0][:2] > one[1][:2]).any() or (other[1][:2] < one[0][:2]).any())
 
 
 def upright(pose: Pose) -> Pose:
