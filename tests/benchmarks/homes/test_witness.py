@@ -20,8 +20,8 @@ GRASP, PLACE = Need("grasp", "cup1"), Need("place", "cup1", "table1")
 
 
 def decided(bodies: Sequence[Body], *needs: Need) -> Verdict:
-    """Return the answer of the witness for the PR2."""
-    witness = Witness(Scene((ROOM, *bodies), (-2.5, -2.0, 2.5, 2.0)), bind_robot("pr2"))
+    """Return the answer of the witness for the Amigo."""
+    witness = Witness(Scene((ROOM, *bodies), (-2.5, -2.0, 2.5, 2.0)), bind_robot("amigo"))
     try:
         return witness.decide(needs)
     finally:
