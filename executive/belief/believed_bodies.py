@@ -322,6 +322,31 @@ class BelievedBodies:
                 return block.yaw + turn
         return block.yaw
 
+    def below_rim(self, name: str) -> float:
+        """Return how far the bottom of a body is below the rim of what it stands in, which is open above alone [m].
+
+        That is a drawer, a box or a vessel; 0 for what stands in the open or can be drawn out sideways.
+        """
+        block = self.block(name)
+        rims = [self._rim(other, block.centre) for other in self.names() if other != name]
+        return max(0.0, *(rim - block.low for rim in rims)) if rims else 0.0
+
+    def _rim(self, name: str, point: Array) -> float:
+        """Return the height of the rim around a point inside a body [m]; that of nothing is infinitely low."""
+        body = self._world.scene.body(name)
+        if body.shape in (BodyShape.ROOM, BodyShape.MARKER) or not (body.cavities or body.wall):
+            return -math.inf
+        half = np.array(self.size(name)) / 2
+        pose = self.pose(name).matrix()
+        local = (point - pose[:3, 3]) @ pose[:3, :3]
+        walls = [(np.zeros(3), half - np.array([body.wall, body.wall, -body.wall]))] if body.wall else []
+        for middle, extent in (*((np.array(one.centre), np.array(one.size) / 2) for one in body.cavities), *walls):
+            is_inside = (np.abs(local - middle) <= extent).all()
+            is_closed_around = (np.abs(middle) + extent < half)[:2].all()
+            if is_inside and is_closed_around and (middle + extent)[2] >= half[2]:
+                return float(pose[2, 3] + half[2])
+        return -math.inf
+
     def leaf_of(self, what: Object, *, shut: bool) -> Articulation | None:
         """Return the joint of what a designator means: a leaf, a part of one, or furniture with some; None without.
 

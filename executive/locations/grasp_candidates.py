@@ -226,6 +226,14 @@ def grasp_series(ways: Array) -> Array:
     return np.stack([-APPROACH * ways, still, still + LIFT * UP, _raised_and_back(ways, LIFT)], axis=1)
 
 
+def lifted_out(candidates: GraspCandidates, below_rim: float) -> GraspCandidates:
+    """Return grasps that lift so much farther [m] before they go back: over the rim of what the thing stands in."""
+    offsets = candidates.offsets.copy()
+    offsets[:, 2, 2] += below_rim
+    offsets[:, 3, 2] = np.maximum(offsets[:, 3, 2], offsets[:, 2, 2])
+    return replace(candidates, offsets=offsets)
+
+
 def _raised_over(block: Block, candidates: GraspCandidates, directions: Array, palm: Array) -> Array:
     """Return how much higher than the middle of a block hands (n,) are for their palms (m, 3) not to touch it [m].
 
@@ -355,14 +363,15 @@ def placing(
     ).best(1200 if fine else 64)
 
 
-def retreating(name: str, grasp: Array, frame: HandFrame) -> GraspCandidates:
+def retreating(name: str, grasp: Array, frame: HandFrame, below_rim: float) -> GraspCandidates:
     """Return candidates that go back with what is held: along the approach, raised so that it clears its support.
 
-    ``grasp`` (4, 4) is the tip pose at which the object was grasped.
+    ``grasp`` (4, 4) is the tip pose at which the object was grasped, ``below_rim`` [m] how far it is below the rim of
+    what it stands in.
     """
     kind, heading, roll = classified(grasp[:3, :3], frame)
     approach = rotated(grasp[:3, :3], np.asarray(frame.approach))
-    rises = np.array([[0.0, 0.0, rise] for rise in LIFTS])
+    rises = np.array([[0.0, 0.0, rise + below_rim] for rise in LIFTS])
     count = len(rises)
     return GraspCandidates(
         f"lift {name}",

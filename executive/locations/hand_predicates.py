@@ -38,6 +38,7 @@ from executive.locations.grasp_candidates import (
     classified,
     grasping,
     held_above,
+    lifted_out,
     offering,
     placing,
     retreating,
@@ -234,7 +235,9 @@ def _made(
         case ReachKind.GRASP:
             return _grasps(reach, arm, scene, rejections, stage)
         case ReachKind.RETREAT:
-            return [retreating(reach.body, scene.arms.grasped_at(reach.body), arm.frame)]
+            return [
+                retreating(reach.body, scene.arms.grasped_at(reach.body), arm.frame, scene.bodies.below_rim(reach.body))
+            ]
         case ReachKind.ABOVE:
             block, lowest = scene.bodies.block(reach.body), partial(arm.lowest, held=held)
             candidates = held_above(
@@ -314,7 +317,8 @@ def _grasps(
         rejections.add("too low for a grasp but from above")
     elif not any(map(len, tables)) and not rejections.counts["under something else"]:
         _count_no_grip(reach, (block, *handles), arm, rejections)
-    return tables
+    below = scene.bodies.below_rim(reach.body)
+    return [lifted_out(table, below) for table in tables] if below else tables
 
 
 def _count_no_grip(reach: Reach, grips: Sequence[Block], arm: ArmModel, rejections: Rejections) -> None:

@@ -17,7 +17,7 @@ from planlang.failures import LocationUnresolvable, TooHeavy
 from planlang.geometry import Pose
 from sim import Body
 from sim.bodies import plain
-from sim.scene import Handle
+from sim.scene import Cavity, Handle
 from sim.world import held_by
 from tests.executive.conftest import BED, BOTTLE, CABINET, PLACE, THE_BOTTLE, MakeStage, stand
 from tests.support.examples import some
@@ -62,6 +62,19 @@ def test_what_is_too_wide_is_gripped_at_its_handle_with_the_hand_off_the_rest(ma
         grip = (WIDE[name].pose @ handle.pose).inverse() @ Pose.from_matrix(one.plan.poses[1])
         assert (np.abs(grip.position) <= np.array(handle.size) / 2 + 0.05).all()
         assert not stage.platform.scene.collisions.contacts(base, one.arm, one.joints[1], fingers=one.plan.fingers)
+
+
+def test_what_stands_in_something_open_above_is_lifted_over_its_rim_before_the_hand_goes_back(
+    make_stage: MakeStage,
+) -> None:
+    deep = Cavity((0.0, 0.0, 0.02), (0.36, 0.56, 0.19))
+    drawer = Body("drawer", Pose((1.6, 0.0, 0.7)), (0.4, 0.6, 0.2), cavities=(deep,))
+    bowl = replace(THINGS["bowl"], pose=Pose((1.6, 0.0, 0.66)), size=(0.14, 0.14, 0.07))
+    stage = make_stage(drawer, bowl)
+    base = next(stage.resolver.bases(a_location(in_reach_of=an_object("Bowl-Mixing", PLACE + "bowl")))).base
+    for found in (one for hand in stage.resolver.reached_from(base).values() for one in hand.values()):
+        grasped, lifted, back = found.plan.poses[1:, 2, 3]
+        assert back >= lifted >= grasped + 0.8 - (0.66 - 0.035)
 
 
 @pytest.mark.parametrize("name", some(["mug", "bowl", "plate", "napkin", "fork", "bottle"]))
