@@ -7,7 +7,6 @@ reachability maps can be inverted for many at once. The *key* pose of a series i
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
 from typing import NamedTuple
@@ -19,12 +18,11 @@ from executive.belief.believed_bodies import Block
 from executive.locations.columns import Columns
 from executive.locations.reachability import GraspClass
 from executive.motion import QuickCheck
-from executive.robots.arms import ArmModel, HandFrame, Held
+from executive.robots.arms import ArmModel, HandFrame
 from executive.robots.openings import TIGHT, Fingers, Openings
 from planlang.geometry import Array
 from planlang.geometry.matrices import product, rotated
 from planlang.records import dataclass
-from sim import ComfortZone
 
 APPROACH = 0.08
 """Distance of the pre-grasp back along the approach direction [m] (rules of `in_front_of`)."""
@@ -32,16 +30,8 @@ LIFT = 0.05
 """Height by which the hand lifts what it has grasped, before it goes back [m]."""
 LIFTS = (LIFT, 0.08, 0.03)
 """The same for a thing that is in the hand already."""
-LOWERING = 0.08
-"""Height above its goal from which the hand puts a thing down [m]."""
-SHARES = (0.4, 0.15, 0.75)
-"""Heights above a surface that are tried, as shares of what is allowed."""
 HEADINGS = 16
 """Directions from which a hand may come, at first; for grasps twice as many when these lead to nothing, then again."""
-ARM_ROOM = 0.45
-"""Largest reach of a hand over the edge of a surface for a place over it [m]."""
-COMFORTABLE = 0.2
-"""Distance inside a comfort zone from which a place is as good as can be (see :meth:`ComfortZone.margins`)."""
 FOREARM = 0.07
 """Height over a surface at which there is room for a level forearm [m]."""
 OVER_EDGE = 0.4
@@ -55,10 +45,6 @@ FARTHER_BACK = 0.008
 """Distance by which a thing may be gripped nearer to the ends of the fingers [m]."""
 AWRY, TIGHTER = 0.9, 0.8
 """Weights of grasps elsewhere than in the middle, and with hardly room for the fingers, beside others."""
-LEANING = 0.7
-"""Weight of offering a thing that leans, beside one that is as it stood."""
-PARTICULAR, POOREST = 4, 0.001
-"""Power of a spot's score, beside that of the best one, that is the weight of what is put there, and the least one."""
 OBLIQUE = 0.4
 """Weight of a grasp across the edges of a box, beside one across its faces."""
 
@@ -184,7 +170,8 @@ def grasping(
 ) -> GraspCandidates:
     """Return candidates for pre-grasp, grasp, lift and retreat; the fingers close horizontally across the body.
 
-    They grip the middle, or as much higher as the ``palm``, corners in the tip's frame, has to be to stay off the body.
+    They grip the middle, or as much higher as the ``palm``, corners in the tip's frame, has to be to stay off the body;
+    where that is over its top, as much nearer to the hand: long boxes are taken at their end.
     """
     grasps, yaws, rolls, weights, spans = [], [], [], [], []
     level = 1.0 if block.centre[2] - block.low >= FOREARM else OVER_EDGE
@@ -215,9 +202,9 @@ def grasping(
     found = replace(found, step=2 * math.pi / headings if block.round else 0.0)
     if not count or not palm:
         return found
-    raised = _raised_over(block, found, ways, np.array(palm))
-    found = replace(found, points=found.points + raised[:, None] * np.array([0.0, 0.0, 1.0]))
-    return found.chosen(np.flatnonzero(raised <= block.high - block.centre[2] - GRIPPED))
+    moves, grips = _off(block, found, ways, np.array(palm))
+    spans = found.spans - np.column_stack([np.zeros(count), np.hypot(*moves[:, :2].T)])
+    return replace(found, points=found.points + moves, spans=spans).chosen(np.flatnonzero(grips))
 
 
 def grasp_series(ways: Array) -> Array:
@@ -234,21 +221,28 @@ def lifted_out(candidates: GraspCandidates, below_rim: float) -> GraspCandidates
     return replace(candidates, offsets=offsets)
 
 
-def _raised_over(block: Block, candidates: GraspCandidates, directions: Array, palm: Array) -> Array:
-    """Return how much higher than the middle of a block hands (n,) are for their palms (m, 3) not to touch it [m].
+def _off(block: Block, candidates: GraspCandidates, directions: Array, palm: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Return how hands move, (n, 3) [m], that palms (m, 3) be off a block, and whether they grip it then, (n,).
 
-    The palm is behind the block, above it, or beyond a plane across the approach directions (n, 3).
+    The palm is behind the block, above it, or beyond a plane across the approach directions (n, 3). Where it would be
+    over the top, a level hand goes back instead, but not from what is round: there the fingers would slip off.
     """
     corners = palm @ candidates.rotations.transpose(0, 2, 1)
     back = -directions * [1.0, 1.0, 0.0]
+    back /= np.maximum(np.linalg.norm(back, axis=1), 1e-9)[:, None]
     half, raised = (block.high - block.low) / 2, np.full(len(directions), np.inf)
-    for axes in (back / np.maximum(np.linalg.norm(back, axis=1), 1e-9)[:, None], -directions, UP + 0.0 * directions):
+    for axes in (back, -directions, UP + 0.0 * directions):
         level = np.hypot(axes[:, 0], axes[:, 1])
         sideways = [block.support(math.atan2(y, x)) for x, y, _ in axes.tolist()]
         gap = np.einsum("nmk,nk->nm", corners, axes).min(axis=1) - level * sideways - half * axes[:, 2]
         rise = np.where(gap >= 0.0, 0.0, -gap / np.maximum(axes[:, 2], 1e-9))
         raised = np.minimum(raised, np.where(level + axes[:, 2] > 1e-6, rise, np.inf))
-    return raised
+    lengths = np.array([block.support(math.atan2(y, x)) for x, y, _ in back.tolist()])
+    drawn = lengths - np.einsum("nmk,nk->nm", corners, back).min(axis=1)
+    over = raised > half - GRIPPED
+    level = np.abs(directions[:, 2]) < 1e-6
+    grips = ~over | level & (drawn <= lengths - GRIPPED) & (not block.round)
+    return np.where(over[:, None], drawn[:, None] * back, raised[:, None] * UP), grips
 
 
 def beside(candidates: GraspCandidates, block: Block, handle: Block, corners: Array) -> GraspCandidates:
@@ -272,95 +266,6 @@ def beside(candidates: GraspCandidates, block: Block, handle: Block, corners: Ar
             on &= ((hands + shifts[:, None] - handle.centre) @ inwards).max(axis=1) >= GRIPPED - extent
         found.append(replace(candidates, points=candidates.points + shifts).chosen(np.flatnonzero(on)))
     return GraspCandidates.joined(found)
-
-
-def held_above(
-    name: str,
-    block: Block,
-    frame: HandFrame,
-    held: Held | None,
-    lowest: Callable[[Array], Array],
-    heights: tuple[float, float],
-    *,
-    inset: float,
-    fine: bool,
-) -> GraspCandidates:
-    """Return candidates level over the block's top, so that what is held comes down whole on it; near the edges first.
-
-    ``heights``: of the lowest point over the top, least and greatest [m]; ``lowest``: where that is, relative to the
-    tip, for rotations (m, 3, 3); ``inset``: how far from the edges an empty hand stays [m].
-    """
-    places = block.grid(0.1 if fine else 0.2, (max(held.size[:2]) / 2 if held else inset) + 0.03)
-    count = HEADINGS if fine else HEADINGS // 2
-    turns = np.asarray(block.yaw + np.arange(count) * (2 * math.pi / count), np.float64)
-    over = _over_the_edge(block, places, turns)
-    at, turn = np.nonzero(over <= ARM_ROOM)
-    low, high = heights
-    found = []
-    for share in SHARES if fine else SHARES[:1]:
-        weights = np.exp(-((over[at, turn] / 0.3) ** 2)) * (1.0 if share == SHARES[0] else 0.8)
-        points = np.column_stack([places[at], np.full(len(at), block.high + low + share * (high - low))])
-        found.append(_level(f"above {name}", points, turns[turn], weights, frame, held, lowest))
-    return GraspCandidates.joined(found).best(1200 if fine else 64)
-
-
-def _over_the_edge(block: Block, places: Array, headings: Array) -> Array:
-    """Return how far inside the edge places (m, 2) are, along each heading (h,) of the hand, (m, h)."""
-    local = block.to_local(places)
-    candidates = headings - block.yaw
-    back = -np.stack([np.cos(candidates), np.sin(candidates)], axis=1)
-    half = np.array([block.half_x, block.half_y])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        out = (np.sign(back)[None] * half - local[:, None]) / back[None]
-    return np.asarray(np.where(np.abs(back)[None] < 1e-9, np.inf, out).min(axis=2))
-
-
-def offering(name: str, zone: ComfortZone, frame: HandFrame, held: Held | None, *, fine: bool) -> GraspCandidates:
-    """Return candidates with what is held inside the person's comfort zone, coming from where they face.
-
-    What is held is level; if it may lean as it likes, the hand may be level instead.
-    """
-    points = zone.points()
-    points = points if fine else points[np.argsort(-zone.margins(points).round(6), kind="stable")[:16]]
-    turns = np.array([0.0, 0.4, -0.4, 0.8, -0.8, 1.2, -1.2, 1.6, -1.6] if fine else [0.0, 0.8, -0.8])
-    at, turn = (grid.ravel() for grid in np.meshgrid(np.arange(len(points)), np.arange(len(turns)), indexing="ij"))
-    weights = (1.0 - 0.2 * np.abs(turns[turn])) * np.clip(zone.margins(points)[at] / COMFORTABLE, 0.05, 1.0)
-    headings = zone.heading + math.pi + turns[turn]
-    found = [_level(f"offer to {name}", points[at], headings, weights, frame, held)]
-    if held is not None and held.largest_tilt is None:
-        level = _level(f"offer to {name}", points[at], headings, LEANING * weights, frame, None)
-        places = np.tile(points[at], (len(level) // len(at), 1))
-        found.append(replace(level, points=places - held.offsets(level.rotations)))
-    return GraspCandidates.joined(found).best(1200 if fine else 64)
-
-
-def placing(
-    name: str, spots: Array, scores: Array, frame: HandFrame, held: Held, *, is_round: bool, fine: bool
-) -> GraspCandidates:
-    """Return candidates down onto a place for what is held, and back from it: as a whole upright at one of ``spots``.
-
-    These (n, 4) are its places and yaws. The better the score of one (n,), the more natural it is. What is
-    round may be turned as one likes, anything else only by half a turn.
-    """
-    count = 2 if not is_round else HEADINGS if fine else HEADINGS // 2
-    at, turn = (grid.ravel() for grid in np.meshgrid(np.arange(len(spots)), np.arange(count), indexing="ij"))
-    yaws = spots[at, 3] + turn * (2 * math.pi / count)
-    base, grasp, heading, roll = _held_upright(frame, held)
-    rotations = product(upright(yaws), base)
-    points = spots[at, :3] - held.offsets(rotations)
-    back = -APPROACH * rotated(rotations, np.asarray(frame.approach))
-    still = np.zeros((len(at), 3))
-    return GraspCandidates(
-        f"put on {name}",
-        points,
-        rotations,
-        np.stack([still + np.array([0.0, 0.0, LOWERING]), still, back], axis=1),
-        1,
-        np.full(len(at), grasp, np.intp),
-        yaws + heading,
-        np.full(len(at), roll, np.intp),
-        np.clip((scores / scores.max(initial=0.0)) ** PARTICULAR, POOREST, 1.0)[at],
-    ).best(1200 if fine else 64)
 
 
 def retreating(name: str, grasp: Array, frame: HandFrame, below_rim: float) -> GraspCandidates:
@@ -408,55 +313,6 @@ def classified(rotation: Array, frame: HandFrame) -> tuple[int, float, int]:
     heading = math.atan2(approach[1], approach[0])
     left = -math.sin(heading) * closing[0] + math.cos(heading) * closing[1]
     return grasp, heading, 1 if left >= 0 else -1
-
-
-def _level(
-    text: str,
-    places: Array,
-    headings: Array,
-    weights: Array,
-    frame: HandFrame,
-    held: Held | None,
-    lowest: Callable[[Array], Array] | None = None,
-) -> GraspCandidates:
-    """Return candidates level, with either roll, or what it holds upright, its middle at places (m, 3).
-
-    With ``lowest`` (see :func:`held_above`) it is the lowest point of hand and held object whose height they say.
-    """
-    count = len(places)
-    still = np.zeros((count, 1, 3))
-    if held is None:
-        side = [CLASSES.index(GraspClass.SIDE)] * count
-        candidates = GraspCandidates.joined(
-            [
-                oriented(text, places, still, 0, side, list(headings), [roll] * count, list(weights), frame)
-                for roll in (1, -1)
-            ]
-        )
-        return (
-            candidates
-            if lowest is None
-            else replace(candidates, points=_raised(candidates.points, lowest(candidates.rotations)))
-        )
-    base, grasp, heading, roll = _held_upright(frame, held)
-    rotations = product(upright(headings - heading), base)
-    points = places - held.offsets(rotations)
-    if lowest is not None:
-        points[:, 2] = places[:, 2]
-        points = _raised(points, lowest(rotations))
-    rolls, grasps = np.full(count, roll, np.intp), np.full(count, grasp, np.intp)
-    return GraspCandidates(text, points, rotations, still, 0, grasps, headings, rolls, weights)
-
-
-def _raised(points: Array, lowest: Array) -> Array:
-    """Return points (m, 3) higher by as much as the lowest point is below them (m,)."""
-    return np.asarray(points - lowest[:, None] * np.array([0.0, 0.0, 1.0]))
-
-
-def _held_upright(frame: HandFrame, held: Held) -> tuple[Array, int, float, int]:
-    """Return a tip rotation that keeps what is held as it stands, and its class, heading and roll."""
-    base: Array = held.pose.matrix()[:3, :3].T
-    return (base, *classified(base, frame))
 
 
 def upright(angles: Array) -> Array:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from executive.belief.believed_bodies import Block
 from executive.belief.planning_scene import PlanningScene
 from executive.locations.consistency import bounds
+from executive.locations.deliveries import held_above, offering, placing
 from executive.locations.demands import (
     HandTerm,
     Reach,
@@ -37,10 +38,7 @@ from executive.locations.grasp_candidates import (
     beside,
     classified,
     grasping,
-    held_above,
     lifted_out,
-    offering,
-    placing,
     retreating,
 )
 from executive.locations.grasps_from_above import DEEPEST, FROM_ABOVE, by_its_rim, from_above, grips, is_flat, is_low
@@ -216,8 +214,8 @@ def _not_refused(
     if not refused or not len(candidates):
         return candidates
     thing = scene.bodies.pose(reach.body).matrix()
-    approach, kept = np.array(arm.frame.approach), np.ones(len(candidates), bool)
     offsets = product(inverse(rigid(candidates.rotations, candidates.points)), thing)
+    approach, kept = np.array(arm.frame.approach), np.ones(len(candidates), bool)
     lean = np.arccos(np.clip(offsets[:, :3, 2] @ approach, -1.0, 1.0))
     for grip in refused:
         # on which side the hand is, and how it is rolled, differs with the base: how steeply it comes is another grip

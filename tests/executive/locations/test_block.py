@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from contextlib import suppress
+from dataclasses import replace
 from itertools import islice, product
 
 import numpy as np
@@ -13,7 +14,9 @@ from hypothesis import strategies as st
 
 from executive.belief.believed_bodies import Block
 from executive.locations import HandSolution
-from executive.locations.grasp_candidates import CLASSES, beside, grasping, held_above, offering, placing
+from executive.locations.deliveries import held_above, offering, placing
+from executive.locations.grasp_candidates import CLASSES, beside, grasping
+from executive.locations.reachability import GraspClass
 from executive.robots.arms import HandFrame, Held
 from planlang.designators import a_device, a_location
 from planlang.failures import LocationUnresolvable
@@ -218,3 +221,12 @@ def test_hands_at_a_handle_are_off_the_rest_of_the_thing(
     local = np.abs(block.to_local(points[:, :2]))
     beyond = np.hypot(*local.T) - width / 2 if cylinder else local.max(axis=1) - width / 2
     assert (np.maximum(beyond, np.abs(points[:, 2] - 0.1) - 0.1) >= -1e-9).all()
+
+
+def test_a_level_hand_takes_a_long_box_at_its_end_where_its_palm_would_be_in_the_middle_of_it() -> None:
+    palm = tuple((x, y, z) for x in (-0.15, -0.06) for y in (-0.05, 0.05) for z in (-0.05, 0.05))
+    box = Block(1.0, 0.0, 0.0, 0.1, 0.03, 0.7, 0.85)
+    found = grasping("box", box, FRAME, 0.1, (GraspClass.SIDE,), 4, palm)
+    assert sorted(set(found.points[:, 0].round(6))) == [0.96, 1.04]
+    assert found.points[:, 2] == pytest.approx(0.775)
+    assert not len(grasping("box", replace(box, round=True), FRAME, 0.1, (GraspClass.SIDE,), 4, palm))

@@ -8,7 +8,8 @@ from functools import partial
 import numpy as np
 import pytest
 
-from executive.locations.grasp_candidates import CLASSES, offering
+from executive.locations.deliveries import offering
+from executive.locations.grasp_candidates import CLASSES
 from executive.locations.placement import Placement
 from executive.locations.reachability import GraspClass
 from executive.locations.rejections import Rejections

@@ -19,7 +19,7 @@ from planlang.diagnostics import BadInput
 
 SQUARE, ENDS = "tests.support.sweep_jobs:square", "tests.support.sweep_jobs:ends"
 TOP = Path(__file__).resolve().parents[3]
-LIMITS = Limits(seconds=5, memory=300_000_000, wall=0.5)
+LIMITS = Limits(seconds=5, memory=300_000_000, wall=3.0)
 
 
 def numbered(count: int, **more: Any) -> list[dict[str, Any]]:
