@@ -42,7 +42,7 @@ from planlang.failures import (
     NavigationPoseUnreachable,
     PerceptionFailure,
 )
-from planlang.geometry import Array
+from planlang.geometry import Array, Pose
 from planlang.modules import process_module
 from planlang.motion_constraints import STANDING_FOR, ConstraintsUnsatisfied, Feature, MotionConstraint
 from planlang.protocols import MotionState, Trajectory
@@ -267,6 +267,10 @@ class ConstrainedWork(PlatformModule):
             if limit is None or world.pose(name).rotation[2, 2] >= math.cos(limit):
                 self.platform.leaning.discard(name)
 
+    def taken(self) -> dict[str, Pose]:
+        """Return where in the map each thing in a hand was grasped."""
+        return {name: grip.before for name, grip in self.platform.belief.held.items()}
+
     def _start(self, motion: GroundedMotion) -> Array:
         """Return the joint values of the arms (n,), shared ones first met."""
         names = dict.fromkeys(name for arm in motion.arms for name in arm.joints)
@@ -300,6 +304,7 @@ class ConstrainedMotions(ConstrainedWork):
             await checkpoint()
             return ()
         grounding = Grounding(self.platform)
+        await self._taken_up(action, grounding, phase)
         motion, solved = await self._solved(grounding, asked, phase)
         self.platform.arms.choices.choose(motion.arms[0].name)
         self.platform.leaning |= self._leaning(motion, solved)
@@ -307,10 +312,27 @@ class ConstrainedMotions(ConstrainedWork):
             await self.gone(motion, solved.trajectory)
             self._check_end(grounding, motion, solved)
         self._straightened()
-        phase.before = tuple(asked)
+        phase.before, phase.taken = tuple(asked), self.taken()
         names, rows = grounding.world_things(asked), solved.trajectory.positions
         await check_flip(self.platform, motion, grounding.group(motion), rows, phase, names)
         return tuple(str(one.name) for one in solved.given_up)
+
+    async def _taken_up(self, action: Action, grounding: Grounding, phase: Phase) -> None:
+        """Make the phase before once more if what it held was taken anew since: this one begins where that ends.
+
+        Not so if that one turned a vessel over to pour: what has flowed has flowed, and this one begins anywhere.
+        """
+        taken = self.taken()
+        tools = set(phase.tools.values()) & taken.keys() & phase.taken.keys()
+        if all(phase.taken[name] == taken[name] for name in tools):
+            return
+        if any(pour.by != action.type for pour in phase.pours.values()):
+            phase.before = ()
+            return
+        motion, solved = await self._solved(grounding, phase.before, replace(phase, before=()))
+        await self.gone(motion, solved.trajectory)
+        self._check_end(grounding, motion, solved)
+        phase.taken = taken
 
 
 T = TypeVar("T")

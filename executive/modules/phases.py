@@ -44,6 +44,8 @@ class Phase:
     """Description of a tool -> the thing that it meant first: a cup that is empty still is the cup."""
     before: tuple[MotionConstraint, ...] = ()
     """The active constraints of the phase before, as the recipe states them."""
+    taken: dict[str, Pose] = field(default_factory=dict)
+    """What hands held when the phase before ended -> its pose in the map when it was grasped."""
     pours: dict[str, Pour] = field(default_factory=dict)
     """Vessel -> what is being poured out of it, or was when a motion failed."""
 
@@ -70,6 +72,7 @@ class Phases:
                 {name: dump(pose) for name, pose in one.things.items()},
                 dict(one.tools),
                 [dump(each) for each in one.before],
+                {name: dump(pose) for name, pose in one.taken.items()},
                 {name: [pour.by, pour.asked, pour.into, pour.flowed, pour.until] for name, pour in one.pours.items()},
             ]
             for path, one in self._known.items()
@@ -82,7 +85,8 @@ class Phases:
                 {str(name): load(pose) for name, pose in things.items()},
                 {str(what): str(name) for what, name in tools.items()},
                 tuple(map(load, before)),
+                {str(name): load(pose) for name, pose in taken.items()},
                 {str(name): Pour(*pour) for name, pour in pours.items()},
             )
-            for path, (things, tools, before, pours) in state.items()
+            for path, (things, tools, before, taken, pours) in state.items()
         }

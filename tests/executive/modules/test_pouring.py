@@ -40,7 +40,6 @@ def test_a_vessel_flows_while_it_is_turned_over_and_after_the_motion_if_it_ends_
 
 
 @pytest.mark.long
-@pytest.mark.xfail(reason="a vessel that was taken again is tilted so slowly that too much would flow", strict=True)
 def test_when_the_vessel_is_lost_in_mid_pour_only_the_rest_is_poured(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
