@@ -12,7 +12,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executive.modules.pouring import Flow
+from executive.modules.pouring import Flow, Pouring
+from planlang.designators import Action
+from planlang.failures import AmountNotPoured
 from planlang.geometry import Pose
 from sim.world import PyBulletWorld, held_by
 from tests.support.extras import skip_without_pr2
@@ -132,6 +134,29 @@ def test_amigo_pours_the_amount_between_two_things_on_one_table(tmp_path: Path) 
 
     found = poured(tmp_path, 100.0, WATER, right)
     assert found.reached, (found.result.message, found.unmet)
+
+
+@pytest.mark.long
+def test_where_a_vessel_would_be_turned_too_slowly_it_is_held_over_once_more_and_poured_from_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    refused: list[str] = []
+
+    def too_slow(pouring: Pouring, action: Action, *motion: Any) -> AmountNotPoured | None:
+        if not refused and action.type.endswith("#Tilt"):
+            refused.append(action.type)
+            return AmountNotPoured("slow")
+        return whole(pouring, action, *motion)
+
+    def right(watched: Watched) -> Iterator[str]:
+        if abs((amount := watched.world.changes.matter.total("bowl1")) - 100.0) > 5.0:
+            yield f"bowl1 holds {amount:.0f} ml"
+
+    whole = Pouring.too_slow
+    monkeypatch.setattr(Pouring, "too_slow", too_slow)
+    found = poured(tmp_path, 100.0, WATER, right)
+    assert found.reached, (found.result.message, found.unmet)
+    assert len(refused) == 1
 
 
 @pytest.mark.long
