@@ -93,7 +93,7 @@ class SettingAside(HandWork):
 
     def _is_support(self, name: str) -> bool:
         bodies = self.platform.scene.bodies
-        is_other = bodies.is_movable(name) or bodies.is_person(name) or bodies.is_room(name)
+        is_other = bodies.is_graspable(name) or bodies.is_person(name) or bodies.is_room(name)
         return not is_other and bodies.rests_at(name) is not None
 
     async def _lower(self, what: Object, support: Object, base: BasePose) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
+from dataclasses import replace
 
 from executive.locations.demands import hand_demand
 from executive.locations.hand_predicates import Stage as SearchStage
@@ -41,6 +42,17 @@ def test_what_is_set_aside_stands_on_furniture_and_is_not_taken_by_the_same_grip
     others, left_out = grasps(stage)
     assert left_out > 0
     assert 0 < others < every
+
+
+def test_a_table_is_furniture_although_it_may_stand_elsewhere(make_stage: MakeStage) -> None:
+    stage = make_stage(BOTTLE, replace(CABINET, type="KitchenTable", movable=True), PATIENT)
+    hold_bottle(stage)
+
+    async def plan() -> None:
+        await perform(ASIDE)
+
+    stage.run(plan)
+    assert at_rest_on(stage.truth, "bottle") == "cabinet"
 
 
 def failing(*failures: PlanFailure) -> Callable[[], Awaitable[None]]:
