@@ -356,16 +356,33 @@ class ConstrainedMotions(ConstrainedWork):
             return pouring.too_slow(action, motion, grounding.group(motion), found.trajectory)
 
         motion, solved = await self._solved(grounding, asked, phase, objection)
+        back = self._back(grounding, motion, phase) if phase.pours else None
+        if back is not None:
+            solved = min(
+                (solved, back), key=lambda one: pouring.flowing(motion, grounding.group(motion), one.trajectory)
+            )
         self.platform.arms.choices.choose(motion.arms[0].name)
         self.platform.leaning |= self._leaning(motion, solved)
         async with pouring.during(action, motion, grounding.group(motion), solved.trajectory):
             await self.gone(motion, solved.trajectory)
             self._check_end(grounding, motion, solved)
         self._straightened()
-        phase.before, phase.taken = tuple(asked), self.taken()
+        phase.before, phase.taken, phase.way = tuple(asked), self.taken(), solved.trajectory.positions
         names, rows = grounding.world_things(asked), solved.trajectory.positions
         await check_flip(self.platform, motion, grounding.group(motion), rows, phase, names)
         return tuple(str(one.name) for one in solved.given_up)
+
+    def _back(self, grounding: Grounding, motion: GroundedMotion, phase: Phase) -> PhaseMotion | None:
+        """Return the motion of the phase before, backwards, if it does what this phase asks: its time was foreseen."""
+        start = self._start(motion)
+        if phase.way is None or phase.way.shape[1] != len(start) or np.abs(phase.way[-1] - start).max() > STRAY:
+            return None
+        rows = np.vstack([start, phase.way[-2::-1]])
+        problem = grounding.problem(motion)
+        functions = ConstraintFunctions(problem.group, [Bound.of(one, problem.where) for one in motion.constraints])
+        if functions.excess(functions.all_values(rows[-1:])).max(initial=0.0) > 1.0 or problem.hits(rows[1:]):
+            return None
+        return PhaseMotion(Trajectory(problem.group.names, rows), (), ())
 
     async def _taken_up(self, action: Action, grounding: Grounding, phase: Phase) -> None:
         """Make the phase before once more if what it held was taken anew since: this one begins where that ends.
@@ -399,6 +416,8 @@ TRIES = 30
 """Beginnings from which it is looked whether constraints are within reach of a place."""
 SEARCHED = 300
 """Branches that the search of a path to a posture grows: the base goes without it if there is none."""
+STRAY = 1e-2
+"""Distance of joints from where a motion ended up to which they are there [rad, m]."""
 WAYS = 2
 """Ways to hold one tool that are tried together with those of another."""
 
