@@ -364,6 +364,19 @@ class HandsLacking(LocationUnresolvable):
         return f"{self.text} for {self.designator}: {self.what} takes {self.needed} hands, {there}"
 
 
+@dataclass(eq=False, repr=False)
+class HandsFull(LocationUnresolvable):
+    """No hand that may grasp the thing is free; ``held``: what they hold, by hand."""
+
+    what: str | None = field(default=None, kw_only=True)
+    held: Mapping[str, Object] = field(default_factory=dict, kw_only=True)
+
+    def describe(self) -> str:
+        """``no place found for DESIGNATOR: no hand is free to grasp glass1: arm holds bottle1``."""
+        full = ", ".join(f"{hand} holds {thing}" for hand, thing in self.held.items())
+        return f"{self.text} for {self.designator}: no hand is free to grasp {self.what}: {full}"
+
+
 class ObjectUnresolvable(DesignatorFailure):
     """No known object fits the description."""
 

@@ -9,7 +9,7 @@ does that by itself.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from functools import cache, partial, wraps
 from importlib.metadata import entry_points
@@ -20,6 +20,7 @@ from planlang.failures import (
     BehindClosedDoor,
     ContainerStuck,
     HandleNotReachable,
+    HandsFull,
     LookingFailure,
     LowLevelFailure,
     ObjectNotFound,
@@ -284,7 +285,8 @@ def put_down_and_regrasp(what: Object, again: Branch | None = None) -> Do:
     """Put a held object down on whatever is near, grasp it by another grip by the branch ``again``, run the body again.
 
     Without ``again`` the body itself grasps. If it cannot be put down, or not be grasped otherwise, the failure goes
-    outward: in the latter case the object stands where it was put. So it does if it is not held at all.
+    outward: in the latter case the object stands where it was put. If it is not held as no hand is free for it, what
+    one of them holds is put down instead; it is grasped again by the step that needs it next.
     """
 
     regrasping = Usage("put_down_and_regrasp", {"what": "bottle"}, {"again": "fetch_bottle"})
@@ -293,10 +295,14 @@ def put_down_and_regrasp(what: Object, again: Branch | None = None) -> Do:
         regrasping.branch("again", again)
 
     async def regrasp(failure: PlanFailure) -> RecoveryResult:
-        if not executive_for("put_down_and_regrasp").holds(Condition("holding", (what,))):
+        full = next((link for link in failure.chain() if isinstance(link, HandsFull)), None)
+        is_held = executive_for("put_down_and_regrasp").holds(Condition("holding", (what,)))
+        if is_held == (full is not None):  # about something else, or no failure of a hand
             return PROPAGATE
+        if full is not None:
+            return await _one_put_down(full.held.values())
         try:
-            await perform(action("SettingAsideAnObject", object_acted_on=what))
+            await perform(action("SettingAsideAnObject", object_acted_on=what, by_another_grip=True))
             if again is not None:
                 await called(again)
         except PlanFailure:
@@ -304,6 +310,15 @@ def put_down_and_regrasp(what: Object, again: Branch | None = None) -> Do:
         return RETRY
 
     return regrasp
+
+
+async def _one_put_down(held: Iterable[Object]) -> RecoveryResult:
+    """Put one of these down, the first that can be: then a hand is free."""
+    for one in held:
+        with suppress(PlanFailure):
+            await perform(action("SettingAsideAnObject", object_acted_on=one))
+            return RETRY
+    return PROPAGATE
 
 
 @recovery_strategy("Ignore")

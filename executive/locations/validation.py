@@ -31,7 +31,7 @@ from executive.locations.rejections import (
 from executive.motion import QuickCheck
 from executive.robots.arms import ArmModel
 from planlang.designators import Location
-from planlang.failures import BehindClosedDoor, HandsLacking, LocationUnresolvable, TooHeavy
+from planlang.failures import BehindClosedDoor, HandsFull, HandsLacking, TooHeavy
 from planlang.geometry import Array
 from planlang.protocols import Solution
 
@@ -143,8 +143,9 @@ class BaseValidator:
         if free and reach.kind is ReachKind.GRASP:
             mass = self.scene.bodies.mass(reach.body)
             raise TooHeavy(designator=str(location), what=reach.body, mass=mass, payload=max(free))
-        full = ", ".join(f"{arm} holds {held.name}" for arm in arms if (held := self.scene.arms.held(arm)) is not None)
-        raise LocationUnresolvable(f"no free hand to grasp {reach.body}: {full}", designator=str(location))
+        holding = {arm: held.name for arm in arms if (held := self.scene.arms.held(arm)) is not None}
+        full = {arm: self.scene.bodies.designator(name) for arm, name in holding.items()}
+        raise HandsFull(designator=str(location), what=reach.body, held=full)
 
     def check_doors(self, reaches: Sequence[Reach], location: Location, log: Rejections) -> None:
         """Raise BehindClosedDoor if nothing could be put inside because one more door of what it is put in is shut."""

@@ -34,6 +34,7 @@ from planlang import checkpoint, in_thread, perform
 from planlang.designators import Action, Location, Object, action, snake_case
 from planlang.failures import (
     ActionUnresolvable,
+    AmountNotPoured,
     DesignatorFailure,
     LookingFailure,
     ManipulationFailure,
@@ -42,7 +43,7 @@ from planlang.failures import (
     NavigationPoseUnreachable,
     PerceptionFailure,
 )
-from planlang.geometry import Array
+from planlang.geometry import Array, Pose
 from planlang.modules import process_module
 from planlang.motion_constraints import STANDING_FOR, ConstraintsUnsatisfied, Feature, MotionConstraint
 from planlang.protocols import MotionState, Trajectory
@@ -53,6 +54,14 @@ PLACES = 4
 """Places of the base from which a motion is tried."""
 LOOKED_AT = 20
 """Places of the base from which it is computed whether the arms get there: one takes up to 1.5 s."""
+
+
+Objection = Callable[[GroundedMotion, PhaseMotion], "AmountNotPoured | None"]
+"""Returns the failure for which a motion is looked for elsewhere, None if it is as it should be."""
+
+
+def no_objection(motion: GroundedMotion, found: PhaseMotion) -> None:
+    """Return None: any motion will do."""
 
 
 class ConstrainedWork(PlatformModule):
@@ -77,9 +86,12 @@ class ConstrainedWork(PlatformModule):
     # Where from
 
     async def _solved(
-        self, grounding: Grounding, asked: Sequence[MotionConstraint], phase: Phase
+        self, grounding: Grounding, asked: Sequence[MotionConstraint], phase: Phase, objection: Objection = no_objection
     ) -> tuple[GroundedMotion, PhaseMotion]:
-        """Return the motion, from here or from a place to which the base is driven; raises ConstraintsUnsatisfied."""
+        """Return the motion, from here or from a place to which the base is driven, where the phase before is made too.
+
+        While something is being poured the base stays. Raises ConstraintsUnsatisfied, or an ``objection`` to a motion.
+        """
         problem: ManipulationFailure | NavigationFailure | None = None
         await self._look(grounding, asked, phase)
         motion = grounding.grounded(asked, phase)
@@ -90,25 +102,23 @@ class ConstrainedWork(PlatformModule):
             and await apart(partial(self._end, grounding, motion, now)) is not None
         ):
             try:
-                return motion, await apart(partial(self._way, grounding, motion, phase))
-            except ConstraintsUnsatisfied as failure:
+                return motion, await self._accepted(grounding, motion, phase, objection)
+            except (ConstraintsUnsatisfied, AmountNotPoured) as failure:
                 problem = failure
-        tried = 0
-        for place in islice(self._places(motion), LOOKED_AT) if self._is_mobile() else ():
-            end = await apart(partial(self._end, grounding, motion, place))
-            if end is None:
+        tried, moves = 0, self._is_mobile() and not phase.pours
+        for place in islice(self._places(motion), LOOKED_AT) if moves else ():
+            if await apart(partial(self._end, grounding, motion, place)) is None:
                 continue
             try:
-                await self._get_ready(grounding, motion, end)
-                await self.drive_with_room(place)
-                await self._look(grounding, asked, phase)
+                if not await self._gone_to(grounding, asked, phase, place):
+                    continue
                 motion = grounding.grounded(asked, phase)
-                return motion, await apart(partial(self._way, grounding, motion, phase))
-            except (ConstraintsUnsatisfied, NavigationFailure) as failure:
+                return motion, await self._accepted(grounding, motion, phase, objection)
+            except (ConstraintsUnsatisfied, NavigationFailure, AmountNotPoured) as failure:
                 problem = problem or failure
             if (tried := tried + 1) == PLACES:
                 break
-        if isinstance(problem, NavigationFailure):
+        if isinstance(problem, NavigationFailure | AmountNotPoured):
             raise problem
         if tried:
             await self._look(grounding, asked, phase)
@@ -116,6 +126,41 @@ class ConstrainedWork(PlatformModule):
         # Ends of places hold all constraints: if there is none, the motion was not tried yet without lighter ones.
         last = self._way if problem is None else self._just
         return motion, await apart(partial(last, grounding, motion, phase, explains=True))
+
+    async def _accepted(
+        self, grounding: Grounding, motion: GroundedMotion, phase: Phase, objection: Objection
+    ) -> PhaseMotion:
+        """Return the motion of a phase from here; raises ConstraintsUnsatisfied, or an objection to it."""
+        found = await apart(partial(self._way, grounding, motion, phase))
+        if (problem := objection(motion, found)) is not None:
+            raise problem
+        return found
+
+    async def _gone_to(
+        self, grounding: Grounding, asked: Sequence[MotionConstraint], phase: Phase, place: BasePose
+    ) -> bool:
+        """Drive to a place and look, with the arms where the motion, or the phase before it, ends; False if none does.
+
+        The phase before is made there, so that the motion begins as it is meant to.
+        """
+        first = phase.before or asked
+        motion = grounding.grounded(first, phase)
+        end = await apart(partial(self._end, grounding, motion, place))
+        if end is None:
+            return False
+        await self._get_ready(grounding, motion, end)
+        await self.drive_with_room(place)
+        await self._look(grounding, asked, phase)
+        if phase.before:
+            await self._once_more(grounding, phase)
+        return True
+
+    async def _once_more(self, grounding: Grounding, phase: Phase) -> None:
+        """Make the phase before once more, from here."""
+        motion, alone = grounding.grounded(phase.before, phase), replace(phase, before=())
+        solved = await apart(partial(self._way, grounding, motion, alone))
+        await self.gone(motion, solved.trajectory)
+        self._check_end(grounding, motion, solved)
 
     async def _get_ready(self, grounding: Grounding, motion: GroundedMotion, end: Array) -> None:
         """Bring the arms, one after another, to where they will be before the base goes there: here is more room."""
@@ -267,6 +312,10 @@ class ConstrainedWork(PlatformModule):
             if limit is None or world.pose(name).rotation[2, 2] >= math.cos(limit):
                 self.platform.leaning.discard(name)
 
+    def taken(self) -> dict[str, Pose]:
+        """Return where in the map each thing in a hand was grasped."""
+        return {name: grip.before for name, grip in self.platform.belief.held.items()}
+
     def _start(self, motion: GroundedMotion) -> Array:
         """Return the joint values of the arms (n,), shared ones first met."""
         names = dict.fromkeys(name for arm in motion.arms for name in arm.joints)
@@ -300,17 +349,57 @@ class ConstrainedMotions(ConstrainedWork):
             await checkpoint()
             return ()
         grounding = Grounding(self.platform)
-        motion, solved = await self._solved(grounding, asked, phase)
+        await self._taken_up(action, grounding, phase)
+        pouring = Pouring(self.platform, phase)
+
+        def objection(motion: GroundedMotion, found: PhaseMotion) -> AmountNotPoured | None:
+            return pouring.too_slow(action, motion, grounding.group(motion), found.trajectory)
+
+        motion, solved = await self._solved(grounding, asked, phase, objection)
+        back = self._back(grounding, motion, phase) if phase.pours else None
+        if back is not None:
+            solved = min(
+                (solved, back), key=lambda one: pouring.flowing(motion, grounding.group(motion), one.trajectory)
+            )
         self.platform.arms.choices.choose(motion.arms[0].name)
         self.platform.leaning |= self._leaning(motion, solved)
-        async with Pouring(self.platform, phase).during(action, motion, grounding.group(motion), solved.trajectory):
+        async with pouring.during(action, motion, grounding.group(motion), solved.trajectory):
             await self.gone(motion, solved.trajectory)
             self._check_end(grounding, motion, solved)
         self._straightened()
-        phase.before = tuple(asked)
+        phase.before, phase.taken, phase.way = tuple(asked), self.taken(), solved.trajectory.positions
         names, rows = grounding.world_things(asked), solved.trajectory.positions
         await check_flip(self.platform, motion, grounding.group(motion), rows, phase, names)
         return tuple(str(one.name) for one in solved.given_up)
+
+    def _back(self, grounding: Grounding, motion: GroundedMotion, phase: Phase) -> PhaseMotion | None:
+        """Return the motion of the phase before, backwards, if it does what this phase asks: its time was foreseen."""
+        start = self._start(motion)
+        if phase.way is None or phase.way.shape[1] != len(start) or np.abs(phase.way[-1] - start).max() > STRAY:
+            return None
+        rows = np.vstack([start, phase.way[-2::-1]])
+        problem = grounding.problem(motion)
+        functions = ConstraintFunctions(problem.group, [Bound.of(one, problem.where) for one in motion.constraints])
+        if functions.excess(functions.all_values(rows[-1:])).max(initial=0.0) > 1.0 or problem.hits(rows[1:]):
+            return None
+        return PhaseMotion(Trajectory(problem.group.names, rows), (), ())
+
+    async def _taken_up(self, action: Action, grounding: Grounding, phase: Phase) -> None:
+        """Make the phase before once more if what it held was taken anew since: this one begins where that ends.
+
+        Not so if that one turned a vessel over to pour: what has flowed has flowed, and this one begins anywhere.
+        """
+        taken = self.taken()
+        tools = set(phase.tools.values()) & taken.keys() & phase.taken.keys()
+        if all(phase.taken[name] == taken[name] for name in tools):
+            return
+        if any(pour.by != action.type for pour in phase.pours.values()):
+            phase.before = ()
+            return
+        motion, solved = await self._solved(grounding, phase.before, replace(phase, before=(), pours={}))
+        await self.gone(motion, solved.trajectory)
+        self._check_end(grounding, motion, solved)
+        phase.taken = taken
 
 
 T = TypeVar("T")
@@ -327,6 +416,8 @@ TRIES = 30
 """Beginnings from which it is looked whether constraints are within reach of a place."""
 SEARCHED = 300
 """Branches that the search of a path to a posture grows: the base goes without it if there is none."""
+STRAY = 1e-2
+"""Distance of joints from where a motion ended up to which they are there [rad, m]."""
 WAYS = 2
 """Ways to hold one tool that are tried together with those of another."""
 

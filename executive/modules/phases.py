@@ -9,7 +9,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import field
 from typing import Any
 
-from planlang.geometry import Pose
+import numpy as np
+
+from planlang.geometry import Array, Pose
 from planlang.language.plans import innermost_plan
 from planlang.motion_constraints import MotionConstraint
 from planlang.records import dataclass
@@ -44,6 +46,10 @@ class Phase:
     """Description of a tool -> the thing that it meant first: a cup that is empty still is the cup."""
     before: tuple[MotionConstraint, ...] = ()
     """The active constraints of the phase before, as the recipe states them."""
+    taken: dict[str, Pose] = field(default_factory=dict)
+    """What hands held when the phase before ended -> its pose in the map when it was grasped."""
+    way: Array | None = None
+    """The joint values (m, n) through which the phase before moved."""
     pours: dict[str, Pour] = field(default_factory=dict)
     """Vessel -> what is being poured out of it, or was when a motion failed."""
 
@@ -70,6 +76,8 @@ class Phases:
                 {name: dump(pose) for name, pose in one.things.items()},
                 dict(one.tools),
                 [dump(each) for each in one.before],
+                {name: dump(pose) for name, pose in one.taken.items()},
+                None if one.way is None else one.way.tolist(),
                 {name: [pour.by, pour.asked, pour.into, pour.flowed, pour.until] for name, pour in one.pours.items()},
             ]
             for path, one in self._known.items()
@@ -82,7 +90,9 @@ class Phases:
                 {str(name): load(pose) for name, pose in things.items()},
                 {str(what): str(name) for what, name in tools.items()},
                 tuple(map(load, before)),
+                {str(name): load(pose) for name, pose in taken.items()},
+                None if way is None else np.array(way, float),
                 {str(name): Pour(*pour) for name, pour in pours.items()},
             )
-            for path, (things, tools, before, pours) in state.items()
+            for path, (things, tools, before, taken, way, pours) in state.items()
         }

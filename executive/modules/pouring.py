@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager
-from typing import NoReturn
 
 import numpy as np
 
@@ -74,8 +73,8 @@ class Pouring:
         rate = self._platform.world.rate
         flows = list(self._flows(motion, group, trajectory.positions))
         for flow in flows:
-            if flow.turned[-1]:
-                self._begin(flow, action, motion)
+            if flow.turned[-1] and (problem := self._begin(flow, action, motion)) is not None:
+                raise problem
         for flow in flows:
             if flow.turned[0] and flow.name in self._phase.pours:
                 self._flowed(flow, now() - self._phase.pours[flow.name].until)
@@ -94,6 +93,21 @@ class Pouring:
             else:
                 self._end(flow)
 
+    def too_slow(
+        self, action: Action, motion: GroundedMotion, group: ArmGroup, trajectory: Trajectory
+    ) -> AmountNotPoured | None:
+        """Return the failure of a motion in which a vessel is turned over so slowly that too much flows, None if not.
+
+        Raises VesselEmpty or AmountNotPoured if the amount cannot be right however fast the motion is.
+        """
+        flows = (flow for flow in self._flows(motion, group, trajectory.positions) if flow.turned[-1])
+        return next((problem for flow in flows if (problem := self._begin(flow, action, motion)) is not None), None)
+
+    def flowing(self, motion: GroundedMotion, group: ArmGroup, trajectory: Trajectory) -> float:
+        """Compute how much flows during a motion out of what is being poured from [ml]."""
+        flows = self._flows(motion, group, trajectory.positions)
+        return sum(self._foreseen(flow) for flow in flows if flow.name in self._phase.pours)
+
     def _flows(self, motion: GroundedMotion, group: ArmGroup, rows: Array) -> Iterator[Flow]:
         """Yield the vessels among the tools of a motion (m, n) that it turns over, or that are being poured from."""
         platform = self._platform
@@ -105,8 +119,11 @@ class Pouring:
                 if turned.any() or name in self._phase.pours:
                     yield Flow(name, motion.arms[arm], grip.offset, turned)
 
-    def _begin(self, flow: Flow, action: Action, motion: GroundedMotion) -> None:
-        """Note what is to be poured; raises VesselEmpty or AmountNotPoured if that is not possible."""
+    def _begin(self, flow: Flow, action: Action, motion: GroundedMotion) -> AmountNotPoured | None:
+        """Note what is to be poured; return the failure if more than that flows during the motion.
+
+        Raises VesselEmpty or AmountNotPoured if it is not possible with any motion.
+        """
         pour = self._phase.pours.get(flow.name)
         if pour is not None and pour.by == action.type:
             pour.until = now()
@@ -117,16 +134,17 @@ class Pouring:
                 pour.asked = min(asked, *self._bounds(flow, pour).values())
         changes, rest = self._platform.scene.world.changes, pour.asked - pour.flowed
         if rest <= 0 or self._flow_rate <= 0:
-            return
+            return None
         if changes.matter.total(flow.name) <= 0 and not pour.flowed:
             raise VesselEmpty(f"nothing is known to be in {flow.name}", arm=flow.arm.name, what=flow.name)
         for bound, most in self._bounds(flow, pour).items():
             if rest > most + _within(pour.asked):
-                self._refuse(flow, pour, f"{bound} {most:.0f} ml")
+                raise self._refusal(flow, pour, f"{bound} {most:.0f} ml")
         least = 2 * self._foreseen(flow)
         if rest < least - _within(pour.asked):
-            self._refuse(flow, pour, f"{least:.0f} ml flow while {flow.name} is turned over and back")
+            return self._refusal(flow, pour, f"{least:.0f} ml flow while {flow.name} is turned over and back")
         self._phase.pours[flow.name] = pour
+        return None
 
     def _bounds(self, flow: Flow, pour: Pour) -> dict[str, float]:
         """Compute the most that can be poured [ml], by what bounds it, in words."""
@@ -137,9 +155,9 @@ class Pouring:
             bounds[f"{pour.into} has room for"] = max(0.0, room)
         return bounds
 
-    def _refuse(self, flow: Flow, pour: Pour, why: str) -> NoReturn:
+    def _refusal(self, flow: Flow, pour: Pour, why: str) -> AmountNotPoured:
         said = f"{pour.asked:.0f} ml were asked for, {pour.flowed:.0f} ml were poured: {why}"
-        raise AmountNotPoured(said, arm=flow.arm.name, what=flow.name, asked=pour.asked, poured=pour.flowed)
+        return AmountNotPoured(said, arm=flow.arm.name, what=flow.name, asked=pour.asked, poured=pour.flowed)
 
     def _end(self, flow: Flow) -> None:
         """Forget what was poured; raises AmountNotPoured if it was too much or too little."""
@@ -148,7 +166,7 @@ class Pouring:
             return
         if abs(pour.flowed - pour.asked) > _within(pour.asked):
             into = "" if pour.into is None else f" into {pour.into}"
-            self._refuse(flow, pour, f"out of {flow.name}{into}")
+            raise self._refusal(flow, pour, f"out of {flow.name}{into}")
         del self._phase.pours[flow.name]
 
     def _foreseen(self, flow: Flow) -> float:

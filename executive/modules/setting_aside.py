@@ -1,4 +1,4 @@
-"""The process module that puts what a hand holds, and cannot use as it holds it, on whatever is near."""
+"""The process module that puts what a hand holds, and cannot use as it holds it or not now, on whatever is near."""
 
 from __future__ import annotations
 
@@ -38,7 +38,10 @@ AGAIN = Recovery((ManipulationGoalNotReached, GripperGoalNotReached), attempts=3
 
 @process_module
 class SettingAside(HandWork):
-    """Puts a held thing down on furniture near the robot, and leaves it; its next grip is to be another one."""
+    """Puts a held thing down on furniture near the robot, and leaves it.
+
+    With ``by_another_grip`` its next grip is to be another one.
+    """
 
     name = "setting_aside"
     actions = ("SettingAsideAnObject",)
@@ -67,7 +70,8 @@ class SettingAside(HandWork):
                 continue
             grip = self.platform.belief.held[str(name)]
             await self._leave(what)
-            self.platform.belief.refuse(str(name), grip)
+            if action.get("by_another_grip"):
+                self.platform.belief.refuse(str(name), grip)
             return support.name
         raise problem or LocationUnresolvable("nothing near has room for it", designator=str(action))
 
@@ -89,7 +93,7 @@ class SettingAside(HandWork):
 
     def _is_support(self, name: str) -> bool:
         bodies = self.platform.scene.bodies
-        is_other = bodies.is_movable(name) or bodies.is_person(name) or bodies.is_room(name)
+        is_other = bodies.is_graspable(name) or bodies.is_person(name) or bodies.is_room(name)
         return not is_other and bodies.rests_at(name) is not None
 
     async def _lower(self, what: Object, support: Object, base: BasePose) -> None:

@@ -196,7 +196,7 @@ class Strokes(StrokeWork):
         times, duration = self._laps(action, seconds)
         for _ in range(times):
             await self.gone(motion, slowed(lap, duration / seconds))
-        phase.before = asked
+        phase.before, phase.taken = asked, self.taken()
         return ()
 
     def _laps(self, action: Action, seconds: float) -> tuple[int, float]:

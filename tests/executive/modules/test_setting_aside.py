@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
+from dataclasses import replace
 
 from executive.locations.demands import hand_demand
 from executive.locations.hand_predicates import Stage as SearchStage
 from executive.locations.hand_predicates import candidates_of
 from executive.locations.rejections import Rejections
 from planlang import Recovery, perform, put_down_and_regrasp, with_failure_handling
-from planlang.designators import a_location, action
-from planlang.failures import ObjectUndeliverable, PlanFailure
+from planlang.designators import a_location, action, an_object
+from planlang.failures import HandsFull, ObjectUndeliverable, PlanFailure
 from planlang.testing import Script, run_plan
 from sim.world import at_rest_on
 from tests.executive.conftest import BED, BOTTLE, CABINET, PATIENT, THE_BOTTLE, MakeStage, Stage, hold_bottle
 
 GRASP = a_location(in_center_of=THE_BOTTLE)
-ASIDE = action("SettingAsideAnObject", object_acted_on=THE_BOTTLE)
+ASIDE = action("SettingAsideAnObject", object_acted_on=THE_BOTTLE, by_another_grip=True)
 
 
 def grasps(stage: Stage) -> tuple[int, int]:
@@ -43,6 +44,17 @@ def test_what_is_set_aside_stands_on_furniture_and_is_not_taken_by_the_same_grip
     assert 0 < others < every
 
 
+def test_a_table_is_furniture_although_it_may_stand_elsewhere(make_stage: MakeStage) -> None:
+    stage = make_stage(BOTTLE, replace(CABINET, type="KitchenTable", movable=True), PATIENT)
+    hold_bottle(stage)
+
+    async def plan() -> None:
+        await perform(ASIDE)
+
+    stage.run(plan)
+    assert at_rest_on(stage.truth, "bottle") == "cabinet"
+
+
 def failing(*failures: PlanFailure) -> Callable[[], Awaitable[None]]:
     """A plan that holds the bottle and cannot deliver it so often, with the recovery."""
     left = list(failures)
@@ -66,6 +78,38 @@ def test_what_cannot_be_delivered_is_put_down_grasped_again_and_delivered() -> N
     run = run_plan(failing(ObjectUndeliverable()))
     assert run.failure is None
     assert (run.attempts("SettingAsideAnObject"), run.attempts("ClosingAGripper")) == (1, 2)
+
+
+def test_where_no_hand_is_free_for_a_thing_what_one_holds_is_put_down_and_not_taken_again() -> None:
+    cup, held = an_object("Cup"), [THE_BOTTLE]
+
+    async def grasp() -> None:
+        if held:
+            held.clear()
+            raise ObjectUndeliverable(what="bottle") from HandsFull(what="cup", held={"right": THE_BOTTLE})
+        await perform(action("ClosingAGripper", object_acted_on=cup))
+
+    async def plan() -> None:
+        await perform(action("ClosingAGripper", object_acted_on=THE_BOTTLE))
+        await with_failure_handling(grasp, Recovery(ObjectUndeliverable, put_down_and_regrasp(cup), attempts=1))
+
+    run = run_plan(plan)
+    assert run.failure is None
+    assert (run.attempts("SettingAsideAnObject"), run.attempts("ClosingAGripper")) == (1, 2)
+    assert run.belief.holding == ["Cup"]
+
+
+def test_what_is_put_down_as_its_hand_is_needed_may_be_taken_by_the_same_grip(make_stage: MakeStage) -> None:
+    stage = make_stage(BED, BOTTLE, CABINET, PATIENT)
+    every, _ = grasps(stage)
+    hold_bottle(stage)
+
+    async def plan() -> None:
+        await perform(action("SettingAsideAnObject", object_acted_on=THE_BOTTLE))
+
+    stage.run(plan)
+    assert at_rest_on(stage.truth, "bottle") in ("cabinet", "bed")
+    assert grasps(stage) == (every, 0)
 
 
 def test_what_cannot_be_grasped_otherwise_stays_where_it_was_put_and_the_first_failure_is_reported() -> None:

@@ -183,7 +183,7 @@ PlanFailure
     ObjectUnreachable ObjectUnfetchable ObjectUndeliverable ObjectNowhereToBeFound EnvironmentUnreachable
   DesignatorFailure
     ObjectUnresolvable ActionUnresolvable MissingCapability LocationUnresolvable
-      BehindClosedDoor TooHeavy HandsLacking
+      BehindClosedDoor TooHeavy HandsLacking HandsFull
   CompositeFailure Timeout BudgetExceeded BranchEvaporated PolicyViolated GoalNotAchieved TransitionMissing
 """
 
