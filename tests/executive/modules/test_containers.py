@@ -276,3 +276,13 @@ def test_fingers_that_come_forward_as_they_close_on_a_flat_knob_stay_clear_of_wh
     grips = grips_of(scene, arm, joint)
     for fingers in arm.openings.closing(grips.fingers, 0.04):
         assert set(scene.collisions.arm_check(arm, "leaf", fingers).hand_hit(grips.starts)) == {None}
+
+
+def test_a_drawer_is_opened_all_its_way_from_a_place_of_the_base_that_allows_it(stack: ExitStack) -> None:
+    back = (0.0, 0.0, 1.0, 0.0)
+    case = thing("case", "Cabinet-PieceOfFurniture", Pose((0.9, 0.0, 0.75), back), (0.52, 0.5, 1.5), "leaf")
+    leaf = thing("leaf", "Drawer", Pose((0.88, 0.0, 1.2), back), (0.493, 0.46, 0.197), "grip")
+    grip = thing("grip", "Handle", Pose((0.6, 0.0, 1.2), back), (0.012, 0.15, 0.012))
+    stage = room(stack, (case, leaf, grip), "panda")
+    joint = stage.platform.belief.joints["leaf"]
+    assert first_way(stage, joint.upper, joint.first_open).values[-1] == pytest.approx(joint.upper)
