@@ -100,6 +100,22 @@ class Grips:
         return found
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Hand:
+    """A hand that takes something between its fingers, which may come farther forward as they close."""
+
+    points: Array
+    """Points in the tip frame that span it from open to closed (n, 3)."""
+    ahead: float
+    """How far it goes ahead of the tip when it has the thing [m]."""
+
+    @staticmethod
+    def closing(scene: PlanningScene, arm: ArmModel, fingers: Fingers, width: float) -> _Hand:
+        """Return a hand whose fingers close from an opening on a thing of some width [m]."""
+        hands = [_hand_with(scene, arm, one) for one in arm.openings.closing(fingers, width)]
+        return _Hand(np.concatenate(hands), float((hands[0] @ np.array(arm.frame.approach)).max()))
+
+
 def grips_of(scene: PlanningScene, arm: ArmModel, joint: Articulation, *, tight: bool = False) -> Grips:
     """Work out how a hand may take the handle of a leaf where that is now, the straightest ways first.
 
@@ -122,8 +138,7 @@ def grips_of(scene: PlanningScene, arm: ArmModel, joint: Articulation, *, tight:
     fingers = _opened(
         arm, max((one for one in widths if one <= arm.max_opening), default=0.0), TIGHT if tight else ROOM
     )
-    hand = _hand_with(scene, arm, fingers)
-    ahead = float((hand @ np.array(arm.frame.approach)).max())
+    hands = {one: _Hand.closing(scene, arm, fingers, one) for one in sorted(set(widths)) if one <= arm.max_opening}
     starts, points, turns = [], [], []
     for (bar, approach, closing), width in zip(ways, widths, strict=True):
         if width > arm.max_opening:
@@ -133,11 +148,12 @@ def grips_of(scene: PlanningScene, arm: ArmModel, joint: Articulation, *, tight:
             for sign in (1.0, -1.0):
                 rotation = arm.frame.rotation(approach, sign * closing)
                 point = middle + along * bar
-                short = _short_of(scene, joint, rotation @ hand.T, point, outwards, approach)
-                if short <= ahead + min(0.0, _depth(pose, size, approach) - HELD):
+                short = _short_of(scene, joint, rotation @ hands[width].points.T, point, outwards, approach)
+                if short <= hands[width].ahead + min(0.0, _depth(pose, size, approach) - HELD):
                     starts.append(rigid(rotation, point - short * approach))
                     points.append(point)
                     turns.append(turning)
+    ahead = max((one.ahead for one in hands.values()), default=0.0)
     back = min(APPROACH, ahead + 0.5 * float(size[order[1]]) + PAST) if tight else APPROACH
     return Grips(
         np.array(starts).reshape(-1, 4, 4),

@@ -103,7 +103,8 @@ class LeafPaths:
         for arm, tight in ((arm, tight) for tight in (False, True) for arm in arms):
             if tight and found:
                 break
-            for path in self._of_arm(arm, values, enough, tight=tight):
+            paths = self._of_arm(arm, values, enough, tight=tight)
+            for path in _whole_first(paths, count) if joint.kind is JointKind.PRISMATIC else paths:
                 found = found or path is not None
                 if path is None or len(path.values) >= enough:
                     yield path
@@ -241,6 +242,22 @@ class LeafPaths:
             local = np.abs(moved(pose.inverse().matrix(), points)) - np.asarray(leaf.size) / 2
             free[:, number] = np.linalg.norm(np.maximum(local, 0.0), axis=1) > radius
         return np.asarray(np.logical_and.accumulate(free, axis=1).sum(axis=1))
+
+
+def _whole_first(paths: Iterator[LeafPath | None], count: int) -> Iterator[LeafPath | None]:
+    """Yield ways through all of so many values as they come, others after their block, the farthest first.
+
+    A drawer that is open by less covers what lies at its back.
+    """
+    others: list[LeafPath] = []
+    for path in paths:
+        if path is None:
+            yield from sorted(others, key=lambda one: -len(one.values))
+            others.clear()
+        if path is None or len(path.values) == count:
+            yield path
+        else:
+            others.append(path)
 
 
 def _within_reach(arm: ArmModel, bases: Array, tips: Array) -> tuple[NDArray[np.intp], Array]:

@@ -34,6 +34,8 @@ FINE = 40
 """Values of the joint that are compared with where the hand is."""
 EXACT = 0.003
 """Largest error of heights [m]."""
+ACROSS = 0.3
+"""Sine of the largest angle between a bar and the fingers beside each other, where it would go between them."""
 LEANS = {JointKind.PRISMATIC: -0.7, JointKind.HINGED: -0.2}
 """Cosine of the largest angle between the hand and the way to the leaf; one that turns takes the hand along."""
 
@@ -112,7 +114,7 @@ class LeafStrokes(StrokeWork):
         return np.vstack([along[0] - BEFORE * ahead, along])
 
     def _asked(self, arm: ArmModel, way: Array) -> tuple[MotionConstraint, ...]:
-        """Return that the tip is on the leaf, and how far the hand leans from its way."""
+        """Return that the tip is on the leaf, how far the hand leans from its way, and how its fingers meet a bar."""
         x, y, z = map(float, arm.frame.approach)
         hand = Device("Hand", self.platform.robot.arm(arm.name).iri)
         tip = a_feature("LINE", of=hand, position=(0.0, 0.0, 0.0), direction=(x, y, z))
@@ -125,7 +127,19 @@ class LeafStrokes(StrokeWork):
         return (
             a_constraint("HEIGHT", tip, leaf, lower=-EXACT, upper=EXACT, name="tip on the leaf"),
             a_constraint("PERPENDICULARITY", tip, leaf, lower=-1.2, upper=leans, name="hand along its way"),
+            *self._beside(arm, hand),
         )
+
+    def _beside(self, arm: ArmModel, hand: Device) -> tuple[MotionConstraint, ...]:
+        """Return that the fingers are beside each other along a bar that goes between them: they would jam on it."""
+        handle, bodies = self._joint.handle, self.platform.scene.bodies
+        if handle is None or not arm.openings.lets_in(min(bodies.size(handle))):
+            return ()
+        x, y, z = np.cross(arm.frame.approach, arm.frame.closing).tolist()
+        side = a_feature("LINE", of=hand, position=(0.0, 0.0, 0.0), direction=(x, y, z))
+        x, y, z = np.eye(3)[int(np.argmax(bodies.size(handle)))].tolist()
+        bar = a_feature("LINE", of=bodies.designator(handle), position=(0.0, 0.0, 0.0), direction=(x, y, z))
+        return (a_constraint("PERPENDICULARITY", side, bar, lower=-ACROSS, upper=ACROSS, name="fingers along the bar"),)
 
     def _believe(self, tip: Array, way: Array) -> None:
         """Believe that the leaf went with the hand, whose tip (3,) is at it or behind it, as far as that is into it."""

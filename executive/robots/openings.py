@@ -65,6 +65,19 @@ class Openings:
         good[:, -1] = True
         return np.asarray(good.argmax(axis=1), np.intp)
 
+    def closing(self, fingers: Fingers, width: float) -> tuple[Fingers, ...]:
+        """Return the openings through which fingers go as they close on a thing of some width [m], narrowest first."""
+        if not self.fingers:
+            return (fingers,)
+        last = self.fingers.index(fingers)
+        first = int(self.around(np.array([[width, 0.0]]), 0.0)[0])
+        return self.fingers[min(first, last) : last + 1]
+
+    def lets_in(self, width: float) -> bool:
+        """Return whether something so wide [m] goes between the tips of the fingers though they are closed."""
+        tips = self.gaps[0][np.isfinite(self.gaps[0])][-1:] if self.fingers else ()
+        return any(width < gap for gap in tips)
+
     def beyond(self, joints: Mapping[str, float]) -> Fingers:
         """Return the narrowest opening in which fingers have let go of what they hold with their joints at values."""
         if not self.fingers:

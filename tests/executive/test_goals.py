@@ -23,20 +23,7 @@ from tests.support.scenarios import CORPUS, Scenario, judged, scenarios
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "recipes.md"
 SHOWN = [shlex.split(command) for command in shown_outputs()]
 OTHERS = [one for one in scenarios().values() if not any(map(one.is_run_by, SHOWN))]
-FAILING = {
-    "ChocolateCakeBaking": "no way is found for the hand at the oven's knob beside what stands there",
-    "push_the_door_shut": "the door stands where the push ends short of its frame",
-}
-"""Scenarios that do not reach their goal now, and why; that one reaches it again is a failure, too."""
-
-
-def marks_of(one: Scenario) -> list[pytest.MarkDecorator]:
-    """Return the marks of the test of a scenario."""
-    known = [pytest.mark.xfail(reason=FAILING[one.name], strict=True)] if one.name in FAILING else []
-    return known if one.is_quick else [*known, pytest.mark.long]
-
-
-MARKED = [pytest.param(one, id=one.name, marks=marks_of(one)) for one in OTHERS]
+MARKED = [pytest.param(one, id=one.name, marks=() if one.is_quick else pytest.mark.long) for one in OTHERS]
 
 
 @pytest.mark.parametrize("scenario", MARKED)

@@ -15,6 +15,7 @@ import pytest
 
 from executive.belief import MapObject
 from executive.locations.hand_solutions import base_matrices
+from executive.modules.leaf_grips import grips_of
 from executive.modules.leaf_paths import LeafPath, LeafPaths
 from executive.motion import MotionError, cartesian_path
 from executive.robots.arms import ArmModel
@@ -26,6 +27,7 @@ from planlang.geometry.matrices import inverse, product
 from planlang.protocols import Trajectory
 from tests.benchmarks.doors import opened
 from tests.support.examples import some
+from tests.support.extras import skip_without_pr2
 from tests.support.leaves import Room, drawn, room, thing
 
 OPEN, CLOSE = "OpeningAContainerArtifact", "ClosingAContainerArtifact"
@@ -259,3 +261,28 @@ def test_a_hand_that_opened_a_door_gets_away_from_its_handle(stack: ExitStack) -
     stage = room(stack, parts, start=(-0.6, -0.8, 0.0))
     stage.do(OPEN, "cabinet")
     assert not stage.platform.arms.untucked()
+
+
+def test_fingers_that_come_forward_as_they_close_on_a_flat_knob_stay_clear_of_what_is_behind_it(
+    stack: ExitStack,
+) -> None:
+    skip_without_pr2("pr2")
+    back = (0.0, 0.0, 1.0, 0.0)
+    oven = thing("oven", "Oven", Pose((0.9, 0.0, 0.7), back), (0.6, 0.6, 1.4), "leaf")
+    knob = thing("leaf", "ControlKnob", Pose((0.5875, 0.0, 1.1), back), (0.025, 0.04, 0.04))
+    stage = room(stack, (oven, knob), "pr2")
+    scene, joint = stage.platform.scene, stage.platform.belief.joints["leaf"]
+    arm = scene.arms.all[0]
+    grips = grips_of(scene, arm, joint)
+    for fingers in arm.openings.closing(grips.fingers, 0.04):
+        assert set(scene.collisions.arm_check(arm, "leaf", fingers).hand_hit(grips.starts)) == {None}
+
+
+def test_a_drawer_is_opened_all_its_way_from_a_place_of_the_base_that_allows_it(stack: ExitStack) -> None:
+    back = (0.0, 0.0, 1.0, 0.0)
+    case = thing("case", "Cabinet-PieceOfFurniture", Pose((0.9, 0.0, 0.75), back), (0.52, 0.5, 1.5), "leaf")
+    leaf = thing("leaf", "Drawer", Pose((0.88, 0.0, 1.2), back), (0.493, 0.46, 0.197), "grip")
+    grip = thing("grip", "Handle", Pose((0.6, 0.0, 1.2), back), (0.012, 0.15, 0.012))
+    stage = room(stack, (case, leaf, grip), "panda")
+    joint = stage.platform.belief.joints["leaf"]
+    assert first_way(stage, joint.upper, joint.first_open).values[-1] == pytest.approx(joint.upper)

@@ -58,3 +58,18 @@ def test_a_drawer_that_jams_is_believed_to_be_as_far_open_as_it_is(
     with pytest.raises(ContainerStuck, match=r"leaf is at 0\.1"):
         stage.do("PushingMotion", "leaf")
     assert stage.platform.belief.joint("leaf") == pytest.approx(stage.truth.joint("leaf"), abs=0.02)
+
+
+@pytest.mark.long
+def test_a_thin_bar_does_not_go_between_the_fingers_that_push_it(stack: ExitStack) -> None:
+    faces = Pose((0.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0))
+    parts = (
+        thing("case", "Cabinet-PieceOfFurniture", Pose((1.7, 0.0, 0.65)) @ faces, (0.4, 0.9, 1.3), "leaf"),
+        thing("leaf", "Door", Pose((1.491, 0.1, 0.995)) @ faces, (0.018, 0.45, 0.55), "handle"),
+        thing("handle", "Handle", Pose((1.446, -0.08, 0.995)) @ faces, (0.012, 0.012, 0.16)),
+    )
+    stage = room(stack, parts, start=(1.05, 0.8, -0.785))
+    stage.truth.set_joint("leaf", 1.3)
+    stage.platform.belief.moved("leaf", 1.3)
+    stage.do("PushingMotion", "leaf")
+    assert stage.truth.joint("leaf") < 0.03
