@@ -366,6 +366,13 @@ class BelievedBodies:
             default=None,
         )
 
+    def drawer_of(self, name: str) -> Articulation | None:
+        """Return the joint of the drawer in which a body is, open or not; None without one."""
+        point = np.array([self.pose(name).position])
+        sliding = (joint for joint in self._belief.joints.values() if joint.kind is JointKind.PRISMATIC)
+        around = (joint for joint in sliding if inside(self.pose(joint.leaf), self.size(joint.leaf), point)[0])
+        return next((joint for joint in around if name not in joint.bodies), None)
+
     def closed_before(self, name: str) -> str | None:
         """Return the closed door behind which a body is, or the closed drawer in which it is; None without one."""
         point = np.array(self.pose(name).position)

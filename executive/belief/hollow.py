@@ -1,6 +1,6 @@
-"""Furniture that has an inside: behind its doors and at its compartments; drawers are open above.
+"""Furniture that has an inside: behind its doors, at its compartments and where its drawers are, which are open above.
 
-Furniture with neither stays a solid box, unless the map states that it is open: nobody reaches into it.
+Furniture with none of these stays a solid box, unless the map states that it is open: nobody reaches into it.
 """
 
 from __future__ import annotations
@@ -42,7 +42,12 @@ def hollowed(
     what lies inside and the names of its openings, none if there is no way to reach into it.
     """
     by_name = {body.name: body for body in bodies}
+    joints = tuple(joints)
     slides = {joint.leaf for joint in joints if joint.kind is JointKind.PRISMATIC}
+    runs: dict[str, list[Cavity]] = {}
+    for joint in joints:
+        if joint.leaf in slides and joint.holder is not None:
+            runs.setdefault(joint.holder, []).append(_run_of(by_name[joint.leaf], by_name[joint.holder], joint))
     doors: dict[str, list[Body]] = {}
     for joint in joints:
         if joint.kind is JointKind.HINGED and joint.holder is not None and not joint.is_knob:
@@ -59,9 +64,11 @@ def hollowed(
         held = [thing for thing in things if any(_is_in(room, body, thing) for room in rooms.values())]
         if things:
             contents.append(_Filled(body, things, [*rooms] if held else []))
+        if body.name in runs:
+            by_name[body.name] = replace(body, cavities=tuple(runs[body.name]))
         if rooms and (held or not things):
             cavities = tuple(_with_room(room, body, held) for room in rooms.values())
-            by_name[body.name] = replace(body, cavities=cavities)
+            by_name[body.name] = replace(body, cavities=(*cavities, *runs.get(body.name, ())))
             for part in parts:
                 if part.name in rooms:
                     by_name[part.name] = replace(by_name[part.name], shape=BodyShape.MARKER, cavities=())
@@ -157,6 +164,19 @@ def _open_above(body: Body) -> Cavity:
     axis = int(np.argmax(np.abs(up)))
     low, high = -half + SHEET, half - SHEET
     if up[axis] > 0:
+        high[axis] = half[axis] + BEYOND
+    else:
+        low[axis] = -half[axis] - BEYOND
+    return _cavity(low, high)
+
+
+def _run_of(drawer: Body, furniture: Body, joint: Articulation) -> Cavity:
+    """Return the room in furniture that a drawer leaves when it is pulled out."""
+    half, local = np.asarray(furniture.size) / 2, _in_frame(drawer, furniture)
+    way = furniture.pose.rotation.T @ np.asarray(joint.axis)
+    axis = int(np.argmax(np.abs(way)))
+    low, high = local.min(axis=0), local.max(axis=0)
+    if way[axis] > 0:
         high[axis] = half[axis] + BEYOND
     else:
         low[axis] = -half[axis] - BEYOND

@@ -213,12 +213,14 @@ def grasp_series(ways: Array) -> Array:
     return np.stack([-APPROACH * ways, still, still + LIFT * UP, _raised_and_back(ways, LIFT)], axis=1)
 
 
-def lifted_out(candidates: GraspCandidates, below_rim: float) -> GraspCandidates:
-    """Return grasps that lift so much farther [m] before they go back: over the rim of what the thing stands in."""
-    offsets = candidates.offsets.copy()
-    offsets[:, 2, 2] += below_rim
-    offsets[:, 3, 2] = np.maximum(offsets[:, 3, 2], offsets[:, 2, 2])
-    return replace(candidates, offsets=offsets)
+def taken_out(candidates: GraspCandidates, way: Array) -> GraspCandidates:
+    """Return grasps after which a thing goes a way (k, 3) [m] out of what it stands in before it is lifted further."""
+    ways = np.broadcast_to(way, (len(candidates), *way.shape))
+    first, grasp, lift, back = candidates.offsets.swapaxes(0, 1)
+    lift, back = lift + way[-1], back + way[-1] * [1.0, 1.0, 0.0]
+    back[:, 2] = np.maximum(back[:, 2], lift[:, 2])
+    steps = np.stack([first, grasp], axis=1), ways[:, :-1], np.stack([lift, back], axis=1)
+    return replace(candidates, offsets=np.concatenate(steps, axis=1))
 
 
 def _off(block: Block, candidates: GraspCandidates, directions: Array, palm: Array) -> tuple[Array, NDArray[np.bool_]]:
@@ -268,22 +270,24 @@ def beside(candidates: GraspCandidates, block: Block, handle: Block, corners: Ar
     return GraspCandidates.joined(found)
 
 
-def retreating(name: str, grasp: Array, frame: HandFrame, below_rim: float) -> GraspCandidates:
+def retreating(name: str, grasp: Array, frame: HandFrame, way: Array) -> GraspCandidates:
     """Return candidates that go back with what is held: along the approach, raised so that it clears its support.
 
-    ``grasp`` (4, 4) is the tip pose at which the object was grasped, ``below_rim`` [m] how far it is below the rim of
-    what it stands in.
+    ``grasp`` (4, 4) is the tip pose at which the object was grasped, ``way`` (k, 3) [m] that on which it goes out of
+    what it stands in before.
     """
     kind, heading, roll = classified(grasp[:3, :3], frame)
     approach = rotated(grasp[:3, :3], np.asarray(frame.approach))
-    rises = np.array([[0.0, 0.0, rise + below_rim] for rise in LIFTS])
+    rises = np.array([[0.0, 0.0, rise] for rise in LIFTS]) + (way[-1] if len(way) else 0.0)
     count = len(rises)
+    back = _raised_and_back(np.tile(approach, (count, 1)), rises[:, 2]) + rises * [1.0, 1.0, 0.0]
+    steps = np.concatenate([np.tile(way[:-1], (count, 1, 1)), rises[:, None], back[:, None]], axis=1)
     return GraspCandidates(
         f"lift {name}",
         grasp[:3, 3] + rises,
         np.tile(grasp[:3, :3], (count, 1, 1)),
-        np.stack([np.zeros((count, 3)), _raised_and_back(np.tile(approach, (count, 1)), rises[:, 2]) - rises], axis=1),
-        0,
+        steps - rises[:, None],
+        len(way[:-1]),
         np.full(count, kind, np.intp),
         np.full(count, heading),
         np.full(count, roll, np.intp),

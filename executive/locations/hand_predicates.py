@@ -38,13 +38,14 @@ from executive.locations.grasp_candidates import (
     beside,
     classified,
     grasping,
-    lifted_out,
     retreating,
+    taken_out,
 )
 from executive.locations.grasps_from_above import DEEPEST, FROM_ABOVE, by_its_rim, from_above, grips, is_flat, is_low
 from executive.locations.placement import HAIR, Placement
 from executive.locations.reachability import GraspClass
 from executive.locations.rejections import Rejections
+from executive.locations.taking_out import NO_WAY_OUT, ONWARDS, way_out
 from executive.motion import clearance_at
 from executive.robots.arms import ArmModel, Held
 from planlang.designators import Location
@@ -233,9 +234,11 @@ def _made(
         case ReachKind.GRASP:
             return _grasps(reach, arm, scene, rejections, stage)
         case ReachKind.RETREAT:
-            return [
-                retreating(reach.body, scene.arms.grasped_at(reach.body), arm.frame, scene.bodies.below_rim(reach.body))
-            ]
+            way = way_out(reach.body, scene)
+            if way is None:
+                rejections.add(NO_WAY_OUT)
+                return []
+            return [retreating(reach.body, scene.arms.grasped_at(reach.body), arm.frame, way)]
         case ReachKind.ABOVE:
             block, lowest = scene.bodies.block(reach.body), partial(arm.lowest, held=held)
             candidates = held_above(
@@ -315,8 +318,11 @@ def _grasps(
         rejections.add("too low for a grasp but from above")
     elif not any(map(len, tables)) and not rejections.counts["under something else"]:
         _count_no_grip(reach, (block, *handles), arm, rejections)
-    below = scene.bodies.below_rim(reach.body)
-    return [lifted_out(table, below) for table in tables] if below else tables
+    way = way_out(reach.body, scene) if any(map(len, tables)) else ONWARDS
+    if way is None:
+        rejections.add(NO_WAY_OUT, sum(map(len, tables)))
+        return []
+    return [taken_out(table, way) for table in tables] if len(way) else tables
 
 
 def _count_no_grip(reach: Reach, grips: Sequence[Block], arm: ArmModel, rejections: Rejections) -> None:

@@ -6,11 +6,13 @@ one place does not do is gone on with from another.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from executive.locations.taking_out import way_out
 from executive.modules.hand_work import HandWork
 from executive.motion import time_curve, time_path
 from executive.robots.arms import ArmModel
@@ -32,7 +34,7 @@ from planlang.geometry import Pose
 from planlang.geometry.matrices import moved
 from planlang.modules import process_module
 from planlang.protocols import Configuration, MotionState, Trajectory
-from sim.joints import Articulation
+from sim.joints import Articulation, JointKind
 
 if TYPE_CHECKING:
     from executive.modules.leaf_paths import LeafPath
@@ -45,6 +47,8 @@ STRAY = 0.01
 """Largest distance of the hand from the way of the handle [m]."""
 SHORTER = (0, 1, 2, 4)
 """Steps at its end that are left out of a way that cannot be gone to there."""
+AT_ITS_END = 0.9
+"""Share of its range from which on a drawer is open as far as it is worth to drive for."""
 NO_FURTHER = 0.02
 """Share of its range by which a leaf has to move that is not stuck."""
 
@@ -63,6 +67,8 @@ class LeafWork(HandWork):
         """Open or close a leaf; return its name, or raise ContainerStuck or HandleNotReachable."""
         for _ in range(PLACES):
             if self._is_done(joint, opens):
+                if opens and self._covers_something(joint):
+                    await self._farther(joint)
                 return joint.leaf
             await self._from_one_place(joint, opens)
         if self._is_done(joint, opens):
@@ -76,8 +82,26 @@ class LeafWork(HandWork):
         value = self._value(joint)
         return joint.is_open(value) if opens else joint.is_shut(value)
 
-    async def _from_one_place(self, joint: Articulation, opens: bool) -> None:
-        """Move the leaf as far as one place of the base allows; raises a failure if no way can be gone."""
+    def _covers_something(self, joint: Articulation) -> bool:
+        """Return whether an open drawer goes farther, and something in it cannot be lifted straight out as it is."""
+        scene = self.platform.scene
+        if joint.kind is not JointKind.PRISMATIC or self._value(joint) > AT_ITS_END * joint.upper:
+            return False
+        things = [name for name in scene.bodies.names() if scene.bodies.is_graspable(name)]
+        inside = (name for name in things if scene.bodies.drawer_of(name) == joint)
+        ways = (way_out(name, scene) for name in inside)
+        return any(way is None or len(way) > 1 for way in ways)
+
+    async def _farther(self, joint: Articulation) -> None:
+        """Open a drawer on from another place of the base, if there is one: what lies at its back is covered."""
+        with suppress(ManipulationFailure, NavigationFailure, EnvironmentManipulationFailure):
+            await self._from_one_place(joint, opens=True, wanted=joint.upper)
+
+    async def _from_one_place(self, joint: Articulation, opens: bool, wanted: float | None = None) -> None:
+        """Move the leaf as far as one place of the base allows; raises a failure if no way can be gone.
+
+        ``wanted``: the value up to which it is to go, if not until it counts as open or closed.
+        """
         from executive.modules.leaf_paths import LeafPaths  # most runs open nothing
 
         arms = self.free_hands()
@@ -87,10 +111,10 @@ class LeafWork(HandWork):
             raise HandleNotReachable(f"{HandleNotReachable.text}: {lacks}", what=joint.leaf)
         await self.tuck(self.platform.arms.untucked())
         problem: ManipulationFailure | NavigationFailure | None = None
-        goal, wanted = (joint.upper, joint.first_open) if opens else (0.0, joint.last_shut)
+        goal, least = (joint.upper, joint.first_open) if opens else (0.0, joint.last_shut)
         tried = 0
         paths = LeafPaths(self.platform, joint)
-        for path in paths.towards(goal, arms, wanted):
+        for path in paths.towards(goal, arms, least if wanted is None else wanted):
             if path is None:
                 await checkpoint()
                 continue

@@ -15,9 +15,10 @@ import pytest
 
 from executive.belief import MapObject
 from executive.locations.hand_solutions import base_matrices
+from executive.locations.taking_out import way_out
 from executive.modules.leaf_grips import grips_of
 from executive.modules.leaf_paths import LeafPath, LeafPaths
-from executive.motion import MotionError, cartesian_path
+from executive.motion import MotionError, cartesian_path, clearance_at
 from executive.robots.arms import ArmModel
 from planlang import SimulationHost, explain, perform, run
 from planlang.designators import Condition, a_location, action
@@ -286,3 +287,43 @@ def test_a_drawer_is_opened_all_its_way_from_a_place_of_the_base_that_allows_it(
     stage = room(stack, (case, leaf, grip), "panda")
     joint = stage.platform.belief.joints["leaf"]
     assert first_way(stage, joint.upper, joint.first_open).values[-1] == pytest.approx(joint.upper)
+
+
+def with_a_spoon_at_the_back(stack: ExitStack, value: float) -> Room:
+    """A drawer open by a value, in which a spoon lies that is under the furniture even if it is open all its way."""
+    back = (0.0, 0.0, 1.0, 0.0)
+    case = thing("case", "Cabinet-PieceOfFurniture", Pose((0.9, 0.0, 0.6), back), (0.52, 0.5, 1.2), "leaf")
+    leaf = thing("leaf", "Drawer", Pose((0.88, 0.0, 0.9), back), (0.493, 0.46, 0.197), "grip")
+    grip = thing("grip", "Handle", Pose((0.6, 0.0, 0.9), back), (0.012, 0.15, 0.012))
+    spoon = thing("spoon", "SoupSpoon", Pose((1.0, 0.0, 0.824), back), (0.19, 0.038, 0.025))
+    stage = room(stack, (case, leaf, grip, spoon), "panda")
+    stage.truth.set_joint("leaf", value)
+    stage.platform.belief.moved("leaf", value)
+    stage.platform.sync()
+    return stage
+
+
+def test_an_open_drawer_is_opened_to_its_end_when_it_covers_what_lies_in_it(stack: ExitStack) -> None:
+    stage = with_a_spoon_at_the_back(stack, 0.29)
+    joint = stage.platform.belief.joints["leaf"]
+    assert joint.is_open(stage.truth.joint("leaf"))
+    stage.do(OPEN, "leaf")
+    assert stage.truth.joint("leaf") == pytest.approx(joint.upper, abs=0.01)
+
+
+def test_what_is_under_the_furniture_in_an_open_drawer_is_drawn_forward_before_it_is_lifted(stack: ExitStack) -> None:
+    stage = with_a_spoon_at_the_back(stack, 0.39)
+    platform = stage.platform
+    front, rear = 0.64, platform.scene.bodies.pose("spoon").position[0] + 0.095
+    drawn, lifted = way_out("spoon", platform.scene)
+    assert rear + drawn[0] < front < rear
+    assert lifted[:2] == pytest.approx(drawn[:2])
+    assert lifted[2] >= platform.scene.bodies.below_rim("spoon")
+
+
+def test_furniture_is_hollow_where_its_drawers_slide(stack: ExitStack) -> None:
+    stage = with_a_spoon_at_the_back(stack, 0.39)
+    boxes, _ = stage.platform.scene.collisions.boxes_but(())
+    behind = np.array([[1.0, 0.0]])
+    assert clearance_at(behind, boxes, ((0.85, 0.95, 0.0),))[0] > 0.0
+    assert clearance_at(behind, boxes, ((1.05, 1.15, 0.0),))[0] < 0.0

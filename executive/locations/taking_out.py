@@ -1,0 +1,65 @@
+"""Ways on which things are taken out of what is open above alone: drawers, boxes and vessels.
+
+A hand lifts them over the rim. What lies at the back of a drawer is still under the furniture when the drawer is open:
+the hand draws it forward in the drawer first.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from executive.belief.believed_bodies import Block
+from executive.belief.planning_scene import PlanningScene
+from executive.locations.grasp_candidates import LIFT
+from executive.motion import clearance_at
+from planlang.geometry import Array
+from planlang.geometry.matrices import rotated
+
+ONWARDS: Array = np.zeros((0, 3))
+"""The way out of a thing that stands in the open."""
+NO_WAY_OUT = "no room to take it out of what it is in"
+RAISED = 0.02
+"""Height at which a thing is drawn over the bottom of a drawer [m]."""
+STEP, FARTHEST = 0.02, 0.3
+"""Distances by which a thing is drawn: their difference, and the largest [m]."""
+SPARE = 0.02
+"""Room between a thing that was drawn from under furniture and that furniture, where there is so much [m]."""
+TOUCHING = 0.003
+"""Depth up to which a thing that stands against a wall counts as beside it [m]."""
+SPACING = 0.02
+"""Largest distance of the points of a thing above which it is looked for room [m]."""
+
+
+def way_out(name: str, scene: PlanningScene) -> Array | None:
+    """Return how a thing moves, with a hand, out of what it stands in (k, 3): offsets from where it is now [m].
+
+    That is up over the rim, or forward in an open drawer and then up. No rows for what stands in the open, None where
+    something is above or before it.
+    """
+    below = scene.bodies.below_rim(name)
+    if not below:
+        return ONWARDS
+    block, joint = scene.bodies.block(name), scene.bodies.drawer_of(name)
+    boxes, _ = scene.collisions.boxes_but((name,))
+    rising = ((block.low + RAISED, block.high + below + LIFT, 0.0),)
+    drawn = ((block.low + RAISED, block.high + RAISED, 0.0),)
+    points = _footprint(block)
+    if clearance_at(points, boxes, rising).min() > -TOUCHING:
+        return np.array([[0.0, 0.0, below]])
+    if joint is None:
+        return None
+    moves = np.arange(STEP, FARTHEST, STEP)[:, None] * np.array(joint.axis) + [0.0, 0.0, RAISED]
+    places = (points[None] + moves[:, None, :2]).reshape(-1, 2)
+    passes, rises = (clearance_at(places, boxes, band).reshape(len(moves), -1).min(axis=1) for band in (drawn, rising))
+    free = np.logical_and.accumulate(passes > -TOUCHING)
+    good = next((where for spare in (SPARE, 0.0) if (where := np.flatnonzero(free & (rises >= spare))).size), None)
+    return None if good is None else np.array([moves[good[0]], moves[good[0]] + [0.0, 0.0, below]])
+
+
+def _footprint(block: Block) -> Array:
+    """Return points (n, 2) of the map over the box around a thing, its corners among them."""
+    x, y = (np.linspace(-half, half, 2 + int(2 * half / SPACING)) for half in (block.half_x, block.half_y))
+    corners = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    c, s = np.cos(block.yaw), np.sin(block.yaw)
+    points: Array = rotated(np.array([[c, -s], [s, c]]), corners) + np.array([block.x, block.y])
+    return points
