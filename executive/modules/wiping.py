@@ -11,6 +11,7 @@ import numpy as np
 from executive.modules.motion_grounding import GroundedMotion
 from executive.modules.stances import BEST, distances
 from executive.modules.strokes import Plane, StrokeWork
+from executive.motion.clearance import clearance_at
 from planlang.designators import Action
 from planlang.failures import (
     DesignatorFailure,
@@ -42,6 +43,14 @@ HAND = 0.05
 """Room beside the tool that the hand needs [m]."""
 ABOVE = 0.3
 """Height over the surface up to which things are in the way of the hand [m]."""
+BESIDE = 0.02
+"""Height over the surface from which what stands beside it is in the way of the tool [m]."""
+LEVEL = 0.99
+"""Least cosine between the vertical and the normal of a surface of which it is known what stands beside it."""
+FINE = 0.01
+"""Distance of places of which it is looked whether there is room beside the surface [m]."""
+HAIR = 1e-6
+"""What rounding takes from this room [m]."""
 IN_A_ROW = 6
 """Lanes, or halves of lanes, that fail one after another before it is given up: the others are farther away."""
 HERE = 2
@@ -146,19 +155,44 @@ class Wiping(StrokeWork):
         size = np.array(self.platform.scene.world.size(self.platform.scene.bodies.bind(plane.thing)))
         width, length = sorted(self.platform.scene.world.size(self.tool(motion)))[1:]
         axes = sorted(plane.axes(), key=lambda axis: float(np.abs(axis) @ size))
-        across, along = (
-            _spread(float(np.abs(axis) @ size) - width, step)
-            for axis, step in zip(axes, (OVERLAP * width, STEP), strict=True)
-        )
+        across, along = self._spread(plane, motion, axes, size, width)
         middle = np.array(plane.height.world.position)
         for number, shift in enumerate(across):
             lane = middle + shift * axes[0] + along[:, None] * axes[1]
             lane = lane[:: -1 if number % 2 else 1]
-            free = self._free(plane, motion, lane, length / 2 + HAND)
+            free = self._free(plane, motion, lane, length / 2 + HAND) & self._beside(plane, motion, lane, width / 2)
             for run in np.split(lane, np.flatnonzero(np.diff(free.astype(int))) + 1):
                 begun = int(np.flatnonzero((lane == run[0]).all(axis=1))[0])
                 if free[begun]:
                     yield from (_lifted(part) for part in np.array_split(run, -(-len(run) // MOST)))
+
+    def _spread(
+        self, plane: Plane, motion: GroundedMotion, axes: Sequence[Array], size: Array, width: float
+    ) -> tuple[Array, Array]:
+        """Return where lanes are along the first of two axes (n,), and places of a lane along the second (m,).
+
+        They begin where the tool is flush with the edge, or beside a wall that stands there as near as the hand gets.
+        """
+        ends = [max(float(np.abs(axis) @ size) - width, 0.0) / 2 for axis in axes]
+        first, second = (_spread(-end, end, FINE) for end in ends)
+        places = np.array(plane.height.world.position) + (
+            first[:, None, None] * axes[0] + second[None, :, None] * axes[1]
+        )
+        free = self._beside(plane, motion, places.reshape(-1, 3), width / 2).reshape(len(first), len(second))
+        across, along = first[free.any(axis=1)], second[free.any(axis=0)]
+        if not len(across):
+            return np.zeros(0), np.zeros(0)
+        return _spread(across[0], across[-1], OVERLAP * width), _spread(along[0], along[-1], STEP)
+
+    def _beside(self, plane: Plane, motion: GroundedMotion, places: Array, half: float) -> Array:
+        """Return at which places (n, 3) walls and furniture leave the hand room beside the narrow side of the tool."""
+        pose, bodies = motion.things[plane.thing], self.platform.scene.world.scene.bodies
+        if pose[:3, :3] @ np.array(plane.height.world.direction) @ (0.0, 0.0, 1.0) < LEVEL:
+            return np.ones(len(places), bool)
+        there = moved(pose, places)
+        top = float(there[:, 2].max(initial=-math.inf))
+        fixed, _ = self.platform.scene.collisions.boxes_but([body.name for body in bodies if body.movable])
+        return clearance_at(there[:, :2], fixed, [(top + BESIDE, top + ABOVE, half + HAND)]) >= -HAIR
 
     def _free(self, plane: Plane, motion: GroundedMotion, places: Array, room: float) -> Array:
         """Return at which places (n, 3) nothing stands on the surface within so much room [m] (n,)."""
@@ -193,10 +227,10 @@ def _halves(lane: Array) -> tuple[Array, ...]:
     return tuple(map(_lifted, np.array_split(places, 2))) if len(places) > SHORT else ()
 
 
-def _spread(extent: float, step: float) -> Array:
-    """Return places (n,) from one end of an extent about 0 to the other, at most a step from each other."""
-    count = max(1, int(np.ceil(max(extent, 0.0) / step)))
-    return np.linspace(-extent / 2, extent / 2, count + 1) if extent > 0 else np.zeros(1)
+def _spread(low: float, high: float, step: float) -> Array:
+    """Return places (n,) from one end to the other, at most a step from each other."""
+    count = max(1, int(np.ceil((high - low) / step)))
+    return np.linspace(low, high, count + 1) if high > low else np.array([low])
 
 
 def _lifted(places: Array) -> Array:
