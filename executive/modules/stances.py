@@ -13,7 +13,7 @@ from executive.modules.platform import Platform
 from executive.robots.arms import ArmModel
 from planlang.geometry import Array, Pose
 
-SHARES = (0.45, 0.5, 0.55, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85)
+SHARES = (0.3, 0.35, 0.4, 0.45, 0.5, 0.55, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85)
 """Distances of the point ahead of the shoulders, as shares of an arm's reach."""
 BEST = 0.6
 """The best of these."""
@@ -31,7 +31,7 @@ HAIR = 1e-6
 """What rounding takes from these shares."""
 MOST = 40
 """Free places that are offered."""
-ALIKE = 4
+ALIKE = 3
 """Free places at one distance of the point ahead that are offered before the next ones at any other."""
 
 
