@@ -6,13 +6,14 @@ import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from executive.belief.scene_collisions import BasePose
 from executive.modules.platform import Platform
 from executive.robots.arms import ArmModel
 from planlang.geometry import Array, Pose
 
-SHARES = (0.45, 0.5, 0.55, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85)
+SHARES = (0.3, 0.35, 0.4, 0.45, 0.5, 0.55, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85)
 """Distances of the point ahead of the shoulders, as shares of an arm's reach."""
 BEST = 0.6
 """The best of these."""
@@ -30,6 +31,8 @@ HAIR = 1e-6
 """What rounding takes from these shares."""
 MOST = 40
 """Free places that are offered."""
+ALIKE = 3
+"""Free places at one distance of the point ahead that are offered before the next ones at any other."""
 
 
 def is_at_ease(platform: Platform, point: Array, arms: Sequence[ArmModel]) -> bool:
@@ -85,7 +88,8 @@ def stances(
     doubtful = (away.min(axis=1) < (SHARES[0] - HAIR) * reach) | (away.max(axis=1) > (SHARES[-1] + HAIR) * reach)
     free = scene.collisions.floor().holds(bases) & scene.collisions.drivable()(bases)
     offered, moving = 0, _parts(platform, arms) if arms_first else frozenset()
-    for row in np.lexsort((price.round(9), doubtful)):  # noise of the last bits decides nothing
+    price = price.round(9)  # noise of the last bits decides nothing
+    for row in np.lexsort((price, _turn(ahead, price, free), doubtful)):
         base = tuple(map(float, bases[row]))
         if offered == MOST or not free[row]:
             continue
@@ -93,6 +97,18 @@ def stances(
         if all(one.part in moving for one in contacts):
             offered += 1
             yield base[0], base[1], base[2]
+
+
+def _turn(ahead: Array, price: Array, free: NDArray[np.bool_]) -> Array:
+    """Return how many times ``ALIKE`` cheaper free places there are at the same distance (n,).
+
+    How far an arm reaches depends on how the hand has to be: there are more places at the best distance than are tried.
+    """
+    turn = np.zeros(len(ahead), int)
+    for share in SHARES:
+        rows = np.flatnonzero(free & (ahead == share))
+        turn[rows[np.argsort(price[rows], kind="stable")]] = np.arange(len(rows)) // ALIKE
+    return turn
 
 
 def distances(platform: Platform, rows: Sequence[Array], arms: Sequence[ArmModel]) -> list[float]:

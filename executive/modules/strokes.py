@@ -54,7 +54,7 @@ STRAY = 0.006
 """Largest distance of the tool from a place [m]."""
 PLACES = 12
 """Places of the base, within reach, from which a stroke is tried."""
-FEW = 4
+FEW = 10
 """Beginnings from which it is looked whether a stroke is within reach of a place, whatever is in the way."""
 
 

@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 
+from executive.modules.lanes import HAND, Surface, lifted
 from executive.modules.motion_grounding import GroundedMotion
 from executive.modules.stances import BEST, distances
 from executive.modules.strokes import Plane, StrokeWork
@@ -22,26 +23,13 @@ from planlang.failures import (
     PlanFailure,
 )
 from planlang.geometry import Array
-from planlang.geometry.matrices import inverse, moved
-from planlang.geometry.shapes import corners
+from planlang.geometry.matrices import moved
 from planlang.modules import process_module
 from planlang.motion_constraints import ConstraintsUnsatisfied
 from planlang.protocols import Trajectory
 
-OVERLAP = 0.8
-"""Distance of lanes, as a share of the width of the tool."""
-STEP = 0.06
-"""Distance of places along a lane [m]."""
 SHORT = 3
 """Places of a lane that is not divided."""
-MOST = 9
-"""Places of a lane that are wiped without a stop."""
-LIFTED = 0.04
-"""Height from which the tool is lowered to a lane, and to which it is lifted behind it [m]."""
-HAND = 0.05
-"""Room beside the tool that the hand needs [m]."""
-ABOVE = 0.3
-"""Height over the surface up to which things are in the way of the hand [m]."""
 IN_A_ROW = 6
 """Lanes, or halves of lanes, that fail one after another before it is given up: the others are farther away."""
 HERE = 2
@@ -72,6 +60,8 @@ class Wiping(StrokeWork):
         stroke = partial(self.stroke, grounding, phase, asked, plane, closed=False)
         pending = self._nearest_first(plane, motion, self._lanes(plane, motion))
         due = sum(map(_places, pending))
+        if not due:
+            raise self._no_room(plane, motion)
         while pending and in_a_row < IN_A_ROW:
             lane = pending.pop(0)
             try:
@@ -118,6 +108,12 @@ class Wiping(StrokeWork):
         there = [moved(motion.things[plane.thing], lane[:, :3])[:, :2] for lane in lanes]
         return distances(self.platform, there, motion.arms) if lanes else []
 
+    def _no_room(self, plane: Plane, motion: GroundedMotion) -> ConstraintsUnsatisfied:
+        """Return the failure that says that no place of a surface is free."""
+        name, arm = self.platform.scene.bodies.bind(plane.thing), motion.arms[0].name
+        said = f"{name} has no free place for {self.tool(motion)} with {HAND:.2f} m beside it for the hand"
+        return ConstraintsUnsatisfied(said, arm=arm, what=name)
+
     def _too_little(
         self,
         plane: Plane,
@@ -142,44 +138,13 @@ class Wiping(StrokeWork):
         return ConstraintsUnsatisfied(said, arm=arm.name, what=name, blocked_by=in_the_way)
 
     def _lanes(self, plane: Plane, motion: GroundedMotion) -> Iterator[Array]:
-        """Yield lanes (n, 4) of free places, with one over each end, in the frame of the thing, back and forth."""
-        size = np.array(self.platform.scene.world.size(self.platform.scene.bodies.bind(plane.thing)))
+        """Return lanes (n, 4) of free places, in the frame of the thing."""
+        name, feature = self.platform.scene.bodies.bind(plane.thing), plane.height.world
+        middle, normal = np.array(feature.position), np.array(feature.direction)
         width, length = sorted(self.platform.scene.world.size(self.tool(motion)))[1:]
-        axes = sorted(plane.axes(), key=lambda axis: float(np.abs(axis) @ size))
-        across, along = (
-            _spread(float(np.abs(axis) @ size) - width, step)
-            for axis, step in zip(axes, (OVERLAP * width, STEP), strict=True)
-        )
-        middle = np.array(plane.height.world.position)
-        for number, shift in enumerate(across):
-            lane = middle + shift * axes[0] + along[:, None] * axes[1]
-            lane = lane[:: -1 if number % 2 else 1]
-            free = self._free(plane, motion, lane, length / 2 + HAND)
-            for run in np.split(lane, np.flatnonzero(np.diff(free.astype(int))) + 1):
-                begun = int(np.flatnonzero((lane == run[0]).all(axis=1))[0])
-                if free[begun]:
-                    yield from (_lifted(part) for part in np.array_split(run, -(-len(run) // MOST)))
-
-    def _free(self, plane: Plane, motion: GroundedMotion, places: Array, room: float) -> Array:
-        """Return at which places (n, 3) nothing stands on the surface within so much room [m] (n,)."""
-        world, pose = self.platform.scene.world, motion.things[plane.thing]
-        normal = np.array(plane.height.world.direction)
-        axes = np.stack(plane.axes())
-        free = np.ones(len(places), bool)
-        for name in world.names():
-            body = world.scene.body(name)
-            if not body.movable and world.support(name) != self.platform.scene.bodies.bind(plane.thing):
-                continue
-            if name in self.platform.belief.held:
-                continue
-            box = moved(inverse(pose), corners(world.pose(name), body.size)) - np.array(plane.height.world.position)
-            over = box @ normal
-            if over.max() <= 0.0 or over.min() >= ABOVE:
-                continue
-            low, high = (box @ axes.T).min(axis=0), (box @ axes.T).max(axis=0)
-            at = (places - np.array(plane.height.world.position)) @ axes.T
-            free &= np.linalg.norm(np.maximum(np.maximum(low - at, at - high), 0.0), axis=1) > room
-        return free
+        self.platform.sync()
+        surface = Surface(self.platform, name, motion.things[plane.thing], middle, normal, plane.axes())
+        return surface.lanes(width, length)
 
 
 def _places(lane: Array) -> int:
@@ -190,17 +155,4 @@ def _places(lane: Array) -> int:
 def _halves(lane: Array) -> tuple[Array, ...]:
     """Divide a lane in two; one of three places or fewer is not divided."""
     places = lane[1:-1, :3]
-    return tuple(map(_lifted, np.array_split(places, 2))) if len(places) > SHORT else ()
-
-
-def _spread(extent: float, step: float) -> Array:
-    """Return places (n,) from one end of an extent about 0 to the other, at most a step from each other."""
-    count = max(1, int(np.ceil(max(extent, 0.0) / step)))
-    return np.linspace(-extent / 2, extent / 2, count + 1) if extent > 0 else np.zeros(1)
-
-
-def _lifted(places: Array) -> Array:
-    """Return places (n + 2, 4) with one over the first and one over the last of places (n, 3)."""
-    over = np.zeros(len(places) + 2)
-    over[[0, -1]] = LIFTED
-    return np.column_stack([np.vstack([places[:1], places, places[-1:]]), over])
+    return tuple(map(lifted, np.array_split(places, 2))) if len(places) > SHORT else ()

@@ -1,0 +1,46 @@
+"""Lanes over a surface: where a tool is moved that lies flat on it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from executive.modules.lanes import HAND, Surface
+from planlang.geometry import Array, Pose
+from sim import Body
+from tests.executive.conftest import MakeStage
+
+WIDTH, LENGTH = 0.07, 0.1
+"""Of a sponge [m]."""
+TABLE = Body("table", Pose((1.6, 0.0, 0.35)), (0.5, 0.8, 0.7), type="Table-PieceOfFurniture")
+WALL = Body("wall", Pose((1.91, 0.0, 1.0)), (0.1, 3.0, 2.0), type="Wall-Construction")
+"""One centimetre behind the table."""
+COUNTER = Body("counter", Pose((1.91, 0.0, 0.355)), (0.1, 3.0, 0.71), type="Table-PieceOfFurniture")
+"""The same, hardly higher than the table."""
+
+
+def _places(make_stage: MakeStage, *bodies: Body) -> Array:
+    """Return places (n, 3) of lanes over the table, in its frame."""
+    stage = make_stage(TABLE, *bodies)
+    x, y, z = np.eye(3)
+    surface = Surface(stage.platform, "table", stage.platform.scene.world.pose("table").matrix(), 0.35 * z, z, (x, y))
+    return np.concatenate([np.zeros((0, 3)), *(lane[:, :3] for lane in surface.lanes(WIDTH, LENGTH))])
+
+
+def test_lanes_leave_the_hand_room_at_a_wall_and_begin_there(make_stage: MakeStage) -> None:
+    farthest = _places(make_stage, WALL)[:, 0].max()
+    wall = 0.26
+    assert wall - (WIDTH / 2 + HAND) - 0.011 <= farthest <= wall - (WIDTH / 2 + HAND) + 1e-6
+
+
+@pytest.mark.parametrize("bodies", [(), (COUNTER,)], ids=["nothing beside it", "a counter as high beside it"])
+def test_lanes_go_to_the_edge_where_nothing_is_in_the_way_of_the_hand(
+    make_stage: MakeStage, bodies: tuple[Body, ...]
+) -> None:
+    places = _places(make_stage, *bodies)
+    assert np.abs(places[:, :2]).max(axis=0) == pytest.approx([0.25 - WIDTH / 2, 0.4 - WIDTH / 2])
+
+
+def test_no_lane_is_where_walls_leave_no_room_for_the_hand(make_stage: MakeStage) -> None:
+    shelf = Body("shelf", Pose((1.6, 0.0, 0.85)), (0.6, 1.0, 0.2), type="Table-PieceOfFurniture")
+    assert not len(_places(make_stage, shelf))
