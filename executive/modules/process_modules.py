@@ -58,6 +58,8 @@ REPLANS = 3
 
 BACKING = (0.15, 0.3)
 """Least distances by which the base backs off, one after the other, when an arm has no way [m]."""
+DRAWN_BACK = (0.12, 0.06)
+"""Distances by which a hand is taken straight back from what it has handed over [m]."""
 DRAWN_OUT = (0.3, 0.2, 0.1)
 """Distances by which a hand is taken straight out of what is around it [m]."""
 FEW = 300
@@ -413,7 +415,21 @@ class Handover(PlatformModule):
         platform.hands.let_go(held.name, to=person)
         for one in (arm, *mates):
             await platform.hands.move(one, closed=False)
+        if not mates:
+            await self._draw_back(arm, held.name)
         return person
+
+    async def _draw_back(self, arm: ArmModel, name: str) -> None:
+        """Take the hand straight back from what the person has now, as far as there is room: an arm turns off there."""
+        platform, tip = self.platform, self.platform.scene.arms.tip(arm)
+        back = -rotated(tip[:3, :3], np.asarray(arm.frame.approach))
+        for far in DRAWN_BACK:
+            pose = tip.copy()
+            pose[:3, 3] += far * back
+            with suppress(MotionError):
+                path = platform.arms.straight_path(arm, pose, platform.arm_joints(arm), name)
+                await platform.sensing.bump(await platform.follow(arm.name, path))
+                return
 
     def _arm(self, action: Action) -> list[ArmModel]:
         platform = self.platform

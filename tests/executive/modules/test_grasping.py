@@ -351,6 +351,15 @@ def test_a_patient_takes_what_is_offered_and_the_gripper_opens(arm: str, ward: S
     assert {name: joints[name] for name in gripper.joints} == pytest.approx(dict(gripper.opened))
 
 
+def test_a_hand_that_has_handed_something_over_draws_straight_back_from_it(ward: Stage) -> None:
+    offer(ward, "right")
+    arm = ward.platform.scene.arms.all[0]
+    before = ward.platform.scene.arms.tip(arm)
+    hand_over(ward)
+    moved = np.linalg.inv(before) @ ward.platform.scene.arms.tip(arm)
+    assert moved[:3, 3] == pytest.approx(-0.12 * np.array(arm.frame.approach), abs=0.005)
+
+
 def test_the_bottle_is_never_without_a_hand(ward: Stage) -> None:
     offer(ward, "right")
     holders, step = [], ward.truth.step
