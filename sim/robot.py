@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from planlang.diagnostics import BadInput, Span, error
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import moved, product, rigid, rotated, rotations
-from planlang.geometry.shapes import ConvexSolid, SolidKind, convex_solid, corners
+from planlang.geometry.shapes import ConvexSolid, SolidKind, convex_solid
 from planlang.protocols import Configuration
 from planlang.records import dataclass
 from sim.description import Follower, loadable, read_description
@@ -417,16 +417,14 @@ class Robot:
         return float(np.linalg.norm(across, axis=1).max())
 
     def hand_corners(self, link: str, without: Collection[str] = ()) -> Array:
-        """Return the corners (n, 3) [m] of boxes around the pieces of the hand at a link, in its frame, as it is.
+        """Return the corners (n, 3) [m] of the pieces of the hand at a link, in its frame, as it is.
 
         ``without`` names links that are left out.
         """
         back = self.link_pose(link).inverse()
         found = [np.zeros((0, 3))]
         for number in sorted(one for one in self.hand_of(link) if self.solid_names[one] not in without):
-            at = back @ self.link_pose(self.solid_names[number])
-            for _, size, offset in self.shapes(number):
-                found.append(corners(at @ offset, size))
+            found.append(moved((back @ self.link_pose(self.solid_names[number])).matrix(), self._spanning(number)))
         return np.concatenate(found)
 
     def near_pairs(self, pairs: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:

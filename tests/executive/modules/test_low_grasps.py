@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import ExitStack
 from dataclasses import replace
 
 import numpy as np
@@ -21,6 +22,7 @@ from sim.scene import Cavity, Handle
 from sim.world import held_by
 from tests.executive.conftest import BED, BOTTLE, CABINET, PLACE, THE_BOTTLE, MakeStage, stand
 from tests.support.examples import some
+from tests.support.leaves import drawn, room
 
 TOP = 0.8
 """Height of the cabinet [m]."""
@@ -148,3 +150,10 @@ def test_a_cloth_is_taken_where_nothing_lies_on_it(make_stage: MakeStage, covere
     with pytest.raises(LocationUnresolvable) as caught:
         next(bases)
     assert "under something else" in caught.value.counts
+
+
+def test_a_palm_ends_where_its_mesh_does_however_that_lies_in_the_box_around_it() -> None:
+    with ExitStack() as stack:
+        (arm,) = room(stack, drawn(0), "panda").platform.scene.arms.all
+        thick = np.array(arm.palm) @ np.cross(arm.frame.approach, arm.frame.closing)
+        assert np.ptp(thick) < 0.07, "the hand is 63 mm thick"
