@@ -45,7 +45,7 @@ longer = partial(pytest.param, marks=pytest.mark.long)
 @pytest.mark.parametrize(
     ("when", "ends_well", "within"),
     [
-        longer(20.2, True, 1.0, id="over the table"),
+        longer(19.3, True, 1.0, id="over the table"),
         pytest.param(27.0, False, SOON, id="on the way"),
         longer(17.5, True, 3.0, id="as it is lifted"),  # it stands between the fingers until these have gone
         longer(23.0, False, SOON, id="as the arm is tucked"),
