@@ -137,6 +137,12 @@ def test_where_carries_the_revision_of_the_belief(executive: Any) -> None:
     assert caught.value.where.revision == 7
 
 
+def test_the_first_line_of_an_explanation_says_what_was_measured_of_the_location_that_was_not_found() -> None:
+    failure = ObjectUnreachable(what="cup1")
+    failure.__cause__ = LocationUnresolvable(designator="in_reach_of(cup1)", figures="cup1 is at 2.23 m")
+    assert explain(failure).splitlines()[0].endswith("cup1; cup1 is at 2.23 m")
+
+
 def test_causes_that_are_no_plan_failures_and_failures_during_cleanup_are_explained() -> None:
     async def fails_in_cleanup() -> None:
         raise ObjectLost(what="plate")

@@ -30,6 +30,7 @@ from planlang import (
     par,
     perform,
     pursue,
+    put_down_and_regrasp,
     sleep,
     tag,
     task,
@@ -44,11 +45,13 @@ from planlang.failures import (
     BranchEvaporated,
     GoalNotAchieved,
     GraspMissed,
+    HandsFull,
     ObjectLost,
     ObjectNotFound,
     ObjectNowhereToBeFound,
     ObjectUnreachable,
     PerceptionFailure,
+    PlanFailure,
 )
 from planlang.misuse import PlanStructureError
 from planlang.recoveries import find_strategy, recovery_strategy, registered_strategies
@@ -155,6 +158,19 @@ def test_not_finding_it_there_either_is_left_to_the_body(executive: Any, module:
     assert [line for line in executive.log if line.startswith("looks")] == ["looks at 0"] * 2 + ["looks at 1"] * 5
 
 
+def test_the_base_stays_where_the_thing_is_seen_at_the_second_look(executive: Any, module: Any) -> None:
+    eyes(executive, module, 0.0)
+    missed = [ObjectNotFound(what="bottle1")]
+
+    async def body() -> None:
+        if missed:
+            raise missed.pop()
+
+    recovery = Recovery(ObjectNotFound, look_from_another_place(BOTTLE))
+    go(partial(with_failure_handling, body, recovery), executive)
+    assert executive.log == ["looks at 0"]
+
+
 def strategies_of(what: Any) -> dict[str, Any]:
     """Strategies that a Recovery may be given, by the failure that it ends in unless it says else."""
     return {
@@ -247,6 +263,87 @@ def test_looking_and_repeating_looks_from_here(executive: Any, module: Any) -> N
     plan = partial(with_failure_handling, grasp, Recovery(GraspMissed, look_and_repeat(BOTTLE)))
     assert go(plan, executive) == "grasped"
     assert executive.log == ["looks at 0"]
+
+
+def test_looking_and_repeating_looks_where_it_may_be_if_it_is_not_seen_from_here(executive: Any, module: Any) -> None:
+    eyes(executive, module)
+
+    async def grasp() -> None:
+        raise GraspMissed
+
+    plan = partial(with_failure_handling, grasp, Recovery(GraspMissed, look_and_repeat(BOTTLE)))
+    with pytest.raises(ObjectNotFound):
+        go(plan, executive)
+    assert executive.log == ["looks at 0"] * 2
+
+
+CUP = an_object("Cup", "http://example.org/map#cup1")
+FULL = HandsFull(what="cup1", held={"left": BOTTLE, "right": CUP})
+
+
+def setting_aside(executive: Any, module: Any, *stuck: str) -> None:
+    """An arm that puts down what it holds, but for some things."""
+
+    async def put(wanted: Action) -> None:
+        executive.log.append(f"puts {wanted.get('object_acted_on')} down")
+        if str(wanted.get("object_acted_on")) in stuck:
+            raise GraspMissed
+
+    executive.extra.append(module("arm", ("SettingAsideAnObject",), put, needs=("arm",)))
+
+
+def regrasping(executive: Any, failure: PlanFailure, again: Any = None) -> Any:
+    """Run a body that fails once with a failure, with the recovery around it."""
+    failures = [failure]
+
+    async def body() -> str:
+        executive.log.append("body")
+        if failures:
+            raise failures.pop()
+        return "delivered"
+
+    recovery = Recovery(PlanFailure, put_down_and_regrasp(BOTTLE, again))
+    return go(partial(with_failure_handling, body, recovery), executive)
+
+
+def test_what_cannot_be_delivered_is_put_down_and_grasped_again(executive: Any, module: Any) -> None:
+    setting_aside(executive, module)
+    executive.facts["holding(bottle1)"] = True
+
+    async def again() -> None:
+        executive.log.append("grasps")
+
+    assert regrasping(executive, ObjectUnreachable(what="place"), again) == "delivered"
+    assert executive.log == ["body", "puts bottle1 down", "grasps", "body"]
+    executive.log.clear()
+    assert regrasping(executive, ObjectUnreachable(what="place")) == "delivered", "the body grasps itself"
+    assert executive.log == ["body", "puts bottle1 down", "body"]
+
+
+def test_what_cannot_be_put_down_stays_held_and_the_failure_goes_outward(executive: Any, module: Any) -> None:
+    setting_aside(executive, module, "bottle1")
+    executive.facts["holding(bottle1)"] = True
+    with pytest.raises(ObjectUnreachable, match="place"):
+        regrasping(executive, ObjectUnreachable(what="place"))
+
+
+def test_a_thing_that_is_not_held_is_not_put_down(executive: Any, module: Any) -> None:
+    setting_aside(executive, module)
+    with pytest.raises(ObjectUnreachable):
+        regrasping(executive, ObjectUnreachable(what="place"))
+    assert executive.log == ["body"]
+
+
+def test_the_first_of_what_full_hands_hold_that_can_be_is_put_down(executive: Any, module: Any) -> None:
+    setting_aside(executive, module, "bottle1")
+    assert regrasping(executive, FULL) == "delivered"
+    assert executive.log == ["body", "puts bottle1 down", "puts cup1 down", "body"]
+
+
+def test_full_hands_that_can_put_nothing_down_are_the_failure(executive: Any, module: Any) -> None:
+    setting_aside(executive, module, "bottle1", "cup1")
+    with pytest.raises(HandsFull):
+        regrasping(executive, FULL)
 
 
 def test_ignore_goes_on_with_none() -> None:

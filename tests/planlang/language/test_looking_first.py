@@ -11,7 +11,7 @@ from virtual_time import go
 
 from planlang import *
 from planlang.designators import Object
-from planlang.failures import ObjectUnresolvable
+from planlang.failures import NavigationPoseUnreachable, ObjectUnresolvable
 from planlang.language.performing import actions_around
 from planlang.language.plans import innermost_plan
 from planlang.protocols import Solution
@@ -40,6 +40,25 @@ def test_before_a_place_is_gone_to_what_is_not_seen_from_there_is_looked_at(
 
     go(partial(at_location, NEAR_CUP, body), executive)
     assert executive.log == (["looked", "looked", "at 1"] if moved else ["looked", "at 1"])
+
+
+def test_a_look_that_the_base_cannot_drive_to_ends_the_search_with_what_was_the_last_failure(
+    executive: Any, module: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def look(wanted: Any) -> None:
+        raise NavigationPoseUnreachable("no way to where it is seen")
+
+    def solutions(location: Location) -> Iterator[Solution]:
+        yield Solution((1.0, 0.0, 0.0), executive.belief, {}, (LOOK,))
+
+    executive.extra.append(module("perception", ("LookingForSomething",), look))
+    monkeypatch.setattr(executive, "solutions", solutions)
+
+    async def body() -> None: ...
+
+    with pytest.raises(PlanFailure) as caught:
+        go(partial(at_location, NEAR_CUP, body), executive)
+    assert isinstance(caught.value.__cause__, NavigationPoseUnreachable)
 
 
 def test_a_module_sees_the_actions_and_the_plan_around_it(executive: Any, module: Any) -> None:
