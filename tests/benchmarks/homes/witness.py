@@ -68,7 +68,7 @@ RIGHT_REASONS: Mapping[str, str] = {
     "too heavy": r"TooHeavy|weighs",
     "too high": r"too high|out of reach|reaches (only )?up to|\bup to \d",
     "too low": r"too low|out of reach|reaches (only )?down to|\bdown to \d",
-    "no floor": r"no room for the base|no path|NavigationPoseUnreachable|cannot (stand|get)|out of reach",
+    "no floor": r"no room for the base|no path|NavigationPose|cannot (stand|get)|out of reach|no nearer than",
     "no room": r"no room (for|on|in)|does not fit|is full|too (high|large|big) for",
 }
 """Kind of impossibility -> what the failure's classes or message say if the product has found the right reason."""
