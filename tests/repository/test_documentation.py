@@ -141,6 +141,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
         metafunc.parametrize("command", marked, ids=str)
 
 
+@pytest.mark.xdist_group("documentation")  # in one process: they share the folder
 def test_an_output_in_the_documentation_is_what_its_command_prints(
     command: str, folder: Path, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
 ) -> None:
