@@ -328,8 +328,8 @@ class BelievedBodies:
         That is a drawer, a box or a vessel; 0 for what stands in the open or can be drawn out sideways.
         """
         block = self.block(name)
-        rims = [self._rim(other, block.centre) for other in self.names() if other != name]
-        return max(0.0, *(rim - block.low for rim in rims)) if rims else 0.0
+        rims = (self._rim(other, block.centre) for other in self.names() if other != name)
+        return max(0.0, max(rims, default=-math.inf) - block.low)
 
     def _rim(self, name: str, point: Array) -> float:
         """Return the height of the rim around a point inside a body [m]; that of nothing is infinitely low."""

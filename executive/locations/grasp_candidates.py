@@ -202,7 +202,7 @@ def grasping(
     found = replace(found, step=2 * math.pi / headings if block.round else 0.0)
     if not count or not palm:
         return found
-    moves, grips = _off(block, found, ways, np.array(palm))
+    moves, grips = _clear_of(block, found, ways, np.array(palm))
     spans = found.spans - np.column_stack([np.zeros(count), np.hypot(*moves[:, :2].T)])
     return replace(found, points=found.points + moves, spans=spans).chosen(np.flatnonzero(grips))
 
@@ -223,8 +223,10 @@ def taken_out(candidates: GraspCandidates, way: Array) -> GraspCandidates:
     return replace(candidates, offsets=np.concatenate(steps, axis=1))
 
 
-def _off(block: Block, candidates: GraspCandidates, directions: Array, palm: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Return how hands move, (n, 3) [m], that palms (m, 3) be off a block, and whether they grip it then, (n,).
+def _clear_of(
+    block: Block, candidates: GraspCandidates, directions: Array, palm: Array
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Return by how much hands move to keep their palms (m, 3) off a block, (n, 3) [m], and which still grip it, (n,).
 
     The palm is behind the block, above it, or beyond a plane across the approach directions (n, 3). Where it would be
     over the top, a level hand goes back instead, but not from what is round: there the fingers would slip off.
