@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
@@ -310,6 +311,26 @@ class Belief(KnownThings):
             raise ValueError(f"the state of the belief is damaged: {problem!r}") from None
 
     # Imagining
+
+    @contextmanager
+    def supposing(self, poses: Mapping[str, Pose | None]) -> Iterator[None]:
+        """Believe for the time of a ``with`` that things are at other poses, or (None) not there; no listener is told.
+
+        Meanwhile the revision is another one than any before, as answers about the one belief are none about the other.
+        """
+        kept = self._poses, self.unknown, dict(self._bound), self.revision
+        self._poses, self.unknown = dict(self._poses), dict(self.unknown)
+        for name, pose in poses.items():
+            if pose is None:
+                self.unknown[name] = self._poses.pop(name)
+            else:
+                self._poses[name] = pose
+        self._suppositions += 1
+        self.revision = -self._suppositions
+        try:
+            yield
+        finally:
+            self._poses, self.unknown, self._bound, self.revision = kept
 
     def sync(self, world: PlanningWorld, configuration: Configuration) -> None:
         """Make a planning world equal to the belief: the robot, what it holds, everything else."""

@@ -45,6 +45,7 @@ class KnownThings:
         self.trusts_map = trusts_map
         self.recognition = Recognition(semantic_map.ontology)
         self.revision = 0
+        self._suppositions = 0
         self.held: dict[str, Grip] = {}
         self.refused: dict[str, list[Pose]] = {}
         """Thing -> poses of it in the frame of a hand's tip, with which it could not be used."""

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,7 +18,7 @@ from executive.motion.bodies import Solids
 from executive.robots import Robot
 from executive.robots.arms import ArmModel, Held
 from planlang.designators import Device
-from planlang.geometry import Array
+from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import rotated
 from planlang.geometry.shapes import SolidKind
 from planlang.kernel import still_computing
@@ -285,6 +286,16 @@ class PlanningScene:
     def revision(self) -> int:
         """Return the revision of the belief."""
         return self.belief.revision
+
+    @contextmanager
+    def supposing(self, poses: Mapping[str, Pose | None]) -> Iterator[None]:
+        """Show for the time of a ``with`` what would be if things were at other poses, or (None) not there."""
+        try:
+            with self.belief.supposing(poses):
+                self.belief.sync(self.world, self.world.configuration())
+                yield
+        finally:
+            self.belief.sync(self.world, self.world.configuration())
 
     def posture(self) -> object:
         """Return the robot's configuration as a value that can be compared."""

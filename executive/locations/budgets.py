@@ -42,3 +42,5 @@ BUDGETS = (
     SearchBudget(Stage.ALL, least=0.05, rows=400, each=128, most=12_000, block=128, exact=150),
     SearchBudget(Stage.CLOSEST, least=0.0, rows=2_000, each=ALL, most=40_000, block=128, exact=500, then=BETWEEN),
 )
+EASY = 3
+"""Number of the first of them that suffice to find out whether a change of the map would do."""

@@ -27,7 +27,7 @@ from executive.locations.hand_solutions import (
     solve,
 )
 from executive.locations.looking_once import LookedAt, Numbered, as_keys, numbered
-from executive.locations.rejections import NO_HOLD, NO_ROOM, NOT_LOOKED_AT, NOT_VISIBLE, Rejections
+from executive.locations.rejections import COLLISION, NO_HOLD, NO_ROOM, NOT_LOOKED_AT, NOT_VISIBLE, Reason, Rejections
 from executive.locations.validation import PLACES, BaseValidator, SelfOcclusion
 from executive.motion import QuickCheck
 from planlang.geometry import Array
@@ -90,13 +90,13 @@ class CandidateSearch:
         self._failed = _Failed()
         self._around = frozenset(sought.validator.scene.bodies.names())
         self._stopped = sought.log.findings.stopped
-        self._failures: dict[tuple[int, int], tuple[HandSolution, BasePose]] = {}
-        """The first solution with the hand in something, for each arm and candidate."""
+        self._failures: dict[tuple[int, int], tuple[HandSolution, BasePose, Reason]] = {}
+        """The first solution with the hand in something, and in what, for each arm and candidate."""
         self._hits: Counter[tuple[int, int]] = Counter()
         """Solutions with the hand in something, for each arm and candidate."""
         self._hand_keys: dict[tuple[int, int], tuple[object, ...]] = {}
-        self._clumsy: set[tuple[float, ...]] = set()
-        """Postures in which the robot touches itself."""
+        self._clumsy: dict[tuple[float, ...], Reason] = {}
+        """Postures in which the robot touches itself, with the part that it touches."""
 
     def solutions(self) -> Iterator[Solution]:
         """Yield base poses that are validated exactly, until as many failed as may.
@@ -164,12 +164,12 @@ class CandidateSearch:
             self._remember(np.array([row]))
         self._failed.add(number, self._bases[row], self._heading(row))
         if answer == NO_HOLD.text:  # from other bases the hand is as it is here
-            self._stopped[self._hand_key(number, candidate)] = True
+            self._stopped[self._hand_key(number, candidate)] = NO_HOLD
         elif answer in self._around:
-            self._failures.setdefault((number, candidate), (solution, self._place(row)))
+            self._failures.setdefault((number, candidate), (solution, self._place(row), Reason(COLLISION, answer)))
             self._hits[number, candidate] += 1
         elif isinstance(answer, str) and self._sought.budget is not BETWEEN:  # where postures are those of the maps
-            self._clumsy.add(self._posture(row))
+            self._clumsy[self._posture(row)] = Reason(COLLISION, answer)
 
     def _open(self) -> Iterator[tuple[int, HandSolution, bool]]:
         """Yield candidates of which nothing is known that rules them out; those like others that failed at last.
@@ -183,7 +183,7 @@ class CandidateSearch:
                 self._undecided[row] = False
                 continue
             taken = sought.is_taken is not None and sought.is_taken(self._place(row))
-            if taken or self._is_hopeless(row) or not self._have_way(np.array([row]))[0]:
+            if taken or self._are_hopeless(np.array([row]))[0] or not self._have_way(np.array([row]))[0]:
                 self._undecided[row] = False
                 continue
             base = self._bases[row]
@@ -295,27 +295,28 @@ class CandidateSearch:
             self._sought.log.findings.met.update(self._known(rows[~self._undecided[rows]]))
 
     def _are_hopeless(self, rows: NDArray[np.intp]) -> NDArray[np.bool_]:
-        """Return for which candidates (rows) no base pose will do, or none for a posture."""
-        if self._clumsy:
-            return np.array([self._is_hopeless(row) for row in rows.tolist()], bool)
+        """Return for which candidates (rows) no base pose will do, or none for a posture; these are counted."""
         keys = np.column_stack([self._found.arms[rows], self._found.candidates[rows]])
         each, number = np.unique(keys, axis=0, return_inverse=True)
-        stopped = [self._is_stopped((arm, candidate)) for arm, candidate in each.tolist()]
-        return np.array(stopped, bool)[number.ravel()]
+        stopped = [self._stops((arm, candidate)) for arm, candidate in each.tolist()]
+        reasons = [stopped[index] for index in number.ravel().tolist()]
+        if self._clumsy:
+            postures = (self._clumsy.get(self._posture(row)) for row in rows.tolist())
+            reasons = [clumsy or reason for clumsy, reason in zip(postures, reasons, strict=True)]
+        self._sought.log.count(reasons)
+        return np.array([reason is not None for reason in reasons], bool)
 
-    def _is_hopeless(self, row: int) -> bool:
-        """Return whether no base pose will do for a candidate, or none for a posture."""
-        return (bool(self._clumsy) and self._posture(row) in self._clumsy) or self._is_stopped(self._key(row))
-
-    def _is_stopped(self, key: tuple[int, int]) -> bool:
-        """Return whether the hand itself is in something: then no base pose of a candidate that failed will do.
+    def _stops(self, key: tuple[int, int]) -> Reason | None:
+        """Return why no base pose of a candidate that failed will do, as the hand itself is in something; else None.
 
         To look at this takes as long as to validate some base poses: it is for a candidate that failed twice.
         """
         if self._hits[key] > 1 and self._hand_key(*key) not in self._stopped:
             scene, check = self._sought.validator.scene, self._hands[key[0]].check
-            self._stopped[self._hand_key(*key)] = Trial(*self._failures[key], scene, check).hand_is_stopped()
-        return bool(self._stopped) and self._stopped.get(self._hand_key(*key), False)
+            solution, base, reason = self._failures[key]
+            is_stopped = Trial(solution, base, scene, check).hand_is_stopped()
+            self._stopped[self._hand_key(*key)] = reason if is_stopped else None
+        return self._stopped.get(self._hand_key(*key)) if self._stopped else None
 
     def _hand_key(self, number: int, candidate: int) -> tuple[object, ...]:
         """Return what tells one grasp candidate of an arm from others, in all searches for a location."""

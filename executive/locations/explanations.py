@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from bisect import bisect_left
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from executive.belief.believed_bodies import Block
 from executive.belief.floor import Floor
 from executive.belief.planning_scene import PlanningScene
 from executive.locations.base_candidates import InverseMaps
@@ -17,19 +20,37 @@ from executive.locations.reachability import CELL, GraspClass
 from executive.locations.rejections import COLLISION, NO_ROOM, NO_WAY, OUT_OF_REACH, Rejections
 from executive.motion import clearance_at
 from executive.robots.arms import ArmModel
+from planlang.geometry import Array, Pose
 from planlang.records import dataclass
 
 AROUND = 2.5
 """Distance from a thing within which the nearest place for the base is looked for [m]."""
 MOST_TRIED = 4
 """Bodies of which is worked out what would be without them."""
+STEP = 0.05
+"""A thing is supposed to stand nearer to an edge by multiples of this [m]."""
+FROM_EDGE = 0.02
+"""A thing is not supposed to stand nearer to an edge than this [m]."""
+BEFORE = np.arange(0.1, 1.0, CELL)
+"""Distances from an edge at which the base may stand to reach over it [m]."""
+GRAZING = 5e-3
+"""Height by which a thing may meet others when it is supposed to be elsewhere: it stands on one of them [m]."""
 APPROACHES = {GraspClass.SIDE: "from the side", GraspClass.TILTED: "at a slant", GraspClass.TOP: "from above"}
 BESIDE = 1.0
 """Bodies that are farther from a thing than this are no reason why a hand has no room there [m]."""
 
 
+WouldDo = Callable[[], bool]
+"""Tells whether there is a base pose as the scene is supposed to be."""
+
+
 def explain_bases(
-    wanted: Sequence[Reach], arms: Sequence[ArmModel], scene: PlanningScene, inverse: InverseMaps, log: Rejections
+    wanted: Sequence[Reach],
+    arms: Sequence[ArmModel],
+    scene: PlanningScene,
+    inverse: InverseMaps,
+    log: Rejections,
+    would_do: WouldDo | None,
 ) -> None:
     """Add to ``log.figures`` what was measured about the reason that is most frequent, and what would do."""
     if not wanted or not log.counts:
@@ -44,8 +65,14 @@ def explain_bases(
         NO_ROOM: explanation.no_room,
         NO_WAY: explanation.no_way,
     }
-    if reason in makers and (sentence := makers[reason]()):
-        log.figures[reason] = sentence
+    sentences = [makers[reason]() if reason in makers else ""]
+    changes = None if would_do is None else _Changes(wanted[0].body, scene, log, would_do)
+    if changes is not None and (helping := changes.helping()):
+        sentences.append(helping)
+    else:
+        sentences += [explanation.nearer(), "" if changes is None else changes.in_vain()]
+    if any(sentences):
+        log.figures[reason] = "; ".join(filter(None, sentences))
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,24 +182,26 @@ class _Explanation:
         return gap if gap < BESIDE else None
 
     def no_room(self) -> str:
-        """Return how near the base gets as it is, and without the bodies that are most in its way."""
+        """Return how near the base gets."""
         if self.reach.kind is ReachKind.OFFER:
             return ""
-        floor = self.scene.collisions.floor()
-        now = self._gap(floor)
-        said = f"the base gets no nearer than {now:.2f} m to {self.reach.body}"
+        now = self._gap(self.scene.collisions.floor())
         if not math.isfinite(now):
-            said = f"the base has no room to stand within {AROUND:g} m of {self.reach.body}"
-        without = self._without()
-        better = [(gap, body) for body, gap in without if gap < now - CELL]
-        if better:
-            return f"{said}; without {min(better)[1]} it would get to {min(better)[0]:.2f} m"
-        support = self.scene.bodies.support(self.reach.body)
-        return f"{said}, so {self.reach.body} has to stand nearer to the edge of {support}" if support else said
+            return f"the base has no room to stand within {AROUND:g} m of {self.reach.body}"
+        return f"the base gets no nearer than {now:.2f} m to {self.reach.body}"
+
+    def nearer(self) -> str:
+        """Return without which body the base would get nearer, and how near; "" if there is none."""
+        if self.reach.kind is ReachKind.OFFER or NO_ROOM not in self.log.counts:
+            return ""
+        now = self._gap(self.scene.collisions.floor())
+        better = [(gap, body) for body, gap in self._without() if gap < now - CELL]
+        return f"without {min(better)[1]} it would get to {min(better)[0]:.2f} m" if better else ""
 
     def _without(self) -> Iterator[tuple[str, float]]:
-        supports = {self.reach.body, self.scene.bodies.support(self.reach.body)}
-        for body in [one for one in self.log.ordered_blocking() if one not in supports][:MOST_TRIED]:
+        bodies = self.scene.bodies
+        fixed = {self.reach.body, bodies.support(self.reach.body), *filter(bodies.is_room, bodies.names())}
+        for body in [one for one in self.log.ordered_blocking() if one not in fixed][:MOST_TRIED]:
             yield body, self._gap(self.scene.collisions.floor_without(body))
 
     def no_way(self) -> str:
@@ -186,3 +215,79 @@ class _Explanation:
     def inverse_reach(self) -> float:
         """Return the farthest that any of the arms reaches from the middle of the base [m]."""
         return max(map(self._reach_of, self.arms))
+
+
+class _Changes:
+    """Changes of the map, one at a time, of which the search itself finds out whether they would do."""
+
+    def __init__(self, body: str, scene: PlanningScene, log: Rejections, would_do: WouldDo) -> None:
+        self.body, self.scene, self.log, self._would_do = body, scene, log, would_do
+        self._tried: list[str] = []
+        """Changes that would not do."""
+
+    def helping(self) -> str:
+        """Return what would do: the thing nearer to an edge of its support, or some body away; "" if neither."""
+        return self._nearer() or self._without()
+
+    def in_vain(self) -> str:
+        """Return which of these changes would not do."""
+        return f"it could not be reached {' or '.join(self._tried)} either" if self._tried else ""
+
+    def _nearer(self) -> str:
+        bodies = self.scene.bodies
+        support = bodies.support(self.body)
+        if support is None or not bodies.is_movable(self.body) or bodies.is_room(support):
+            return ""
+        for side, steps in self._ways_to_edges(support):
+            if not steps:
+                continue
+            if not self._does({self.body: self._moved(side, steps[-1])}):
+                self._tried = [f"at an edge of {support}"]
+                continue
+            # the last one does: the first one that does is looked for
+            first = bisect_left(steps, True, key=lambda step: self._does({self.body: self._moved(side, step)}))
+            step = steps[min(first, len(steps) - 1)]
+            x, y, _ = self._moved(side, step).position
+            return f"{step:.2f} m nearer to an edge of {support}, at x = {x:.2f}, y = {y:.2f}, it could be reached"
+        return ""
+
+    def _ways_to_edges(self, support: str) -> Iterator[tuple[Array, list[float]]]:
+        """Yield directions (2,) to edges that the base can stand before, the nearest first, and free steps [m]."""
+        bodies, floor = self.scene.bodies, self.scene.collisions.floor()
+        block, thing = bodies.block(support), bodies.block(self.body)
+        ways = []
+        for quarter in range(4):
+            heading = block.yaw + quarter * math.pi / 2
+            side, half = np.array([math.cos(heading), math.sin(heading)]), (block.half_x, block.half_y)[quarter % 2]
+            room = half - float(side @ [thing.x - block.x, thing.y - block.y])
+            before = np.array([thing.x, thing.y]) + np.outer(room + BEFORE, side)
+            if (floor.nearly(before, 0.0) & (floor.at(before) > -np.inf)).any():
+                ways.append((room, side, room - thing.support(heading) - FROM_EDGE))
+        for _, side, most in sorted(ways, key=lambda way: way[0]):
+            steps = [*np.arange(STEP, most, STEP).tolist(), math.floor(100 * most) / 100] if most > 0 else []
+            yield side, [step for step in steps if self._is_free(thing, side, step)]
+
+    def _is_free(self, thing: Block, side: Array, step: float) -> bool:
+        boxes = self.scene.collisions.boxes_but((self.body,))[0]
+        inner = ((thing.low + GRAZING, thing.high - GRAZING, min(thing.half_x, thing.half_y)),)
+        return bool(clearance_at(np.array([thing.x, thing.y]) + step * side, boxes, inner)[0] > 0)
+
+    def _moved(self, side: Array, step: float) -> Pose:
+        pose = self.scene.bodies.pose(self.body)
+        x, y, z = pose.position
+        return replace(pose, position=(x + step * float(side[0]), y + step * float(side[1]), z))
+
+    def _without(self) -> str:
+        bodies = self.scene.bodies
+        fixed = {self.body, bodies.support(self.body), *filter(bodies.is_room, bodies.names())}
+        fixed |= {name for joint in self.scene.belief.joints.values() for name in (*joint.bodies, joint.holder)}
+        blocking = [name for name in self.log.ordered_blocking() if name not in fixed and name in bodies.names()]
+        for name in blocking[:MOST_TRIED]:
+            if self._does({name: None}):
+                return f"without {name} it could be reached"
+            self._tried.append(f"without {name}")
+        return ""
+
+    def _does(self, poses: Mapping[str, Pose | None]) -> bool:
+        with self.scene.supposing(poses):
+            return self._would_do()

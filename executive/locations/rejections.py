@@ -66,8 +66,8 @@ class Findings:
     """The first base pose that lacked nothing but sight of what is handled: it will do after a look from elsewhere."""
     untried: bool = False
     """True if not all candidates were looked at: without sight there may be more."""
-    stopped: dict[tuple[object, ...], bool] = field(default_factory=dict)
-    """Grasp candidates, and whether the hand itself is in something, wherever the base stands."""
+    stopped: dict[tuple[object, ...], Reason | None] = field(default_factory=dict)
+    """Grasp candidates, and why the hand itself cannot do them, wherever the base stands; None if it can."""
     met: set[bytes] = field(default_factory=set)
     """Candidates that an arm cannot do."""
     rooms: dict[bytes, bool] = field(default_factory=dict)

@@ -7,18 +7,18 @@ choice of hand poses leads to nothing, more and more of them are looked at (``BU
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
+from contextlib import closing, suppress
 from dataclasses import replace
-from itertools import chain, count, islice
+from functools import partial
+from itertools import count, islice
 from typing import Generic, TypeVar
 
 from executive.belief.knowledge import Source
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
 from executive.locations.base_candidates import InverseMaps
-from executive.locations.budgets import BUDGETS
+from executive.locations.budgets import EASY
 from executive.locations.consistency import meaningless
 from executive.locations.demands import (
     BaseDemand,
@@ -35,8 +35,8 @@ from executive.locations.floor_search import FloorSearch
 from executive.locations.hand_predicates import Stage, hand_holds
 from executive.locations.hand_solutions import HandSolution, from_base
 from executive.locations.placement import Placement
-from executive.locations.rejections import COLLISION, NOT_VISIBLE, Rejections
-from executive.locations.search import ReachSearch
+from executive.locations.rejections import NOT_VISIBLE, Rejections
+from executive.locations.search import searched
 from executive.locations.validation import BaseValidator
 from executive.robots.arms import ArmModel
 from planlang.designators import Action, Device, Location, Object, action
@@ -46,8 +46,6 @@ from planlang.language.performing import actions_around
 from planlang.protocols import Solution
 from planlang.relations import RELATIONS
 
-APART = 0.05
-"""Solutions are farther apart than this [m]; to four decimals, as maps have base poses just so far apart."""
 MOST_VIEWERS = 256
 """Locations of which is remembered from where they were looked for."""
 
@@ -100,7 +98,16 @@ class Resolver:
         yield from self._found(demand, log, found)
         if not found:
             validator.check_doors(validator.wanted(demand), location, log)
+        would_do = None if found else partial(self._would_do, location)
+        explain_bases(validator.wanted(demand), validator.arms(demand), scene, self.maps, log, would_do)
         raise log.failure(location, after=len(found))
+
+    def _would_do(self, location: Location) -> bool:
+        """Return whether a location has a base pose, as the scene is supposed to be, without looking for it hard."""
+        validator = BaseValidator(self.scene, self.maps)  # what this one remembers is not so
+        demand = base_demand(location, self.scene, self._viewer(location))
+        with closing(searched(validator, demand, Rejections(), [], most=EASY)) as found:
+            return next(found, None) is not None
 
     def _with_uses(self, reach: Reach, *, look: bool = False) -> Reach:
         """Return a grasp with what the plan does with the thing later; sides are seen from here from now on if so."""
@@ -119,24 +126,21 @@ class Resolver:
         # what is seen from here comes first: where that shows nothing new the map is right about the rest, too
         here = {name: scene.base() for name in unsure if scene.visibility.hidden(scene.base(), name) is None}
         views = {name: self._view(name) for name in (() if here else unsure)}
-        for solution in self._searched(demand, wanted, log, found):
+        for solution in searched(self._validator, demand, log, found):
             left = self._unsure(wanted) if here or views else ()
             yield self._after({name: view for name, view in (here or views).items() if name in left}, solution)
         if len(found) == before and log.counts[NOT_VISIBLE]:
-            yield from self._after_a_look(demand, wanted, log, found)
-        explain_bases(wanted, self._validator.arms(demand), scene, self.maps, log)
+            yield from self._after_a_look(demand, log, found)
         log.findings.inversions.clear()  # else the traceback would keep them
 
-    def _after_a_look(
-        self, demand: BaseDemand, wanted: Sequence[Reach], log: Rejections, found: list[BasePose]
-    ) -> Iterator[Solution]:
+    def _after_a_look(self, demand: BaseDemand, log: Rejections, found: list[BasePose]) -> Iterator[Solution]:
         """Yield base poses from which what is handled is not seen, with a look at it, from elsewhere, before."""
         validator, scene = self._validator, self.scene
         blind = validator.blind(demand)
         unseen = [name for name in (blind.remembered if blind else ()) if not scene.belief.remembers(name)]
         views = [self._view(name) for name in unseen]
         if blind is not None and None not in views:
-            for solution in self._searched(blind, wanted, log.uncounted(), found):
+            for solution in searched(validator, blind, log.uncounted(), found):
                 yield self._after(dict(zip(unseen, views, strict=True)), solution)
 
     def _unsure(self, wanted: Sequence[Reach]) -> list[str]:
@@ -169,53 +173,6 @@ class Resolver:
                 looks.append(action("LookingForSomething", object_acted_on=self.scene.bodies.designator(name)))
         seen = {"looks": [list(view) for view in away]} if away else {}
         return replace(solution, before=tuple(looks), detail={**solution.detail, **seen}) if looks else solution
-
-    def _searched(
-        self, demand: BaseDemand, wanted: Sequence[Reach], log: Rejections, found: list[BasePose]
-    ) -> Iterator[Solution]:
-        """Yield base poses, each farther than :data:`APART` from those that were ``found``, and add them to these."""
-        scene, validator = self.scene, self._validator
-        arms = validator.arms(demand)
-
-        def is_taken(base: BasePose) -> bool:
-            """Return True if a base pose near that one was found."""
-            return any(round(math.dist(base[:2], other[:2]), 4) <= APART for other in found)
-
-        def searches() -> Iterator[Iterable[Solution]]:
-            x, y, yaw = scene.base()
-            here = validator.at((x, y, math.remainder(yaw, 2 * math.pi)), 1.0, demand, arms, log)
-            yield () if here is None else (here,)
-            if scene.robot.base.fixed:
-                return
-            if demand.remembered and log.findings.blind is not None:
-                yield (log.findings.blind,)
-            elif demand.remembered and not log.findings.untried:
-                return  # whatever else is right with a base pose was looked at before
-            if not wanted:
-                yield FloorSearch(validator, demand, log).places()
-                return
-            before, again, nothing, search = log.copy(), False, None, None
-            puts = any(reach.kind is ReachKind.PLACE for reach in wanted)
-            for budget in BUDGETS:
-                if nothing == (budget.stage, budget.least, budget.rows):
-                    continue  # the same base poses, of which more would be kept
-                if not puts and not log.counts[COLLISION]:  # nothing that a few degrees would help with
-                    budget = replace(budget, stage=min(budget.stage, Stage.ALL))
-                log.begin_again(before)
-                search = ReachSearch(validator, wanted, demand, arms, budget, log, is_taken if again else None)
-                yield search.places()
-                if log.hopeless:
-                    break
-                nothing = None if search.inverted else (budget.stage, budget.least, budget.rows)
-                again = bool(found)  # what was found is found again: it need not be validated once more
-            if search is not None and not log.explained:
-                validator.name_crowding(search.crowded, log)
-
-        for solution in chain.from_iterable(searches()):
-            if not is_taken(solution.base):
-                found.append(solution.base)
-                log.findings.inversions.clear()  # large, and mostly not needed any more
-                yield solution
 
     def _check_parts(self, location: Location, demand: BaseDemand) -> None:
         """Raise MissingCapability if the robot has no part that could do what is asked, wherever it stands."""

@@ -1,25 +1,31 @@
-"""Base poses from which a hand can do what is asked: hands that are free, the maps turned round, then validation."""
+"""Base poses from which a hand can do what is asked: hands that are free, the maps turned round, then validation.
+
+The present base pose comes first; then one search follows another with a larger budget.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import chain
 
 import numpy as np
 
 from executive.belief.scene_collisions import BasePose
 from executive.locations.areas import Facing
 from executive.locations.base_candidates import BaseCandidates, Conjunct, Inversion, Misses, moved_to_room
-from executive.locations.budgets import ALL, SearchBudget
+from executive.locations.budgets import ALL, BUDGETS, SearchBudget
 from executive.locations.candidate_search import CandidateSearch, Sought, as_told
-from executive.locations.demands import BaseDemand, Reach
+from executive.locations.demands import BaseDemand, Reach, ReachKind
+from executive.locations.floor_search import FloorSearch
 from executive.locations.grasp_candidates import CLASSES, Hand
 from executive.locations.hand_predicates import Stage
 from executive.locations.hand_solutions import HandHits, unblocked
 from executive.locations.looking_once import numbered
 from executive.locations.rejections import (
+    COLLISION,
     NO_ROOM,
     NO_WAY,
     NOT_VISIBLE,
@@ -34,6 +40,62 @@ from planlang.protocols import Solution
 
 Band = tuple[tuple[float, float], float, float]
 """Middle, and the least and greatest distance from it of base poses [m]."""
+APART = 0.05
+"""Solutions are farther apart than this [m]; to four decimals, as maps have base poses just so far apart."""
+
+
+def searched(
+    validator: BaseValidator,
+    demand: BaseDemand,
+    log: Rejections,
+    found: list[BasePose],
+    most: int | None = None,
+) -> Iterator[Solution]:
+    """Yield base poses, each farther than :data:`APART` from those that were ``found``, and add them to these.
+
+    ``most``: so many of the :data:`BUDGETS` are used, if not all.
+    """
+    wanted, arms, scene = validator.wanted(demand), validator.arms(demand), validator.scene
+
+    def is_taken(base: BasePose) -> bool:
+        """Return True if a base pose near that one was found."""
+        return any(round(math.dist(base[:2], other[:2]), 4) <= APART for other in found)
+
+    def searches() -> Iterator[Iterable[Solution]]:
+        x, y, yaw = scene.base()
+        here = validator.at((x, y, math.remainder(yaw, 2 * math.pi)), 1.0, demand, arms, log)
+        yield () if here is None else (here,)
+        if scene.robot.base.fixed:
+            return
+        if demand.remembered and log.findings.blind is not None:
+            yield (log.findings.blind,)
+        elif demand.remembered and not log.findings.untried:
+            return  # whatever else is right with a base pose was looked at before
+        if not wanted:
+            yield FloorSearch(validator, demand, log).places()
+            return
+        before, again, nothing, search = log.copy(), False, None, None
+        puts = any(reach.kind is ReachKind.PLACE for reach in wanted)
+        for budget in BUDGETS[:most]:
+            if nothing == (budget.stage, budget.least, budget.rows):
+                continue  # the same base poses, of which more would be kept
+            if not puts and not log.counts[COLLISION]:  # nothing that a few degrees would help with
+                budget = replace(budget, stage=min(budget.stage, Stage.ALL))
+            log.begin_again(before)
+            search = ReachSearch(validator, wanted, demand, arms, budget, log, is_taken if again else None)
+            yield search.places()
+            if log.hopeless:
+                break
+            nothing = None if search.inverted else (budget.stage, budget.least, budget.rows)
+            again = bool(found)  # what was found is found again: it need not be validated once more
+        if search is not None and not log.explained:
+            validator.name_crowding(search.crowded, log)
+
+    for solution in chain.from_iterable(searches()):
+        if not is_taken(solution.base):
+            found.append(solution.base)
+            log.findings.inversions.clear()  # large, and mostly not needed any more
+            yield solution
 
 
 class ReachSearch:

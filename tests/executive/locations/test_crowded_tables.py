@@ -41,6 +41,7 @@ def work(monkeypatch: pytest.MonkeyPatch) -> Work:
 
     monkeypatch.setattr(PlanningWorld, "contacts", counted_contacts)
     monkeypatch.setattr(InverseKinematics, "solve", counted_solve)
+    monkeypatch.setattr("executive.locations.resolver.explain_bases", lambda *_: None)  # other searches
     return done
 
 

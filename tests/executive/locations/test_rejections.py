@@ -95,9 +95,7 @@ def test_the_body_without_which_the_base_would_get_nearer_is_named(refused: Refu
         for k in range(12)
     ]
     said = str(refused(TO_GRASP, CABINET, BOTTLE, *posts))
-    assert re.search(r"the base gets no nearer than \d\.\d\d m to bottle; without post\d+ it would get to \d", said), (
-        said
-    )
+    assert re.search(r"the base gets no nearer than \d\.\d\d m to bottle; without post\d+ it would get to \d", said)
 
 
 def test_posts_around_a_cabinet_leave_no_room_and_are_named(refused: Refused) -> None:
@@ -191,7 +189,7 @@ def test_all_places_that_were_not_looked_at_are_counted(
     unseen = a_location(in_reach_of=THE_BOTTLE, not_=a_location(visible_from=THE_BOTTLE))
     counts = []
     for effort in (replace(BUDGETS[0], most=0), replace(BUDGETS[0], exact=exact)):
-        monkeypatch.setattr("executive.locations.resolver.BUDGETS", (effort,))
+        monkeypatch.setattr("executive.locations.search.BUDGETS", (effort,))
         stage = make_stage(CABINET, BOTTLE)
         with pytest.raises(LocationUnresolvable) as caught:
             next(stage.resolver.bases(unseen))

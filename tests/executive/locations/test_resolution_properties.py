@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 
 from executive.locations import Rejections, Resolver
 from executive.locations.budgets import BUDGETS
-from executive.locations.resolver import APART, MOST, Answers
+from executive.locations.resolver import MOST, Answers
+from executive.locations.search import APART
 from planlang import at_location
 from planlang.designators import Location, a_location, a_person, an_object
 from planlang.failures import LocationUnresolvable, ManipulationPoseUnreachable, ObjectUnreachable
