@@ -36,6 +36,8 @@ FOREARM = 0.07
 """Height over a surface at which there is room for a level forearm [m]."""
 OVER_EDGE = 0.4
 """Weight of a level grasp lower than that, which is possible only at the edge of a surface."""
+OFF = 0.003
+"""Distance of a palm from what is gripped: around meshes the engine keeps a margin of its own [m]."""
 GRIPPED = 0.01
 """Least height of a thing above the grip point [m]."""
 ROOMS = (0.0, 0.02)
@@ -238,11 +240,11 @@ def _clear_of(
     for axes in (back, -directions, UP + 0.0 * directions):
         level = np.hypot(axes[:, 0], axes[:, 1])
         sideways = [block.support(math.atan2(y, x)) for x, y, _ in axes.tolist()]
-        gap = np.einsum("nmk,nk->nm", corners, axes).min(axis=1) - level * sideways - half * axes[:, 2]
+        gap = np.einsum("nmk,nk->nm", corners, axes).min(axis=1) - level * sideways - half * axes[:, 2] - OFF
         rise = np.where(gap >= 0.0, 0.0, -gap / np.maximum(axes[:, 2], 1e-9))
         raised = np.minimum(raised, np.where(level + axes[:, 2] > 1e-6, rise, np.inf))
     lengths = np.array([block.support(math.atan2(y, x)) for x, y, _ in back.tolist()])
-    drawn = lengths - np.einsum("nmk,nk->nm", corners, back).min(axis=1)
+    drawn = lengths + OFF - np.einsum("nmk,nk->nm", corners, back).min(axis=1)
     over = raised > half - GRIPPED
     level = np.abs(directions[:, 2]) < 1e-6
     grips = ~over | level & (drawn <= lengths - GRIPPED) & (not block.round)
