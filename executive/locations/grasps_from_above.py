@@ -40,13 +40,15 @@ DEEPEST = 0.025
 """Depth to which fingers go beside a rim [m]."""
 ALONG_RIM = (0.0, 0.5, -0.5)
 """Places along a straight rim, from its middle, as shares of its half length."""
+SMALL = 0.001
+"""Distance by which fingers may advance without need to take a thing higher [m]."""
 LEAST = 0.005
 """Least depth to which fingers go beside what they grip [m]."""
 
 
 def is_flat(block: Block) -> bool:
-    """Return True for what is taken from above alone: dishes, cloth, and what lies flat."""
-    return block.soft or block.high - block.low <= (LOW if block.wall > 0 else FLAT)
+    """Return True for what is taken from above alone: plates, cloth, and what lies flat."""
+    return block.soft or block.high - block.low <= FLAT
 
 
 def is_low(block: Block) -> bool:
@@ -54,9 +56,14 @@ def is_low(block: Block) -> bool:
     return is_flat(block) or block.high - block.low <= LOW
 
 
+def is_dish(block: Block) -> bool:
+    """Return True for what is taken from above even if nothing else asks for that: flat things and low vessels."""
+    return is_flat(block) or (block.wall > 0 and is_low(block))
+
+
 def by_its_rim(block: Block, max_opening: float) -> bool:
     """Return True for a hollow thing that a hand takes by its rim: a dish, or a vessel too wide for the fingers [m]."""
-    return block.wall > 0 and (is_flat(block) or 2 * min(block.half_x, block.half_y) > max_opening)
+    return block.wall > 0 and (is_low(block) or 2 * min(block.half_x, block.half_y) > max_opening)
 
 
 def grips(block: Block) -> Array:
@@ -77,18 +84,32 @@ def from_above(
     classes: tuple[GraspClass, ...],
     headings: int,
     below: tuple[float, ...],
+    advance: float = 0.0,
 ) -> GraspCandidates:
     """Return candidates from above for something low: pre-grasp, grasp, lift and retreat.
 
-    ``classes`` are among :data:`FROM_ABOVE`; ``below``: how far the hand is below the grip point in each [m].
+    ``classes`` are among :data:`FROM_ABOVE`; ``below``: how far the hand is below the grip point in each [m], and how
+    far its fingers ``advance`` as they close.
     """
-    parts = [_of_class(name, block, frame, max_opening, one, headings, below[FROM_ABOVE.index(one)]) for one in classes]
+    parts = []
+    for one in classes:
+        lower = below[FROM_ABOVE.index(one)]
+        raised = (0.0, advance * math.sin(one.pitch)) if advance > SMALL else (0.0,)
+        parts += [_of_class(name, block, frame, max_opening, one, headings, lower, rise) for rise in raised]
     return GraspCandidates.joined(parts)
 
 
 def _of_class(
-    name: str, block: Block, frame: HandFrame, max_opening: float, grasp: GraspClass, headings: int, below: float
+    name: str,
+    block: Block,
+    frame: HandFrame,
+    max_opening: float,
+    grasp: GraspClass,
+    headings: int,
+    below: float,
+    rise: float,
 ) -> GraspCandidates:
+    """Return those of one class, ``rise`` [m] higher, as the fingers come down by that when they close."""
     floor = block.low + block.wall
     natural = 0.7 if grasp is GraspClass.TOP else 0.8  # what is held tilted can be put deeper on a table
     rows = []
@@ -99,7 +120,7 @@ def _of_class(
         for tips in _depths(block, floor, CLEARANCES[grasp]) if block.soft or across <= max_opening else ():
             for roll in grasp.rolls:
                 span = math.inf if block.soft else across, max(block.high - tips - below, 0.0)
-                rows.append((x, y, tips + below, yaw, natural * weight, roll, *span))
+                rows.append((x, y, tips + below + rise, yaw, natural * weight, roll, *span))
     table = np.array(rows).reshape(-1, 8)
     count = len(table)
     kinds, rolls = [CLASSES.index(grasp)] * count, table[:, 5].astype(int).tolist()

@@ -41,7 +41,16 @@ from executive.locations.grasp_candidates import (
     retreating,
     taken_out,
 )
-from executive.locations.grasps_from_above import DEEPEST, FROM_ABOVE, by_its_rim, from_above, grips, is_flat, is_low
+from executive.locations.grasps_from_above import (
+    DEEPEST,
+    FROM_ABOVE,
+    by_its_rim,
+    from_above,
+    grips,
+    is_dish,
+    is_flat,
+    is_low,
+)
 from executive.locations.placement import HAIR, Placement
 from executive.locations.reachability import GraspClass
 from executive.locations.rejections import Rejections
@@ -362,16 +371,25 @@ def _around(
     headings = HEADINGS * 2**stage
     middle = () if is_flat(block) else tuple(one for one in classes if not (is_low(block) and one in FROM_ABOVE))
     tables = [grasping(reach.body, block, arm.frame, arm.max_opening, middle, headings, arm.palm)]
-    above = FROM_ABOVE if is_flat(block) and reach.grasp is None else tuple(one for one in FROM_ABOVE if one in classes)
-    if above and (by_its_rim(block, arm.max_opening) if block.wall > 0 else is_low(block)):
+    above = FROM_ABOVE if is_dish(block) and reach.grasp is None else tuple(one for one in FROM_ABOVE if one in classes)
+    for one in _gripped_from_above(block, arm) if above else ():
         below = tuple(-float(arm.lowest(one.rotations([0.0], [1], arm.frame), None)[0]) for one in FROM_ABOVE)
-        low = from_above(reach.body, block, arm.frame, arm.max_opening, above, headings, below)
+        advance = arm.openings.advance(_narrowest(one))
+        low = from_above(reach.body, one, arm.frame, arm.max_opening, above, headings, below, advance)
         boxes, _ = scene.collisions.boxes_but((reach.body,))
         covered = clearance_at(low.points[:, :2], boxes, ((block.high, block.high + OVER, 0.0),)) < 0
         rejections.add("under something else", int(covered.sum()))
         low = low.chosen(~covered)
         tables.append(low)
     return tables
+
+
+def _gripped_from_above(block: Block, arm: ArmModel) -> list[Block]:
+    """Return what fingers from above close on: the rim of a vessel, which is also gripped around if it is low."""
+    if block.wall == 0:
+        return [block] if is_low(block) else []
+    around = [replace(block, wall=0.0)] if is_low(block) and not is_flat(block) else []
+    return [block, *around] if by_its_rim(block, arm.max_opening) else around
 
 
 def _of_class(candidates: GraspCandidates, reach: Reach, rejections: Rejections) -> GraspCandidates:

@@ -42,6 +42,8 @@ class Openings:
     fingers: tuple[Fingers, ...] = ()
     gaps: Array = field(default_factory=lambda: np.zeros((0, len(SECTIONS))))
     """Gap between the fingers at each opening and section [m], infinite where there are no fingers (n, s)."""
+    ends: Array = field(default_factory=lambda: np.zeros(0))
+    """How far the fingers reach beyond the grip point at each opening (n,) [m]: those that turn differ."""
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -73,6 +75,13 @@ class Openings:
         first = int(self.around(np.array([[width, 0.0]]), 0.0)[0])
         return self.fingers[min(first, last) : last + 1]
 
+    def advance(self, width: float) -> float:
+        """Return how far fingers reach out beyond where they are when wide open, as they close on a thing [m]."""
+        if not self.fingers:
+            return 0.0
+        narrow, wide = (int(self.around(np.array([[width, 0.0]]), room)[0]) for room in (0.0, ROOM))
+        return max(0.0, float(self.ends[narrow : wide + 1].max() - self.ends[-1]))
+
     def lets_in(self, width: float) -> bool:
         """Return whether something so wide [m] goes between the tips of the fingers though they are closed."""
         tips = self.gaps[0][np.isfinite(self.gaps[0])][-1:] if self.fingers else ()
@@ -101,22 +110,26 @@ def openings_of(arm: Arm, world: PlanningWorld) -> Openings:
         return Openings()
     gripper = arm.gripper
     fingers = tuple(_between(gripper, share) for share in np.linspace(0.0, 1.0, STEPS).tolist())
-    gaps = np.stack([_gaps(arm, gripper, dict(one), world) for one in fingers])
+    measured = [_measured(arm, gripper, dict(one), world) for one in fingers]
     world.link_pose(arm.tip)  # it shows the robot as it is again
-    return Openings(fingers, gaps if np.isfinite(gaps).any() else np.zeros_like(gaps))
+    gaps, ends = np.stack([gaps for gaps, _ in measured]), np.array([end for _, end in measured])
+    return Openings(fingers, gaps if np.isfinite(gaps).any() else np.zeros_like(gaps), ends)
 
 
 def _between(gripper: Gripper, share: float) -> Fingers:
     return tuple((name, (1.0 - share) * gripper.closed[name] + share * gripper.opened[name]) for name in gripper.joints)
 
 
-def _gaps(arm: Arm, gripper: Gripper, joints: Mapping[str, float], world: PlanningWorld) -> Array:
-    """Return twice the least distance of any finger from the middle plane of the hand at each section [m] (s,)."""
+def _measured(arm: Arm, gripper: Gripper, joints: Mapping[str, float], world: PlanningWorld) -> tuple[Array, float]:
+    """Return twice the least distance of any finger from the middle plane of the hand at each section [m] (s,).
+
+    And how far fingers reach beyond the grip point [m].
+    """
     there = Configuration((0.0, 0.0, 0.0), joints)
     back = inverse(world.link_pose(arm.tip, there).matrix())
     numbers = {name: number for number, name in enumerate(world.robot.solid_names)}
     axes = np.stack([arm.approach, arm.closing], axis=1)
-    least = np.full(len(SECTIONS), np.inf)
+    least, end = np.full(len(SECTIONS), np.inf), 0.0
     for link in gripper.finger_links:
         if link not in numbers:
             continue
@@ -125,7 +138,8 @@ def _gaps(arm: Arm, gripper: Gripper, joints: Mapping[str, float], world: Planni
         side = float(np.sign(np.concatenate(outlines)[:, 1].mean()))
         for outline in outlines:
             least = np.minimum(least, _sections(outline * [1.0, side]))
-    return np.asarray(2 * np.maximum(least, 0.0))
+            end = max(end, float(outline[:, 0].max()))
+    return np.asarray(2 * np.maximum(least, 0.0)), end
 
 
 def _outline(at: Array, hull: ConvexSolid, axes: Array) -> Array:
