@@ -10,6 +10,7 @@ python -m tests.benchmarks.homes witness --robots pr2 --seeds 0:1 --templates fe
 from __future__ import annotations
 
 import argparse
+import shlex
 import sys
 import time
 from collections.abc import Mapping, Sequence
@@ -29,7 +30,7 @@ from tests.benchmarks.homes.robots import MADE, ROBOTS, named
 from tests.benchmarks.homes.series import Case, NotAccepted
 from tests.benchmarks.homes.table import documented, tables
 from tests.benchmarks.homes.tasks import TEMPLATES
-from tests.benchmarks.homes.trial import task_of, verdict, write
+from tests.benchmarks.homes.trial import arguments, task_of, verdict, write
 
 LIMITS = Limits(seconds=300, memory=3_000_000_000, wall=900.0)
 """Of one task with its witness."""
@@ -143,11 +144,12 @@ def _write(given: argparse.Namespace) -> int:
     given.folder.mkdir(parents=True, exist_ok=True)
     for case in _cases(given):
         try:
-            recipe, home = write(task_of(case), case.seed, given.folder)
+            task = task_of(case)
+            recipe, home = write(task, case.seed, given.folder)
         except NoRoom as problem:
             print(problem, file=sys.stderr)
             continue
-        print(f"planlang run {recipe} --robot {named(case.robot)} --environment {home}")
+        print(shlex.join(("planlang", "run", *arguments(case, task, recipe, home))))
     return 0
 
 

@@ -71,12 +71,19 @@ def run(case: Case, witnessed: str = "failed") -> dict[str, Any]:
     with TemporaryDirectory() as folder, chdir(folder):
         recipe, home = write(task, case.seed, Path(folder))
         trial = Trial(task)
-        row |= trial.run(case, (str(recipe), "--robot", named(case.robot), "--environment", str(home)))
+        row |= trial.run(case, arguments(case, task, recipe, home))
         row |= {"wall": round(time.perf_counter() - began, 1), "cpu": round(time.process_time() - cpu, 1)}
         if witnessed == "all" or (witnessed == "failed" and not row.get("reached")):
             scene = trial.scene or scene_of(read_map(load(home)))
             row["witness"] = verdict(task, scene, case.robot).row()
     return row
+
+
+def arguments(case: Case, task: Task, recipe: Path, home: Path) -> tuple[str, ...]:
+    """Return what ``planlang run`` gets for a task that was written to files, but for the seed."""
+    unknown = [word for name in task.unknown for word in ("--unknown", name)]
+    named_files = str(recipe), "--robot", named(case.robot), "--environment", str(home)
+    return (*named_files, *OPTIONS.get(case.robot, ()), *unknown)
 
 
 def verdict(task: Task, scene: Scene, robot: str) -> Verdict:
@@ -102,9 +109,7 @@ class Trial:
     def run(self, case: Case, arguments: Sequence[str]) -> dict[str, Any]:
         """Run it; return what is kept of it."""
         task = self.task
-        unknown = [word for name in task.unknown for word in ("--unknown", name)]
-        words = (*arguments, *OPTIONS.get(case.robot, ()), *unknown)
-        scenario = Scenario(task.template, words, self._goal, (*task.watchers, self._watch))
+        scenario = Scenario(task.template, arguments, self._goal, (*task.watchers, self._watch))
         try:
             found = judged(scenario, case.seed + 1 if case.displaced else 0)
         except BadInput as problem:
