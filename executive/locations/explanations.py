@@ -29,6 +29,9 @@ MOST_TRIED = 4
 """Bodies of which is worked out what would be without them."""
 STEP = 0.05
 """A thing is supposed to stand nearer to an edge by multiples of this [m]."""
+TABLE = 0.75
+"""Height of a table [m]: a thing is supposed to stand higher or lower by shares of its difference to this."""
+HEIGHTS = (0.5, 1.0)
 FROM_EDGE = 0.02
 """A thing is not supposed to stand nearer to an edge than this [m]."""
 BEFORE = np.arange(0.1, 1.0, CELL)
@@ -226,8 +229,8 @@ class _Changes:
         """Changes that would not do."""
 
     def helping(self) -> str:
-        """Return what would do: the thing nearer to an edge of its support, or some body away; "" if neither."""
-        return self._nearer() or self._without()
+        """Return what would do: the thing nearer to an edge, some body away, or the thing at another height; or ""."""
+        return self._nearer() or self._without() or self._at_another_height()
 
     def in_vain(self) -> str:
         """Return which of these changes would not do."""
@@ -286,6 +289,29 @@ class _Changes:
             if self._does({name: None}):
                 return f"without {name} it could be reached"
             self._tried.append(f"without {name}")
+        return ""
+
+    def _at_another_height(self) -> str:
+        """Return at what height nearer to that of a table a thing would have to stand, if not where it is in a room."""
+        bodies = self.scene.bodies
+        support = bodies.support(self.body)
+        if support is None or not bodies.is_movable(self.body):
+            return ""
+        thing = bodies.block(self.body)
+        rises = TABLE - thing.low
+        edge = max((way for way in self._ways_to_edges(support) if way[1]), key=lambda way: way[1][-1], default=None)
+        for share in HEIGHTS:
+            if abs(rise := share * rises) < STEP:
+                continue
+            places = [("", self.scene.bodies.pose(self.body))]
+            if edge is not None:
+                places.append((f" and at an edge of {support}", self._moved(edge[0], edge[1][-1])))
+            for said, pose in places:
+                x, y, z = pose.position
+                if self._does({self.body: replace(pose, position=(x, y, z + rise))}):
+                    height = f"at a height of {thing.low + rise:.2f} m instead of {thing.low:.2f} m"
+                    return f"{height}{said} it could be reached"
+        self._tried.append("higher" if rises > 0 else "lower")
         return ""
 
     def _does(self, poses: Mapping[str, Pose | None]) -> bool:

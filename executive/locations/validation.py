@@ -148,12 +148,14 @@ class BaseValidator:
         raise HandsFull(designator=str(location), what=reach.body, held=full)
 
     def check_doors(self, reaches: Sequence[Reach], location: Location, log: Rejections) -> None:
-        """Raise BehindClosedDoor if nothing could be put inside because one more door of what it is put in is shut."""
+        """Raise BehindClosedDoor if nothing inside could be reached because one more door of what it is in is shut."""
         for reach in reaches:
-            if reach.kind is ReachKind.PLACE and reach.inside:
-                shut = self.scene.bodies.shut_doors(reach.body)
-                for door in [name for name in log.ordered_blocking() if name in shut][:1]:
-                    raise self._behind(door, reach.body, location)
+            inside = reach.body if reach.kind is ReachKind.PLACE and reach.inside else None
+            if reach.kind is ReachKind.GRASP:
+                inside = self.scene.bodies.support(reach.body)
+            shut = self.scene.bodies.shut_doors(inside) if inside is not None else ()
+            for door in [name for name in log.ordered_blocking() if name in shut][:1]:
+                raise self._behind(door, reach.body, location)
 
     def _behind(self, door: str, what: str, location: Location) -> BehindClosedDoor:
         return BehindClosedDoor(designator=str(location), what=what, door=self.scene.bodies.designator(door))
