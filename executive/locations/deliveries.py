@@ -24,8 +24,6 @@ from planlang.geometry import Array
 from planlang.geometry.matrices import product, rotated
 from sim import ComfortZone
 
-LOWERING = 0.08
-"""Height above its goal from which the hand puts a thing down [m]."""
 SHARES = (0.4, 0.15, 0.75)
 """Heights above a surface that are tried, as shares of what is allowed."""
 ARM_ROOM = 0.45
@@ -99,12 +97,21 @@ def offering(name: str, zone: ComfortZone, frame: HandFrame, held: Held | None, 
 
 
 def placing(
-    name: str, spots: Array, scores: Array, frame: HandFrame, held: Held, *, is_round: bool, fine: bool
+    name: str,
+    spots: Array,
+    scores: Array,
+    rooms: Array,
+    frame: HandFrame,
+    held: Held,
+    *,
+    is_round: bool,
+    fine: bool,
 ) -> GraspCandidates:
     """Return candidates down onto a place for what is held, and back from it: as a whole upright at one of ``spots``.
 
-    These (n, 4) are its places and yaws. The better the score of one (n,), the more natural it is. What is
-    round may be turned as one likes, anything else only by half a turn.
+    These (n, 4) are its places and yaws, with so much room above (n,) [m], from where the hand puts it down. The better
+    the score of one (n,), the more natural it is. What is round may be turned as one likes, anything else only by half
+    a turn.
     """
     count = 2 if not is_round else HEADINGS if fine else HEADINGS // 2
     at, turn = (grid.ravel() for grid in np.meshgrid(np.arange(len(spots)), np.arange(count), indexing="ij"))
@@ -118,7 +125,7 @@ def placing(
         f"put on {name}",
         points,
         rotations,
-        np.stack([still + np.array([0.0, 0.0, LOWERING]), still, back], axis=1),
+        np.stack([rooms[at, None] * np.array([0.0, 0.0, 1.0]), still, back], axis=1),
         1,
         np.full(len(at), grasp, np.intp),
         yaws + heading,

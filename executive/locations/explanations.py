@@ -15,9 +15,9 @@ from executive.belief.planning_scene import PlanningScene
 from executive.locations.base_candidates import InverseMaps
 from executive.locations.demands import Reach, ReachKind
 from executive.locations.grasp_candidates import CLASSES
-from executive.locations.hand_predicates import Stage, candidates_of
+from executive.locations.hand_predicates import Stage, candidates_of, narrowest
 from executive.locations.reachability import CELL, GraspClass
-from executive.locations.rejections import COLLISION, NO_ROOM, NO_WAY, OUT_OF_REACH, Rejections
+from executive.locations.rejections import COLLISION, NO_HOLD, NO_ROOM, NO_WAY, OUT_OF_REACH, Rejections
 from executive.motion import clearance_at
 from executive.robots.arms import ArmModel
 from planlang.geometry import Array, Pose
@@ -43,8 +43,8 @@ BESIDE = 1.0
 """Bodies that are farther from a thing than this are no reason why a hand has no room there [m]."""
 
 
-WouldDo = Callable[[], bool]
-"""Tells whether there is a base pose as the scene is supposed to be."""
+WouldDo = Callable[[Rejections], bool]
+"""Tells whether there is a base pose as the scene is supposed to be, and counts why others will not do."""
 
 
 def explain_bases(
@@ -62,18 +62,22 @@ def explain_bases(
     if reason in log.figures:
         return
     explanation = _Explanation(wanted[0], arms, scene, inverse, log)
-    makers = {
-        OUT_OF_REACH.text: explanation.out_of_reach,
-        COLLISION: explanation.in_collision,
-        NO_ROOM: explanation.no_room,
-        NO_WAY: explanation.no_way,
-    }
-    sentences = [makers[reason]() if reason in makers else ""]
+    makers = {COLLISION: explanation.in_collision, NO_ROOM: explanation.no_room, NO_WAY: explanation.no_way}
+    # hands that are in something are counted before it is asked if arms get there
+    measured = explanation.out_of_reach() if log.counts[OUT_OF_REACH.text] else ""
+    if not measured and reason in makers:
+        measured = makers[reason]()
+    sentences = [measured]
     changes = None if would_do is None else _Changes(wanted[0].body, scene, log, would_do)
     if changes is not None and (helping := changes.helping()):
         sentences.append(helping)
     else:
-        sentences += [explanation.nearer(), "" if changes is None else changes.in_vain()]
+        slips = log.counts[NO_HOLD.text] or (changes is not None and changes.meanwhile.counts[NO_HOLD.text])
+        in_vain = "" if changes is None else changes.in_vain()
+        if slips and (slippery := explanation.no_hold()):
+            sentences = [slippery]
+        else:
+            sentences += [explanation.nearer(), in_vain]
     if any(sentences):
         log.figures[reason] = "; ".join(filter(None, sentences))
 
@@ -134,13 +138,17 @@ class _Explanation:
             for table in candidates_of(self.reach, arm, self.scene, Rejections(), Stage.ALL):
                 for number in sorted(set(table.grasps.tolist())):
                     heights = table.points[table.grasps == number, 2]
-                    forward = self.inverse(arm, CLASSES[number]).forward
-                    if not len(forward):
-                        continue
-                    rise = 0.0 if arm.lift is None else float(arm.lift.rise(arm.lift.highest))
-                    levels = forward.rows["z"]
-                    reached = CELL * (float(levels.min()) - 0.5), CELL * (float(levels.max()) + 0.5) + rise
-                    yield _Limit(arm.name, CLASSES[number], (float(heights.min()), float(heights.max())), reached)
+                    if (reached := self._heights_of(arm, CLASSES[number])) is not None:
+                        yield _Limit(arm.name, CLASSES[number], (float(heights.min()), float(heights.max())), reached)
+
+    def _heights_of(self, arm: ArmModel, grasp: GraspClass) -> tuple[float, float] | None:
+        """Return between which heights an arm reaches with its hand as a class of grasps says [m]; None if nowhere."""
+        forward = self.inverse(arm, grasp).forward
+        if not len(forward):
+            return None
+        rise = 0.0 if arm.lift is None else float(arm.lift.rise(arm.lift.highest))
+        levels = forward.rows["z"]
+        return CELL * (float(levels.min()) - 0.5), CELL * (float(levels.max()) + 0.5) + rise
 
     def _too_far(self) -> str:
         gap = self._gap(self.scene.collisions.floor())
@@ -161,17 +169,44 @@ class _Explanation:
         away = np.hypot(points[:, 0] - block.x, points[:, 1] - block.y)
         return float(away[floor.nearly(points, 0.0) & (floor.at(points) > -np.inf)].min(initial=np.inf))
 
+    def no_hold(self) -> str:
+        """Return how wide the thing is, and how wide hands open."""
+        if self.reach.kind is not ReachKind.GRASP:
+            return ""
+        wide = min(narrowest(grip) for grip in self.scene.bodies.grips(self.reach.body))
+        opening, arm = max((min(arm.max_opening, arm.openings.gap), arm.name) for arm in self.arms)
+        held = f"{self.reach.body} is {wide:.3f} m wide, and {arm} opens to {opening:.3f} m"
+        return f"fingers get no hold of it: {held}; a narrower one would do"
+
     def in_collision(self) -> str:
         """Return which body a hand or an arm would be in, and how far that is from the thing."""
         if not self.log.blocking:
             return ""
         body, number = next(iter(self.log.ordered_blocking().items()))
-        part = "the robot's own parts are" if body not in self.scene.bodies.names() else f"{body} is"
+        part = f"{body} itself is" if body == self.reach.body else f"{body} is"
+        if body not in self.scene.bodies.names():
+            part = "the robot's own parts are"
         said = f"{part} in the way of {number} of {sum(self.log.counts.values())} ways to reach {self.reach.body}"
+        if self.reach.kind is ReachKind.PLACE and self.reach.inside and (beyond := self._from_the_side()):
+            return f"{said}; {beyond}"
         gap = self._beside(body)
-        if gap is None:
-            return said
-        return f"{said}, {max(gap, 0.0):.2f} m away from it; more room between the two is needed"
+        return f"{said}, {gap:.2f} m away from it" if gap is not None and gap > 0.0 else said
+
+    def _from_the_side(self) -> str:
+        """Return up to where, or down to where, arms put something into furniture from the side; "" if that is well."""
+        block = self.scene.bodies.block(self.reach.body)
+        spans = [(span, arm.name) for arm in self.arms if (span := self._heights_of(arm, GraspClass.SIDE)) is not None]
+        if not spans:
+            return ""
+        (low, _), lowest = min(spans)
+        high, highest = max((span[1], name) for span, name in spans)
+        if block.high < low:
+            return (
+                f"it is up to {block.high:.2f} m high, and the arm {lowest} reaches from the side down to {low:.2f} m"
+            )
+        if block.low > high:
+            return f"it begins at {block.low:.2f} m, and the arm {highest} reaches from the side up to {high:.2f} m"
+        return ""
 
     def _beside(self, body: str) -> float | None:
         """Return the horizontal distance between a body and the thing at the thing's height; None if that is large."""
@@ -225,6 +260,8 @@ class _Changes:
 
     def __init__(self, body: str, scene: PlanningScene, log: Rejections, would_do: WouldDo) -> None:
         self.body, self.scene, self.log, self._would_do = body, scene, log, would_do
+        self.meanwhile = Rejections()
+        """Why base poses would not do with these changes."""
         self._tried: list[str] = []
         """Changes that would not do."""
 
@@ -283,7 +320,9 @@ class _Changes:
     def _without(self) -> str:
         bodies = self.scene.bodies
         fixed = {self.body, bodies.support(self.body), *filter(bodies.is_room, bodies.names())}
-        fixed |= {name for joint in self.scene.belief.joints.values() for name in (*joint.bodies, joint.holder)}
+        joints = self.scene.belief.joints.values()
+        fixed |= {name for joint in joints if self.body in joint.bodies for name in joint.bodies}
+        fixed |= {joint.holder for joint in joints}
         blocking = [name for name in self.log.ordered_blocking() if name not in fixed and name in bodies.names()]
         for name in blocking[:MOST_TRIED]:
             if self._does({name: None}):
@@ -316,4 +355,4 @@ class _Changes:
 
     def _does(self, poses: Mapping[str, Pose | None]) -> bool:
         with self.scene.supposing(poses):
-            return self._would_do()
+            return self._would_do(self.meanwhile)

@@ -209,10 +209,15 @@ def grasping(
     return replace(found, points=found.points + moves, spans=spans).chosen(np.flatnonzero(grips))
 
 
-def grasp_series(ways: Array) -> Array:
-    """Return offsets (n, 4, 3) of pre-grasp, grasp, lift and retreat for approach directions (n, 3)."""
+def grasp_series(ways: Array, lift: float = LIFT) -> Array:
+    """Return offsets (n, 4, 3) of pre-grasp, grasp, ``lift`` [m] and retreat for approach directions (n, 3)."""
     still = np.zeros_like(ways)
-    return np.stack([-APPROACH * ways, still, still + LIFT * UP, _raised_and_back(ways, LIFT)], axis=1)
+    return np.stack([-APPROACH * ways, still, still + lift * UP, _raised_and_back(ways, lift)], axis=1)
+
+
+def lifted(candidates: GraspCandidates, lift: float) -> GraspCandidates:
+    """Return grasps that lift a thing by some height [m], as there is no more room above it."""
+    return replace(candidates, offsets=grasp_series(-candidates.offsets[:, 0] / APPROACH, lift))
 
 
 def taken_out(candidates: GraspCandidates, way: Array) -> GraspCandidates:
@@ -274,15 +279,16 @@ def beside(candidates: GraspCandidates, block: Block, handle: Block, corners: Ar
     return GraspCandidates.joined(found)
 
 
-def retreating(name: str, grasp: Array, frame: HandFrame, way: Array) -> GraspCandidates:
+def retreating(name: str, grasp: Array, frame: HandFrame, way: Array, room: float) -> GraspCandidates:
     """Return candidates that go back with what is held: along the approach, raised so that it clears its support.
 
     ``grasp`` (4, 4) is the tip pose at which the object was grasped, ``way`` (k, 3) [m] that on which it goes out of
-    what it stands in before.
+    what it stands in before, ``room`` [m] what there is above it.
     """
     kind, heading, roll = classified(grasp[:3, :3], frame)
     approach = rotated(grasp[:3, :3], np.asarray(frame.approach))
-    rises = np.array([[0.0, 0.0, rise] for rise in LIFTS]) + (way[-1] if len(way) else 0.0)
+    lifts = LIFTS if len(way) else [lift for lift in LIFTS if lift <= room] or [room]
+    rises = np.array([[0.0, 0.0, lift] for lift in lifts]) + (way[-1] if len(way) else 0.0)
     count = len(rises)
     back = _raised_and_back(np.tile(approach, (count, 1)), rises[:, 2]) + rises * [1.0, 1.0, 0.0]
     steps = np.concatenate([np.tile(way[:-1], (count, 1, 1)), rises[:, None], back[:, None]], axis=1)
@@ -295,7 +301,7 @@ def retreating(name: str, grasp: Array, frame: HandFrame, way: Array) -> GraspCa
         np.full(count, kind, np.intp),
         np.full(count, heading),
         np.full(count, roll, np.intp),
-        np.array([1.0, 0.9, 0.8]),
+        np.array([1.0, 0.9, 0.8])[:count],
         touches=name,
     )
 

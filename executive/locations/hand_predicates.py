@@ -33,11 +33,13 @@ from executive.locations.grasp_candidates import (
     CLASSES,
     FOREARM,
     HEADINGS,
+    LIFT,
     LIFTS,
     GraspCandidates,
     beside,
     classified,
     grasping,
+    lifted,
     retreating,
     taken_out,
 )
@@ -51,6 +53,7 @@ from executive.locations.grasps_from_above import (
     is_flat,
     is_low,
 )
+from executive.locations.headroom import headroom
 from executive.locations.placement import HAIR, Placement
 from executive.locations.reachability import GraspClass
 from executive.locations.rejections import Rejections
@@ -247,7 +250,8 @@ def _made(
             if way is None:
                 rejections.add(NO_WAY_OUT)
                 return []
-            return [retreating(reach.body, scene.arms.grasped_at(reach.body), arm.frame, way)]
+            room = _room_above(reach.body, scene)
+            return [retreating(reach.body, scene.arms.grasped_at(reach.body), arm.frame, way, room)]
         case ReachKind.ABOVE:
             block, lowest = scene.bodies.block(reach.body), partial(arm.lowest, held=held)
             candidates = held_above(
@@ -283,8 +287,10 @@ def delivering(
         return offering(reach.body, scene.bodies.zone(reach.body), arm.frame, held, fine=fine)
     assert held is not None, "an empty hand puts nothing down"
     places, scores = spots_of(reach, held.name, scene, rejections, stage) if spots is None else spots
+    block, boxes = scene.bodies.block(held.name), scene.collisions.boxes_but((held.name,))[0]
+    rooms = headroom(block, places, boxes)
     is_round = scene.bodies.is_round(held.name)
-    return placing(reach.body, places, scores, arm.frame, held, is_round=is_round, fine=fine)
+    return placing(reach.body, places, scores, rooms, arm.frame, held, is_round=is_round, fine=fine)
 
 
 def spots_of(reach: Reach, name: str, scene: PlanningScene, rejections: Rejections, stage: Stage) -> Spots:
@@ -331,7 +337,17 @@ def _grasps(
     if way is None:
         rejections.add(NO_WAY_OUT, sum(map(len, tables)))
         return []
-    return [taken_out(table, way) for table in tables] if len(way) else tables
+    if len(way):
+        return [taken_out(table, way) for table in tables]
+    room = _room_above(reach.body, scene)
+    return tables if room >= LIFT else [lifted(table, room) for table in tables]
+
+
+def _room_above(name: str, scene: PlanningScene) -> float:
+    """Return by how much a thing can be raised where it is, or was grasped [m]."""
+    block = scene.bodies.block(name)
+    boxes, _ = scene.collisions.boxes_but((name,))
+    return float(headroom(block, np.array([[*block.centre, block.yaw]]), boxes)[0])
 
 
 def _count_no_grip(reach: Reach, grips: Sequence[Block], arm: ArmModel, rejections: Rejections) -> None:
@@ -340,7 +356,7 @@ def _count_no_grip(reach: Reach, grips: Sequence[Block], arm: ArmModel, rejectio
         rejections.add("no gripper")
         return
     body, opening = reach.body, f"{arm.name} opens to {arm.max_opening:.3f} m"
-    wide = min(_narrowest(grip) for grip in grips)
+    wide = min(narrowest(grip) for grip in grips)
     if wide > arm.max_opening:
         reason, figures = "too wide for the gripper", f"{body} is {wide:.3f} m wide, {opening}"
     else:
@@ -354,7 +370,7 @@ def _count_no_grip(reach: Reach, grips: Sequence[Block], arm: ArmModel, rejectio
     rejections.figures[reason] = figures
 
 
-def _narrowest(grip: Block) -> float:
+def narrowest(grip: Block) -> float:
     """Return the least width that fingers have to open to around a part of a thing [m]."""
     if grip.soft:
         return 0.0
@@ -374,7 +390,7 @@ def _around(
     above = FROM_ABOVE if is_dish(block) and reach.grasp is None else tuple(one for one in FROM_ABOVE if one in classes)
     for one in _gripped_from_above(block, arm) if above else ():
         below = tuple(-float(arm.lowest(one.rotations([0.0], [1], arm.frame), None)[0]) for one in FROM_ABOVE)
-        advance = arm.openings.advance(_narrowest(one))
+        advance = arm.openings.advance(narrowest(one))
         low = from_above(reach.body, one, arm.frame, arm.max_opening, above, headings, below, advance)
         boxes, _ = scene.collisions.boxes_but((reach.body,))
         covered = clearance_at(low.points[:, :2], boxes, ((block.high, block.high + OVER, 0.0),)) < 0

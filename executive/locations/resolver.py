@@ -102,12 +102,15 @@ class Resolver:
         explain_bases(validator.wanted(demand), validator.arms(demand), scene, self.maps, log, would_do)
         raise log.failure(location, after=len(found))
 
-    def _would_do(self, location: Location) -> bool:
+    def _would_do(self, location: Location, log: Rejections) -> bool:
         """Return whether a location has a base pose, as the scene is supposed to be, without looking for it hard."""
         validator = BaseValidator(self.scene, self.maps)  # what this one remembers is not so
         demand = base_demand(location, self.scene, self._viewer(location))
-        with closing(searched(validator, demand, Rejections(), [], most=EASY)) as found:
-            return next(found, None) is not None
+        tried = Rejections()
+        with closing(searched(validator, demand, tried, [], most=EASY)) as found:
+            is_found = next(found, None) is not None
+        log.include(tried)
+        return is_found
 
     def _with_uses(self, reach: Reach, *, look: bool = False) -> Reach:
         """Return a grasp with what the plan does with the thing later; sides are seen from here from now on if so."""

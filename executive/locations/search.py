@@ -6,7 +6,7 @@ The present base pose comes first; then one search follows another with a larger
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import chain
@@ -50,7 +50,7 @@ def searched(
     log: Rejections,
     found: list[BasePose],
     most: int | None = None,
-) -> Iterator[Solution]:
+) -> Generator[Solution]:
     """Yield base poses, each farther than :data:`APART` from those that were ``found``, and add them to these.
 
     ``most``: so many of the :data:`BUDGETS` are used, if not all.

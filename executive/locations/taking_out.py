@@ -8,12 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from executive.belief.believed_bodies import Block
 from executive.belief.planning_scene import PlanningScene
 from executive.locations.grasp_candidates import LIFT
+from executive.locations.headroom import footprint
 from executive.motion import clearance_at
 from planlang.geometry import Array
-from planlang.geometry.matrices import rotated
 
 ONWARDS: Array = np.zeros((0, 3))
 """The way out of a thing that stands in the open."""
@@ -26,8 +25,6 @@ SPARE = 0.02
 """Room between a thing that was drawn from under furniture and that furniture, where there is so much [m]."""
 TOUCHING = 0.003
 """Depth up to which a thing that stands against a wall counts as beside it [m]."""
-SPACING = 0.02
-"""Largest distance of the points of a thing above which it is looked for room [m]."""
 
 
 def way_out(name: str, scene: PlanningScene) -> Array | None:
@@ -43,7 +40,7 @@ def way_out(name: str, scene: PlanningScene) -> Array | None:
     boxes, _ = scene.collisions.boxes_but((name,))
     rising = ((block.low + RAISED, block.high + below + LIFT, 0.0),)
     drawn = ((block.low + RAISED, block.high + RAISED, 0.0),)
-    points = _footprint(block)
+    points = block.to_map(footprint(block))
     if clearance_at(points, boxes, rising).min() > -TOUCHING:
         return np.array([[0.0, 0.0, below]])
     if joint is None:
@@ -54,12 +51,3 @@ def way_out(name: str, scene: PlanningScene) -> Array | None:
     free = np.logical_and.accumulate(passes > -TOUCHING)
     good = next((where for spare in (SPARE, 0.0) if (where := np.flatnonzero(free & (rises >= spare))).size), None)
     return None if good is None else np.array([moves[good[0]], moves[good[0]] + [0.0, 0.0, below]])
-
-
-def _footprint(block: Block) -> Array:
-    """Return points (n, 2) of the map over the box around a thing, its corners among them."""
-    x, y = (np.linspace(-half, half, 2 + int(2 * half / SPACING)) for half in (block.half_x, block.half_y))
-    corners = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    c, s = np.cos(block.yaw), np.sin(block.yaw)
-    points: Array = rotated(np.array([[c, -s], [s, c]]), corners) + np.array([block.x, block.y])
-    return points

@@ -5,6 +5,7 @@ Measured on the shapes of the fingers at a few openings from closed to opened, a
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import field
 
@@ -54,6 +55,11 @@ class Openings:
     def widest(self) -> Fingers:
         """Return the fingers opened as far as they go."""
         return self.fingers[-1] if self.fingers else ()
+
+    @property
+    def gap(self) -> float:
+        """Gap between the fingers at the grip point, opened as far as they go [m]; infinite without any."""
+        return float(self.gaps[-1, len(SECTIONS) // 2]) if self.fingers else math.inf
 
     def around(self, spans: Array, room: float = ROOM) -> NDArray[np.intp]:
         """Return the number of the narrowest opening for things (m,), the widest one where none has room enough.

@@ -136,7 +136,10 @@ def test_what_is_held_stays_upright_in_every_way_that_is_tried(
     for ways in (
         held_above("box", block, FRAME, held, held.lowest_of, (0.02, 0.15), inset=0.05, fine=False),
         offering("patient", zone, FRAME, held, fine=False),
-        *(placing("box", spots, np.ones(1), FRAME, held, is_round=is_round, fine=False) for is_round in (True, False)),
+        *(
+            placing("box", spots, *np.ones((2, 1)), FRAME, held, is_round=is_round, fine=False)
+            for is_round in (True, False)
+        ),
     ):
         assert len(ways) == 0 or np.linalg.det(ways.rotations) == pytest.approx(1.0)
         assert (ways.rotations @ upright)[:, 2, 2] == pytest.approx(1.0)

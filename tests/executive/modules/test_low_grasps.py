@@ -10,8 +10,12 @@ import numpy as np
 import pytest
 
 from executive.belief.believed_bodies import Block
+from executive.locations.demands import Reach, ReachKind
 from executive.locations.grasps_from_above import grips, is_low
+from executive.locations.hand_predicates import Stage, candidates_of
 from executive.locations.reachability import GraspClass
+from executive.locations.rejections import Rejections
+from executive.robots.openings import Openings
 from planlang import perform
 from planlang.designators import a_location, action, an_object
 from planlang.failures import LocationUnresolvable, TooHeavy
@@ -157,3 +161,21 @@ def test_a_palm_ends_where_its_mesh_does_however_that_lies_in_the_box_around_it(
         (arm,) = room(stack, drawn(0), "panda").platform.scene.arms.all
         thick = np.array(arm.palm) @ np.cross(arm.frame.approach, arm.frame.closing)
         assert np.ptp(thick) < 0.07, "the hand is 63 mm thick"
+
+
+def test_a_low_cup_that_fits_between_the_fingers_is_gripped_around_as_well_as_by_its_rim(make_stage: MakeStage) -> None:
+    cup = lying("cup", "Cup", (0.075, 0.075, 0.06), "cylinder", wall=0.004)
+    scene = make_stage(CABINET, cup).platform.scene
+    reach = Reach(ReachKind.GRASP, "cup")
+    found = [one for arm in scene.arms.all for one in candidates_of(reach, arm, scene, Rejections(), Stage.ALL)]
+    away = np.concatenate([np.hypot(*(table.points[:, :2] - cup.pose.position[:2]).T) for table in found])
+    assert (away < 0.01).any()
+    assert (abs(away - 0.0355) < 0.003).any()
+
+
+def test_fingers_that_turn_reach_out_most_in_between(make_stage: MakeStage) -> None:
+    for arm in make_stage(CABINET).platform.scene.arms.all:
+        openings, tips = arm.openings, Openings((), np.zeros((0, 1)), np.zeros(0))
+        assert tips.advance(0.05) == 0.0
+        assert openings.advance(1.0) == 0.0, "they are wide open"
+        assert openings.advance(0.01) == pytest.approx(max(0.0, openings.ends.max() - openings.ends[-1]), abs=1e-3)

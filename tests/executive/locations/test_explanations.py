@@ -1,0 +1,66 @@
+"""Failures that say what would do: what they say is true, as a room that is changed like that shows."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import pytest
+
+from planlang.designators import a_location
+from planlang.failures import LocationUnresolvable
+from planlang.geometry import Pose
+from sim import Body
+from tests.executive.conftest import BOTTLE, THE_BOTTLE, MakeStage, Stage
+
+TO_GRASP = a_location(in_reach_of=THE_BOTTLE)
+TABLE = Body("table", Pose((2.0, 0.0, 0.4)), (2.4, 2.4, 0.8), type="KitchenTable")
+FAR_BACK = replace(BOTTLE, pose=Pose((2.1, 0.1, 0.9)))
+
+
+def said(stage: Stage) -> str:
+    """The first sentence about why the bottle is not reached."""
+    with pytest.raises(LocationUnresolvable) as caught:
+        next(stage.resolver.bases(TO_GRASP))
+    return caught.value.figures
+
+
+def test_a_thing_far_back_on_a_table_is_reached_as_much_nearer_to_its_edge_as_the_failure_says(
+    make_stage: MakeStage,
+) -> None:
+    why = said(make_stage(TABLE, FAR_BACK))
+    told = re.search(r"(\d\.\d+) m nearer to an edge of table, at x = (-?\d\.\d+), y = (-?\d\.\d+), it could", why)
+    assert told is not None, why
+    step, x, y = map(float, told.groups())
+    nearer = replace(FAR_BACK, pose=Pose((x, y, 0.9)))
+    assert next(make_stage(TABLE, nearer).resolver.bases(TO_GRASP)) is not None
+    less = replace(
+        FAR_BACK, pose=Pose((2.1 + (x - 2.1) * (step - 0.1) / step, 0.1 + (y - 0.1) * (step - 0.1) / step, 0.9))
+    )
+    with pytest.raises(LocationUnresolvable):
+        next(make_stage(TABLE, less).resolver.bases(TO_GRASP))
+
+
+def test_a_body_around_a_thing_is_named_if_without_it_the_thing_is_reached(make_stage: MakeStage) -> None:
+    bell = Body("bell", Pose((1.5, 0.0, 0.96)), (0.3, 0.3, 0.3), type="Cupboard", movable=True)
+    stand = Body("stand", Pose((1.5, 0.0, 0.4)), (0.3, 0.3, 0.8), type="KitchenTable")
+    why = said(make_stage(stand, BOTTLE, bell))
+    assert why.endswith("without bell it could be reached")
+    assert next(make_stage(stand, BOTTLE).resolver.bases(TO_GRASP)) is not None
+
+
+def test_a_thing_on_the_floor_of_a_deep_shelf_is_reached_at_the_height_that_is_told(make_stage: MakeStage) -> None:
+    low = Body("low", Pose((2.0, 0.0, 0.05)), (1.2, 1.2, 0.1), type="KitchenTable")
+    lid = Body("lid", Pose((2.0, 0.0, 0.4)), (1.2, 1.2, 0.02), type="KitchenTable")
+    why = said(make_stage(low, lid, replace(BOTTLE, pose=Pose((2.0, 0.0, 0.2)))))
+    assert re.search(
+        r"at a height of 0\.\d\d m instead of 0\.10 m( and at an edge of low)? it could be reached$", why
+    ), why
+
+
+def test_supposing_leaves_the_belief_as_it_was(make_stage: MakeStage) -> None:
+    stage = make_stage(TABLE, FAR_BACK)
+    first = said(stage)
+    before = stage.belief.snapshot(), stage.belief.names(), stage.platform.scene.world.pose("bottle")
+    assert said(stage) == first
+    assert (stage.belief.snapshot(), stage.belief.names(), stage.platform.scene.world.pose("bottle")) == before
