@@ -174,6 +174,6 @@ def find_in_closed_place(home: Home) -> Task:
         [step("FetchingAnObject", what=thing)],
         all_of(goals.held(thing), goals.shut(*(other for other in leaves if other != leaf))),
         [thing],
-        [Need("open", leaf, holder), Need("grasp", thing)],
+        [Need("open", leaf, holder), Need("see", thing), Need("grasp", thing)],
         unknown=[thing],
     )

@@ -50,6 +50,14 @@ def test_what_is_impossible_is_so_for_its_reason(kind: str, thing: str, bodies: 
     assert (found.answer, found.kind, found.thing) == (Answer.IMPOSSIBLE, kind, thing)
 
 
+def test_a_robot_without_camera_cannot_look_for_a_thing():
+    witness = Witness(Scene((ROOM, TABLE, CUP), (-2.5, -2.0, 2.5, 2.0)), bind_robot("panda"))
+    try:
+        assert witness.decide([Need("see", "cup1")]).kind == "no camera"
+    finally:
+        witness.close()
+
+
 def test_a_reason_is_right_if_it_names_the_cause_and_the_thing():
     verdict = {"kind": "too wide", "thing": "cup1"}
     assert is_right_reason(verdict, ("ObjectUnreachable",), "cup1 is too wide for the hand")

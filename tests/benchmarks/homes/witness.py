@@ -68,6 +68,7 @@ RIGHT_REASONS: Mapping[str, str] = {
     "too heavy": r"TooHeavy|weighs",
     "too high": r"too high|out of reach|reaches (only )?up to|\bup to \d",
     "too low": r"too low|out of reach|reaches (only )?down to|\bdown to \d",
+    "no camera": r"without (a )?camera|no camera",
     "no floor": r"no room for the base|no path|NavigationPose|cannot (stand|get)|out of reach|no nearer than",
     "no room": r"no room (for|on|in)|does not fit|is full|too (high|large|big) for",
 }
@@ -210,6 +211,8 @@ class Witness:
             self._check_hand(body)
         if need.kind == "grasp":
             self._check_reach(body, self._spans(body))
+        if need.kind == "see" and self.robot.camera is None:
+            raise _Broken("no camera", body.name, f"the robot has no camera to look for {body.name}")
         if need.kind in ("open", "close"):
             joint = self.joints[need.thing]
             handle = self.scene.body(joint.handle or joint.leaf)
