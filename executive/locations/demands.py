@@ -160,7 +160,10 @@ def hand_demand(location: Location, scene: PlanningScene, viewer: Viewer) -> Rea
         for relation, term in zip(relations, terms, strict=True):
             if RELATIONS[relation.name].sense("hand") is Sense.PRE_GRASP and not relation.negated:
                 said = f" is where a hand waits to take {term.body}, which "
-                raise meaningless(relation, relation, f"{said}{scene.bodies.ungraspable(term.body)}")
+                why = scene.bodies.ungraspable(term.body)
+                failure = meaningless(relation, relation, f"{said}{why}")
+                failure.figures = f"{term.body} {why}"
+                raise failure
         filters = (Sense.AREA, Sense.VIEWPOINT)
         needed = tuple(name for name in meaningful("hand") if RELATIONS[name].sense("hand") not in filters)
         raise meaningless(location, location, " does not say what the hand is at: it needs one of ", needed)

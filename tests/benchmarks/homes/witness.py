@@ -64,7 +64,7 @@ class Answer(StrEnum):
 
 
 RIGHT_REASONS: Mapping[str, str] = {
-    "too wide": r"GraspTooWide|too wide",
+    "too wide": r"GraspTooWide|too wide|m wide, and",
     "too heavy": r"TooHeavy|weighs",
     "too high": r"too high|out of reach|reaches (only )?up to|\bup to \d",
     "too low": r"too low|out of reach|reaches (only )?down to|\bdown to \d",
