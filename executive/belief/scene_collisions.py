@@ -274,7 +274,7 @@ class SceneCollisions:
             found = self._world.contacts(Configuration(base, now), ("base",), among=among)
             return found if among is not None else (*found, *self._own_contacts(now))
         joints = {**now, **dict(fingers), **dict(zip(arm.joints, map(float, q), strict=True))}
-        ignore = [(link, touches) for link in sorted(self._touching(arm))] if touches is not None else []
+        ignore = [(link, touches) for link in sorted(self.touching_links(arm))] if touches is not None else []
         moving = (*arm.joints, *(name for name, _ in fingers))
         return self._world.contacts(Configuration(base, joints), moving, ignore=ignore, among=among)
 
@@ -371,7 +371,9 @@ class SceneCollisions:
         bodies = self._bodies_of(arm, ())
         base = self._world.link_pose(self._robot.base_link).matrix()
         middle = moved(base, bodies.centre)
-        return bodies.against(base, self._room().near(middle, bodies.reach), (self._touching(arm), _names(touches)))
+        return bodies.against(
+            base, self._room().near(middle, bodies.reach), (self.touching_links(arm), _names(touches))
+        )
 
     def group_check(
         self,
@@ -384,7 +386,7 @@ class SceneCollisions:
         """Return a check, without PyBullet, of how arms may move together; blades may go under what is thin.
 
         ``base_link``: the pose (4, 4) of the robot's base link in the map from which they do; ``touches``: the bodies
-        that their hands may touch; ``gone``: those that are elsewhere by then.
+        that their fingers may touch; ``gone``: those that are elsewhere by then.
         """
         world, names = self._world, tuple(arm.name for arm in arms)
         if names not in self._groups:
@@ -395,7 +397,7 @@ class SceneCollisions:
         if any(world.scene.body(name).blade for name in world.attached()):
             room = room.without([body.name for body in world.scene.bodies if body.thin])
         room = room.without(sorted(gone)) if gone else room
-        return bodies.against(base_link, room, (frozenset[str]().union(*(arm.hand_links for arm in arms)), touches))
+        return bodies.against(base_link, room, (frozenset[str]().union(*map(self.touching_links, arms)), touches))
 
     def touching(
         self,
@@ -412,11 +414,16 @@ class SceneCollisions:
         there = Configuration(base or now.base, {**now.joints, **joints})
         return [(contact.part, contact.body) for contact in self._world.contacts(there, tuple(joints), ignore=ignore)]
 
+    def touching_links(self, arm: ArmModel) -> frozenset[str]:
+        """Return the links that may touch what an arm takes or pushes: its fingers; its palm would be in the way."""
+        gripper = self._robot.arm(arm.name).gripper
+        return frozenset(gripper.finger_links) if gripper is not None else arm.hand_links
+
     def arm_check(
         self, arm: ArmModel, touches: str | None, fingers: Fingers, near: tuple[Array, float] | None = None
     ) -> QuickCheck:
         """Return a check that rules out postures of an arm from any base, and poses of its hand."""
-        key, ignored = ("arm", arm.name, touches, fingers), (self._touching(arm), _names(touches))
+        key, ignored = ("arm", arm.name, touches, fingers), (self.touching_links(arm), _names(touches))
         return self._check(key, near, lambda: self._bodies_of(arm, fingers), ignored)
 
     def stance_check(self, near: tuple[Array, float] | None = None) -> QuickCheck:
@@ -457,11 +464,6 @@ class SceneCollisions:
         """Return what the bodies of arms depend on beside joints: with empty hands nothing."""
         held = tuple(self._belief.held.values())
         return (self._state(), held) if held or self._world.attached() else None
-
-    def _touching(self, arm: ArmModel) -> frozenset[str]:
-        """Return the links that may touch what an arm takes: its fingers, as its palm would push that away."""
-        gripper = self._robot.arm(arm.name).gripper
-        return frozenset(gripper.finger_links) if gripper is not None else arm.hand_links
 
     def _own_links(self, arm: ArmModel) -> frozenset[str]:
         """Return links that other joints of an arm than the torso's move."""

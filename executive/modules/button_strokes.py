@@ -11,7 +11,6 @@ from executive.modules.motion_grounding import Grounding
 from executive.modules.phases import Phase
 from executive.modules.strokes import Plane, StrokeWork
 from executive.robots.arms import ArmModel
-from planlang.designators import Device
 from planlang.geometry import Pose
 from planlang.geometry.matrices import product
 from planlang.motion_constraints import MotionConstraint, a_constraint, a_feature
@@ -51,7 +50,7 @@ class ButtonStrokes(StrokeWork):
     def _asked(self) -> tuple[MotionConstraint, ...]:
         """Return that the tip is on the button, and how far the hand leans from its normal."""
         x, y, z = map(float, self._arm.frame.approach)
-        hand = Device("Hand", self.platform.robot.arm(self._arm.name).iri)
+        hand = self.platform.robot.arm(self._arm.name).hand
         tip = a_feature("LINE", of=hand, position=(0.0, 0.0, 0.0), direction=(x, y, z))
         of = self.platform.scene.bodies.designator(self._button.body)
         button = a_feature("PLANE", of=of, position=self._button.point, direction=self._button.normal)

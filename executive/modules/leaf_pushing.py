@@ -116,7 +116,7 @@ class LeafStrokes(StrokeWork):
     def _asked(self, arm: ArmModel, way: Array) -> tuple[MotionConstraint, ...]:
         """Return that the tip is on the leaf, how far the hand leans from its way, and how its fingers meet a bar."""
         x, y, z = map(float, arm.frame.approach)
-        hand = Device("Hand", self.platform.robot.arm(arm.name).iri)
+        hand = self.platform.robot.arm(arm.name).hand
         tip = a_feature("LINE", of=hand, position=(0.0, 0.0, 0.0), direction=(x, y, z))
         pose = self.platform.belief.pose(self._joint.leaf)
         px, py, pz = moved(inverse(pose.matrix()), way[1]).tolist()

@@ -54,7 +54,7 @@ UP = Object("Up", "map:up")
 class Grounding:
     """Grounds motions of one platform.
 
-    Hands of the arms that move may touch bodies ``touches``; bodies ``gone`` are pushed ahead, so that arms come to
+    Fingers of the arms that move may touch bodies ``touches``; bodies ``gone`` are pushed ahead, so that arms come to
     where these are now.
     """
 
@@ -179,7 +179,8 @@ class Grounding:
     ) -> list[tuple[str, str]]:
         """Return what touches wrongly with the arms of a motion at joint values (n,); ``clear`` as in `problem`."""
         bodies = () if clear else sorted(self._touches)
-        pairs = [(link, body) for body in bodies for arm in motion.arms for link in sorted(arm.hand_links)]
+        links = [link for arm in motion.arms for link in sorted(self._platform.scene.collisions.touching_links(arm))]
+        pairs = [(link, body) for body in bodies for link in links]
         ignore = [*pairs, *(() if clear else sorted(self._gone))]
         joints = dict(zip(self.group(motion).names, q.tolist(), strict=True))
         return self._platform.scene.collisions.touching(joints, base, ignore=ignore)
@@ -189,7 +190,7 @@ class Grounding:
     ) -> MotionProblem:
         """Return the problem of moving from where the base is, or from elsewhere; unless ``blocked`` without bodies.
 
-        ``clear``: hands touch nothing, not even what they otherwise may.
+        ``clear``: fingers touch nothing, not even what they otherwise may.
         """
         platform, scene = self._platform, self._platform.scene
         now = platform.base()

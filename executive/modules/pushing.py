@@ -260,7 +260,7 @@ class Pushing(StrokeWork):
         raise problem or ManipulationGoalNotReached("no hand is free", what=name)
 
     async def _pushed(self, action: Action, name: str, goal: Array, lead: float, arm: ArmModel) -> float:
-        platform, device = self.platform, Device("Hand", self.platform.robot.arm(arm.name).iri)
+        platform, device = self.platform, self.platform.robot.arm(arm.name).hand
         stated = replace(action, properties=tuple(sorted({**dict(action.properties), "device_used": device}.items())))
         asked = tuple(one for one in constraints_of(stated) if one.is_active)
         moving = (name, *platform.scene.world.standing_on(name))

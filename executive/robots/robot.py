@@ -292,6 +292,11 @@ class Arm:
     payload: float = math.inf
     """Largest mass that the hand carries [kg]."""
 
+    @property
+    def hand(self) -> Device:
+        """The designator of the hand of this arm and of no other, whether or not a self-model names it."""
+        return Device("Hand", self.iri or f"robot:#{self.name}_hand")
+
 
 @dataclass(frozen=True, slots=True)
 class BaseDrive:
@@ -364,7 +369,7 @@ class Robot:
         if device is None:
             return self.arms
         known = (device.iri, device.type)
-        exact = tuple(a for a in self.arms if {a.iri, a.gripper and a.gripper.iri} & {device.iri} - {None})
+        exact = tuple(a for a in self.arms if device.iri in {a.hand.iri, a.gripper and a.gripper.iri} - {None})
         if exact:
             return exact
         side = side_of(*(local_name(text) for text in known if text))

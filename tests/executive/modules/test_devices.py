@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import ExitStack
 
+import numpy as np
 import pytest
 
 from executive.belief import MapObject, SemanticMap, scene_of
+from executive.modules.motion_grounding import GroundedMotion, Grounding
 from planlang.designators import Condition
 from planlang.failures import ActionUnresolvable, HandleNotReachable
 from planlang.geometry import Pose
+from planlang.geometry.matrices import rigid
 from tests.support.examples import some
 from tests.support.extras import HAS_PR2
 from tests.support.leaves import room, thing, vocabulary
@@ -66,6 +69,22 @@ def test_what_cuts_has_no_button_unless_the_map_states_one(cls: str) -> None:
     electric = thing("blade", cls, pose, size, "button")
     (control,) = scene_of(SemanticMap(None, vocabulary(), (TABLE, electric, button()), ())).controls
     assert (control.device, control.body) == ("blade", "button")
+
+
+def test_fingers_may_touch_the_device_whose_button_they_push_but_the_palm_may_not(stack: ExitStack) -> None:
+    """A palm that leans meets the front of the device beside the button before the fingertips get to it."""
+    stage = room(stack, (TABLE, MAKER, button()), "panda")
+    platform = stage.platform
+    (arm,) = platform.scene.arms.all
+    base = (0.0, 0.0, 0.0)
+    tip = rigid(arm.frame.rotation(np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])), np.array([0.6, 0.0, 0.8]))
+    q, good = arm.solver.solve(tip[None], arm.seeds[None])
+    assert good[0], "the hand is well inside the device"
+    motion = GroundedMotion((), (arm,), {}, {})
+    met = {link for link, body in Grounding(platform, {"maker"}).touching(motion, q[0], base) if body == "maker"}
+    met_clear = {link for link, body in Grounding(platform, {"maker"}).touching(motion, q[0], base, clear=True)}
+    assert "panda_hand" in met
+    assert met_clear - met >= {"panda_leftfinger", "panda_rightfinger"}
 
 
 def test_a_button_that_no_map_has_is_pushed_where_the_device_would_have_it(stack: ExitStack) -> None:

@@ -20,6 +20,7 @@ from planlang.diagnostics import BadInput
 from planlang.geometry import Pose
 from planlang.protocols import Configuration
 from sim import Body, PlanningWorld, Scene
+from tests.support.extras import HAS_PR2
 
 ARM = ("shoulder_yaw", "shoulder_pitch", "shoulder_roll", "elbow_pitch", "elbow_roll", "wrist_pitch", "wrist_yaw")
 
@@ -178,6 +179,13 @@ def test_devices_are_taken_by_identity_else_by_side(amigo: Robot) -> None:
     assert amigo.arms_of(Device("HolderGripper", "http://example.org/recipe.owl#robotLeftGripper")) == (left,)
     assert amigo.arms_of(Device("HolderGripper", "http://example.org/recipe.owl#gripper")) == (right, left)
     assert amigo.arms_of(Device("LeftArm", "http://example.org/recipe.owl#device")) == (left,)
+    assert amigo.arms_of(left.hand) == (left,)
+
+
+@pytest.mark.skipif(not HAS_PR2, reason="the PR2's URDF is in the extra pr2")
+def test_each_hand_is_itself_without_a_self_model_that_names_it() -> None:
+    pr2 = bind_robot("pr2")
+    assert [pr2.arms_of(arm.hand) for arm in pr2.arms] == [(arm,) for arm in pr2.arms]
 
 
 def test_only_arms_with_a_hand_count_as_grippers(amigo: Robot) -> None:
