@@ -313,8 +313,12 @@ class LocationUnresolvable(DesignatorFailure):
         parts = [f"{sum(self.counts.values())} candidates: {reasons}"] if self.counts else []
         if self.blocking:
             parts.append(f"in the way: {', '.join(f'{body} {number}' for body, number in self.blocking.items())}")
-        text = f"{text}: {self.figures}" if self.figures else text
+        text = f"{text}: {sentence}" if (sentence := self.because()) else text
         return f"{text} ({'; '.join(parts)})" if parts else text
+
+    def because(self) -> str:
+        """Return the reason in a sentence, "" if there are only counts."""
+        return self.figures
 
 
 @dataclass(eq=False, repr=False)
@@ -324,9 +328,9 @@ class BehindClosedDoor(LocationUnresolvable):
     what: str | None = field(default=None, kw_only=True)
     door: Object | None = field(default=None, kw_only=True)
 
-    def describe(self) -> str:
-        """``no place found for DESIGNATOR: bottle1 is behind door1, which is closed``."""
-        return f"{self.text} for {self.designator}: {self.what} is behind {self.door}, which is closed"
+    def because(self) -> str:
+        """``bottle1 is behind door1, which is closed``."""
+        return f"{self.what} is behind {self.door}, which is closed"
 
 
 @dataclass(eq=False, repr=False)
@@ -338,10 +342,10 @@ class TooHeavy(LocationUnresolvable):
     payload: float = field(default=0.0, kw_only=True)
     hands: int = field(default=1, kw_only=True)
 
-    def describe(self) -> str:
-        """``no place found for DESIGNATOR: bottle1 weighs 40 kg, the hand carries 1.5 kg``."""
+    def because(self) -> str:
+        """``bottle1 weighs 40 kg, the hand carries 1.5 kg``."""
         carry = "the hand carries" if self.hands == 1 else "both hands carry"
-        return f"{self.text} for {self.designator}: {self.what} weighs {self.mass:g} kg, {carry} {self.payload:g} kg"
+        return f"{self.what} weighs {self.mass:g} kg, {carry} {self.payload:g} kg"
 
 
 @dataclass(eq=False, repr=False)
@@ -356,12 +360,12 @@ class HandsLacking(LocationUnresolvable):
     hands: int = field(default=0, kw_only=True)
     alone: bool = field(default=False, kw_only=True)
 
-    def describe(self) -> str:
-        """``no place found for DESIGNATOR: tray1 takes 2 hands, 1 is there for it``."""
+    def because(self) -> str:
+        """``tray1 takes 2 hands, 1 is there for it``."""
         there = f"{'1 is' if self.hands == 1 else f'{self.hands} are'} there for it"
         if self.alone:
             there = "and was asked of one alone (PickingUpAnObject takes it with all)"
-        return f"{self.text} for {self.designator}: {self.what} takes {self.needed} hands, {there}"
+        return f"{self.what} takes {self.needed} hands, {there}"
 
 
 @dataclass(eq=False, repr=False)
@@ -371,10 +375,10 @@ class HandsFull(LocationUnresolvable):
     what: str | None = field(default=None, kw_only=True)
     held: Mapping[str, Object] = field(default_factory=dict, kw_only=True)
 
-    def describe(self) -> str:
-        """``no place found for DESIGNATOR: no hand is free to grasp glass1: arm holds bottle1``."""
+    def because(self) -> str:
+        """``no hand is free to grasp glass1: arm holds bottle1``."""
         full = ", ".join(f"{hand} holds {thing}" for hand, thing in self.held.items())
-        return f"{self.text} for {self.designator}: no hand is free to grasp {self.what}: {full}"
+        return f"no hand is free to grasp {self.what}: {full}"
 
 
 class ObjectUnresolvable(DesignatorFailure):

@@ -162,7 +162,8 @@ def hand_demand(location: Location, scene: PlanningScene, viewer: Viewer) -> Rea
                 said = f" is where a hand waits to take {term.body}, which "
                 why = scene.bodies.ungraspable(term.body)
                 failure = meaningless(relation, relation, f"{said}{why}")
-                failure.figures = f"{term.body} {why}"
+                widest = max((arm.max_opening for arm in scene.arms.all), default=0.0)
+                failure.figures = f"{term.body} {why} (the hands of {scene.robot.name} open to {widest:g} m)"
                 raise failure
         filters = (Sense.AREA, Sense.VIEWPOINT)
         needed = tuple(name for name in meaningful("hand") if RELATIONS[name].sense("hand") not in filters)

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import math
-from bisect import bisect_left
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from executive.belief.believed_bodies import Block
 from executive.belief.floor import Floor
 from executive.belief.planning_scene import PlanningScene
 from executive.locations.base_candidates import InverseMaps
+from executive.locations.changes import MOST_TRIED, Changes, WouldDo
 from executive.locations.demands import Reach, ReachKind
 from executive.locations.grasp_candidates import CLASSES
 from executive.locations.hand_predicates import Stage, candidates_of, narrowest
@@ -20,31 +18,15 @@ from executive.locations.reachability import CELL, GraspClass
 from executive.locations.rejections import COLLISION, NO_HOLD, NO_ROOM, NO_WAY, OUT_OF_REACH, Rejections
 from executive.motion import clearance_at
 from executive.robots.arms import ArmModel
-from planlang.geometry import Array, Pose
 from planlang.records import dataclass
 
 AROUND = 2.5
 """Distance from a thing within which the nearest place for the base is looked for [m]."""
-MOST_TRIED = 4
-"""Bodies of which is worked out what would be without them."""
-STEP = 0.05
-"""A thing is supposed to stand nearer to an edge by multiples of this [m]."""
-TABLE = 0.75
-"""Height of a table [m]: a thing is supposed to stand higher or lower by shares of its difference to this."""
-HEIGHTS = (0.5, 1.0)
-FROM_EDGE = 0.02
-"""A thing is not supposed to stand nearer to an edge than this [m]."""
-BEFORE = np.arange(0.1, 1.0, CELL)
-"""Distances from an edge at which the base may stand to reach over it [m]."""
-GRAZING = 5e-3
-"""Height by which a thing may meet others when it is supposed to be elsewhere: it stands on one of them [m]."""
+BETWEEN_FINGERS = 0.003
+"""Room that a thing needs between open fingers besides its width [m]."""
 APPROACHES = {GraspClass.SIDE: "from the side", GraspClass.TILTED: "at a slant", GraspClass.TOP: "from above"}
 BESIDE = 1.0
 """Bodies that are farther from a thing than this are no reason why a hand has no room there [m]."""
-
-
-WouldDo = Callable[[Rejections], bool]
-"""Tells whether there is a base pose as the scene is supposed to be, and counts why others will not do."""
 
 
 def explain_bases(
@@ -68,7 +50,7 @@ def explain_bases(
     if not measured and reason in makers:
         measured = makers[reason]()
     sentences = [measured]
-    changes = None if would_do is None else _Changes(wanted[0].body, scene, log, would_do)
+    changes = None if would_do is None else Changes(wanted[0].body, scene, log, would_do)
     if changes is not None and (helping := changes.helping()):
         sentences.append(helping)
     else:
@@ -80,6 +62,11 @@ def explain_bases(
             sentences += [explanation.nearer(), in_vain]
     if any(sentences):
         log.figures[reason] = "; ".join(filter(None, sentences))
+
+
+def called(arm: str) -> str:
+    """Return what a sentence calls an arm: the left arm, the arm."""
+    return f"the {arm}" if arm.endswith("arm") else f"the {arm} arm"
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +111,7 @@ class _Explanation:
         at, limit = (nearest.wanted[0], nearest.reached[1]) if high else (nearest.wanted[1], nearest.reached[0])
         does = "grasps" if self.reach.kind is ReachKind.GRASP else "reaches"
         return (
-            f"{self._aim()} is at {at:.2f} m; the arm {nearest.arm} {does} {APPROACHES[nearest.grasp]} "
+            f"{self._aim()} is at {at:.2f} m; {called(nearest.arm)} {does} {APPROACHES[nearest.grasp]} "
             f"{'up' if high else 'down'} to {limit:.2f} m"
         )
 
@@ -156,7 +143,8 @@ class _Explanation:
         if gap <= farthest:
             return ""
         nearest = f"{gap:.2f} m" if math.isfinite(gap) else f"more than {AROUND:g} m"
-        return f"the base gets no nearer than {nearest} to {self.reach.body}; the arm {arm} reaches {farthest:.2f} m"
+        said = f"the middle of the base gets no nearer than {nearest} to that of {self.reach.body}"
+        return f"{said}; {called(arm)} reaches {farthest:.2f} m"
 
     def _reach_of(self, arm: ArmModel) -> float:
         return max(self.inverse(arm, grasp).reach for grasp in CLASSES)
@@ -175,8 +163,12 @@ class _Explanation:
             return ""
         wide = min(narrowest(grip) for grip in self.scene.bodies.grips(self.reach.body))
         opening, arm = max((min(arm.max_opening, arm.openings.gap), arm.name) for arm in self.arms)
-        held = f"{self.reach.body} is {wide:.3f} m wide, and {arm} opens to {opening:.3f} m"
-        return f"fingers get no hold of it: {held}; a narrower one would do"
+        if wide < opening - BETWEEN_FINGERS:
+            return ""
+        return (
+            f"{self.reach.body} is {wide:.3f} m wide; the gripper of {called(arm)} opens to {opening:.3f} m, and needs "
+            f"{BETWEEN_FINGERS:g} m of that to get around it"
+        )
 
     def in_collision(self) -> str:
         """Return which body a hand or an arm would be in, and how far that is from the thing."""
@@ -186,6 +178,8 @@ class _Explanation:
         part = f"{body} itself is" if body == self.reach.body else f"{body} is"
         if body not in self.scene.bodies.names():
             part = "the robot's own parts are"
+        elif self.scene.bodies.is_room(body):
+            part = f"a wall of {body} is"
         said = f"{part} in the way of {number} of {sum(self.log.counts.values())} ways to reach {self.reach.body}"
         if self.reach.kind is ReachKind.PLACE and self.reach.inside and (beyond := self._from_the_side()):
             return f"{said}; {beyond}"
@@ -202,10 +196,14 @@ class _Explanation:
         high, highest = max((span[1], name) for span, name in spans)
         if block.high < low:
             return (
-                f"it is up to {block.high:.2f} m high, and the arm {lowest} reaches from the side down to {low:.2f} m"
+                f"{self.reach.body} ends at {block.high:.2f} m, and {called(lowest)} reaches from the side "
+                f"down to {low:.2f} m"
             )
         if block.low > high:
-            return f"it begins at {block.low:.2f} m, and the arm {highest} reaches from the side up to {high:.2f} m"
+            return (
+                f"{self.reach.body} begins at {block.low:.2f} m, and {called(highest)} reaches from the side "
+                f"up to {high:.2f} m"
+            )
         return ""
 
     def _beside(self, body: str) -> float | None:
@@ -226,7 +224,7 @@ class _Explanation:
         now = self._gap(self.scene.collisions.floor())
         if not math.isfinite(now):
             return f"the base has no room to stand within {AROUND:g} m of {self.reach.body}"
-        return f"the base gets no nearer than {now:.2f} m to {self.reach.body}"
+        return f"the middle of the base gets no nearer than {now:.2f} m to that of {self.reach.body}"
 
     def nearer(self) -> str:
         """Return without which body the base would get nearer, and how near; "" if there is none."""
@@ -253,106 +251,3 @@ class _Explanation:
     def inverse_reach(self) -> float:
         """Return the farthest that any of the arms reaches from the middle of the base [m]."""
         return max(map(self._reach_of, self.arms))
-
-
-class _Changes:
-    """Changes of the map, one at a time, of which the search itself finds out whether they would do."""
-
-    def __init__(self, body: str, scene: PlanningScene, log: Rejections, would_do: WouldDo) -> None:
-        self.body, self.scene, self.log, self._would_do = body, scene, log, would_do
-        self.meanwhile = Rejections()
-        """Why base poses would not do with these changes."""
-        self._tried: list[str] = []
-        """Changes that would not do."""
-
-    def helping(self) -> str:
-        """Return what would do: the thing nearer to an edge, some body away, or the thing at another height; or ""."""
-        return self._nearer() or self._without() or self._at_another_height()
-
-    def in_vain(self) -> str:
-        """Return which of these changes would not do."""
-        return f"it could not be reached {' or '.join(self._tried)} either" if self._tried else ""
-
-    def _nearer(self) -> str:
-        bodies = self.scene.bodies
-        support = bodies.support(self.body)
-        if support is None or not bodies.is_movable(self.body) or bodies.is_room(support):
-            return ""
-        for side, steps in self._ways_to_edges(support):
-            if not steps:
-                continue
-            if not self._does({self.body: self._moved(side, steps[-1])}):
-                self._tried = [f"at an edge of {support}"]
-                continue
-            # the last one does: the first one that does is looked for
-            first = bisect_left(steps, True, key=lambda step: self._does({self.body: self._moved(side, step)}))
-            step = steps[min(first, len(steps) - 1)]
-            x, y, _ = self._moved(side, step).position
-            return f"{step:.2f} m nearer to an edge of {support}, at x = {x:.2f}, y = {y:.2f}, it could be reached"
-        return ""
-
-    def _ways_to_edges(self, support: str) -> Iterator[tuple[Array, list[float]]]:
-        """Yield directions (2,) to edges that the base can stand before, the nearest first, and free steps [m]."""
-        bodies, floor = self.scene.bodies, self.scene.collisions.floor()
-        block, thing = bodies.block(support), bodies.block(self.body)
-        ways = []
-        for quarter in range(4):
-            heading = block.yaw + quarter * math.pi / 2
-            side, half = np.array([math.cos(heading), math.sin(heading)]), (block.half_x, block.half_y)[quarter % 2]
-            room = half - float(side @ [thing.x - block.x, thing.y - block.y])
-            before = np.array([thing.x, thing.y]) + np.outer(room + BEFORE, side)
-            if (floor.nearly(before, 0.0) & (floor.at(before) > -np.inf)).any():
-                ways.append((room, side, room - thing.support(heading) - FROM_EDGE))
-        for _, side, most in sorted(ways, key=lambda way: way[0]):
-            steps = [*np.arange(STEP, most, STEP).tolist(), math.floor(100 * most) / 100] if most > 0 else []
-            yield side, [step for step in steps if self._is_free(thing, side, step)]
-
-    def _is_free(self, thing: Block, side: Array, step: float) -> bool:
-        boxes = self.scene.collisions.boxes_but((self.body,))[0]
-        inner = ((thing.low + GRAZING, thing.high - GRAZING, min(thing.half_x, thing.half_y)),)
-        return bool(clearance_at(np.array([thing.x, thing.y]) + step * side, boxes, inner)[0] > 0)
-
-    def _moved(self, side: Array, step: float) -> Pose:
-        pose = self.scene.bodies.pose(self.body)
-        x, y, z = pose.position
-        return replace(pose, position=(x + step * float(side[0]), y + step * float(side[1]), z))
-
-    def _without(self) -> str:
-        bodies = self.scene.bodies
-        fixed = {self.body, bodies.support(self.body), *filter(bodies.is_room, bodies.names())}
-        joints = self.scene.belief.joints.values()
-        fixed |= {name for joint in joints if self.body in joint.bodies for name in joint.bodies}
-        fixed |= {joint.holder for joint in joints}
-        blocking = [name for name in self.log.ordered_blocking() if name not in fixed and name in bodies.names()]
-        for name in blocking[:MOST_TRIED]:
-            if self._does({name: None}):
-                return f"without {name} it could be reached"
-            self._tried.append(f"without {name}")
-        return ""
-
-    def _at_another_height(self) -> str:
-        """Return at what height nearer to that of a table a thing would have to stand, if not where it is in a room."""
-        bodies = self.scene.bodies
-        support = bodies.support(self.body)
-        if support is None or not bodies.is_movable(self.body):
-            return ""
-        thing = bodies.block(self.body)
-        rises = TABLE - thing.low
-        edge = max((way for way in self._ways_to_edges(support) if way[1]), key=lambda way: way[1][-1], default=None)
-        for share in HEIGHTS:
-            if abs(rise := share * rises) < STEP:
-                continue
-            places = [("", self.scene.bodies.pose(self.body))]
-            if edge is not None:
-                places.append((f" and at an edge of {support}", self._moved(edge[0], edge[1][-1])))
-            for said, pose in places:
-                x, y, z = pose.position
-                if self._does({self.body: replace(pose, position=(x, y, z + rise))}):
-                    height = f"at a height of {thing.low + rise:.2f} m instead of {thing.low:.2f} m"
-                    return f"{height}{said} it could be reached"
-        self._tried.append("higher" if rises > 0 else "lower")
-        return ""
-
-    def _does(self, poses: Mapping[str, Pose | None]) -> bool:
-        with self.scene.supposing(poses):
-            return self._would_do(self.meanwhile)

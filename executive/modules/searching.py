@@ -168,7 +168,8 @@ async def found_in_places(platform: Platform, wanted: Action, what: Object) -> s
     for things, the robot explores what it lacks once no place is left.
     """
     if platform.robot.camera is None:
-        raise ObjectNowhereToBeFound(f"it is not known where {what} is, and a robot without camera cannot look for it")
+        told = f"it is not known where {what} is, and a robot without camera cannot look for it"
+        raise ObjectNowhereToBeFound(f"{told}; it takes from the map (--trust-map) what --unknown does not name")
     search = platform.searches.begin(str(what), what, _searched(wanted))
     while (name := await _seen_or_gone_on(platform, search)) is None:
         pass

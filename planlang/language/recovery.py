@@ -309,7 +309,7 @@ def _otherwise(otherwise: Otherwise | None, failure: PlanFailure) -> Return[Any]
 def explain(failure: BaseException) -> str:
     """Return several lines: the failure, where in the plan, what it was raised from, what else failed with it.
 
-    The first line also has the figures of the location that could not be found, if that is what it was raised from.
+    The first line also says why a location could not be found, if that is what it was raised from.
     What was raised again and again on its way outward is stated once.
     """
     _EXPLAIN.instance("failure", failure, BaseException, "a failure, or another exception")
@@ -319,8 +319,8 @@ def explain(failure: BaseException) -> str:
     for number, link in enumerate(stated):
         lead = "" if number == 0 else "because of "
         lines.extend(_explain_one(link, lead, "  " * number))
-    figures = (link.figures for link in stated[1:] if isinstance(link, LocationUnresolvable) and link.figures)
-    if sentence := next(figures, ""):
+    reasons = (link.because() for link in stated[1:] if isinstance(link, LocationUnresolvable))
+    if sentence := next(filter(None, reasons), ""):
         lines[0] += f"; {sentence}"
     return "\n".join(lines)
 

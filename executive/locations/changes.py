@@ -1,0 +1,137 @@
+"""Changes of the map that would do where no base pose is found, as the search itself finds out."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_left
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from executive.belief.believed_bodies import Block
+from executive.belief.planning_scene import PlanningScene
+from executive.locations.reachability import CELL
+from executive.locations.rejections import Rejections
+from executive.motion import clearance_at
+from planlang.geometry import Array, Pose
+
+MOST_TRIED = 4
+"""Bodies of which is worked out what would be without them."""
+STEP = 0.05
+"""A thing is supposed to stand nearer to an edge by multiples of this [m]."""
+TABLE = 0.75
+"""Height of a table [m]: a thing is supposed to stand higher or lower by shares of its difference to this."""
+HEIGHTS = (0.5, 1.0)
+FROM_EDGE = 0.02
+"""A thing is not supposed to stand nearer to an edge than this [m]."""
+BEFORE = np.arange(0.1, 1.0, CELL)
+"""Distances from an edge at which the base may stand to reach over it [m]."""
+GRAZING = 5e-3
+"""Height by which a thing may meet others when it is supposed to be elsewhere: it stands on one of them [m]."""
+
+WouldDo = Callable[[Rejections], bool]
+"""Tells whether there is a base pose as the scene is supposed to be, and counts why others will not do."""
+
+
+class Changes:
+    """Changes of the map, one at a time, of which the search itself finds out whether they would do."""
+
+    def __init__(self, body: str, scene: PlanningScene, log: Rejections, would_do: WouldDo) -> None:
+        self.body, self.scene, self.log, self._would_do = body, scene, log, would_do
+        self.meanwhile = Rejections()
+        """Why base poses would not do with these changes."""
+        self._tried: list[str] = []
+        """Changes that would not do."""
+
+    def helping(self) -> str:
+        """Return what would do: the thing nearer to an edge, some body away, or the thing at another height; or ""."""
+        return self._nearer() or self._without() or self._at_another_height()
+
+    def in_vain(self) -> str:
+        """Return which of these changes would not do."""
+        return f"{' or '.join(self._tried)} would not help" if self._tried else ""
+
+    def _nearer(self) -> str:
+        bodies = self.scene.bodies
+        support = bodies.support(self.body)
+        if support is None or not bodies.is_movable(self.body) or bodies.is_room(support):
+            return ""
+        for side, steps in self._ways_to_edges(support):
+            if not steps:
+                continue
+            if not self._does({self.body: self._moved(side, steps[-1])}):
+                self._tried = [f"moving it to an edge of {support}"]
+                continue
+            # the last one does: the first one that does is looked for
+            first = bisect_left(steps, True, key=lambda step: self._does({self.body: self._moved(side, step)}))
+            step = steps[min(first, len(steps) - 1)]
+            x, y, _ = self._moved(side, step).position
+            return f"moved {step:.2f} m, to x = {x:.2f}, y = {y:.2f}, {self.body} could be reached"
+        return ""
+
+    def _ways_to_edges(self, support: str) -> Iterator[tuple[Array, list[float]]]:
+        """Yield directions (2,) to edges that the base can stand before, the nearest first, and free steps [m]."""
+        bodies, floor = self.scene.bodies, self.scene.collisions.floor()
+        block, thing = bodies.block(support), bodies.block(self.body)
+        ways = []
+        for quarter in range(4):
+            heading = block.yaw + quarter * math.pi / 2
+            side, half = np.array([math.cos(heading), math.sin(heading)]), (block.half_x, block.half_y)[quarter % 2]
+            room = half - float(side @ [thing.x - block.x, thing.y - block.y])
+            before = np.array([thing.x, thing.y]) + np.outer(room + BEFORE, side)
+            if (floor.nearly(before, 0.0) & (floor.at(before) > -np.inf)).any():
+                ways.append((room, side, room - thing.support(heading) - FROM_EDGE))
+        for _, side, most in sorted(ways, key=lambda way: way[0]):
+            steps = [*np.arange(STEP, most, STEP).tolist(), math.floor(100 * most) / 100] if most > 0 else []
+            yield side, [step for step in steps if self._is_free(thing, side, step)]
+
+    def _is_free(self, thing: Block, side: Array, step: float) -> bool:
+        boxes = self.scene.collisions.boxes_but((self.body,))[0]
+        inner = ((thing.low + GRAZING, thing.high - GRAZING, min(thing.half_x, thing.half_y)),)
+        return bool(clearance_at(np.array([thing.x, thing.y]) + step * side, boxes, inner)[0] > 0)
+
+    def _moved(self, side: Array, step: float) -> Pose:
+        pose = self.scene.bodies.pose(self.body)
+        x, y, z = pose.position
+        return replace(pose, position=(x + step * float(side[0]), y + step * float(side[1]), z))
+
+    def _without(self) -> str:
+        bodies = self.scene.bodies
+        fixed = {self.body, bodies.support(self.body), *filter(bodies.is_room, bodies.names())}
+        joints = self.scene.belief.joints.values()
+        fixed |= {name for joint in joints if self.body in joint.bodies for name in joint.bodies}
+        fixed |= {joint.holder for joint in joints}
+        blocking = [name for name in self.log.ordered_blocking() if name not in fixed and name in bodies.names()]
+        for name in blocking[:MOST_TRIED]:
+            if self._does({name: None}):
+                open_leaf = f"{name} is in the way as it is open: " if name in self.scene.belief.joints else ""
+                return f"{open_leaf}without {name} this would work"
+            self._tried.append(f"removing {name}")
+        return ""
+
+    def _at_another_height(self) -> str:
+        """Return at what height nearer to that of a table a thing would have to stand, if not where it is in a room."""
+        bodies = self.scene.bodies
+        support = bodies.support(self.body)
+        if support is None or not bodies.is_movable(self.body):
+            return ""
+        thing = bodies.block(self.body)
+        rises = TABLE - thing.low
+        edge = max((way for way in self._ways_to_edges(support) if way[1]), key=lambda way: way[1][-1], default=None)
+        ways = [(np.zeros(2), 0.0), *([] if edge is None else [(edge[0], edge[1][-1])])]
+        for rise in (share * rises for share in HEIGHTS):
+            above = replace(thing, low=thing.low + rise, high=thing.high + rise)
+            for side, step in ways if abs(rise) >= STEP else ():
+                x, y, z = self._moved(side, step).position
+                pose = replace(bodies.pose(self.body), position=(x, y, z + rise))
+                if self._is_free(above, side, step) and self._does({self.body: pose}):
+                    place = f" and at x = {x:.2f}, y = {y:.2f}" if step else ""
+                    height = f"{above.low:.2f} m above the floor instead of {thing.low:.2f} m"
+                    return f"{height}{place}, {self.body} could be reached"
+        self._tried.append("raising it" if rises > 0 else "lowering it")
+        return ""
+
+    def _does(self, poses: Mapping[str, Pose | None]) -> bool:
+        with self.scene.supposing(poses):
+            return self._would_do(self.meanwhile)
