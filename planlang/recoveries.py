@@ -21,6 +21,7 @@ from planlang.failures import (
     ContainerStuck,
     HandleNotReachable,
     HandsFull,
+    LocationUnresolvable,
     LookingFailure,
     LowLevelFailure,
     ObjectNotFound,
@@ -237,12 +238,20 @@ def open_what_is_in_the_way(what: Object) -> Do:
 def step_back_and_repeat(what: Object) -> Do:
     """Drive a step back with the arms in their posture for driving, look at the object, then run the body again.
 
-    What was felt and seen meanwhile changes what is planned: how far a door has come, what is in its way.
+    What was felt and seen meanwhile changes what is planned: how far a door has come, what is in its way. A failure of
+    a search that finds the same once more goes outward: nothing has changed.
     """
 
     Usage("step_back_and_repeat", {"what": "cabinet"}).instance("what", what, Object, "an object")
+    searched: set[str] = set()
 
     async def step_back(failure: PlanFailure) -> RecoveryResult:
+        for link in failure.chain():
+            if isinstance(link, LocationUnresolvable):
+                found = f"{link.designator}: {link.figures or link.describe()}"
+                if found in searched:
+                    return PROPAGATE
+                searched.add(found)
         with suppress(LowLevelFailure):  # the body will tell whether there is room enough
             await perform(action("SteppingBack"))
         await _sees(what)

@@ -178,6 +178,8 @@ def _depths(block: Block, floor: float, clearances: tuple[float, ...]) -> list[f
     """Return heights of the fingers' tips: over what is soft, else as deep as may be beside a wall or a thing."""
     if block.soft:
         return [block.high + clearance for clearance in clearances]
-    deepest = block.high - DEEPEST if block.wall else block.low
+    deepest = (
+        block.high - DEEPEST if block.wall else -math.inf
+    )  # beside what lies flat: what is too deep is met exactly
     heights = [max(floor + clearance, deepest) for clearance in clearances]
     return [height for height in dict.fromkeys(heights) if height <= block.high - LEAST]

@@ -11,7 +11,7 @@ from executive.modules.motion_grounding import Grounding
 from executive.modules.phases import Phase
 from executive.modules.strokes import Plane, StrokeWork
 from executive.robots.arms import ArmModel
-from planlang.geometry import Pose
+from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import product
 from planlang.motion_constraints import MotionConstraint, a_constraint, a_feature
 from planlang.protocols import Motion, Trajectory
@@ -36,16 +36,27 @@ class ButtonStrokes(StrokeWork):
 
     async def pushed(self) -> Motion:
         """Push; return how the motion ended, with the hand back. Raises ManipulationFailure or NavigationFailure."""
-        button, asked = self._button, self._asked()
-        heights = np.linspace(BEFORE, BEYOND, 1 + math.ceil((BEFORE - BEYOND) / STEP))
-        points = np.column_stack([np.repeat(np.array([button.point]), len(heights), axis=0), heights])
-        grounding, phase = Grounding(self.platform, {button.body, button.device}), Phase()
+        grounding, phase, asked = self._grounding(), Phase(), self._asked()
         await self._look(grounding, asked, phase)
         plane = Plane(grounding.grounded(asked, phase).constraints[0])
-        lap = await self.stroke(grounding, phase, asked, plane, points, closed=False)
+        lap = await self.stroke(grounding, phase, asked, plane, self._points(), closed=False)
         motion = await self.platform.follow(self._arm.name, lap)
         await self._back(lap)
         return motion
+
+    def reach(self) -> bool:
+        """Return whether the base has a pose from which the hand gets to the button."""
+        grounding, phase, asked = self._grounding(), Phase(), self._asked()
+        plane = Plane(grounding.grounded(asked, phase).constraints[0])
+        return next(self._reaching(grounding, phase, asked, plane, self._points()), None) is not None
+
+    def _grounding(self) -> Grounding:
+        return Grounding(self.platform, {self._button.body, self._button.device})
+
+    def _points(self) -> Array:
+        """Return the places of the tip (n, 4): the point of the button, with heights over it."""
+        heights = np.linspace(BEFORE, BEYOND, 1 + math.ceil((BEFORE - BEYOND) / STEP))
+        return np.column_stack([np.repeat(np.array([self._button.point]), len(heights), axis=0), heights])
 
     def _asked(self) -> tuple[MotionConstraint, ...]:
         """Return that the tip is on the button, and how far the hand leans from its normal."""

@@ -102,7 +102,8 @@ class LeafWork(HandWork):
 
         ``wanted``: the value up to which it is to go, if not until it counts as open or closed.
         """
-        from executive.modules.leaf_paths import LeafPaths  # most runs open nothing
+        from executive.modules.leaf_failures import leaf_failure  # most runs open nothing
+        from executive.modules.leaf_paths import LeafPaths
 
         arms = self.free_hands()
         if joint.handle is None or not arms:
@@ -127,7 +128,7 @@ class LeafWork(HandWork):
             if (tried := tried + 1) == WAYS:
                 break
         said = f"the handle of {joint.leaf} is out of reach: {ways_tried(tried)}"
-        raise HandleNotReachable(said, what=joint.leaf) from problem or paths.failure()
+        raise HandleNotReachable(said, what=joint.leaf) from problem or leaf_failure(paths, joint, self.platform.scene)
 
     async def _along(self, path: LeafPath, joint: Articulation) -> None:
         """Drive there, take the handle, go with the leaf, let it go."""

@@ -7,10 +7,13 @@ wanted state is left alone: a push on its button would change that.
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import numpy as np
 
+from executive.modules.button_failures import button_failure
 from executive.modules.button_strokes import ButtonStrokes
+from executive.modules.constrained_motions import apart
 from executive.modules.containers import LeafWork, ways_tried
 from executive.modules.hand_work import HandWork
 from planlang.designators import Action, Object
@@ -26,6 +29,7 @@ from planlang.failures import (
 )
 from planlang.geometry import Pose
 from planlang.modules import process_module
+from planlang.motion_constraints import ConstraintsUnsatisfied
 from planlang.protocols import Touch
 from sim.controls import AT_BUTTON, Control
 
@@ -80,7 +84,7 @@ class Devices(HandWork):
 
     async def _push(self, button: Control) -> None:
         """Push a button, with one hand after another, until one has met it."""
-        problem: ManipulationFailure | NavigationFailure | None = None
+        problem: ManipulationFailure | NavigationFailure | DesignatorFailure | None = None
         tried = 0
         for arm in self.free_hands():
             await self.tuck(self.platform.arms.untucked())
@@ -98,6 +102,17 @@ class Devices(HandWork):
             missed = ManipulationPoseUnreachable(arm=arm.name, what=button.body, blocked_by=motion.blocked_by)
             problem = problem or missed
         said = f"the button of {button.device} is out of reach: {ways_tried(tried)}"
+        if not tried and isinstance(problem, ConstraintsUnsatisfied) and not self.platform.robot.base.fixed:
+            strokes = [ButtonStrokes(self, arm, button) for arm in self.free_hands()]
+            problem = await apart(
+                partial(
+                    button_failure,
+                    button,
+                    self.free_hands(),
+                    self.platform,
+                    lambda: any(one.reach() for one in strokes),
+                )
+            )
         raise HandleNotReachable(said, what=button.body) from problem
 
     def _is_at(self, button: Control, touch: Touch) -> bool:

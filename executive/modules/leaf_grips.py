@@ -71,6 +71,12 @@ class Grips:
         """Return some of them (g,)."""
         return replace(self, starts=self.starts[which], points=self.points[which], turns=self.turns[which])
 
+    def raised(self, rise: float) -> Grips:
+        """Return the same of a handle that is higher [m]."""
+        starts = self.starts.copy()
+        starts[:, 2, 3] += rise
+        return replace(self, starts=starts, points=self.points + np.array([0.0, 0.0, rise]))
+
     @property
     def before(self) -> Array:
         """The poses of the tip from which the hand goes straight to the handle (g, 4, 4)."""

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +20,6 @@ from executive.modules.leaf_grips import LAGS, Grips, grips_of
 from executive.motion import InverseKinematics, cartesian_path
 from executive.robots.arms import ArmModel
 from executive.robots.openings import Fingers
-from planlang.failures import LocationUnresolvable
 from planlang.geometry import Array
 from planlang.geometry.matrices import inverse, moved, product
 from planlang.protocols import Configuration
@@ -50,8 +48,6 @@ ENOUGH = 0.12
 """Share of its way by which a hand has to move a leaf from one place, at least."""
 BEHIND = (0.08, 0.2, 0.3)
 """Distances behind the handle at which the arm is that has it [m]."""
-MOST_NAMED = 3
-"""Bodies in the way that a failure names."""
 LEAVING = (0.25, 0.5, 1.0)
 """Shares of the way to the handle at which a hand that leaves it is looked at."""
 IN_THE_WAY = 12
@@ -84,6 +80,7 @@ class LeafPaths:
     def __init__(self, control: Control, joint: Articulation) -> None:
         self._control, self._joint = control, joint
         self.rejected, self._tried = Rejections(), tuple[ArmModel, ...]()
+        self._values, self._enough = np.zeros(0), 0
 
     def towards(self, value: float, arms: Sequence[ArmModel], wanted: float) -> Iterator[LeafPath | None]:
         """Yield ways to move the leaf from where it is to a value, those that get there first; None while it looks.
@@ -98,6 +95,7 @@ class LeafPaths:
         count = max(2, math.ceil(abs(value - now) / STEPS[joint.kind]) + 1)
         values = np.linspace(now, value, count)
         enough = int(np.argmax((values >= wanted) if value > now else (values <= wanted))) + 1
+        self._values, self._enough = values, enough
         partial: list[LeafPath] = []
         found = False
         for arm, tight in ((arm, tight) for tight in (False, True) for arm in arms):
@@ -113,32 +111,22 @@ class LeafPaths:
         least = max(2, math.ceil(ENOUGH * count))
         yield from sorted((one for one in partial if len(one.values) > least), key=lambda one: -len(one.values))
 
-    def failure(self) -> LocationUnresolvable:
-        """Return why no way was found, with figures; for when none was."""
-        handle, joint, scene = str(self._joint.handle), self._joint, self._control.scene
-        height, counts = scene.bodies.pose(handle).position[2], self.rejected.ordered()
-        figures = ""
-        if set(counts) == {NO_GRIP}:
-            body = next(iter(self.rejected.ordered_blocking()))
-            figures = (
-                f"in each of the {counts[NO_GRIP]} grips that were looked at the hand is in something, mostly {body}"
-            )
-        elif OUT_OF_REACH.text in counts and (limit := self._limit(height)):
-            figures = f"{handle} is at {height:.2f} m; {limit}"
-        elif counts.get(COLLISION):
-            bodies = ", ".join(islice(self.rejected.ordered_blocking(), MOST_NAMED))
-            figures = f"{counts[COLLISION]} postures with a hand at it are in collision, mostly with {bodies}"
-        reason = next(iter(counts), "")
-        self.rejected.figures = {reason: figures} if figures else {}
-        return self.rejected.failure(f"the base with a hand at {handle} as {joint.leaf} moves")
+    def reach(self, rise: float = 0.0) -> bool:
+        """Return whether an arm reaches the handle, if that were higher by ``rise`` [m], whatever the arm is in.
 
-    def _limit(self, height: float) -> str:
-        """Return up to where, or down to where, arms reach at most; "" if a height is between [m]."""
-        spans = [(arm.shoulder_low[2] - arm.reach, arm.shoulder_high[2] + arm.reach) for arm in self._tried]
-        low, high = min(one for one, _ in spans), max(one for _, one in spans)
-        if height > high:
-            return f"the arms reach up to {high:.2f} m"
-        return f"the arms reach down to {low:.2f} m" if height < low else ""
+        That is from where the base has room and can drive to.
+        """
+        control, joint = self._control, self._joint
+        others = LeafPaths(control, joint)  # where nothing is counted that was not tried
+        for arm in self._tried:
+            grips = grips_of(control.scene, arm, joint).raised(rise)
+            if len(grips):
+                bases, _ = others._bases(arm, self._values, grips, self._enough)
+                roomy = np.ones(len(self._values), bool)
+                ways = _Ways(control, joint, arm, grips, self._values, roomy, others.rejected)
+                if len(bases) and ways.reach(bases[: BLOCK * MOST_BLOCKS]):
+                    return True
+        return False
 
     def _of_arm(self, arm: ArmModel, values: Array, enough: int, *, tight: bool) -> Iterator[LeafPath | None]:
         """Yield ways with one arm, as far as they are free; best places of the base first, None after some of them."""
@@ -351,6 +339,23 @@ class _Ways:
     def _at_handle(self, bases: Array, there: Array) -> tuple[NDArray[np.intp], NDArray[np.intp], Array, Array]:
         """Return places (w,), grips (w,) and joint values before and at the handle (w, d) where nothing is hit."""
         arm, grips = self._arm, self._grips
+        rows, numbers, before, start = self._reached(bases, there)
+        self._rejected.count([OUT_OF_REACH] * (len(bases) - len(np.unique(rows))))
+        check = self._control.scene.collisions.arm_check(arm, self._joint.handle, grips.fingers)
+        poses = base_matrices(bases)[rows]
+        met = [one or other for one, other in zip(check.hit(poses, start), check.hit(poses, before), strict=True)]
+        self._rejected.count(Reason(COLLISION, one) for one in met if one is not None)
+        free = np.flatnonzero([one is None for one in met])
+        free = free[:: max(1, len(free) // MOST_WAYS)]
+        return rows[free], numbers[free], before[free], start[free]
+
+    def reach(self, bases: Array) -> bool:
+        """Return whether the arm reaches a grip from one of places (m, 3), whatever is in its way."""
+        return len(self._reached(bases, inverse(base_matrices(bases)))[0]) > 0
+
+    def _reached(self, bases: Array, there: Array) -> tuple[NDArray[np.intp], NDArray[np.intp], Array, Array]:
+        """Return places (w,), grips (w,) and joint values before and at the handle (w, d) of what the arm reaches."""
+        arm, grips = self._arm, self._grips
         rows, numbers = (grid.ravel() for grid in np.indices((len(bases), len(grips))))
         seeds = np.broadcast_to(arm.seeds, (len(rows), *arm.seeds.shape))
         start, good = self._solver.solve(product(there[rows], grips.starts[numbers]), seeds)
@@ -360,15 +365,8 @@ class _Ways:
         near, before = near[good], q[good]
         # as the arm will get there
         q, good = self._solver.solve(product(there[rows[near]], grips.starts[numbers[near]]), before[:, None])
-        near, before, start = near[good], before[good], q[good]
-        self._rejected.count([OUT_OF_REACH] * (len(bases) - len(np.unique(rows[near]))))
-        check = self._control.scene.collisions.arm_check(arm, self._joint.handle, grips.fingers)
-        poses = base_matrices(bases)[rows[near]]
-        met = [one or other for one, other in zip(check.hit(poses, start), check.hit(poses, before), strict=True)]
-        self._rejected.count(Reason(COLLISION, one) for one in met if one is not None)
-        free = np.flatnonzero([one is None for one in met])
-        free = free[:: max(1, len(free) // MOST_WAYS)]
-        return rows[near[free]], numbers[near[free]], before[free], start[free]
+        near = near[good]
+        return rows[near], numbers[near], before[good], q[good]
 
     def _checked(self, base: BasePose, grip: int, lag: int, joints: Array) -> LeafPath | None:
         """Return a way as far as nothing is in it, None if not even the handle can be taken."""

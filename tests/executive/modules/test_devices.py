@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from contextlib import ExitStack
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from executive.belief import MapObject, SemanticMap, scene_of
 from executive.modules.motion_grounding import GroundedMotion, Grounding
+from planlang import explain
 from planlang.designators import Condition
 from planlang.failures import ActionUnresolvable, HandleNotReachable
 from planlang.geometry import Pose
@@ -69,6 +72,21 @@ def test_what_cuts_has_no_button_unless_the_map_states_one(cls: str) -> None:
     electric = thing("blade", cls, pose, size, "button")
     (control,) = scene_of(SemanticMap(None, vocabulary(), (TABLE, electric, button()), ())).controls
     assert (control.device, control.body) == ("blade", "button")
+
+
+def test_of_a_button_that_is_too_far_from_the_edge_is_reported_where_it_would_be_reached(stack: ExitStack) -> None:
+    """Constraints of the stroke, which "contradict each other" there, tell nobody what to change."""
+    wide = thing("table", "KitchenTable", Pose((1.4, 0.0, 0.375)), (2.0, 4.0, 0.75))
+    far = Pose((0.8, 0.0, 0.0))
+    moved = tuple(replace(one, pose=far @ one.pose) for one in (MAKER, button()) if one.pose is not None)
+    stage = room(stack, (wide, *moved))
+    with pytest.raises(HandleNotReachable) as caught:
+        stage.do(ON, "maker")
+    said = explain(caught.value)
+    assert "contradict" not in said
+    found = re.search(r"; with maker 0\.\d\d m nearer to the edge of table that it faces, at x = (\d\.\d\d)", said)
+    assert found is not None, said
+    assert 0.5 < float(found[1]) < 1.4, said
 
 
 def test_fingers_may_touch_the_device_whose_button_they_push_but_the_palm_may_not(stack: ExitStack) -> None:

@@ -11,10 +11,11 @@ import pytest
 
 from executive.belief.believed_bodies import Block
 from executive.locations.demands import Reach, ReachKind
-from executive.locations.grasps_from_above import grips, is_low
+from executive.locations.grasps_from_above import CLEARANCES, from_above, grips, is_low
 from executive.locations.hand_predicates import Stage, candidates_of
 from executive.locations.reachability import GraspClass
 from executive.locations.rejections import Rejections
+from executive.robots.arms import HandFrame
 from executive.robots.openings import Openings
 from planlang import perform
 from planlang.designators import a_location, action, an_object
@@ -129,6 +130,15 @@ def test_what_is_flat_is_not_taken_from_the_side(make_stage: MakeStage) -> None:
     with pytest.raises(LocationUnresolvable) as caught:
         next(stage.resolver.bases(a_location(in_reach_of=what, grasp=GraspClass.SIDE.value)))
     assert caught.value.counts["too low for a grasp but from above"]
+
+
+def test_tilted_fingers_go_beside_what_lies_flat_as_deep_as_their_lowest_corner_is_in_the_support() -> None:
+    """Of the PR2's tips, taken for as low as that, a phone of 1 cm met only the rounded ends."""
+    phone = Block(0.0, 0.0, 0.0, 0.08, 0.04, TOP, TOP + 0.01)
+    frame, below = HandFrame((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)), 0.02
+    found = from_above("phone", phone, frame, 0.1, (GraspClass.TILTED,), 4, (0.0, below))
+    tips = set((found.points[:, 2] - below - TOP).round(4).tolist())
+    assert tips == set(CLEARANCES[GraspClass.TILTED])
 
 
 def test_what_is_heavier_than_the_hand_carries_is_refused_before_anything_moves(make_stage: MakeStage) -> None:

@@ -4,9 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from planlang import Recovery, open_what_is_in_the_way, perform, with_failure_handling
+import pytest
+
+from planlang import Recovery, open_what_is_in_the_way, perform, step_back_and_repeat, with_failure_handling
 from planlang.designators import Condition, action, an_object
-from planlang.failures import BehindClosedDoor, ContainerStuck, ObjectUnreachable, PlanFailure
+from planlang.failures import (
+    BehindClosedDoor,
+    ContainerStuck,
+    HandleNotReachable,
+    LocationUnresolvable,
+    ObjectUnreachable,
+    PlanFailure,
+)
 from planlang.testing import Script, run_plan
 
 CUP, DOOR = an_object("Cup", "http://example.org/#cup1"), an_object("Door", "http://example.org/#door1")
@@ -53,6 +62,36 @@ def test_a_door_that_is_stuck_is_the_reason_of_the_failure() -> None:
     run = run_plan(fetching(behind_the_door()), script=stuck)
     assert isinstance(run.failure, ContainerStuck)
     assert [type(link) for link in run.failure.chain()][1:] == [ObjectUnreachable, BehindClosedDoor]
+
+
+def out_of_reach(figures: str) -> HandleNotReachable:
+    """The failure of a search for a way to a handle."""
+    failure = HandleNotReachable(what="door1")
+    failure.__cause__ = LocationUnresolvable(designator="the handle", figures=figures)
+    return failure
+
+
+@pytest.mark.parametrize(
+    ("failures", "attempts"),
+    [
+        ([out_of_reach("too low")] * 4, 2),
+        ([out_of_reach("a chair is in the way"), out_of_reach("too low"), out_of_reach("too low")], 3),
+        ([HandleNotReachable(what="door1")] * 4, 4),
+    ],
+)
+def test_a_search_that_finds_the_same_once_more_is_not_repeated(failures: list[PlanFailure], attempts: int) -> None:
+    tried = []
+
+    async def opening() -> None:
+        tried.append(failures[len(tried)])
+        raise tried[-1]
+
+    async def plan() -> None:
+        again = Recovery(HandleNotReachable, step_back_and_repeat(DOOR), attempts=3)
+        await with_failure_handling(opening, again)
+
+    assert isinstance(run_plan(plan).failure, HandleNotReachable)
+    assert len(tried) == attempts
 
 
 def test_the_failure_says_what_is_behind_which_door() -> None:
