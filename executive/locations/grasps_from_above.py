@@ -33,13 +33,15 @@ LOW = 0.08
 FLAT = 0.04
 """Height up to which things are taken from above alone [m]: from the side the hand would be in their support."""
 CLEARANCES = {GraspClass.TOP: (0.004, 0.012), GraspClass.TILTED: (-0.008, -0.002, 0.004)}
-"""Distances of the hand, taken for boxes, from what is below it [m]: corners of boxes stick out of tilted fingers."""
+"""Distances of the hand from what is below it [m]: tips of tilted fingers are often round, and higher when open."""
 LONG = 3.0
 """The length in widths of a thing that is gripped elsewhere than in the middle, too."""
 DEEPEST = 0.025
 """Depth to which fingers go beside a rim [m]."""
 ALONG_RIM = (0.0, 0.5, -0.5)
 """Places along a straight rim, from its middle, as shares of its half length."""
+SHALLOW = 0.9
+"""Weight of a grip that is higher than it could be."""
 SMALL = 0.001
 """Distance by which fingers may advance without need to take a thing higher [m]."""
 LEAST = 0.005
@@ -111,7 +113,8 @@ def _of_class(
 ) -> GraspCandidates:
     """Return those of one class, ``rise`` [m] higher, as the fingers come down by that when they close."""
     floor = block.low + block.wall
-    natural = 0.7 if grasp is GraspClass.TOP else 0.8  # what is held tilted can be put deeper on a table
+    # what is held tilted can be put deeper on a table; where fingers do not have to be higher they grip deeper
+    natural = (0.7 if grasp is GraspClass.TOP else 0.8) * (SHALLOW if rise else 1.0)
     rows = []
     for x, y, yaw in _places(block, headings):
         across = block.wall or 2 * block.support(yaw + math.pi / 2)
@@ -178,8 +181,8 @@ def _depths(block: Block, floor: float, clearances: tuple[float, ...]) -> list[f
     """Return heights of the fingers' tips: over what is soft, else as deep as may be beside a wall or a thing."""
     if block.soft:
         return [block.high + clearance for clearance in clearances]
-    deepest = (
-        block.high - DEEPEST if block.wall else -math.inf
-    )  # beside what lies flat: what is too deep is met exactly
-    heights = [max(floor + clearance, deepest) for clearance in clearances]
+    if block.wall:  # a finger that is on the floor of a dish does not close on its rim
+        heights = [max(floor + clearance, block.high - DEEPEST) for clearance in clearances if clearance > 0]
+    else:  # beside what lies flat, what is too deep is met exactly
+        heights = [floor + clearance for clearance in clearances]
     return [height for height in dict.fromkeys(heights) if height <= block.high - LEAST]
