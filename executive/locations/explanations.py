@@ -6,6 +6,7 @@ import math
 from bisect import bisect_left
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
@@ -14,10 +15,10 @@ from executive.belief.floor import Floor
 from executive.belief.planning_scene import PlanningScene
 from executive.locations.base_candidates import InverseMaps
 from executive.locations.demands import Reach, ReachKind
-from executive.locations.grasp_candidates import CLASSES
+from executive.locations.grasp_candidates import CLASSES, GraspCandidates
 from executive.locations.hand_predicates import Stage, candidates_of
 from executive.locations.reachability import CELL, GraspClass
-from executive.locations.rejections import COLLISION, NO_ROOM, NO_WAY, OUT_OF_REACH, Rejections
+from executive.locations.rejections import COLLISION, NO_ROOM, NO_WAY, NOT_VISIBLE, OUT_OF_REACH, Rejections
 from executive.motion import clearance_at
 from executive.robots.arms import ArmModel
 from planlang.geometry import Array, Pose
@@ -36,6 +37,10 @@ BEFORE = np.arange(0.1, 1.0, CELL)
 GRAZING = 5e-3
 """Height by which a thing may meet others when it is supposed to be elsewhere: it stands on one of them [m]."""
 APPROACHES = {GraspClass.SIDE: "from the side", GraspClass.TILTED: "at a slant", GraspClass.TOP: "from above"}
+LEAST = 0.01
+"""Smallest distance that is stated [m]."""
+BASES = frozenset({NO_ROOM, NO_WAY, NOT_VISIBLE})
+"""Reasons for which base poses are rejected."""
 BESIDE = 1.0
 """Bodies that are farther from a thing than this are no reason why a hand has no room there [m]."""
 
@@ -55,10 +60,10 @@ def explain_bases(
     """Add to ``log.figures`` what was measured about the reason that is most frequent, and what would do."""
     if not wanted or not log.counts:
         return
-    reason = next(iter(log.ordered()))
+    explanation = _Explanation(wanted[0], arms, scene, inverse, log)
+    reason = explanation.deciding()
     if reason in log.figures:
         return
-    explanation = _Explanation(wanted[0], arms, scene, inverse, log)
     makers = {
         OUT_OF_REACH.text: explanation.out_of_reach,
         COLLISION: explanation.in_collision,
@@ -66,7 +71,8 @@ def explain_bases(
         NO_WAY: explanation.no_way,
     }
     sentences = [makers[reason]() if reason in makers else ""]
-    changes = None if would_do is None else _Changes(wanted[0].body, scene, log, would_do)
+    vain = would_do is None or explanation.height() is not None  # no place, and no other body, changes heights
+    changes = None if vain or would_do is None else _Changes(wanted[0].body, scene, log, would_do)
     if changes is not None and (helping := changes.helping()):
         sentences.append(helping)
     else:
@@ -83,6 +89,8 @@ class _Limit:
     grasp: GraspClass
     wanted: tuple[float, float]
     reached: tuple[float, float]
+    reach: float
+    """How far from the base the arm reaches at the heights of the candidates [m]."""
 
     @property
     def gap(self) -> float:
@@ -105,47 +113,82 @@ class _Explanation:
     ) -> None:
         self.reach, self.arms, self.scene, self.inverse, self.log = reach, arms, scene, inverse, log
 
+    def deciding(self) -> str:
+        """Return the reason that is explained: the most frequent one, unless it left nothing but what is out of reach.
+
+        Hands that are in something, wherever the base is, are counted first; the others decide.
+        """
+        counts = self.log.ordered()
+        bases = sum(counts.get(reason, 0) for reason in BASES)
+        if OUT_OF_REACH.text in counts and (self.height() is not None or bases <= 1):  # one is where the base is
+            return OUT_OF_REACH.text
+        return next(iter(counts))
+
+    def height(self) -> _Limit | None:
+        """Return the limit that the thing is least too high or too low for; None if it is not."""
+        nearest = min(self.limits, key=lambda one: abs(one.gap), default=None)
+        return nearest if nearest is not None and nearest.gap else None
+
     def out_of_reach(self) -> str:
         """Return by how much the thing is too high or too low; else how near the base gets, and how far arms reach."""
-        limits = list(self._limits())
-        if not limits:
-            return ""
-        nearest = min(limits, key=lambda one: abs(one.gap))
-        if not nearest.gap:
-            return self._too_far()
+        nearest = self.height()
+        if nearest is None:
+            return "; ".join(filter(None, (self._too_far(), self.in_collision())))
         high = nearest.gap > 0
         at, limit = (nearest.wanted[0], nearest.reached[1]) if high else (nearest.wanted[1], nearest.reached[0])
+        gap, digits = abs(nearest.gap), 2 if abs(nearest.gap) > 2 * LEAST else 3
         does = "grasps" if self.reach.kind is ReachKind.GRASP else "reaches"
-        return (
-            f"{self._aim()} is at {at:.2f} m; the arm {nearest.arm} {does} {APPROACHES[nearest.grasp]} "
-            f"{'up' if high else 'down'} to {limit:.2f} m"
+        said = (
+            f"{self._aim()} is at {at:.{digits}f} m, {gap:.{digits}f} m too {'high' if high else 'low'}; the arm "
+            f"{nearest.arm} {does} {APPROACHES[nearest.grasp]} {'up' if high else 'down'} to {limit:.{digits}f} m"
         )
+        return "; ".join(filter(None, (said, self.in_collision() if self.log.counts[COLLISION] else "")))
 
     def _aim(self) -> str:
         """Return what the hand goes to: a thing, or a place on or at it."""
         kind, body = self.reach.kind, self.reach.body
         return body if kind is ReachKind.GRASP else f"the place for the hand at {body}"
 
+    def _tables(self) -> Iterator[tuple[ArmModel, Sequence[GraspCandidates]]]:
+        """Yield grasp candidates of arms: those in which the hand itself is inside nothing; all if there are none."""
+        found = self.log.findings.hands
+        free = [hand for hand in found[max(found)].hands if len(hand.candidates)] if found else []
+        for hand in free:
+            yield hand.arm, [hand.candidates]
+        for arm in () if free else self.arms:
+            yield arm, candidates_of(self.reach, arm, self.scene, Rejections(), Stage.ALL)
+
+    @cached_property
+    def limits(self) -> list[_Limit]:
+        """What is wanted and what is reached, arm by arm and approach by approach."""
+        return list(self._limits())
+
     def _limits(self) -> Iterator[_Limit]:
-        for arm in self.arms:
-            for table in candidates_of(self.reach, arm, self.scene, Rejections(), Stage.ALL):
+        for arm, tables in self._tables():
+            for table in tables:
                 for number in sorted(set(table.grasps.tolist())):
                     heights = table.points[table.grasps == number, 2]
                     forward = self.inverse(arm, CLASSES[number]).forward
                     if not len(forward):
                         continue
                     rise = 0.0 if arm.lift is None else float(arm.lift.rise(arm.lift.highest))
-                    levels = forward.rows["z"]
-                    reached = CELL * (float(levels.min()) - 0.5), CELL * (float(levels.max()) + 0.5) + rise
-                    yield _Limit(arm.name, CLASSES[number], (float(heights.min()), float(heights.max())), reached)
+                    rows, half = forward.rows, 0.5 if arm.lift is None else 0.0  # a torso rises to what is between
+                    low, high = CELL * (float(rows["z"].min()) - half), CELL * (float(rows["z"].max()) + half) + rise
+                    wanted = float(heights.min()), float(heights.max())
+                    at = (rows["z"] >= (wanted[0] - rise) / CELL - half) & (rows["z"] <= wanted[1] / CELL + half)
+                    away = CELL * np.hypot(rows["x"][at], rows["y"][at], dtype=np.float64)
+                    yield _Limit(arm.name, CLASSES[number], wanted, (low, high), float(away.max(initial=0.0)))
 
     def _too_far(self) -> str:
         gap = self._gap(self.scene.collisions.floor())
-        farthest, arm = max((self._reach_of(arm), arm.name) for arm in self.arms)
-        if gap <= farthest:
+        farthest = max(self.limits, key=lambda one: one.reach, default=None)
+        if farthest is None or gap <= farthest.reach:
             return ""
         nearest = f"{gap:.2f} m" if math.isfinite(gap) else f"more than {AROUND:g} m"
-        return f"the base gets no nearer than {nearest} to {self.reach.body}; the arm {arm} reaches {farthest:.2f} m"
+        return (
+            f"the base gets no nearer than {nearest} to {self.reach.body}; "
+            f"the arm {farthest.arm} reaches {farthest.reach:.2f} m at that height"
+        )
 
     def _reach_of(self, arm: ArmModel) -> float:
         return max(self.inverse(arm, grasp).reach for grasp in CLASSES)
@@ -166,20 +209,25 @@ class _Explanation:
         part = "the robot's own parts are" if body not in self.scene.bodies.names() else f"{body} is"
         said = f"{part} in the way of {number} of {sum(self.log.counts.values())} ways to reach {self.reach.body}"
         gap = self._beside(body)
-        if gap is None:
-            return said
-        return f"{said}, {max(gap, 0.0):.2f} m away from it; more room between the two is needed"
+        return said if gap is None else f"{said}, {gap:.2f} m away from it; more room between the two is needed"
 
     def _beside(self, body: str) -> float | None:
         """Return the horizontal distance between a body and the thing at the thing's height; None if that is large."""
         boxes, names = self.scene.collisions.boxes_but(())
         rows = np.flatnonzero([name == body for name in names])
-        if not len(rows) or body == self.reach.body:
+        fixed = {self.reach.body, self.scene.bodies.support(self.reach.body), *self._furniture()}
+        if not len(rows) or body in fixed:
             return None
         block = self.scene.bodies.block(self.reach.body)
         over = ((block.low + 1e-3, block.high + 0.1, 0.0),)
         gap = float(clearance_at([[block.x, block.y]], boxes.only(rows), over)[0]) - max(block.half_x, block.half_y)
-        return gap if gap < BESIDE else None
+        return gap if LEAST < gap < BESIDE else None
+
+    def _furniture(self) -> set[str]:
+        """Return the parts of the furniture that the thing is a part of, or in: there is no more room between these."""
+        joints, body = self.scene.belief.joints.values(), self.reach.body
+        holders = {one.holder for one in joints if not {body, self.scene.bodies.support(body)}.isdisjoint(one.bodies)}
+        return {name for one in joints if one.holder in holders for name in (*one.bodies, one.holder or "")}
 
     def no_room(self) -> str:
         """Return how near the base gets."""

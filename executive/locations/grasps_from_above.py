@@ -182,4 +182,4 @@ def _depths(block: Block, floor: float, clearances: tuple[float, ...]) -> list[f
         block.high - DEEPEST if block.wall else -math.inf
     )  # beside what lies flat: what is too deep is met exactly
     heights = [max(floor + clearance, deepest) for clearance in clearances]
-    return [height for height in dict.fromkeys(heights) if height <= block.high - LEAST]
+    return [height for height in dict.fromkeys(heights) if max(height, floor) <= block.high - LEAST]
