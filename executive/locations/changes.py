@@ -124,12 +124,14 @@ class Changes:
             above = replace(thing, low=thing.low + rise, high=thing.high + rise)
             for side, step in ways if abs(rise) >= STEP else ():
                 x, y, z = self._moved(side, step).position
-                pose = replace(bodies.pose(self.body), position=(x, y, z + rise))
-                if self._is_free(above, side, step) and self._does({self.body: pose}):
+                if not self._is_free(above, side, step):
+                    continue
+                if self._does({self.body: replace(bodies.pose(self.body), position=(x, y, z + rise))}):
                     place = f" and at x = {x:.2f}, y = {y:.2f}" if step else ""
                     height = f"{above.low:.2f} m above the floor instead of {thing.low:.2f} m"
                     return f"{height}{place}, {self.body} could be reached"
-        self._tried.append("raising it" if rises > 0 else "lowering it")
+                way = "raising it" if rises > 0 else "lowering it"
+                self._tried += [] if way in self._tried else [way]
         return ""
 
     def _does(self, poses: Mapping[str, Pose | None]) -> bool:

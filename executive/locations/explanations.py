@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from functools import cached_property
 
 import numpy as np
 
@@ -12,16 +13,20 @@ from executive.belief.planning_scene import PlanningScene
 from executive.locations.base_candidates import InverseMaps
 from executive.locations.changes import MOST_TRIED, Changes, WouldDo
 from executive.locations.demands import Reach, ReachKind
-from executive.locations.grasp_candidates import CLASSES
+from executive.locations.grasp_candidates import CLASSES, GraspCandidates
 from executive.locations.hand_predicates import Stage, candidates_of, narrowest
 from executive.locations.reachability import CELL, GraspClass
-from executive.locations.rejections import COLLISION, NO_HOLD, NO_ROOM, NO_WAY, OUT_OF_REACH, Rejections
+from executive.locations.rejections import COLLISION, NO_HOLD, NO_ROOM, NO_WAY, NOT_VISIBLE, OUT_OF_REACH, Rejections
 from executive.motion import clearance_at
 from executive.robots.arms import ArmModel
 from planlang.records import dataclass
 
 AROUND = 2.5
 """Distance from a thing within which the nearest place for the base is looked for [m]."""
+LEAST = 0.01
+"""Smallest distance that is stated [m]."""
+BASES = frozenset({NO_ROOM, NO_WAY, NOT_VISIBLE})
+"""Reasons for which base poses are rejected."""
 BETWEEN_FINGERS = 0.003
 """Room that a thing needs between open fingers besides its width [m]."""
 APPROACHES = {GraspClass.SIDE: "from the side", GraspClass.TILTED: "at a slant", GraspClass.TOP: "from above"}
@@ -40,15 +45,17 @@ def explain_bases(
     """Add to ``log.figures`` what was measured about the reason that is most frequent, and what would do."""
     if not wanted or not log.counts:
         return
-    reason = next(iter(log.ordered()))
+    explanation = _Explanation(wanted[0], arms, scene, inverse, log)
+    reason = explanation.deciding()
     if reason in log.figures:
         return
-    explanation = _Explanation(wanted[0], arms, scene, inverse, log)
-    makers = {COLLISION: explanation.in_collision, NO_ROOM: explanation.no_room, NO_WAY: explanation.no_way}
-    # hands that are in something are counted before it is asked if arms get there
-    measured = explanation.out_of_reach() if log.counts[OUT_OF_REACH.text] else ""
-    if not measured and reason in makers:
-        measured = makers[reason]()
+    makers = {
+        OUT_OF_REACH.text: explanation.out_of_reach,
+        COLLISION: explanation.in_collision,
+        NO_ROOM: explanation.no_room,
+        NO_WAY: explanation.no_way,
+    }
+    measured = makers[reason]() if reason in makers else ""
     sentences = [measured]
     changes = None if would_do is None else Changes(wanted[0].body, scene, log, would_do)
     if changes is not None and (helping := changes.helping()):
@@ -77,6 +84,8 @@ class _Limit:
     grasp: GraspClass
     wanted: tuple[float, float]
     reached: tuple[float, float]
+    reach: float
+    """How far from the base the arm reaches at the heights of the candidates [m]."""
 
     @property
     def gap(self) -> float:
@@ -84,6 +93,16 @@ class _Limit:
         if self.wanted[0] > self.reached[1]:
             return self.wanted[0] - self.reached[1]
         return min(self.wanted[1] - self.reached[0], 0.0)
+
+
+def _rise(arm: ArmModel) -> float:
+    """Return how far a torso lifts an arm [m]."""
+    return 0.0 if arm.lift is None else float(arm.lift.rise(arm.lift.highest))
+
+
+def _half(arm: ArmModel) -> float:
+    """Return the share of a cell of its map that an arm reaches beyond: a torso rises to what is between cells."""
+    return 0.5 if arm.lift is None else 0.0
 
 
 class _Explanation:
@@ -99,52 +118,91 @@ class _Explanation:
     ) -> None:
         self.reach, self.arms, self.scene, self.inverse, self.log = reach, arms, scene, inverse, log
 
+    def deciding(self) -> str:
+        """Return the reason that is explained: the most frequent one, unless it left nothing but what is out of reach.
+
+        Hands that are in something, wherever the base is, are counted first; the others decide.
+        """
+        counts = self.log.ordered()
+        bases = sum(counts.get(reason, 0) for reason in BASES)
+        if OUT_OF_REACH.text in counts and (self.height() is not None or bases <= 1):  # one is where the base is
+            return OUT_OF_REACH.text
+        return next(iter(counts))
+
+    def height(self) -> _Limit | None:
+        """Return the limit that the thing is least too high or too low for; None if it is not."""
+        nearest = min(self.limits, key=lambda one: abs(one.gap), default=None)
+        return nearest if nearest is not None and nearest.gap else None
+
     def out_of_reach(self) -> str:
         """Return by how much the thing is too high or too low; else how near the base gets, and how far arms reach."""
-        limits = list(self._limits())
-        if not limits:
-            return ""
-        nearest = min(limits, key=lambda one: abs(one.gap))
-        if not nearest.gap:
-            return self._too_far()
+        nearest = self.height()
+        if nearest is None:
+            return "; ".join(filter(None, (self._too_far(), self.in_collision())))
         high = nearest.gap > 0
         at, limit = (nearest.wanted[0], nearest.reached[1]) if high else (nearest.wanted[1], nearest.reached[0])
         does = "grasps" if self.reach.kind is ReachKind.GRASP else "reaches"
-        return (
-            f"{self._aim()} is at {at:.2f} m; {called(nearest.arm)} {does} {APPROACHES[nearest.grasp]} "
-            f"{'up' if high else 'down'} to {limit:.2f} m"
+        gap, digits = abs(nearest.gap), 2 if abs(nearest.gap) > 2 * LEAST else 3
+        said = (
+            f"{self._aim()} is at {at:.{digits}f} m, {gap:.{digits}f} m too {'high' if high else 'low'}; "
+            f"{called(nearest.arm)} {does} {APPROACHES[nearest.grasp]} "
+            f"{'up' if high else 'down'} to {limit:.{digits}f} m"
         )
+        return "; ".join(filter(None, (said, self.in_collision() if self.log.counts[COLLISION] else "")))
 
     def _aim(self) -> str:
         """Return what the hand goes to: a thing, or a place on or at it."""
         kind, body = self.reach.kind, self.reach.body
         return body if kind is ReachKind.GRASP else f"the place for the hand at {body}"
 
+    def _tables(self) -> Iterator[tuple[ArmModel, Sequence[GraspCandidates]]]:
+        """Yield grasp candidates of arms: those in which the hand itself is inside nothing; all if there are none."""
+        found = self.log.findings.hands
+        free = [hand for hand in found[max(found)].hands if len(hand.candidates)] if found else []
+        for hand in free:
+            yield hand.arm, [hand.candidates]
+        for arm in () if free else self.arms:
+            yield arm, candidates_of(self.reach, arm, self.scene, Rejections(), Stage.ALL)
+
+    @cached_property
+    def limits(self) -> list[_Limit]:
+        """What is wanted and what is reached, arm by arm and approach by approach."""
+        return list(self._limits())
+
     def _limits(self) -> Iterator[_Limit]:
-        for arm in self.arms:
-            for table in candidates_of(self.reach, arm, self.scene, Rejections(), Stage.ALL):
+        for arm, tables in self._tables():
+            for table in tables:
                 for number in sorted(set(table.grasps.tolist())):
                     heights = table.points[table.grasps == number, 2]
+                    wanted = float(heights.min()), float(heights.max())
                     if (reached := self._heights_of(arm, CLASSES[number])) is not None:
-                        yield _Limit(arm.name, CLASSES[number], (float(heights.min()), float(heights.max())), reached)
+                        yield _Limit(
+                            arm.name, CLASSES[number], wanted, reached, self._away(arm, CLASSES[number], wanted)
+                        )
 
     def _heights_of(self, arm: ArmModel, grasp: GraspClass) -> tuple[float, float] | None:
         """Return between which heights an arm reaches with its hand as a class of grasps says [m]; None if nowhere."""
         forward = self.inverse(arm, grasp).forward
         if not len(forward):
             return None
-        rise = 0.0 if arm.lift is None else float(arm.lift.rise(arm.lift.highest))
-        levels = forward.rows["z"]
-        return CELL * (float(levels.min()) - 0.5), CELL * (float(levels.max()) + 0.5) + rise
+        levels, half, rise = forward.rows["z"], _half(arm), _rise(arm)
+        return CELL * (float(levels.min()) - half), CELL * (float(levels.max()) + half) + rise
+
+    def _away(self, arm: ArmModel, grasp: GraspClass, heights: tuple[float, float]) -> float:
+        """Return how far from the base an arm reaches between two heights [m]."""
+        rows, half = self.inverse(arm, grasp).forward.rows, _half(arm)
+        at = (rows["z"] >= (heights[0] - _rise(arm)) / CELL - half) & (rows["z"] <= heights[1] / CELL + half)
+        away = CELL * np.hypot(rows["x"][at], rows["y"][at], dtype=np.float64)
+        return float(away.max(initial=0.0))
 
     def _too_far(self) -> str:
         gap = self._gap(self.scene.collisions.floor())
-        farthest, arm = max((self._reach_of(arm), arm.name) for arm in self.arms)
-        if gap <= farthest:
+        farthest = max(self.limits, key=lambda one: one.reach, default=None)
+        if farthest is None or gap <= farthest.reach:
             return ""
         nearest = f"{gap:.2f} m" if math.isfinite(gap) else f"more than {AROUND:g} m"
         said = f"the middle of the base gets no nearer than {nearest} to that of {self.reach.body}"
-        return f"{said}; {called(arm)} reaches {farthest:.2f} m"
+        return f"{said}; {called(farthest.arm)} reaches {farthest.reach:.2f} m at that height"
 
     def _reach_of(self, arm: ArmModel) -> float:
         return max(self.inverse(arm, grasp).reach for grasp in CLASSES)
@@ -184,7 +242,7 @@ class _Explanation:
         if self.reach.kind is ReachKind.PLACE and self.reach.inside and (beyond := self._from_the_side()):
             return f"{said}; {beyond}"
         gap = self._beside(body)
-        return f"{said}, {gap:.2f} m away from it" if gap is not None and gap > 0.0 else said
+        return said if gap is None else f"{said}, {gap:.2f} m away from it"
 
     def _from_the_side(self) -> str:
         """Return up to where, or down to where, arms put something into furniture from the side; "" if that is well."""
@@ -210,12 +268,19 @@ class _Explanation:
         """Return the horizontal distance between a body and the thing at the thing's height; None if that is large."""
         boxes, names = self.scene.collisions.boxes_but(())
         rows = np.flatnonzero([name == body for name in names])
-        if not len(rows) or body == self.reach.body:
+        fixed = {self.reach.body, self.scene.bodies.support(self.reach.body), *self._furniture()}
+        if not len(rows) or body in fixed:
             return None
         block = self.scene.bodies.block(self.reach.body)
         over = ((block.low + 1e-3, block.high + 0.1, 0.0),)
         gap = float(clearance_at([[block.x, block.y]], boxes.only(rows), over)[0]) - max(block.half_x, block.half_y)
-        return gap if gap < BESIDE else None
+        return gap if LEAST < gap < BESIDE else None
+
+    def _furniture(self) -> set[str]:
+        """Return the parts of the furniture that the thing is a part of, or in: there is no more room between these."""
+        joints, body = self.scene.belief.joints.values(), self.reach.body
+        holders = {one.holder for one in joints if not {body, self.scene.bodies.support(body)}.isdisjoint(one.bodies)}
+        return {name for one in joints if one.holder in holders for name in (*one.bodies, one.holder or "")}
 
     def no_room(self) -> str:
         """Return how near the base gets."""

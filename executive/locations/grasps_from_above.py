@@ -185,4 +185,4 @@ def _depths(block: Block, floor: float, clearances: tuple[float, ...]) -> list[f
         heights = [max(floor + clearance, block.high - DEEPEST) for clearance in clearances if clearance > 0]
     else:  # beside what lies flat, what is too deep is met exactly
         heights = [floor + clearance for clearance in clearances]
-    return [height for height in dict.fromkeys(heights) if height <= block.high - LEAST]
+    return [height for height in dict.fromkeys(heights) if max(height, floor) <= block.high - LEAST]
