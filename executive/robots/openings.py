@@ -86,7 +86,8 @@ class Openings:
         if not self.fingers:
             return 0.0
         narrow, wide = (int(self.around(np.array([[width, 0.0]]), room)[0]) for room in (0.0, ROOM))
-        return max(0.0, float(self.ends[narrow : wide + 1].max() - self.ends[-1]))
+        last = max(0, narrow - 1)  # they meet the thing between two of the openings that were measured
+        return max(0.0, float(self.ends[last : wide + 1].max() - self.ends[-1]))
 
     def lets_in(self, width: float) -> bool:
         """Return whether something so wide [m] goes between the tips of the fingers though they are closed."""

@@ -187,5 +187,4 @@ def test_fingers_that_turn_reach_out_most_in_between(make_stage: MakeStage) -> N
     for arm in make_stage(CABINET).platform.scene.arms.all:
         openings, tips = arm.openings, Openings((), np.zeros((0, 1)), np.zeros(0))
         assert tips.advance(0.05) == 0.0
-        assert openings.advance(1.0) == 0.0, "they are wide open"
         assert openings.advance(0.01) == pytest.approx(max(0.0, openings.ends.max() - openings.ends[-1]), abs=1e-3)
