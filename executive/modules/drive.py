@@ -13,7 +13,7 @@ import numpy as np
 from executive.belief.scene_collisions import BasePose
 from executive.modules.control import Control
 from executive.motion import Grid, MotionError, NoPath, clearance_at, clearance_field, plan_base_path, time_path
-from executive.motion.drivable import free_poses
+from executive.motion.drivable import SPARE, free_poses
 from executive.motion.tight_path import plan_tight_path
 from executive.robots.arms import ArmModel
 from planlang.geometry import Array, matrices
@@ -58,12 +58,12 @@ class Drive:
         def roomy(room: Array, checks: float) -> Array:
             return plan_base_path(start, goal, grid, room, self._touching, resolution=checks)
 
-        def tight(checks: float) -> Array:
+        def tight(spare: float, checks: float) -> Array:
             floor = scene.collisions.whole()
-            free = free_poses(grid, floor.boxes, floor.silhouette, floor.outlines)
+            free = free_poses(grid, floor.boxes, floor.silhouette, floor.outlines, -spare)
             return plan_tight_path(start, goal, grid, free, self._touching, checks)
 
-        plans: list[Callable[[float], Array]] = [partial(roomy, room), tight]
+        plans: list[Callable[[float], Array]] = [partial(roomy, room), partial(tight, SPARE), partial(tight, 0.0)]
         if scene.space is not None:
             seen = scene.space.room(grid, max(high for _, high, _ in silhouette), radius)
             plans.insert(0, partial(roomy, np.where(seen, room, np.minimum(room, -radius))))
