@@ -23,6 +23,8 @@ MOVED = 0.002
 """A thing seen within this distance of where it was believed to be has not moved [m]."""
 TURNED = 0.01
 """The same for its rotation [rad]."""
+RESTING = 0.02
+"""A thing whose bottom is this near to the top of another one stands on it [m]."""
 
 
 class Belief(KnownThings):
@@ -214,8 +216,32 @@ class Belief(KnownThings):
             return
         if pose.distance(before) <= MOVED and pose.turn(before) <= TURNED:
             return
+        riders = self._riders(name)
         self._poses[name] = pose
         self._changed(how, name=name, pose=pose)
+        for rider in riders:
+            self._poses[rider] = pose @ before.inverse() @ self._poses[rider]
+            self._changed("went along", name=rider, pose=self._poses[rider])
+
+    def _riders(self, name: str) -> list[str]:
+        """Return what stands on a thing, as far as the map alone tells: it is taken to go where that goes."""
+        on = [name]
+        for support in on:
+            if support not in self._boxes:
+                continue
+            x, y, z = self._boxes[support]
+            for other in self._boxes:
+                if other in (*on, *self.joints, *self.held, *self._taken) or other not in self._poses:
+                    continue
+                if self.knowledge(other).source not in (Source.MAP, Source.TOLD):
+                    continue
+                foot = (
+                    self._poses[support].inverse() @ self._poses[other] @ Pose((0.0, 0.0, -self._boxes[other][2] / 2))
+                )
+                ahead, aside, above = foot.position
+                if abs(ahead) <= x / 2 and abs(aside) <= y / 2 and abs(above - z / 2) <= RESTING:
+                    on.append(other)
+        return on[1:]
 
     def _changed(self, how: str, **details: Any) -> None:
         self.revision += 1

@@ -83,7 +83,8 @@ class SettingAside(HandWork):
         """Yield furniture and places of the base before it, the nearest furniture first."""
         scene = self.platform.scene
         bodies, x, y = scene.bodies, *self.platform.base()[:2]
-        names = [name for name in bodies.names() if self._is_support(name)]
+        things = {thing.name for thing in self.platform.belief.things}  # others are only felt
+        names = [name for name in bodies.names() if name in things and self._is_support(name)]
         for name in sorted(names, key=lambda one: (bodies.block(one).away(np.array([x, y, 0.0])), one))[:SUPPORTS]:
             support = bodies.designator(name)
             with suppress(LocationUnresolvable):

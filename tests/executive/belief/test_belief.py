@@ -142,6 +142,18 @@ def test_seeing_a_thing_elsewhere_changes_the_belief_and_is_told(belief: Belief)
     assert [(event, details["change"]) for event, details in told] == [("belief", "seen")]
 
 
+def test_what_stands_on_a_table_goes_along_when_the_table_is_seen_elsewhere_unless_it_was_seen_itself(
+    belief: Belief,
+) -> None:
+    belief.see([Detection("bottle2", belief.pose("bottle2"))])
+    belief.see([Detection("table1", Pose((2.0, 0.1, 0.35)))])
+    assert belief.pose("bottle1").position == pytest.approx((2.0, 0.1, 0.8))
+    assert belief.pose("bottle2").position == pytest.approx((2.3, 0.0, 0.8))
+    assert belief.pose("cup1").position == pytest.approx((-2.3, 0.0, 0.05))
+    belief.see([Detection("table1", Pose((2.0, 0.2, 0.35)))])
+    assert belief.pose("bottle1").position == pytest.approx((2.0, 0.2, 0.8))
+
+
 def test_seeing_a_thing_where_it_was_believed_changes_nothing_but_that_it_was_seen(belief: Belief) -> None:
     belief.see([Detection("bottle1", Pose((2.001, 0.0, 0.8)), 0.9)])
     assert belief.revision == 0
