@@ -225,23 +225,22 @@ class Belief(KnownThings):
 
     def _riders(self, name: str) -> list[str]:
         """Return what stands on a thing, as far as the map alone tells: it is taken to go where that goes."""
-        on = [name]
-        for support in on:
-            if support not in self._boxes:
-                continue
+        on, loose = [name], [other for other in self._boxes if self._is_loose(other)]
+        for support in (one for one in on if one in self._boxes):
             x, y, z = self._boxes[support]
-            for other in self._boxes:
-                if other in (*on, *self.joints, *self.held, *self._taken) or other not in self._poses:
-                    continue
-                if self.knowledge(other).source not in (Source.MAP, Source.TOLD):
-                    continue
-                foot = (
-                    self._poses[support].inverse() @ self._poses[other] @ Pose((0.0, 0.0, -self._boxes[other][2] / 2))
-                )
-                ahead, aside, above = foot.position
+            back = self._poses[support].inverse()
+            for other in (one for one in loose if one not in on):
+                ahead, aside, above = (
+                    back @ self._poses[other] @ Pose((0.0, 0.0, -self._boxes[other][2] / 2))
+                ).position
                 if abs(ahead) <= x / 2 and abs(aside) <= y / 2 and abs(above - z / 2) <= RESTING:
                     on.append(other)
         return on[1:]
+
+    def _is_loose(self, name: str) -> bool:
+        """Return True for a thing of which the map alone tells where it stands."""
+        elsewhere = name in self.joints or name in self.held or name in self._taken or name not in self._poses
+        return not elsewhere and self.knowledge(name).source in (Source.MAP, Source.TOLD)
 
     def _changed(self, how: str, **details: Any) -> None:
         self.revision += 1
