@@ -175,3 +175,5 @@ class Solution:
     """JSON-like: which arm, grasp, torso height; for the trace."""
     before: tuple[Action, ...] = ()
     """Actions to be done before going there: looking at what cannot be seen from there."""
+    provisional: bool = False
+    """True if there is nothing but these actions: after them it is looked for a place once more."""

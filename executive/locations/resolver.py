@@ -77,6 +77,24 @@ class Resolver:
         question = location, tuple(actions_around())  # what they are about decides about grips
         return self._answers.of(question, state, lambda: self._bases(location, Rejections()))
 
+    def look_at_unseen(self, location: Location) -> Solution | None:
+        """Return a look at what is out of reach where the map alone has it, as it may stand elsewhere; None without.
+
+        It is no place to reach it from, but leads to one.
+        """
+        scene, validator = self.scene, self._validator
+        wanted = validator.wanted(base_demand(location, scene, self._viewer(location)))
+        for name in [reach.body for reach in wanted if reach.kind is ReachKind.GRASP]:
+            belief, is_shut = scene.belief, scene.bodies.closed_before(name) is not None
+            if belief.knowledge(name).source is not Source.MAP or belief.looked_in_vain(name) or is_shut:
+                continue
+            is_seen = scene.visibility.sighted() and scene.visibility.hidden(scene.base(), name) is None
+            view = scene.base() if is_seen else self._view(name) if scene.visibility.sighted() else None
+            if view is not None:
+                look = self._after({name: view}, Solution(view, scene.revision(), {}))
+                return replace(look, provisional=True)
+        return None
+
     def satisfies(self, location: Location, base: BasePose) -> Solution | None:
         """Return the solution at one given base, or None."""
         demand, validator = base_demand(location, self.scene, self._viewer(location)), self._validator

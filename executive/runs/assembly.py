@@ -35,10 +35,7 @@ from executive.runs.in_hands import InHand
 from planlang.action_classes import ancestors_of
 from planlang.designators import Action, Condition, Device, FixedPose, Location, Object, a_posture, action
 from planlang.diagnostics import BadInput, Span, error
-from planlang.failures import (
-    ObjectNotFound,
-    ObjectUnresolvable,
-)
+from planlang.failures import LocationUnresolvable, ObjectNotFound, ObjectUnresolvable
 from planlang.geometry import Array
 from planlang.language.executive import ProcessModule
 from planlang.ontology import Ontology, expand, shorten
@@ -198,19 +195,32 @@ class RobotExecutive:
     def solutions(self, location: Location) -> Iterator[Solution]:
         """Yield base poses, best first; the search starts again when the belief has changed in between.
 
-        Raises ObjectNotFound for a thing of which it is not known where it is.
+        What is out of reach where the map alone has it is looked at before that is the end. Raises ObjectNotFound for a
+        thing of which it is not known where it is.
         """
         if isinstance(location, FixedPose):
             yield Solution(self.platform.base_at(location), self.revision(), {})
             return
+        resolver, is_found = self.platform.resolver, False
         try:
             while True:
                 self.platform.sync()
                 revision = self.revision()
-                for solution in self.platform.resolver.bases(location):
-                    yield solution
-                    if self.revision() != revision:
-                        break
+                try:
+                    for solution in resolver.bases(location):
+                        is_found = True
+                        yield solution
+                        if self.revision() != revision:
+                            break
+                except LocationUnresolvable as nowhere:
+                    about_place = type(nowhere) is LocationUnresolvable and not is_found
+                    look = resolver.look_at_unseen(location) if about_place else None
+                    if look is None:
+                        raise
+                    is_found = True
+                    yield look
+                    if self.revision() == revision:
+                        raise
         except ObjectUnresolvable as problem:
             missing = next(filter(self.platform.scene.bodies.means_unknown, location.things()), None)
             if missing is None:

@@ -12,6 +12,7 @@ from planlang.designators import Device, Location, Object, a_location
 from planlang.failures import (
     GripperGoalNotReached,
     LocationUnresolvable,
+    LookingFailure,
     LookingGoalUnreachable,
     ManipulationFailure,
     ManipulationGoalInCollision,
@@ -148,7 +149,7 @@ class _Visit:
         self.lease = lease
         self.by = by
         self.pose = HeldPose(self._return)
-        self.moved = False
+        self.moved = self._has_looked = False
         self._failed: list[Solution] = []
         self._cursor: Iterator[Solution] | None = None
         self._revision: int | None = None
@@ -196,11 +197,23 @@ class _Visit:
         """Return the next base pose, after a look at what cannot be seen from it; that may lead to another one."""
         while True:
             solution = self._next()
+            if solution.provisional:
+                await self._look(solution)
+                continue
             for action in solution.before:
                 self.moved = True
                 await perform(action)
             if not solution.before or self.executive.revision() == self._revision:
                 return solution
+
+    async def _look(self, solution: Solution) -> None:
+        """Do, once, what may show that there is a base pose; that it was not possible says nothing about poses."""
+        if self._has_looked:
+            return
+        self._has_looked = self.moved = True
+        with suppress(NavigationFailure, LookingFailure):
+            for action in solution.before:
+                await perform(action)
 
     def _next(self) -> Solution:
         """Return the next base pose that has not failed; the search starts anew when the belief has changed."""
