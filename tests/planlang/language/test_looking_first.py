@@ -11,7 +11,7 @@ from virtual_time import go
 
 from planlang import *
 from planlang.designators import Object
-from planlang.failures import NavigationPoseUnreachable, ObjectUnresolvable
+from planlang.failures import LocationUnresolvable, NavigationPoseUnreachable, ObjectUnreachable, ObjectUnresolvable
 from planlang.language.performing import actions_around
 from planlang.language.plans import innermost_plan
 from planlang.protocols import Solution
@@ -59,6 +59,39 @@ def test_a_look_that_the_base_cannot_drive_to_ends_the_search_with_what_was_the_
     with pytest.raises(PlanFailure) as caught:
         go(partial(at_location, NEAR_CUP, body), executive)
     assert isinstance(caught.value.__cause__, NavigationPoseUnreachable)
+
+
+@pytest.mark.parametrize("ends", ["shows the way", "shows nothing", "fails"])
+def test_a_look_that_is_no_place_itself_is_taken_once_and_may_lead_to_one(
+    executive: Any, module: Any, ends: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def look(wanted: Any) -> None:
+        executive.log.append("looked")
+        executive.belief += ends != "shows nothing"
+        if ends == "fails":
+            raise NavigationPoseUnreachable("no way to where it is seen")
+
+    def solutions(location: Location) -> Iterator[Solution]:
+        if ends == "shows the way" and executive.belief > 0:
+            yield Solution((2.0, 0.0, 0.0), executive.belief, {})
+        else:
+            yield Solution((1.0, 0.0, 0.0), executive.belief, {}, (LOOK,), provisional=True)
+        raise LocationUnresolvable(figures="it is too far away")
+
+    executive.extra.append(module("perception", ("LookingForSomething",), look))
+    monkeypatch.setattr(executive, "solutions", solutions)
+
+    async def body() -> str:
+        return "done"
+
+    if ends == "shows the way":
+        assert go(partial(at_location, NEAR_CUP, body), executive) == "done"
+        assert executive.log == ["looked", "at 2"]
+    else:
+        with pytest.raises(ObjectUnreachable) as caught:
+            go(partial(at_location, NEAR_CUP, body), executive)
+        assert "it is too far away" in explain(caught.value).splitlines()[0]
+        assert executive.log == ["looked"]
 
 
 def test_a_module_sees_the_actions_and_the_plan_around_it(executive: Any, module: Any) -> None:
