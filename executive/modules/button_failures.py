@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from executive.belief.planning_scene import PlanningScene
+from executive.locations.explanations import called
 from executive.modules.platform import Platform
 from executive.modules.stances import distances
 from executive.robots.arms import ArmModel
@@ -45,7 +46,7 @@ def _too_far(button: Control, arms: Sequence[ArmModel], platform: Platform) -> s
     if not arms or any(away[arm.name] < arm.reach for arm in arms):
         return ""
     arm = min(arms, key=lambda one: away[one.name] - one.reach)
-    near = f"the shoulder of the arm {arm.name} gets no nearer than {away[arm.name]:.2f} m to it"
+    near = f"the shoulder of {called(arm.name)} gets no nearer than {away[arm.name]:.2f} m to it"
     return f"{near}, and the arm reaches {arm.reach:.2f} m"
 
 
@@ -66,12 +67,11 @@ def _otherwise(button: Control, scene: PlanningScene, reaches: Reaches) -> str:
         first = bisect_left(steps, True, key=lambda step: does(_moved(button, step * normal, scene)))
         step = steps[min(first, len(steps) - 1)]
         x, y, _ = _moved(button, step * normal, scene)[device].position
-        nearer = f"{step:.2f} m nearer to the edge of {support} that it faces"
-        return f"with {device} {nearer}, at x = {x:.2f}, y = {y:.2f}, it could be reached"
+        return f"with {device} moved {step:.2f} m, to x = {x:.2f}, y = {y:.2f}, it could be reached"
     if does(_turned(button, scene)):
         return f"with {device} turned by 180 degrees it could be reached"
-    edge = f"at the edge of {support} that it faces or " if steps else ""
-    return f"it could not be reached with {device} {edge}turned by 180 degrees either"
+    edge = f"moving {device} to the edge of {support} that it faces or " if steps else ""
+    return f"{edge}turning {device} by 180 degrees would not help"
 
 
 def _steps_to_edge(device: str, support: str, normal: Array, scene: PlanningScene) -> list[float]:
