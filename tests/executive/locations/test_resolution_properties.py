@@ -296,7 +296,7 @@ def test_the_iterator_goes_on_with_greater_efforts_until_there_are_no_more(
     assert said.startswith(f"no more places than {len(found)} for in_reach_of(bottle): ")
     for one, other in combinations(found, 2):
         assert round(math.dist(one[:2], other[:2]), 4) > APART
-    monkeypatch.setattr("executive.locations.resolver.BUDGETS", BUDGETS[:1])
+    monkeypatch.setattr("executive.locations.search.BUDGETS", BUDGETS[:1])
     first, _ = drained(gangway)
     assert len(found) > len(first) > 0
     assert found[: len(first)] == first
