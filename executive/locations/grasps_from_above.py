@@ -34,6 +34,8 @@ FLAT = 0.04
 """Height up to which things are taken from above alone [m]: from the side the hand would be in their support."""
 CLEARANCES = {GraspClass.TOP: (0.004, 0.012), GraspClass.TILTED: (-0.008, -0.002, 0.004)}
 """Distances of the hand from what is below it [m]: tips of tilted fingers are often round, and higher when open."""
+OFF_FLOOR = 0.002
+"""Least distance of a finger from the floor of a dish whose rim it closes on [m]."""
 LONG = 3.0
 """The length in widths of a thing that is gripped elsewhere than in the middle, too."""
 DEEPEST = 0.025
@@ -96,7 +98,8 @@ def from_above(
     parts = []
     for one in classes:
         lower = below[FROM_ABOVE.index(one)]
-        raised = (0.0, advance * math.sin(one.pitch)) if advance > SMALL else (0.0,)
+        # fingers at a rim are seldom as low as what the thing stands on
+        raised = (0.0, advance * math.sin(one.pitch)) if advance > SMALL and not block.wall else (0.0,)
         parts += [_of_class(name, block, frame, max_opening, one, headings, lower, rise) for rise in raised]
     return GraspCandidates.joined(parts)
 
@@ -182,7 +185,8 @@ def _depths(block: Block, floor: float, clearances: tuple[float, ...]) -> list[f
     if block.soft:
         return [block.high + clearance for clearance in clearances]
     if block.wall:  # a finger that is on the floor of a dish does not close on its rim
-        heights = [max(floor + clearance, block.high - DEEPEST) for clearance in clearances if clearance > 0]
+        over = (OFF_FLOOR, *(clearance for clearance in clearances if clearance > OFF_FLOOR))
+        heights = [max(floor + clearance, block.high - DEEPEST) for clearance in over]
     else:  # beside what lies flat, what is too deep is met exactly
         heights = [floor + clearance for clearance in clearances]
     return [height for height in dict.fromkeys(heights) if max(height, floor) <= block.high - LEAST]

@@ -79,7 +79,7 @@ LEVEL = 0.2
 """Largest lean of a level hand, or of an upright thing in it [rad]."""
 
 Mask = NDArray[np.bool_]
-Spots = tuple[Array, Array]
+Spots = tuple[Array, Array, Array]
 """Places with yaws (n, 4) of a thing's box centre, and scores (n,)."""
 
 
@@ -286,9 +286,7 @@ def delivering(
     if reach.kind is ReachKind.OFFER:
         return offering(reach.body, scene.bodies.zone(reach.body), arm.frame, held, fine=fine)
     assert held is not None, "an empty hand puts nothing down"
-    places, scores = spots_of(reach, held.name, scene, rejections, stage) if spots is None else spots
-    block, boxes = scene.bodies.block(held.name), scene.collisions.boxes_but((held.name,))[0]
-    rooms = headroom(block, places, boxes)
+    places, scores, rooms = spots_of(reach, held.name, scene, rejections, stage) if spots is None else spots
     is_round = scene.bodies.is_round(held.name)
     return placing(reach.body, places, scores, rooms, arm.frame, held, is_round=is_round, fine=fine)
 
@@ -302,7 +300,8 @@ def spots_of(reach: Reach, name: str, scene: PlanningScene, rejections: Rejectio
     spots, scores = Placement(name, demand, scene, near=False, oblique=oblique).spots(rejections)
     good = int((scores >= GOOD[stage] * scores.max(initial=0.0)).sum())
     chosen = _spread(spots[:good], MOST_SPOTS[stage])
-    return spots[chosen], scores[chosen]
+    boxes, _ = scene.collisions.boxes_but((name,))
+    return spots[chosen], scores[chosen], headroom(scene.bodies.block(name), spots[chosen], boxes)
 
 
 def _spread(spots: Array, most: int) -> list[int]:
@@ -390,7 +389,8 @@ def _around(
     above = FROM_ABOVE if is_dish(block) and reach.grasp is None else tuple(one for one in FROM_ABOVE if one in classes)
     for one in _gripped_from_above(block, arm) if above else ():
         below = tuple(-float(arm.lowest(one.rotations([0.0], [1], arm.frame), None)[0]) for one in FROM_ABOVE)
-        advance = arm.openings.advance(narrowest(one))
+        # fingers below a handle do not come down to what the thing stands on
+        advance = arm.openings.advance(narrowest(one)) if block == scene.bodies.block(reach.body) else 0.0
         low = from_above(reach.body, one, arm.frame, arm.max_opening, above, headings, below, advance)
         boxes, _ = scene.collisions.boxes_but((reach.body,))
         covered = clearance_at(low.points[:, :2], boxes, ((block.high, block.high + OVER, 0.0),)) < 0

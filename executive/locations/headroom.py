@@ -30,6 +30,9 @@ def headroom(block: Block, places: Array, boxes: Boxes) -> Array:
     tops = (places[:, 2] + (block.high - block.low) / 2).round(4)
     for top in np.unique(tops).tolist():
         mine = np.flatnonzero(tops == top)
+        around = ((top + RESTING, top + RISES[0] + SPARE, float(np.hypot(block.half_x, block.half_y))),)
+        is_open = clearance_at(places[mine, :2], boxes, around) > 0
+        found[mine[is_open]], mine = RISES[0], mine[~is_open]
         for rise in RISES[-2::-1]:
             if not len(mine):
                 break

@@ -21,6 +21,7 @@ from executive.locations.rejections import Rejections
 from executive.robots.arms import ArmModel, Held
 from planlang.geometry import Pose
 from planlang.geometry.matrices import inverse, product, rigid
+from planlang.kernel import still_computing
 
 UNSERVED = "no grip for what follows"
 """Reason to reject a grasp after which the hand could not do what the thing is taken for."""
@@ -76,6 +77,7 @@ class LaterUses:
 
     def _serves(self, use: Reach, arm: ArmModel, held: Held) -> bool:
         """Return True if an arm that holds a thing like this can do what a use asks for, as far as this tells."""
+        still_computing()
         if use.arms is not None and arm.name not in use.arms:
             return False
         table = delivering(use, arm, held, self._scene, Rejections(), Stage.ALL, self._spots_of(use, held.name))
