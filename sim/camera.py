@@ -74,6 +74,7 @@ class Camera:
         Lines end at the camera's greatest distance where nothing is nearer; pixels that show the robot are left out.
         """
         eye, forward, up = _axes(model, pose)
+        eye = eye + _AHEAD * forward
         view = bullet.computeViewMatrix(eye.tolist(), (eye + forward).tolist(), up.tolist())
         tall = math.tan(model.fov / 2) * model.height / model.width
         picture = raster(self.client, model.width, model.height, view, 2 * math.atan(tall))
