@@ -23,6 +23,7 @@ STEP = 0.05
 TABLE = 0.75
 """Height of a table [m]: a thing is supposed to stand higher or lower by shares of its difference to this."""
 HEIGHTS = (0.5, 1.0)
+"""These shares."""
 FROM_EDGE = 0.02
 """A thing is not supposed to stand nearer to an edge than this [m]."""
 BEFORE = np.arange(0.1, 1.0, CELL)
@@ -92,16 +93,19 @@ class Changes:
         return bool(clearance_at(np.array([thing.x, thing.y]) + step * side, boxes, inner)[0] > 0)
 
     def _moved(self, side: Array, step: float) -> Pose:
+        """Return the pose of the thing so far to a side, as it is told: what is tried is what a user will write."""
         pose = self.scene.bodies.pose(self.body)
         x, y, z = pose.position
-        return replace(pose, position=(x + step * float(side[0]), y + step * float(side[1]), z))
+        if not step:
+            return pose
+        return replace(pose, position=(round(x + step * float(side[0]), 2), round(y + step * float(side[1]), 2), z))
 
     def _without(self) -> str:
         bodies = self.scene.bodies
         fixed = {self.body, bodies.support(self.body), *filter(bodies.is_room, bodies.names())}
         joints = self.scene.belief.joints.values()
         fixed |= {name for joint in joints if self.body in joint.bodies for name in joint.bodies}
-        fixed |= {joint.holder for joint in joints}
+        fixed |= {*(joint.holder for joint in joints), *self.scene.belief.carried()}
         blocking = [name for name in self.log.ordered_blocking() if name not in fixed and name in bodies.names()]
         for name in blocking[:MOST_TRIED]:
             if self._does({name: None}):

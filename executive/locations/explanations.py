@@ -25,6 +25,8 @@ AROUND = 2.5
 """Distance from a thing within which the nearest place for the base is looked for [m]."""
 LEAST = 0.01
 """Smallest distance that is stated [m]."""
+HAIR = 1e-3
+"""Height below which nothing counts as too high or too low [m]."""
 BASES = frozenset({NO_ROOM, NO_WAY, NOT_VISIBLE})
 """Reasons for which base poses are rejected."""
 BETWEEN_FINGERS = 0.003
@@ -132,7 +134,7 @@ class _Explanation:
     def height(self) -> _Limit | None:
         """Return the limit that the thing is least too high or too low for; None if it is not."""
         nearest = min(self.limits, key=lambda one: abs(one.gap), default=None)
-        return nearest if nearest is not None and nearest.gap else None
+        return nearest if nearest is not None and abs(nearest.gap) >= HAIR else None
 
     def out_of_reach(self) -> str:
         """Return by how much the thing is too high or too low; else how near the base gets, and how far arms reach."""

@@ -80,7 +80,7 @@ LEVEL = 0.2
 
 Mask = NDArray[np.bool_]
 Spots = tuple[Array, Array, Array]
-"""Places with yaws (n, 4) of a thing's box centre, and scores (n,)."""
+"""Places with yaws (n, 4) of a thing's box centre, scores (n,), and the room above the thing there (n,) [m]."""
 
 
 def hand_holds(location: Location, arm: ArmModel, scene: PlanningScene, viewer: tuple[float, float]) -> bool:

@@ -56,6 +56,7 @@ def _without(paths: LeafPaths, joint: Articulation, scene: PlanningScene) -> str
     bodies = scene.bodies
     fixed = {name for one in scene.belief.joints.values() for name in (*one.bodies, one.holder)}
     fixed.update(name for name in bodies.names() if bodies.is_room(name))
+    fixed.update(scene.belief.carried())
     blocking = (name for name in paths.rejected.ordered_blocking() if name not in fixed and name in bodies.names())
     for name in islice(blocking, MOST_TRIED):
         with scene.supposing({name: None}):
