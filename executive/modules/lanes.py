@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from executive.modules.platform import Platform
@@ -15,8 +16,12 @@ from planlang.geometry.matrices import inverse, moved
 from planlang.geometry.shapes import corners
 from planlang.records import dataclass
 
+Mask = NDArray[np.bool_]
+
 OVERLAP = 0.8
 """Distance of lanes, as a share of the width of the tool."""
+LEAST = 0.5
+"""What a lane wipes that no other wipes, as a share of the square that the tool wipes without being moved."""
 STEP = 0.06
 """Distance of places along a lane [m]."""
 MOST = 9
@@ -32,9 +37,69 @@ BESIDE = 0.02
 LEVEL = 0.99
 """Least cosine between the vertical and the normal of a surface of which it is known what stands beside it."""
 FINE = 0.01
-"""Distance of places of which it is looked whether there is room beside the surface [m]."""
+"""Distance of places of which it is looked whether the tool has room there [m]."""
 HAIR = 1e-6
 """What rounding takes from this room [m]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Room:
+    """Where the middle of a tool has room over a side of a thing, on a fine grid, and what the tool wipes from there.
+
+    What is wiped is a mask of the grid with ``half`` more cells on each side: around each place a square as wide as the
+    tool, less what lanes overlap.
+    """
+
+    places: Array
+    """(n, m, 3), in the frame of the thing, with the shorter side first."""
+    free: Mask
+    """(n, m)."""
+    half: int
+    """Cells that the tool wipes on each side of a place."""
+
+    def lanes(self) -> Iterator[Array]:
+        """Yield lanes (k, 4) of free places, with one over each end, back and forth.
+
+        The next lane is the one that wipes most of what the lanes before it leave, so that there are no more of them
+        than what stands on the side makes necessary. Corners into which less than half the tool goes are left.
+        """
+        rows, begins, ends = _runs(self.free)
+        rest, wide, forth = self._around(self.free), 2 * self.half + 1, 1
+        while len(rows):
+            of_rows = sliding_window_view(rest, wide, axis=0).sum(axis=2)
+            sums = np.pad(np.cumsum(of_rows, axis=1), ((0, 0), (1, 0)))
+            gains = sums[rows, ends + wide] - sums[rows, begins]
+            best = int(np.argmax(gains))
+            if gains[best] < LEAST * wide * wide:
+                return
+            row, begin, end = rows[best], begins[best], ends[best]
+            new = begin + np.flatnonzero(of_rows[row, begin : end + wide])
+            begin, end = min(new[0], end), max(new[-1] - 2 * self.half, min(new[0], end))
+            rest[row : row + wide, begin : end + wide] = False
+            low, high = self.places[row, [begin, end]]
+            count = 1 + math.ceil(float(np.linalg.norm(high - low)) / STEP)
+            lane = np.linspace(low, high, count)[::forth]
+            yield from map(lifted, np.array_split(lane, -(-len(lane) // MOST)))
+            forth = -forth
+
+    def share(self, lanes: Sequence[Array], later: Room) -> float:
+        """Return how much of what can be wiped lanes (k, 4) wipe, of a side on which there is less room later."""
+        due = self._around(self.free) & self._around(later.free)
+        return float(self._wiped(lanes)[due].mean()) if due.any() else 1.0
+
+    def _wiped(self, lanes: Sequence[Array]) -> Mask:
+        at = np.zeros_like(self.free)
+        axes = self.places.reshape(-1, 3)
+        for lane in lanes:
+            low, high = (int(np.argmin(np.linalg.norm(axes - end, axis=1))) for end in lane[[1, -2], :3])
+            (row, begin), (_, end) = (divmod(one, at.shape[1]) for one in sorted((low, high)))
+            at[row, begin : end + 1] = True
+        return self._around(at)
+
+    def _around(self, places: Mask) -> Mask:
+        """Return what the tool wipes from places (n, m)."""
+        wide = 2 * self.half + 1
+        return np.asarray(sliding_window_view(np.pad(places, 2 * self.half), (wide, wide)).any(axis=(2, 3)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,38 +118,18 @@ class Surface:
     axes: tuple[Array, Array]
     """Two unit vectors (3,) in the side."""
 
-    def lanes(self, width: float, length: float) -> Iterator[Array]:
-        """Yield lanes (n, 4) of free places, with one over each end, in the frame of the thing, back and forth.
-
-        ``width`` and ``length`` are those of the flat side of the tool [m].
-        """
+    def room(self, width: float, length: float) -> Room:
+        """Return where a tool has room whose flat side has this width and length [m]."""
         size = np.array(self.platform.scene.world.size(self.name))
         axes = sorted(self.axes, key=lambda axis: float(np.abs(axis) @ size))
         ends = [max(float(np.abs(axis) @ size) - width, 0.0) / 2 for axis in axes]
-        across, along = self._spread(axes, ends, width)
-        for number, shift in enumerate(across):
-            lane = self.middle + shift * axes[0] + along[:, None] * axes[1]
-            lane = lane[:: -1 if number % 2 else 1]
-            free = self._free(lane, length / 2 + HAND) & self._beside(lane, width / 2 + HAND)
-            for run in np.split(lane, np.flatnonzero(np.diff(free.astype(int))) + 1):
-                begun = int(np.flatnonzero((lane == run[0]).all(axis=1))[0])
-                if free[begun]:
-                    yield from (lifted(part) for part in np.array_split(run, -(-len(run) // MOST)))
-
-    def _spread(self, axes: list[Array], ends: list[float], width: float) -> tuple[Array, Array]:
-        """Return where lanes are along the first of two axes (n,), and places of a lane along the second (m,).
-
-        They begin where the tool is flush with the edge, or as near as the hand gets to a wall that stands there.
-        """
         first, second = (_spread(-end, end, FINE) for end in ends)
         places = self.middle + first[:, None, None] * axes[0] + second[None, :, None] * axes[1]
-        free = self._beside(places.reshape(-1, 3), width / 2 + HAND).reshape(len(first), len(second))
-        if not free.any():
-            return np.zeros(0), np.zeros(0)
-        across, along = first[free.any(axis=1)], second[free.any(axis=0)]
-        return _spread(across[0], across[-1], OVERLAP * width), _spread(along[0], along[-1], STEP)
+        flat = places.reshape(-1, 3)
+        free = self._free(flat, length / 2 + HAND) & self._beside(flat, width / 2 + HAND)
+        return Room(places, free.reshape(places.shape[:2]), int(OVERLAP * width / 2 / FINE))
 
-    def _beside(self, places: Array, room: float) -> NDArray[np.bool_]:
+    def _beside(self, places: Array, room: float) -> Mask:
         """Return at which places (n, 3) walls and furniture are no nearer than so much [m] (n,)."""
         if float((self.pose[:3, :3] @ self.normal)[2]) < LEVEL:
             return np.ones(len(places), bool)
@@ -95,7 +140,7 @@ class Surface:
         clearance = clearance_at(there[:, :2], fixed, [(top + BESIDE, top + ABOVE, room)])
         return np.asarray(clearance >= -HAIR)
 
-    def _free(self, places: Array, room: float) -> NDArray[np.bool_]:
+    def _free(self, places: Array, room: float) -> Mask:
         """Return at which places (n, 3) nothing stands on the surface within so much room [m] (n,)."""
         world = self.platform.scene.world
         axes = np.stack(self.axes)
@@ -114,6 +159,13 @@ class Surface:
             at = (places - self.middle) @ axes.T
             free &= np.linalg.norm(np.maximum(np.maximum(low - at, at - high), 0.0), axis=1) > room
         return free
+
+
+def _runs(free: Mask) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
+    """Return row, first and last column (k,) of each run of free places (n, m)."""
+    turns = np.diff(np.pad(free, ((0, 0), (1, 1))).astype(np.int8), axis=1)
+    rows, begins = np.nonzero(turns == 1)
+    return rows, begins, np.nonzero(turns == -1)[1] - 1
 
 
 def lifted(places: Array) -> Array:

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Awaitable, Callable, Iterable, Iterator, Sequence
+from collections.abc import Awaitable, Callable, Iterable, Sequence
+from contextlib import suppress
 from functools import partial
+from itertools import islice
 
 import numpy as np
 
-from executive.modules.lanes import HAND, Surface, lifted
-from executive.modules.motion_grounding import GroundedMotion
-from executive.modules.stances import BEST, distances
+from executive.modules.lanes import HAND, Room, Surface, lifted
+from executive.modules.motion_grounding import GroundedMotion, Grounding
+from executive.modules.phases import Phase
+from executive.modules.stances import BEST, distances, stances
 from executive.modules.strokes import Plane, StrokeWork
 from planlang.designators import Action
 from planlang.failures import (
@@ -25,7 +28,7 @@ from planlang.failures import (
 from planlang.geometry import Array
 from planlang.geometry.matrices import moved
 from planlang.modules import process_module
-from planlang.motion_constraints import ConstraintsUnsatisfied
+from planlang.motion_constraints import ConstraintsUnsatisfied, MotionConstraint
 from planlang.protocols import Trajectory
 
 SHORT = 3
@@ -34,8 +37,10 @@ IN_A_ROW = 6
 """Lanes, or halves of lanes, that fail one after another before it is given up: the others are farther away."""
 HERE = 2
 """The same from one base pose."""
+VIEWS = 5
+"""Places of the base from which it is looked at a surface that was not seen yet."""
 ENOUGH = 0.8
-"""Share of the free places that has to be wiped."""
+"""Share of what is free that has to be wiped."""
 
 
 Stroke = Callable[..., Awaitable[Trajectory]]
@@ -56,11 +61,13 @@ class Wiping(StrokeWork):
         a lane cannot be wiped as a whole, its halves are tried.
         """
         grounding, phase, asked, motion = await self.begun(action)
-        plane, problems, wiped, in_a_row = Plane.of(motion, action), list[PlanFailure](), 0, 0
+        plane, problems, wiped, in_a_row = Plane.of(motion, action), list[PlanFailure](), list[Array](), 0
+        await self._seen_from_near(grounding, phase, asked, plane, motion)
+        motion = grounding.grounded(asked, phase)
         stroke = partial(self.stroke, grounding, phase, asked, plane, closed=False)
-        pending = self._nearest_first(plane, motion, self._lanes(plane, motion))
-        due = sum(map(_places, pending))
-        if not due:
+        room = self._room(plane, motion)
+        pending = self._nearest_first(plane, motion, room.lanes())
+        if not pending:
             raise self._no_room(plane, motion)
         while pending and in_a_row < IN_A_ROW:
             lane = pending.pop(0)
@@ -72,11 +79,30 @@ class Wiping(StrokeWork):
                 continue
             done = [lane, *await self._from_here(stroke, motion, lane, pending)]
             pending = [one for one in pending if not any(one is other for other in done)]
-            wiped, in_a_row = wiped + sum(map(_places, done)), 0
-        due = min(due, sum(map(_places, self._lanes(plane, motion))))  # things that were seen since may stand there
-        if wiped < ENOUGH * due:
-            raise self._too_little(plane, motion, wiped / due, pending, problems)
+            wiped, in_a_row = [*wiped, *done], 0
+        share = room.share(wiped, self._room(plane, motion))  # things that were seen since may stand there
+        if share < ENOUGH:
+            raise self._too_little(plane, motion, share, pending, problems)
         return ()
+
+    async def _seen_from_near(
+        self,
+        grounding: Grounding,
+        phase: Phase,
+        asked: Sequence[MotionConstraint],
+        plane: Plane,
+        motion: GroundedMotion,
+    ) -> None:
+        """Go where the surface is seen, if it was not seen yet: what stands on it may stand elsewhere by now."""
+        name = self.platform.scene.bodies.bind(plane.thing)
+        if self.platform.robot.camera is None or not self._is_mobile():
+            return
+        for base in islice(stances(self.platform, motion.things[plane.thing][:2, 3], motion.arms), VIEWS):
+            if self.platform.belief.seen_from_here(name):
+                return
+            with suppress(NavigationFailure):
+                await self.drive_with_room(base)
+                await self._look(grounding, asked, phase)
 
     async def _from_here(
         self,
@@ -137,19 +163,13 @@ class Wiping(StrokeWork):
         said = f"{share:.0%} of {name} was wiped, {ENOUGH:.0%} is due: {why}"
         return ConstraintsUnsatisfied(said, arm=arm.name, what=name, blocked_by=in_the_way)
 
-    def _lanes(self, plane: Plane, motion: GroundedMotion) -> Iterator[Array]:
-        """Return lanes (n, 4) of free places, in the frame of the thing."""
+    def _room(self, plane: Plane, motion: GroundedMotion) -> Room:
         name, feature = self.platform.scene.bodies.bind(plane.thing), plane.height.world
         middle, normal = np.array(feature.position), np.array(feature.direction)
         width, length = sorted(self.platform.scene.world.size(self.tool(motion)))[1:]
         self.platform.sync()
         surface = Surface(self.platform, name, motion.things[plane.thing], middle, normal, plane.axes())
-        return surface.lanes(width, length)
-
-
-def _places(lane: Array) -> int:
-    """Count the places of a lane, without those over its ends."""
-    return len(lane) - 2
+        return surface.room(width, length)
 
 
 def _halves(lane: Array) -> tuple[Array, ...]:

@@ -24,7 +24,7 @@ def _places(make_stage: MakeStage, *bodies: Body) -> Array:
     stage = make_stage(TABLE, *bodies)
     x, y, z = np.eye(3)
     surface = Surface(stage.platform, "table", stage.platform.scene.world.pose("table").matrix(), 0.35 * z, z, (x, y))
-    return np.concatenate([np.zeros((0, 3)), *(lane[:, :3] for lane in surface.lanes(WIDTH, LENGTH))])
+    return np.concatenate([np.zeros((0, 3)), *(lane[:, :3] for lane in surface.room(WIDTH, LENGTH).lanes())])
 
 
 def test_lanes_leave_the_hand_room_at_a_wall_and_begin_there(make_stage: MakeStage) -> None:
