@@ -25,6 +25,8 @@ SIDEWAYS = 0.2
 """Price of a point at 90 degrees from the heading, beside the distance from the best place [m]."""
 FARTHER = 0.3
 """Price of driving one metre farther, beside the distance from the best place [m]."""
+LEVEL = 0.3
+"""Share of the reach with which is reckoned at least, however far below or above the shoulder points are."""
 GRID, TURNS = 0.08, 12
 """Distance of base positions [m], and number of headings, of which it is computed how far points are from there."""
 HAIR = 1e-6
@@ -48,6 +50,14 @@ def _shoulder(arms: Sequence[ArmModel]) -> tuple[Array, float]:
     return middle, min(arm.reach for arm in arms)
 
 
+def _level_reach(arms: Sequence[ArmModel], heights: Array, reach: float) -> float:
+    """Return how much of a reach is left horizontally at the worst of heights (k,) above the floor [m]."""
+    low = float(np.mean([arm.shoulder_low[2] for arm in arms]))
+    high = float(np.mean([arm.shoulder_high[2] for arm in arms]))
+    away = float(np.maximum(low - heights, heights - high).max())
+    return math.sqrt(max(reach**2 - max(away, 0.0) ** 2, (LEVEL * reach) ** 2))
+
+
 def _parts(platform: Platform, arms: Sequence[ArmModel]) -> frozenset[str]:
     """Return the links of arms, and what they hold."""
     names = {arm.name for arm in arms}
@@ -65,7 +75,8 @@ def stances(
 ) -> Iterator[BasePose]:
     """Yield free places about a point (2,), or points (k, 2), of the map, those near and at a good distance first.
 
-    The point at the worst distance counts: a row of points is in reach from its side, not from its end. Places from
+    The point at the worst distance counts: a row of points is in reach from its side, not from its end. Of points
+    (k, 3) the height counts, too: far below or above the shoulder, less of the reach is left. Places from
     which a point is nearer or farther than all of ``SHARES`` come last: arms seldom get to it, which takes long to find
     out. ``headings`` (h,) are those of the base that are tried [rad]: by default many, all around. ``arms_first``: the
     arms take another posture before the base goes there, so that it does not matter what they would touch as they are.
@@ -73,12 +84,14 @@ def stances(
     platform.sync()
     scene, now = platform.scene, np.array(platform.base())
     shoulder, reach = _shoulder(arms)
+    points = np.atleast_2d(points)
+    if points.shape[1] == 3:
+        points, reach = points[:, :2], _level_reach(arms, points[:, 2], reach)
     around = now[2] + np.linspace(-np.pi, np.pi, HEADINGS, endpoint=False)
     yaws = around if headings is None else np.remainder(headings + np.pi, 2 * np.pi) - np.pi
     ahead, turned, aside = (grid.ravel() for grid in np.meshgrid(np.array(SHARES), yaws, np.array(ASIDE)))
     x, y = shoulder[0] + reach * ahead * np.cos(aside), shoulder[1] + reach * ahead * np.sin(aside)
     c, s = np.cos(turned), np.sin(turned)
-    points = np.atleast_2d(points)
     middle = points.mean(axis=0)
     bases = np.stack([middle[0] - c * x + s * y, middle[1] - s * x - c * y, turned], axis=1)
     shoulders = middle - reach * ahead[:, None] * np.stack([np.cos(turned + aside), np.sin(turned + aside)], axis=1)

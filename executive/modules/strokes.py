@@ -52,8 +52,10 @@ ASIDE = 0.015
 """Room between a tool and the wall of its vessel [m]."""
 STRAY = 0.006
 """Largest distance of the tool from a place [m]."""
-PLACES = 12
+PLACES = 4
 """Places of the base, within reach, from which a stroke is tried."""
+NEAR = 16
+"""Free places of the base of which it is looked whether they are within reach."""
 FEW = 10
 """Beginnings from which it is looked whether a stroke is within reach of a place, whatever is in the way."""
 
@@ -166,7 +168,7 @@ class StrokeWork(ConstrainedWork):
         """Yield places of the base from which the arm gets from each of points (n, 4) to the next."""
         motion = grounding.grounded(asked, phase)
         there = moved(motion.things[plane.thing], points[:, :3])
-        near = stances(self.platform, there[:, :2], motion.arms) if self._is_mobile() else ()
+        near = stances(self.platform, there, motion.arms) if self._is_mobile() else ()
         places = [plane.at(point, motion.constraints) for point in points]
 
         def is_reaching(base: BasePose, most: int = BEGINNINGS, *, blocked: bool = True) -> bool:
@@ -175,7 +177,7 @@ class StrokeWork(ConstrainedWork):
                 return next(ends_at(problem, self._start(motion), places).along(most), None) is not None
             return False
 
-        within = (base for base in near if is_reaching(base, FEW, blocked=False))
+        within = (base for base in islice(near, NEAR) if is_reaching(base, FEW, blocked=False))
         yield from (base for base in islice(within, PLACES) if is_reaching(base))
 
 

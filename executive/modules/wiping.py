@@ -33,9 +33,9 @@ from planlang.protocols import Trajectory
 
 SHORT = 3
 """Places of a lane that is not divided."""
-IN_A_ROW = 6
+IN_A_ROW = 4
 """Lanes, or halves of lanes, that fail one after another before it is given up: the others are farther away."""
-HERE = 2
+HERE = 4
 """The same from one base pose."""
 VIEWS = 5
 """Places of the base from which it is looked at a surface that was not seen yet."""

@@ -44,3 +44,13 @@ def test_lanes_go_to_the_edge_where_nothing_is_in_the_way_of_the_hand(
 def test_no_lane_is_where_walls_leave_no_room_for_the_hand(make_stage: MakeStage) -> None:
     shelf = Body("shelf", Pose((1.6, 0.0, 0.85)), (0.6, 1.0, 0.2), type="Table-PieceOfFurniture")
     assert not len(_places(make_stage, shelf))
+
+
+def test_all_that_is_free_between_things_is_wiped_though_it_is_narrow(make_stage: MakeStage) -> None:
+    plate = Body("plate", Pose((1.6, 0.1, 0.71)), (0.26, 0.26, 0.02), type="DinnerPlate", movable=True)
+    stage = make_stage(TABLE, plate)
+    x, y, z = np.eye(3)
+    pose = stage.platform.scene.world.pose("table").matrix()
+    room = Surface(stage.platform, "table", pose, 0.35 * z, z, (x, y)).room(WIDTH, LENGTH)
+    assert room.share(list(room.lanes()), room) > 0.9
+    assert room.share(list(room.lanes())[:1], room) < 0.5
