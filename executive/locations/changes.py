@@ -24,6 +24,8 @@ TABLE = 0.75
 """Height of a table [m]: a thing is supposed to stand higher or lower by shares of its difference to this."""
 HEIGHTS = (0.5, 1.0)
 """These shares."""
+AROUND = 2.5
+"""Distance from a thing within which the nearest place for the base is looked for [m]."""
 FROM_EDGE = 0.02
 """A thing is not supposed to stand nearer to an edge than this [m]."""
 BEFORE = np.arange(0.1, 1.0, CELL)
@@ -46,8 +48,8 @@ class Changes:
         """Changes that would not do."""
 
     def helping(self) -> str:
-        """Return what would do: the thing nearer to an edge, some body away, or the thing at another height; or ""."""
-        return self._nearer() or self._without() or self._at_another_height()
+        """Return what would do: the thing nearer to an edge, a body away, or the thing or its furniture at another height."""
+        return self._nearer() or self._without() or self._at_another_height() or self._furniture_at_another_height()
 
     def in_vain(self) -> str:
         """Return which of these changes would not do."""
@@ -72,10 +74,20 @@ class Changes:
         return ""
 
     def _ways_to_edges(self, support: str) -> Iterator[tuple[Array, list[float]]]:
-        """Yield directions (2,) to edges that the base can stand before, the nearest first, and free steps [m]."""
-        bodies, floor = self.scene.bodies, self.scene.collisions.floor()
-        block, thing = bodies.block(support), bodies.block(self.body)
-        ways = []
+        """Yield directions (2,) in which a thing can be moved on its support, and free steps [m].
+
+        First those to edges that the base can stand before, the nearest first; then the one to where the base gets
+        nearest, as behind a corner.
+        """
+        bodies = self.scene.bodies
+        thing = bodies.block(self.body)
+        ways = self._straight_ways(bodies.block(support), thing)
+        for side, most in (*ways, *self._ways_to_corners(bodies.block(support), thing)):
+            steps = [*np.arange(STEP, most, STEP).tolist(), math.floor(100 * most) / 100] if most > 0 else []
+            yield side, [step for step in steps if self._is_free(thing, side, step)]
+
+    def _straight_ways(self, block: Block, thing: Block) -> list[tuple[Array, float]]:
+        floor, ways = self.scene.collisions.floor(), []
         for quarter in range(4):
             heading = block.yaw + quarter * math.pi / 2
             side, half = np.array([math.cos(heading), math.sin(heading)]), (block.half_x, block.half_y)[quarter % 2]
@@ -83,9 +95,23 @@ class Changes:
             before = np.array([thing.x, thing.y]) + np.outer(room + BEFORE, side)
             if (floor.nearly(before, 0.0) & (floor.at(before) > -np.inf)).any():
                 ways.append((room, side, room - thing.support(heading) - FROM_EDGE))
-        for _, side, most in sorted(ways, key=lambda way: way[0]):
-            steps = [*np.arange(STEP, most, STEP).tolist(), math.floor(100 * most) / 100] if most > 0 else []
-            yield side, [step for step in steps if self._is_free(thing, side, step)]
+        return [(side, most) for _, side, most in sorted(ways, key=lambda way: way[0])]
+
+    def _ways_to_corners(self, block: Block, thing: Block) -> Iterator[tuple[Array, float]]:
+        floor, steps = self.scene.collisions.floor(), np.arange(-AROUND, AROUND, CELL)
+        points = np.stack(np.meshgrid(block.x + steps, block.y + steps), axis=-1).reshape(-1, 2)
+        points = points[floor.nearly(points, 0.0) & (floor.at(points) > -np.inf)]
+        c, s = math.cos(block.yaw), math.sin(block.yaw)
+        axes = np.array([[c, s], [-s, c]])
+        most = [block.half_x, block.half_y] - (np.hypot(thing.half_x, thing.half_y) + FROM_EDGE)
+        if not len(points) or (most <= 0).any():
+            return
+        over = np.clip((points - [block.x, block.y]) @ axes.T, -most, most) @ axes + [block.x, block.y]
+        away = np.linalg.norm(over - points, axis=1)
+        moved = over - [thing.x, thing.y]
+        way = moved[np.lexsort((np.linalg.norm(moved, axis=1).round(6), away.round(1)))[0]]
+        if (length := float(np.linalg.norm(way))) > STEP:
+            yield way / length, length
 
     def _is_free(self, thing: Block, side: Array, step: float) -> bool:
         boxes = self.scene.collisions.boxes_but((self.body,))[0]
@@ -137,6 +163,39 @@ class Changes:
                 way = "raising it" if rises > 0 else "lowering it"
                 self._tried += [] if way in self._tried else [way]
         return ""
+
+    def _furniture_at_another_height(self) -> str:
+        """Return how much higher or lower the furniture would have to be that the thing, or the place, is in."""
+        bodies, parts = self.scene.bodies, self._furniture()
+        if not parts:
+            return ""
+        name, low = parts[0], min(bodies.block(one).low for one in parts)
+        most = TABLE - bodies.block(self.body).low
+        rises = [round(share * STEP, 2) for share in range(1, int(abs(most) / STEP) + 1)]
+        rises = [math.copysign(rise, most) for rise in rises if most > 0 or low - rise >= 0.0]
+        way = "higher" if most > 0 else "lower"
+
+        def does(rise: float) -> bool:
+            return self._does({one: Pose((0.0, 0.0, rise)) @ bodies.pose(one) for one in parts})
+
+        if not rises:
+            return ""
+        if not any(map(does, (rises[-1], rises[len(rises) // 2]))):
+            self._tried.append(f"{'raising' if most > 0 else 'lowering'} {name}")
+            return ""
+        rise = rises[min(bisect_left(rises, True, key=does), len(rises) - 1)]
+        return f"with {name} {abs(rise):.2f} m {way}, {self.body} could be reached"
+
+    def _furniture(self) -> list[str]:
+        """Return the furniture with doors or drawers that a thing, or a place, is in, then all its parts and things."""
+        bodies, joints = self.scene.bodies, self.scene.belief.joints.values()
+        support = bodies.support(self.body)
+        around = {one.holder for one in joints if not {self.body, support}.isdisjoint({*one.bodies, one.holder})}
+        parts = sorted(name for name in around if name is not None)[:1]
+        parts += [name for one in joints if one.holder in parts for name in one.bodies]
+        for name in parts:  # grows: what stands in or on it, and on that
+            parts += [one for one in bodies.names() if one not in parts and bodies.support(one) == name]
+        return parts
 
     def _does(self, poses: Mapping[str, Pose | None]) -> bool:
         with self.scene.supposing(poses):

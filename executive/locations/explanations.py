@@ -11,7 +11,7 @@ import numpy as np
 from executive.belief.floor import Floor
 from executive.belief.planning_scene import PlanningScene
 from executive.locations.base_candidates import InverseMaps
-from executive.locations.changes import MOST_TRIED, Changes, WouldDo
+from executive.locations.changes import AROUND, MOST_TRIED, Changes, WouldDo
 from executive.locations.demands import Reach, ReachKind
 from executive.locations.grasp_candidates import CLASSES, GraspCandidates
 from executive.locations.hand_predicates import Stage, candidates_of, narrowest
@@ -21,8 +21,6 @@ from executive.motion import clearance_at
 from executive.robots.arms import ArmModel
 from planlang.records import dataclass
 
-AROUND = 2.5
-"""Distance from a thing within which the nearest place for the base is looked for [m]."""
 LEAST = 0.01
 """Smallest distance that is stated [m]."""
 HAIR = 1e-3
