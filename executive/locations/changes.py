@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -48,14 +48,15 @@ class Changes:
         """Changes that would not do."""
 
     def helping(self) -> str:
-        """Return what would do: the thing nearer to an edge, a body away, or the thing or its furniture at another height."""
-        return self._nearer() or self._without() or self._at_another_height() or self._furniture_at_another_height()
+        """Return what would do: the thing nearer to an edge, a body away, or it or its furniture at another height."""
+        return self.nearer() or self._without() or self._at_another_height()
 
     def in_vain(self) -> str:
         """Return which of these changes would not do."""
         return f"{' or '.join(self._tried)} would not help" if self._tried else ""
 
-    def _nearer(self) -> str:
+    def nearer(self) -> str:
+        """Return how far, and where to, the thing would have to be moved on what it stands on; "" if that is no use."""
         bodies = self.scene.bodies
         support = bodies.support(self.body)
         if support is None or not bodies.is_movable(self.body) or bodies.is_room(support):
@@ -137,13 +138,15 @@ class Changes:
             if self._does({name: None}):
                 open_leaf = f"{name} is in the way as it is open: " if name in self.scene.belief.joints else ""
                 return f"{open_leaf}without {name} this would work"
-            self._tried.append(f"removing {name}")
+            self._tried.append(f"removing {name} alone")
         return ""
 
     def _at_another_height(self) -> str:
         """Return at what height nearer to that of a table a thing would have to stand, if not where it is in a room."""
         bodies = self.scene.bodies
         support = bodies.support(self.body)
+        if furniture := self._furniture():
+            return self._with_furniture(furniture)
         if support is None or not bodies.is_movable(self.body):
             return ""
         thing = bodies.block(self.body)
@@ -164,11 +167,9 @@ class Changes:
                 self._tried += [] if way in self._tried else [way]
         return ""
 
-    def _furniture_at_another_height(self) -> str:
-        """Return how much higher or lower the furniture would have to be that the thing, or the place, is in."""
-        bodies, parts = self.scene.bodies, self._furniture()
-        if not parts:
-            return ""
+    def _with_furniture(self, parts: Sequence[str]) -> str:
+        """Return how much higher or lower furniture would have to be, with all that is part of it, in it or on it."""
+        bodies = self.scene.bodies
         name, low = parts[0], min(bodies.block(one).low for one in parts)
         most = TABLE - bodies.block(self.body).low
         rises = [round(share * STEP, 2) for share in range(1, int(abs(most) / STEP) + 1)]

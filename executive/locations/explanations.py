@@ -62,11 +62,10 @@ def explain_bases(
         sentences.append(helping)
     else:
         slips = log.counts[NO_HOLD.text] or (changes is not None and changes.meanwhile.counts[NO_HOLD.text])
-        in_vain = "" if changes is None else changes.in_vain()
         if slips and (slippery := explanation.no_hold()):
             sentences = [slippery]
         else:
-            sentences += [explanation.nearer(), in_vain]
+            sentences += [explanation.nearer(), "" if changes is None else changes.in_vain()]
     if any(sentences):
         log.figures[reason] = "; ".join(filter(None, sentences))
 

@@ -18,6 +18,7 @@ import numpy as np
 
 from executive.belief.scene_collisions import BasePose
 from executive.modules.hand_work import HandWork
+from executive.modules.motion_failures import out_of_reach
 from executive.modules.motion_grounding import UP, GroundedMotion, Grounding
 from executive.modules.phases import Phase
 from executive.modules.platform import PlatformModule
@@ -125,7 +126,20 @@ class ConstrainedWork(PlatformModule):
             motion = grounding.grounded(asked, phase)
         # Ends of places hold all constraints: if there is none, the motion was not tried yet without lighter ones.
         last = self._way if problem is None else self._just
-        return motion, await apart(partial(last, grounding, motion, phase, explains=True))
+        try:
+            return motion, await apart(partial(last, grounding, motion, phase, explains=True))
+        except ConstraintsUnsatisfied as failure:
+            if not moves or failure.blocked_by is not None or len(failure.constraints) != 1:
+                raise
+            does = partial(self._ends_somewhere, grounding, asked, phase)
+            told = await apart(partial(out_of_reach, self.platform, motion, does))
+            said = "; ".join(filter(None, (failure.message, told)))
+            raise ConstraintsUnsatisfied(said, arm=failure.arm, constraints=failure.constraints) from failure.__cause__
+
+    def _ends_somewhere(self, grounding: Grounding, asked: Sequence[MotionConstraint], phase: Phase) -> bool:
+        """Return whether there is a place of the base from which a motion ends, with things where they are believed."""
+        motion = grounding.grounded(asked, replace(phase, things={}))
+        return any(self._end(grounding, motion, place) is not None for place in islice(self._places(motion), PLACES))
 
     async def _accepted(
         self, grounding: Grounding, motion: GroundedMotion, phase: Phase, objection: Objection

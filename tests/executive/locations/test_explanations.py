@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from contextlib import ExitStack
 from dataclasses import replace
 
 import pytest
@@ -12,6 +13,7 @@ from planlang.failures import LocationUnresolvable
 from planlang.geometry import Pose
 from sim import Body
 from tests.executive.conftest import BOTTLE, THE_BOTTLE, MakeStage, Stage
+from tests.support.leaves import Room, room, thing
 
 TO_GRASP = a_location(in_reach_of=THE_BOTTLE)
 TABLE = Body("table", Pose((2.0, 0.0, 0.4)), (2.4, 2.4, 0.8), type="KitchenTable")
@@ -64,3 +66,53 @@ def test_supposing_leaves_the_belief_as_it_was(make_stage: MakeStage) -> None:
     before = stage.belief.snapshot(), stage.belief.names(), stage.platform.scene.world.pose("bottle")
     assert said(stage) == first
     assert (stage.belief.snapshot(), stage.belief.names(), stage.platform.scene.world.pose("bottle")) == before
+
+
+def test_a_thing_behind_a_corner_is_reached_where_the_failure_says(make_stage: MakeStage) -> None:
+    walls = [
+        Body(name, Pose(at), size, type="Wall-Construction")
+        for name, at, size in (
+            ("beside", (2.0, 1.25, 0.6), (2.4, 0.1, 1.2)),
+            ("behind", (3.25, 0.0, 0.6), (0.1, 2.6, 1.2)),
+            ("below", (2.3, -1.25, 0.6), (1.8, 0.1, 1.2)),
+            ("before", (0.75, 0.35, 0.6), (0.1, 1.7, 1.2)),
+        )
+    ]
+    why = said(make_stage(TABLE, FAR_BACK, *walls))
+    told = re.search(r"moved \d\.\d+ m, to x = (-?\d\.\d+), y = (-?\d\.\d+), bottle could be reached$", why)
+    assert told is not None, why
+    x, y = map(float, told.groups())
+    nearer = replace(FAR_BACK, pose=Pose((x, y, 0.9)))
+    assert next(make_stage(TABLE, nearer, *walls).resolver.bases(TO_GRASP)) is not None
+
+
+def shelved(stack: ExitStack, height: float) -> Room:
+    """Amigo before a cupboard, whose middle is so high [m], with an open door and a cup in it."""
+
+    def at(x: float, y: float, z: float) -> Pose:
+        return Pose((x, y, z), (0.0, 0.0, 1.0, 0.0))
+
+    stage = room(
+        stack,
+        (
+            thing("case", "Cupboard", at(1.2, 0.0, height), (0.4, 0.5, 0.4), "door"),
+            thing("grip", "Handle", at(0.95, 0.1, height), (0.012, 0.012, 0.2)),
+            thing("door", "Door", at(0.99, 0.0, height), (0.02, 0.48, 0.38), "grip"),
+            thing("cup", "Cup", Pose((1.05, 0.0, height - 0.14)), (0.06, 0.06, 0.1)),
+        ),
+    )
+    stage.truth.set_joint("door", 1.5)
+    stage.platform.belief.moved("door", 1.5)
+    stage.platform.sync()
+    return stage
+
+
+def test_a_cupboard_that_is_too_high_is_served_as_much_lower_as_the_failure_says() -> None:
+    with ExitStack() as stack:
+        stage = shelved(stack, 1.9)
+        with pytest.raises(LocationUnresolvable) as caught:
+            next(stage.platform.resolver.bases(a_location(in_reach_of=stage.designator("cup"))))
+        told = re.search(r"with case (\d\.\d+) m lower, cup could be reached$", caught.value.figures)
+        assert told is not None, caught.value.figures
+        stage = shelved(stack, 1.9 - float(told[1]))
+        assert next(stage.platform.resolver.bases(a_location(in_reach_of=stage.designator("cup")))) is not None
