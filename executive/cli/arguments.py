@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from executive.runs.settings import Modules, RunSettings, SituationSettings, Urdf
 from planlang.diagnostics import BadInput, error
 from planlang.records import dataclass
 
@@ -59,7 +60,6 @@ RecipeOrPlan = Annotated[
     str, typer.Argument(metavar="RECIPE|PLAN", help="A recipe's or plan's file, or a bundled recipe's name.")
 ]
 Robot = Annotated[str | None, typer.Option(metavar="ROBOT", help="The robot: a file, or a bundled robot's name.")]
-Urdf = Annotated[Path | None, typer.Option(metavar="FILE", help="The robot's URDF, if the robot's file names none.")]
 Environment = Annotated[
     list[str] | None,
     typer.Option(
@@ -79,10 +79,6 @@ Set = Annotated[
         help="Bind a parameter (NAME or STEP.PROPERTY) to a thing of the map, a place to a phrase, or all that the "
         "lines of a file name; repeatable.",
     ),
-]
-Modules = Annotated[
-    list[Path] | None,
-    typer.Option(metavar="FILE.py", help="Also use the process modules of this file, which is executed; repeatable."),
 ]
 Trust = Annotated[bool, typer.Option("--trust", help="Run Python that was pulled from a server: you have read it.")]
 Accept = Annotated[
@@ -266,51 +262,19 @@ class MatchArguments(TaskArguments):
 
 
 @dataclass(frozen=True, kw_only=True)
-class SituationArguments(TaskArguments, VerboseArguments):
+class SituationArguments(TaskArguments, VerboseArguments, SituationSettings):
     """Options that say which robot runs a plan, where, and what it knows."""
 
     robot: Robot = None
-    urdf: Urdf = None
     accept: Accept = None
     environment: Environment = None
     start: Start = None
-    models: Annotated[
-        list[Path] | None,
-        typer.Option(
-            metavar="FOLDER",
-            help="The recognition models (and programs and maps) that the robot has: other classes are not recognised; "
-            "repeatable.",
-        ),
-    ] = None
-    trust_map: Annotated[
-        bool, typer.Option("--trust-map", help="Things count as seen where the map has them; needs no camera.")
-    ] = False
-    unknown: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="THING",
-            help="The robot does not know where this thing of the map is, or things of this class; all: anything but "
-            "rooms. Repeatable.",
-        ),
-    ] = None
     set_: Set = None
-    schedule: Annotated[
-        int | None,
-        typer.Option(min=0, metavar="K", help="Run concurrent tasks in another order, the same for the same number."),
-    ] = None
-    modules: Modules = None
     trust: Trust = False
-    force: Annotated[
-        bool,
-        typer.Option(
-            "--force",
-            help="Run although robot or program lack something; overwrite files that planlang did not write.",
-        ),
-    ] = False
 
 
 @dataclass(frozen=True, kw_only=True)
-class RunArguments(SituationArguments):
+class RunArguments(SituationArguments, RunSettings):
     """Run a plan or a recipe in a simulated world.
 
     planlang run --resume TRACE resumes an interrupted run; name plan, robot and environment unless they are bundled.
@@ -321,38 +285,10 @@ class RunArguments(SituationArguments):
         typer.Argument(metavar="RECIPE|PLAN", help="A recipe's or plan's file, or a bundled recipe's name."),
     ] = None
     verbose: Annotated[bool, typer.Option("--verbose", help="List all notes and inner actions of modules.")] = False
-    seed: Annotated[
-        int | None,
-        typer.Option(min=0, metavar="N", help="Displace things in the simulated world by this seed; 0: none."),
-    ] = None
-    gui: Annotated[bool, typer.Option("--gui", help="Show the world in a window.")] = False
-    trace: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the trace of the run, as JSON Lines.")] = (
-        None
-    )
-    picture: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write a picture of the final scene, as PNG.")
-    ] = None
-    record: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write a recording for rerun (needs planlang[record]).")
-    ] = None
-    poses: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Log where things and links are, as JSON Lines, for export.")
-    ] = None
-    upload: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write the map that the plan uploads, in Manchester syntax.")
-    ] = None
-    update_map: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Write the map with what the robot knows at the end, in Manchester syntax."),
-    ] = None
     resume: Annotated[
         Path | None,
         typer.Option(metavar="TRACE", help="Resume the run of this trace after the last completed step of its plan."),
     ] = None
-    world_as_left: Annotated[
-        bool,
-        typer.Option("--world-as-left", help="With --resume: the world is as the trace left it; do not restore it."),
-    ] = False
 
 
 @dataclass(frozen=True, kw_only=True)

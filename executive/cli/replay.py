@@ -32,7 +32,7 @@ def command(arguments: ReplayArguments) -> Answer:
         task=arguments.task or header.task,
         accepted=accepted(arguments.accept),
         ontologies=arguments.folders,
-        modules=tuple(arguments.modules or ()),
+        modules=arguments.modules,
     )
     with Run(options) as run:
         result = run.replay(recorded)

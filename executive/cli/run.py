@@ -31,6 +31,7 @@ from executive.cli.inputs import (
 )
 from executive.runs.options import Outcome, RunOptions, RunResult
 from executive.runs.plan_run import run_plan_file
+from executive.runs.settings import shared
 from executive.runs.traces import TraceHeader, read_trace
 from planlang.diagnostics import BadInput, Diagnostic, Span, error
 from planlang.files import Bundled, decode, read_file
@@ -72,34 +73,25 @@ def options_of(arguments: RunArguments) -> RunOptions:
     inputs = {"the plan": found.path, "--urdf": arguments.urdf, "--robot": robot, "--environment": semantic_map}
     problems += _check_shown(arguments, inputs)
     refuse(problems)
+    settings = {name: value or header.settings.get(name, value) for name, value in shared(arguments).items()}
+    settings |= {
+        "seed": header.seed if arguments.seed is None else arguments.seed,
+        "schedule": header.schedule if arguments.schedule is None else arguments.schedule,
+        "trace": arguments.trace or arguments.resume,
+    }
     return RunOptions(
+        **settings,
         plan=found.path if isinstance(found, PlanFile) else None,
         recipe=found.path if isinstance(found, RecipeFile) else None,
         task=arguments.task or header.task,
         accepted=accepted(arguments.accept),
         ontologies=arguments.folders,
-        modules=tuple(arguments.modules or ()),
         robot=robot,
-        urdf=arguments.urdf,
         environment=semantic_map,
         additions=additions,
         start=start or header.start,
-        models=tuple(arguments.models) if arguments.models else None,
-        trust_map=arguments.trust_map or header.trusts_map,
-        unknown=tuple(arguments.unknown or header.unknown),
         bindings=bindings,
-        seed=header.seed if arguments.seed is None else arguments.seed,
-        schedule=header.schedule if arguments.schedule is None else arguments.schedule,
-        gui=arguments.gui,
-        trace=arguments.trace or arguments.resume,
-        picture=arguments.picture,
-        record=arguments.record,
-        poses=arguments.poses,
-        upload=arguments.upload,
-        update_map=arguments.update_map,
-        force=arguments.force,
         resume=recorded,
-        world_as_left=arguments.world_as_left,
         notes=tuple(notes),
         inner_actions=arguments.verbose,
         progress=silent if arguments.json else say,

@@ -103,7 +103,7 @@ def _inputs(options: RunOptions) -> Iterator[tuple[str, Path]]:
     named = {"recipe": options.recipe, "plan": options.plan, "robot": options.robot, "urdf": options.urdf}
     named["environment"] = options.environment
     yield from ((name, path) for name, path in named.items() if path is not None)
-    for name, paths in (("environment", options.additions), ("modules", options.modules)):
+    for name, paths in (("environment", options.additions), ("modules", options.modules or ())):
         yield from ((f"{name} {number}", path) for number, path in enumerate(paths, 2))
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from executive.runs.final_state import Tilts
+from executive.runs.settings import RunSettings
 from planlang.diagnostics import Diagnostic
 from planlang.records import dataclass
 from planlang.runs import RecordedRun
@@ -27,9 +28,9 @@ class Outcome(Enum):
     INTERRUPTED = "interrupted"
 
 
-@dataclass(frozen=True, slots=True)
-class RunOptions:
-    """Options of a run: its inputs and the files to write."""
+@dataclass(frozen=True, kw_only=True)
+class RunOptions(RunSettings):
+    """Options of a run: its settings, the inputs that the user's words mean, and who looks on."""
 
     plan: Path | None = None
     recipe: Path | None = None
@@ -39,39 +40,15 @@ class RunOptions:
     ontologies: tuple[Path, ...] = ()
     recipes: tuple[Path, ...] = ()
     """Files with recipes of steps that the recipe leaves to others."""
-    modules: tuple[Path, ...] = ()
-    """The user's files of process modules."""
     robot: Path | None = None
-    urdf: Path | None = None
     environment: Path | None = None
     additions: tuple[Path, ...] = ()
     """Maps of further things in the environment."""
     start: tuple[float, float, float] | None = None
-    models: tuple[Path, ...] | None = None
-    """Folders with the recognition models, programs and maps that the robot has; None: it recognises all classes."""
-    trust_map: bool = False
-    """The poses of the map count as seen: a robot without camera works from them."""
-    unknown: tuple[str, ...] = ()
-    """Things and classes of things of which the robot does not know where they are."""
     bindings: Mapping[str, str] | None = None
     seed: int = 0
-    schedule: int | None = None
-    gui: bool = False
-    trace: Path | None = None
-    picture: Path | None = None
-    record: Path | None = None
-    poses: Path | None = None
-    """The file for a log of where things and links are."""
-    upload: Path | None = None
-    """The file for maps that the plan uploads."""
-    update_map: Path | None = None
-    """The file for the map as the robot knows it at the end."""
-    force: bool = False
-    """Run although the robot lacks a capability, or the program a process module."""
     resume: RecordedRun | None = None
     """The trace of the run to resume."""
-    world_as_left: bool = False
-    """The user states that the world is as that trace left it; else it is restored."""
     notes: tuple[Diagnostic, ...] = ()
     """Diagnostics of before."""
     inner_actions: bool = False

@@ -43,6 +43,7 @@ from executive.runs.plan_files import (
     stated_waiting,
     without_module,
 )
+from executive.runs.settings import stated
 from executive.runs.traces import ListenedTrace, check_same_run, past_of, recorded_parameters, sha256
 from executive.runs.written import WatchedWorld, Written, bodies_of
 from planlang import PlanFailure, RunError, SimulationHost, budget, explain, run
@@ -90,7 +91,7 @@ class Run:
             self._requirements: Requirements | None = None
             self.registry = bundled_registry()
             self.registry.add_installed()
-            for file in options.modules:
+            for file in options.modules or ():
                 self.registry.add_file(file)
             self._modules = self.registry.resolve(self.found)
             if options.plan is not None:
@@ -251,7 +252,7 @@ class Run:
             options.seed,
             options.progress,
             trusts_map=options.trust_map,
-            unknown=unknown_things(asked.map, options.unknown),
+            unknown=unknown_things(asked.map, options.unknown or ()),
             models=None if given is None else [cls for one in given for cls in one.recognises],
         )
         platform.upload = options.upload
@@ -274,14 +275,13 @@ class Run:
             "map_sha256": [document.sha256 for document in asked.map.ontology.documents],
             "versions": _versions(),
         }
-        further = {
-            "trusts_map": options.trust_map,
-            "given": None if given is None else [one.iri for one in given],
-            "unknown": list(options.unknown) or None,
-            "modules": self.registry.identity or None,
-            "infeasible": [alternative.name for alternative, _ in assessment.infeasible] or None,
-        }
-        return header | {name: value for name, value in further.items() if value is not None and value is not False}
+        settings = stated(
+            options,
+            models=None if given is None else [one.iri for one in given],
+            modules=self.registry.identity or None,
+        )
+        infeasible = [alternative.name for alternative, _ in assessment.infeasible]
+        return header | settings | ({"infeasible": infeasible} if infeasible else {})
 
     def _bind_all(self, asked: _Asked, executive: RobotExecutive, past: Past | None) -> None:
         """Raise ObjectUnresolvable for a parameter that means nothing here or later, before anything moves.
@@ -398,7 +398,7 @@ class Run:
         """Return the line of the plan, or of a user's process module, that raised; None if planlang did, below it."""
         files = [Path(frame.filename) for frame in traceback.extract_tb(problem.__traceback__)]
         plan = Path(str(inspect.getsourcefile(self.plan.function)))
-        for path, what in [(plan, "the plan"), *((file, "the process modules") for file in self.options.modules)]:
+        for path, what in [(plan, "the plan"), *((file, "the process modules") for file in self.options.modules or ())]:
             line = line_in(problem, path)
             below = files[len(files) - files[::-1].index(path) :] if path in files else files
             if line is not None and not any(_is_own(file) for file in below):

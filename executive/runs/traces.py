@@ -6,10 +6,12 @@ import hashlib
 import math
 import stat
 from collections.abc import Callable, Collection, Mapping
+from dataclasses import field
 from pathlib import Path
 from typing import Any
 
 from executive.runs.parameters import Bound
+from executive.runs.settings import in_header, taken
 from planlang import Trace
 from planlang.designators import Location, Object, local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
@@ -105,23 +107,22 @@ CHANGES = {
 """What changes of the belief are called, where that is not the word of the trace."""
 
 
-AGREE = (
-    "plan", "iri", "plan_sha256", "parameters", "seed", "schedule", "rate", "start", "robot", "robot_sha256",
-    "urdf_sha256", "map", "map_sha256", "modules", "trusts_map", "unknown", "given",
-)  # fmt: skip
-"""Keys of the header that a trace and the run that resumes it must have in common."""
-CALLED = {
+AGREE = {
+    "plan": "the plan",
+    "iri": "the iri",
     "plan_sha256": "the plan (its sha256)",
-    "robot_sha256": "the robot's self-model (its sha256)",
-    "urdf_sha256": "the robot's geometry (its sha256)",
-    "map_sha256": "the map (the sha256 of its files)",
+    "parameters": "the parameters",
+    "seed": "the seed",
+    "schedule": "the schedule",
     "rate": "the number of steps per second",
     "start": "the robot's start",
-    "modules": "the list of --modules files",
-    "trusts_map": "--trust-map",
-    "unknown": "--unknown",
-    "given": "--models",
+    "robot": "the robot",
+    "robot_sha256": "the robot's self-model (its sha256)",
+    "urdf_sha256": "the robot's geometry (its sha256)",
+    "map": "the map",
+    "map_sha256": "the map (the sha256 of its files)",
 }
+"""What a trace and the run that resumes it must have in common, beside settings, and what a message calls it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,10 +137,8 @@ class TraceHeader:
     start: tuple[float, float, float] | None = None
     seed: int = 0
     schedule: int | None = None
-    modules: tuple[str, ...] = ()
-    """Names of the files that were given by ``--modules``."""
-    trusts_map: bool = False
-    unknown: tuple[str, ...] = ()
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    """Settings that a run that resumes it takes over, by their names."""
 
     @staticmethod
     def of(recorded: RecordedRun) -> TraceHeader:
@@ -154,7 +153,6 @@ class TraceHeader:
             raise BadInput([error("X020", "the header is damaged: plan, seed or start", Span(recorded.name))])
         iri, robot, environment = (_text(header.get(key)) for key in ("iri", "robot", "map"))
         stem = local_name(environment or "").partition(".")[0]
-        modules, unknown = header.get("modules"), header.get("unknown")
         return TraceHeader(
             plan if plan in Bundled.RECIPE.names() else None,
             plan,
@@ -164,9 +162,7 @@ class TraceHeader:
             start,
             seed,
             schedule,
-            tuple(map(str, modules)) if isinstance(modules, Mapping) else (),
-            header.get("trusts_map") is True,
-            tuple(map(str, unknown)) if isinstance(unknown, list) else (),
+            taken(header),
         )
 
     def plan(self, trace: str) -> str:
@@ -231,11 +227,11 @@ def past_of(recorded: RecordedRun) -> tuple[Past, list[Diagnostic]]:
 
 def check_same_run(recorded: RecordedRun, header: Mapping[str, Any]) -> list[Diagnostic]:
     """Raise BadInput, listing the differences, when a trace is of another run; return warnings about versions."""
-    now = {key: header[key] for key in AGREE if key in header}
-    now |= {key: header.get(key) for key in ("modules", "trusts_map", "unknown", "given")}
+    settings = {one.key: one.called for one in in_header().values()}
+    now = {key: header[key] for key in AGREE if key in header} | {key: header.get(key) for key in settings}
     span, problems = Span(recorded.name), []
     for key, (before, after) in differences(recorded.header, now).items():
-        called = CALLED.get(key, f"the {key}")
+        called = (AGREE | settings)[key]
         problems.append(error("X022", f"{called} differs: {_short(before)} in the trace, {_short(after)} now", span))
     if problems:
         raise BadInput(problems)
