@@ -224,8 +224,9 @@ __all__ = [
 if TYPE_CHECKING:
     from planlang.language.ordering import given, partial_order
     from planlang.language.state_machine import state_machine
-    from planlang.language.tasktree import TaskNode, TaskTree
+    from planlang.language.tasktree import TaskTree
     from planlang.motion_constraints import Feature, MotionConstraint, a_constraint, a_feature
+    from planlang.runs.run_tree import TaskNode
     from planlang.sweeping import sweep
 
     __version__: str
@@ -233,7 +234,7 @@ else:  # for mypy every name would be one of planlang's
     _LATER = {
         "Feature": "motion_constraints",
         "MotionConstraint": "motion_constraints",
-        "TaskNode": "language.tasktree",
+        "TaskNode": "runs.run_tree",
         "TaskTree": "language.tasktree",
         "a_constraint": "motion_constraints",
         "a_feature": "motion_constraints",

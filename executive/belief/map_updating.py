@@ -47,7 +47,7 @@ class MapUpdate:
         self._opened: dict[str, None] = {}
         """Leaves that were moved, also if they were closed again."""
 
-    def __call__(self, record: Mapping[str, Any]) -> None:
+    def __call__(self, record: Mapping[str, Any], node: object) -> None:
         """Take note of a record of the trace."""
         if record["event"] == "belief" and record.get("value") is not None:
             self._opened[str(record["name"])] = None

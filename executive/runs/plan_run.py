@@ -44,9 +44,9 @@ from executive.runs.plan_files import (
     without_module,
 )
 from executive.runs.settings import stated
-from executive.runs.traces import ListenedTrace, check_same_run, past_of, recorded_parameters, sha256
+from executive.runs.traces import check_same_run, past_of, recorded_parameters, sha256
 from executive.runs.written import WatchedWorld, Written, bodies_of
-from planlang import PlanFailure, RunError, SimulationHost, budget, explain, run
+from planlang import PlanFailure, RunError, SimulationHost, Trace, budget, explain, run
 from planlang.designators import Action
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
 from planlang.failures import ActionUnresolvable, MissingCapability, ObjectUnresolvable
@@ -354,7 +354,8 @@ class Run:
         written.ask(self.plan.name, bound, header, self.found, past)
         if new := self.found[count:]:
             options.announce(new)
-        trace = ListenedTrace.to(options.trace, header, tuple(written.listeners), past)
+        trace = Trace(None, header) if options.trace is None else Trace.at(options.trace, header, past=past)
+        trace.listeners = tuple(written.listeners)
         world = WatchedWorld(truth, written.watchers)
         outcome, message, failures = Outcome.DONE, "done", tuple[str, ...]()
         try:

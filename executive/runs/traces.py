@@ -12,7 +12,6 @@ from typing import Any
 
 from executive.runs.parameters import Bound
 from executive.runs.settings import in_header, taken
-from planlang import Trace
 from planlang.designators import Location, Object, local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
 from planlang.files import Bundled
@@ -22,65 +21,36 @@ from planlang.object_changes import state_word
 from planlang.records import dataclass
 from planlang.runs import DamagedTrace, Past, RecordedRun, differences
 from planlang.runs.codec import load
-
-Record = Mapping[str, Any]
-
-
-class ListenedTrace(Trace):
-    """A trace that gives each record to listeners as well; written to a file when there is a path."""
-
-    listeners: tuple[Callable[[Record], None], ...] = ()
-
-    @classmethod
-    def to(
-        cls,
-        path: Path | None,
-        header: Mapping[str, object],
-        listeners: tuple[Callable[[Record], None], ...],
-        past: Past | None = None,
-    ) -> ListenedTrace:
-        """Return a trace into a file, or kept in memory without ``path``; ``past`` is what a resumed run takes over."""
-        trace = cls(None, header) if path is None else cls.at(path, header, past=past)
-        trace.listeners = listeners
-        return trace
-
-    def write(self, step: int, event: str, node: Node | None = None, /, **details: object) -> None:
-        """Write one record and give it to the listeners, ``node`` and values as they are."""
-        super().write(step, event, node, **details)
-        record = {"step": step, "event": event, **({} if node is None else {"node": node}), **details}
-        for listener in self.listeners:
-            try:
-                listener(record)
-            except BaseException as problem:  # this listener gets no more; the run ends with its problem
-                self.listeners = tuple(other for other in self.listeners if other is not listener)
-                self._fail(problem)
+from planlang.runs.recorded_run import SPANS
+from planlang.runs.trace import Listener
 
 
-def lines_of(say: Callable[[int, str], None], *, inner: bool = False) -> Callable[[Record], None]:
+def lines_of(say: Callable[[int, str], None], *, inner: bool = False) -> Listener:
     """Return a listener that calls ``say`` with the world step and a line, for the records that people should see.
 
     With ``inner`` those of actions that process modules perform inside of others, too.
     """
 
-    def tell(record: Record) -> None:
-        line = line_of(record, inner=inner)
+    def tell(record: Mapping[str, Any], node: Node | None) -> None:
+        is_span = record["event"] in SPANS and record["kind"] == "perform"
+        if is_span and not inner and node is not None and is_inner(node):
+            return
+        line = line_of(record)
         if line is not None:
             say(record["step"], line)
 
     return tell
 
 
-def line_of(record: Record, *, inner: bool = False) -> str | None:
+def line_of(record: Mapping[str, Any]) -> str | None:
     """Return the line about a record of the trace; None for what people need not see."""
     match record:
-        case {"event": "started" | "ended", "node": Node(kind="perform") as node} if not inner and is_inner(node):
-            return None
-        case {"event": "started", "node": Node(kind="perform"), "action": action}:
+        case {"event": "started", "kind": "perform", "action": action}:
             return str(action)
-        case {"event": "ended", "node": Node(kind="perform"), "failure": failure}:
-            return f"failed: {type(failure).__name__}: {failure}"
-        case {"event": "started", "node": Node(kind="plan") as node}:
-            return node.name
+        case {"event": "ended", "kind": "perform", "failure": {"type": kind, "message": message}}:
+            return f"failed: {kind}: {message}"
+        case {"event": "started", "kind": "plan", "name": name}:
+            return str(name)
         case {"event": "recovery", "decision": decision} if decision != "none":
             return f"recovery: {decision}"
         case {"event": "completed", "lost": lost}:

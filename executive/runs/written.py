@@ -11,11 +11,12 @@ from executive.belief import Belief
 from executive.runs.final_state import Tilts
 from executive.runs.options import RunOptions
 from executive.runs.parameters import Bound, things_of
-from executive.runs.traces import Record, lines_of
+from executive.runs.traces import lines_of
 from planlang import PlanFailure
 from planlang.diagnostics import Diagnostic
 from planlang.outputs import replace as write_complete
 from planlang.runs import Past
+from planlang.runs.trace import Listener
 from sim import PyBulletWorld
 
 if TYPE_CHECKING:
@@ -31,7 +32,7 @@ class Written:
         self._files: list[tuple[Path, Callable[[Path], object]]] = []
         self._poses: PoseLog | None = None
         self.watchers: list[Callable[[PyBulletWorld], None]] = [tilts, *options.watchers]
-        self.listeners: list[Callable[[Record], None]] = [
+        self.listeners: list[Listener] = [
             lines_of(
                 lambda step, line: options.progress(f"{step / truth.rate:7.2f} s  {line}"), inner=options.inner_actions
             )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import field
+from dataclasses import field, replace
 from itertools import pairwise
 from typing import Any
 
@@ -25,6 +25,7 @@ from planlang.experience.model import (
 )
 from planlang.records import dataclass
 from planlang.runs.recorded_run import DamagedTrace, checked_records, details
+from planlang.runs.run_tree import RunTree, TaskNode
 
 MOST_ACTIVITIES = 100_000
 MOST_CAUSES = 100
@@ -62,16 +63,9 @@ def _reason(problem: Exception) -> str:
 
 
 @dataclass(slots=True)
-class _Open:
-    """An activity while it is read."""
+class _Told:
+    """What the trace tells of a node beside its place in the tree."""
 
-    number: int
-    parent: int | None
-    kind: str
-    name: str
-    told: dict[str, Any] = field(default_factory=dict)
-    """Further fields of the activity."""
-    parameters: dict[str, Any] = field(default_factory=dict)
     designator: Designator | None = None
     resolutions: list[Resolution] = field(default_factory=list)
     occurrences: list[Occurrence] = field(default_factory=list)
@@ -80,75 +74,68 @@ class _Open:
 class _Reader:
     def __init__(self) -> None:
         self._header: Mapping[str, Any] = {}
-        self._rate, self._plan = 1.0, ""
-        self._open: dict[int, _Open] = {}
+        self._tree, self._told = RunTree(), dict[int, _Told]()
         self._things: dict[str, Thing] = {}
         self._bound: dict[str, str] = {}
         self._lone: list[Resolution] = []
         """Of things, which belong to the whole run."""
 
     def read(self, record: Mapping[str, Any]) -> None:
-        event, step = str(record["event"]), int(record["step"])
+        event, step, rate = str(record["event"]), int(record["step"]), self._tree.rate
         if event == "header":
-            self._header, self._rate, self._plan = record, _number(record.get("rate")), _text(record.get("plan"))
-            if not 0 < self._rate <= MOST_STEPS:
+            self._header, rate = record, _number(record.get("rate"))
+            if not 0 < rate <= MOST_STEPS:
                 raise ValueError("the rate is no number of steps per second")
-        if step > min(LATEST, self._rate * LONGEST):
+        if step > min(LATEST, rate * LONGEST):
             raise ValueError(f"step {step} is too late")
         self._find_things(record, step)
         if "node" in record:
-            self._in_node(event, step, record)
+            self._check(record)
+        node = self._tree.add(record)
+        if node is not None:
+            self._in_node(event, step, node, record)
 
-    def _in_node(self, event: str, step: int, record: Mapping[str, Any]) -> None:
-        node = self._node(record)
-        more = details(record)
+    def _check(self, record: Mapping[str, Any]) -> None:
+        number = record["node"]
+        if number in self._told:
+            return
+        if type(number) is not int or not 0 < number <= LATEST:
+            raise ValueError("a node is given by its number, from 1")
+        if len(self._told) == MOST_ACTIVITIES:
+            raise ValueError(f"more than {MOST_ACTIVITIES:,} nodes")
+        parent = record["parent"]
+        if parent is not None and (type(parent) is not int or parent not in self._told or parent > number):
+            raise ValueError("the node around this one has not started")
+        _text(record["kind"])
+        _text(record["name"])
+        self._told[number] = _Told()
+
+    def _in_node(self, event: str, step: int, node: TaskNode, record: Mapping[str, Any]) -> None:
+        told, more = self._told[node.number], details(record)
         if event == "started":
-            node.told["begin"] = step
-            node.parameters.update(more)
-            node.designator = _designator(more) or node.designator
+            told.designator = _designator(more) or told.designator
         elif event == "ended":
-            node.told |= {"end": step, "state": State(_text(more.get("status"))), "result": more.get("result")}
-            node.told["failure"] = failure_of(more["failure"]) if "failure" in more else None
-        elif event == "plan":
-            node.parameters.update(more)
-            node.kind = "plan"
+            State(_text(node.status))
+            failure_of(node.failure) if "failure" in more else None
         if node.kind == "plan" and event in ("started", "plan"):
             self._resolve(node, step, ResolvedTo.PLAN, _text(more.get("iri") or node.name))
         elif event == "request":
             self._resolve(node, step, ResolvedTo.MODULE, _text(more["module"]))
-        elif event == "solution" and node.designator is not None:
+        elif event == "solution" and told.designator is not None:
             base = tuple(_number(one) for one in more.pop("base"))
-            node.resolutions.append(Resolution(step, node.designator, ResolvedTo.BASE_POSE, base=base, details=more))
+            told.resolutions.append(Resolution(step, told.designator, ResolvedTo.BASE_POSE, base=base, details=more))
         elif event in _TOLD:
-            self._happened(node, step, event, more)
+            self._happened(told, step, event, more)
 
-    def _happened(self, node: _Open, step: int, event: str, more: dict[str, Any]) -> None:
+    def _happened(self, told: _Told, step: int, event: str, more: dict[str, Any]) -> None:
         failure = failure_of(more.pop("failure")) if "failure" in more else None
-        node.occurrences.append(Occurrence(step, event, more, failure))
-        if event == "pose failed" and node.resolutions:
-            last = node.resolutions[-1]
-            node.resolutions[-1] = Resolution(
-                last.step, last.designator, last.to, last.value, last.base, last.details, failure
-            )
+        told.occurrences.append(Occurrence(step, event, more, failure))
+        if event == "pose failed" and told.resolutions:
+            told.resolutions[-1] = replace(told.resolutions[-1], failure=failure)
 
-    def _node(self, record: Mapping[str, Any]) -> _Open:
-        number = record["node"]
-        found = self._open.get(number)
-        if found is not None:
-            return found
-        if type(number) is not int or not 0 < number <= LATEST:
-            raise ValueError("a node is given by its number, from 1")
-        if len(self._open) == MOST_ACTIVITIES:
-            raise ValueError(f"more than {MOST_ACTIVITIES:,} nodes")
-        parent = record["parent"]
-        if parent is not None and (type(parent) is not int or parent not in self._open or parent > number):
-            raise ValueError("the node around this one has not started")
-        found = self._open[number] = _Open(number, parent, _text(record["kind"]), _text(record["name"]))
-        return found
-
-    def _resolve(self, node: _Open, step: int, to: ResolvedTo, value: str) -> None:
+    def _resolve(self, node: TaskNode, step: int, to: ResolvedTo, value: str) -> None:
         """Note that what the nearest action around a node describes was resolved."""
-        above = self._open.get(node.parent or 0)
+        above = None if node.parent is None else self._told[node.parent.number]
         if above is not None and above.designator is not None and above.designator.about is About.ACTION:
             above.resolutions.append(Resolution(step, above.designator, to, value))
 
@@ -186,8 +173,8 @@ class _Reader:
         numbers = {name: _whole(header.get(name)) for name in ("seed", "schedule")}
         activities = tuple(self._activities())
         return Experience(
-            self._plan,
-            self._rate,
+            _text(header.get("plan")),
+            self._tree.rate,
             words["iri"],
             numbers["seed"],
             numbers["schedule"],
@@ -199,25 +186,28 @@ class _Reader:
         )
 
     def _activities(self) -> Iterator[Activity]:
-        root = next(iter(self._open), None)
-        for number in sorted(self._open):
-            node = self._open[number]
-            action = node.designator is not None and node.designator.about is About.ACTION
-            roles = tuple(roles_of(node.designator.text)) if action and node.designator is not None else ()
-            text = "" if node.designator is None else node.designator.text
+        root = next(iter(self._told), None)
+        for number, node in sorted(self._tree.numbered.items()):
+            told = self._told[number]
+            action = told.designator is not None and told.designator.about is About.ACTION
+            text = "" if told.designator is None else told.designator.text
             named = [word for word in _WORD.findall(text.partition("(")[2] if action else text) if word in self._things]
             yield Activity(
                 number,
-                node.parent,
+                None if node.parent is None else node.parent.number,
                 node.kind,
                 node.name,
-                parameters=node.parameters,
-                designator=node.designator,
-                roles=roles,
-                participants=tuple(sorted(set(named))),
-                resolutions=(*node.resolutions, *(self._lone if number == root else ())),
-                occurrences=tuple(node.occurrences),
-                **node.told,
+                State(node.status),
+                node.begun,
+                node.ended,
+                node.parameters,
+                node.result,
+                None if node.failure is None else failure_of(node.failure),
+                told.designator,
+                tuple(roles_of(text)) if action else (),
+                tuple(sorted(set(named))),
+                (*told.resolutions, *(self._lone if number == root else ())),
+                tuple(told.occurrences),
             )
 
 

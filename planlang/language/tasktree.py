@@ -5,101 +5,18 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import field
 from functools import cached_property
 from typing import Any
 
-from planlang.designators import local_name
 from planlang.misuse import Usage
-from planlang.records import dataclass
-from planlang.runs import DamagedTrace, RecordedRun, Trace
-from planlang.runs.recorded_run import details
+from planlang.runs import DamagedTrace, RecordedRun, RunTree, TaskNode, Trace
 
 _OF = Usage("TaskTree.of", {"trace": "trace"})
 _READ = Usage("TaskTree.read", {"path": '"run.jsonl"'})
 
 
-@dataclass(eq=False)
-class TaskNode:
-    """A construct, branch, tag, plan function, perform or state of a run.
-
-    ``status`` is succeeded, failed or evaporated; running if the trace ends before it. ``start`` and ``end`` are plan
-    time [s], None if it never began or has not ended. ``parameters`` is what the trace tells about the start.
-    """
-
-    name: str
-    """The path element."""
-    kind: str
-    parent: TaskNode | None = None
-    parameters: dict[str, Any] = field(default_factory=dict)
-    status: str = "running"
-    result: Any = None
-    failure: dict[str, Any] | None = None
-    start: float | None = None
-    end: float | None = None
-    children: list[TaskNode] = field(default_factory=list)
-
-    @property
-    def path(self) -> str:
-        """Names from the root, joined by ``/``."""
-        names: list[str] = []
-        node: TaskNode | None = self
-        while node is not None:
-            names.append(node.name)
-            node = node.parent
-        return "/".join(reversed(names))
-
-    @property
-    def reason(self) -> str:
-        """Return why it ended as it did: ``TYPE: MESSAGE`` of its failure; empty if it has none."""
-        return "" if self.failure is None else f"{self.failure['type']}: {self.failure['message']}"
-
-    @property
-    def action(self) -> str | None:
-        """The class of the performed action, by its local name."""
-        text = self.parameters.get("action")
-        return local_name(text.split("(", 1)[0]) if isinstance(text, str) else None
-
-    def summary(self, longest: int | None = None) -> str:
-        """Return when and how it ran, in a line; the message of a failure is cut to ``longest`` characters."""
-        if self.start is None:
-            return f"{self.status} before it began"
-        span = f"{self.start:g} s" if self.start == self.end else f"{self.start:g} to {self.end or 0:g} s"
-        if self.end is None:
-            span = f"{self.start:g} s on"
-        if self.failure is None:
-            return f"{span}, {self.status}"
-        message = self.failure["message"]
-        if longest is not None and len(message) > longest:
-            message = f"{message[: longest - 3]}..."
-        return f"{span}, {self.status} with {self.failure['type']}: {message}"
-
-    def record(self) -> dict[str, Any]:
-        """Return a JSON object, keys in a fixed order; result and failure where there is one."""
-        found: dict[str, Any] = {
-            "path": self.path,
-            "parent": None if self.parent is None else self.parent.path,
-            "kind": self.kind,
-            "name": self.name,
-            "status": self.status,
-            "start": self.start,
-            "end": self.end,
-        }
-        for key, value in (("parameters", self.parameters), ("result", self.result), ("failure", self.failure)):
-            if value not in (None, {}):
-                found[key] = value
-        return found
-
-
-class TaskTree:
+class TaskTree(RunTree):
     """All nodes of a run; ``roots`` has one, the top-level plan."""
-
-    def __init__(self, events: Iterable[Mapping[str, Any]]) -> None:
-        self._numbered: dict[int, TaskNode] = {}
-        self.roots: list[TaskNode] = []
-        self._rate = 1
-        for event in events:
-            self._add(event)
 
     @classmethod
     def of(cls, trace: Trace | Iterable[Mapping[str, Any]]) -> TaskTree:
@@ -135,30 +52,7 @@ class TaskTree:
     @cached_property
     def nodes(self) -> dict[str, TaskNode]:
         """The nodes by path, in order of beginning."""
-        return {node.path: node for node in self._numbered.values()}
-
-    def _add(self, event: Mapping[str, Any]) -> None:
-        kind = event["event"]
-        if kind == "header":
-            self._rate = event["rate"]
-        elif kind in ("started", "ended"):
-            node = self._numbered.get(event["node"])
-            if node is None:
-                parent = self._numbered.get(event["parent"])
-                node = self._numbered[event["node"]] = TaskNode(event["name"], event["kind"], parent)
-                (self.roots if parent is None else parent.children).append(node)
-            if kind == "started":
-                node.start = event["step"] / self._rate
-                node.parameters.update(details(event))
-            else:
-                node.end = event["step"] / self._rate
-                node.status = event["status"]
-                node.result = event.get("result")
-                node.failure = event.get("failure")
-        elif kind == "plan" and event["node"] in self._numbered:
-            node = self._numbered[event["node"]]
-            node.kind = "plan"
-            node.parameters.update(details(event))
+        return {node.path: node for node in self.numbered.values()}
 
     def __iter__(self) -> Iterator[TaskNode]:
         """Yield the nodes from the root, children in order of beginning."""

@@ -163,7 +163,14 @@ def _check_header(record: Mapping[str, Any]) -> None:
     if record["event"] != "header":
         raise DamagedTrace("a trace begins with its header", 1)
     if record.get("schema") != SCHEMA:
-        raise DamagedTrace(f"schema {record.get('schema')!r}; this version reads and writes schema {SCHEMA}", 1)
+        versions = record.get("versions")
+        by = versions.get("planlang") if isinstance(versions, dict) else None
+        writer = "the version of planlang that wrote it" if by is None else f"planlang {by}, which wrote it"
+        raise DamagedTrace(
+            f"it is written in schema {record.get('schema')!r}, and this version reads schema {SCHEMA}: read it with "
+            f"{writer}, or run the plan again",
+            1,
+        )
 
 
 def _place(record: Mapping[str, Any], places: dict[int, Place], number: int) -> Place | None:

@@ -24,6 +24,9 @@ from planlang.runs.recorded_run import BOOKKEEPING, SPANS, Line, Past, details
 _AT = Usage("Trace.at", {"path": '"run.jsonl"'}, {"header": '{"version": "1.0"}'})
 
 
+Listener = Callable[[Mapping[str, Any], Node | None], object]
+
+
 def _check_header(header: object) -> None:
     if header is not None:
         _AT.instance("header", header, Mapping, "a mapping of what the caller knows")
@@ -57,6 +60,8 @@ class Trace:
         """Writes a line through, and says how much of it was taken."""
         self._on_failure: Callable[[BaseException], object] | None = None
         self._header = dict(header or {})
+        self.listeners: tuple[Listener, ...] = ()
+        """Given each record as it is written, with the node that it is about."""
         self._nodes = 0
         self.continues = False
         """True if it begins with the records of an earlier trace."""
@@ -133,6 +138,12 @@ class Trace:
             self.events.append(record)
         else:
             self._send(_line(record))
+        for listener in self.listeners:
+            try:
+                listener(record, node)
+            except BaseException as problem:  # this listener gets no more; the run ends with its problem
+                self.listeners = tuple(other for other in self.listeners if other is not listener)
+                self._fail(problem)
 
     def _send(self, text: str) -> None:
         self._write_through(text.encode(*_UTF8))
@@ -167,7 +178,7 @@ class Trace:
     def started(self, step: int, node: Node, /, **details: object) -> None:
         """Write that a node of the tree begins."""
         parent = node.parent
-        if details or parent is None or self.is_compared:
+        if details or parent is None or self.is_compared or self.listeners:
             self.write(step, "started", node, **details)
             return
         self._nodes = number = node.number = self._nodes + 1
@@ -220,7 +231,7 @@ class Trace:
                 return
             if taken != len(data):
                 self._write_through(data[taken:])
-        elif node.number and node.parent is not None and self._put is None and not self.is_compared:
+        elif node.number and node.parent is not None and self._put is None and not (self.is_compared or self.listeners):
             self.events.append(_span(step, "ended", node, node.parent) | {"status": word})
         else:
             self.write(step, "ended", node, status=word)

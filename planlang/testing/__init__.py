@@ -5,10 +5,11 @@ General layout: ``running`` runs a plan; ``script`` and ``scripted`` are the rob
 ``plugin`` is for pytest.
 """
 
+from planlang.runs import TaskNode as Step
 from planlang.testing.exploring import Exploration, ScheduleDependence, explore
 from planlang.testing.extensions import Extensions, all_linear_extensions
 from planlang.testing.faults import Fault
-from planlang.testing.history import Count, History, NoSuchStep, Step, Verdict
+from planlang.testing.history import Count, History, NoSuchStep, Verdict
 from planlang.testing.running import PlanRun, UnusedRule, compiled, replay, run_plan
 from planlang.testing.script import Belief, Rule, Script
 from planlang.testing.scripted import ScriptedExecutive

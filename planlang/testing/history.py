@@ -2,102 +2,14 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import field
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
-from planlang.designators import local_name
 from planlang.failures import PlanFailure
-from planlang.language.tasktree import TaskNode, tree_of
+from planlang.language.tasktree import tree_of
 from planlang.misuse import did_you_mean
-from planlang.records import dataclass
-from planlang.runs import with_paths
-
-
-@dataclass(eq=False)
-class Step(TaskNode):
-    """One node of the task tree: a construct, branch, tag, plan or performed action, each run of it on its own.
-
-    ``start`` and ``end`` are plan time [s], None for what never began; ``first`` and ``last`` are places in the trace.
-    ``failure`` is the trace's record of a failure: type, message, cause, members.
-    """
-
-    parent: Step | None = None
-    children: list[Step] = field(default_factory=list)  # type: ignore[assignment]
-    first: int = -1
-    last: int = sys.maxsize
-    repeats: list[float] = field(default_factory=list)
-    """Times at which a with_failure_handling ran its body [s]."""
-    is_request: bool = False
-    """True for the node of a process module that performs an action."""
-
-    def _outward(self) -> Iterator[Step]:
-        """Yield this step, the one around it, and so on."""
-        step: Step | None = self
-        while step is not None:
-            yield step
-            step = step.parent
-
-    @property
-    def inner(self) -> bool:
-        """True for what a process module does inside of the action that the plan has asked it for."""
-        outward = self._outward()
-        next(outward)
-        return any(step.is_request for step in outward)
-
-    def called(self, query: str) -> bool:
-        """Return True if a name, ``parent/name``, or class of action means this step; ``#2``: the second."""
-        if self.action is not None and query in (self.action, *map(local_name, self.parameters.get("classes", ()))):
-            return True
-        names = (part for step in self._outward() for part in reversed(step.name.split("/")))
-        return all(
-            (name := next(names, None)) is not None and want in (name, name.split("#", 1)[0])
-            for want in reversed(query.split("/"))
-        )
-
-    def within(self, other: Step) -> bool:
-        """Return True if this step is inside the other one."""
-        return self is not other and any(step is other for step in self._outward())
-
-    def __repr__(self) -> str:
-        return f"<{self.path}: {self.summary()}>"
-
-
-def read_steps(events: Iterable[Mapping[str, Any]], rate: int) -> list[Step]:
-    """Return the steps that a trace reports, in the order in which they began."""
-    known: dict[int, Step] = {}
-    steps: list[Step] = []
-    for place, event in enumerate(events):
-        what, number = event["event"], event.get("node")
-        if number is None:
-            continue
-        time = event["step"] / rate
-        step = known.get(number)
-        if step is None:
-            parent = known.get(event["parent"])
-            step = known[number] = Step(event["name"], event["kind"], parent, _parameters(event))
-            steps.append(step)
-            if parent is not None:
-                parent.children.append(step)
-        if what == "started":
-            step.start, step.first = time, place
-        elif what == "ended":
-            step.status, step.end, step.last = event["status"], time, place
-            step.result, step.failure = event.get("result"), event.get("failure")
-            if step.start is None:
-                step.first = place
-        elif what == "attempt":
-            step.repeats.append(time)
-        elif what == "request":
-            step.is_request = True
-    return steps
-
-
-def _parameters(event: Mapping[str, Any]) -> dict[str, Any]:
-    known = ("step", "event", "node", "parent", "kind", "name", "status")
-    return {key: value for key, value in event.items() if key not in known}
-
+from planlang.runs import RunTree, with_paths
+from planlang.runs import TaskNode as Step
 
 Event = Mapping[str, Any]
 What = str | Step
@@ -120,18 +32,17 @@ class History:
         self.events = events
         """The trace, one mapping per record; :func:`planlang.runs.with_paths` adds the paths."""
         self.rate = rate
-        self._steps: list[Step] = []
-        self._read = 0
+        self._tree = RunTree()
 
     def steps(self, what: What | None = None) -> list[Step]:
         """Return the runs of a step, in the order in which they began; all steps without a name."""
-        if self._read != len(self.events):
-            self._steps, self._read = read_steps(self.events, self.rate), len(self.events)
+        self._tree.go_on(self.events)
+        steps = list(self._tree.numbered.values())
         if what is None:
-            return list(self._steps)
+            return steps
         if isinstance(what, Step):
             return [what]
-        found = [step for step in self._steps if step.called(what)]
+        found = [step for step in steps if step.called(what)]
         return [step for step in found if not _stands_for_its_branch(step, what)]
 
     def happened_before(self, first: What, second: What) -> Verdict:

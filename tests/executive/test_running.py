@@ -23,14 +23,11 @@ from executive.belief import read_map, scene_of
 from executive.runs.final_state import Tilts
 from executive.runs.options import Outcome, RunOptions, RunResult
 from executive.runs.plan_run import run_plan_file
-from executive.runs.traces import ListenedTrace, line_of, lines_of
-from planlang import VirtualHost, a_constraint, a_feature, perform, run, sleep
+from executive.runs.traces import line_of, lines_of
+from planlang import Trace, VirtualHost, a_constraint, a_feature, par, perform, run, sleep
 from planlang.designators import action, an_object
 from planlang.diagnostics import BadInput
-from planlang.failures import ObjectNotFound
 from planlang.files import bundled
-from planlang.kernel.core import Task
-from planlang.kernel.tree import Node
 from planlang.ontology import load
 from planlang.testing import Script, ScriptedExecutive
 from sim import PlanningWorld, PyBulletWorld
@@ -308,25 +305,31 @@ def test_a_robot_without_grippers_is_told_what_it_lacks_before_anything_moves(tm
     assert not (tmp_path / "run.jsonl").exists()
 
 
-PLAN = Task(None, None, "serve", lambda: None, 0)
-PERFORMED = Node(PLAN, "perform", "Fetching")
-
-
-def test_listeners_are_told_each_record_in_order() -> None:
+def test_listeners_are_told_each_record_in_order_as_it_is_written() -> None:
     told: list[object] = []
-    trace = ListenedTrace.to(None, {}, (told.append, lambda record: told.append(record["event"])))
+    trace = Trace()
+    trace.listeners = (lambda record, node: told.append(record), lambda record, node: told.append(record["event"]))
     trace.write(7, "belief", change="seen", name="bottle1")
     assert told == [{"step": 7, "event": "belief", "change": "seen", "name": "bottle1"}, "belief"]
+
+
+def test_what_a_listener_hears_of_a_run_is_what_its_trace_keeps() -> None:
+    told: list[object] = []
+    trace = Trace()
+    trace.listeners = (lambda record, node: told.append(record),)
+    run(partial(par, partial(sleep, 1), partial(sleep, 2)), host=VirtualHost(), trace=trace)
+    assert told == trace.events
 
 
 def test_a_run_ends_with_what_a_listener_raises_and_the_others_are_told_on() -> None:
     told: list[str] = []
 
-    def fail(record: Mapping[str, object]) -> None:
+    def fail(record: Mapping[str, object], node: object) -> None:
         if record["event"] == "started":
             raise BrokenPipeError
 
-    trace = ListenedTrace.to(None, {}, (fail, lambda record: told.append(record["event"])))
+    trace = Trace()
+    trace.listeners = (fail, lambda record, node: told.append(record["event"]))
     with pytest.raises(BrokenPipeError):
         run(partial(sleep, 1), host=VirtualHost(), trace=trace)
     assert told == ["header", "started", "drained", "ended"]
@@ -335,18 +338,15 @@ def test_a_run_ends_with_what_a_listener_raises_and_the_others_are_told_on() -> 
 @pytest.mark.parametrize(
     ("record", "line"),
     [
+        ({"event": "started", "kind": "perform", "name": "Reaching", "action": "Reaching()"}, "Reaching()"),
+        ({"event": "started", "kind": "task", "name": "serve"}, None),
+        ({"event": "started", "kind": "plan", "name": "serve_a_drink"}, "serve_a_drink"),
         (
-            {"event": "started", "node": Node(PERFORMED, "perform", "Reaching"), "action": action("Reaching")},
-            "Reaching()",
+            {"event": "ended", "kind": "perform", "failure": {"type": "ObjectNotFound", "message": "no bottle1"}},
+            "failed: ObjectNotFound: no bottle1",
         ),
-        ({"event": "started", "node": PLAN}, None),
-        ({"event": "started", "node": Node(PLAN, "plan", "serve_a_drink")}, "serve_a_drink"),
-        (
-            {"event": "ended", "node": PERFORMED, "failure": ObjectNotFound(what="bottle1")},
-            "failed: ObjectNotFound: object not found: bottle1",
-        ),
-        ({"event": "ended", "node": PERFORMED, "status": "succeeded"}, None),
-        ({"event": "recovery", "node": PLAN, "decision": "retry"}, "recovery: retry"),
+        ({"event": "ended", "kind": "perform", "status": "succeeded"}, None),
+        ({"event": "recovery", "decision": "retry"}, "recovery: retry"),
         ({"event": "belief", "change": "seen", "name": "bottle1"}, "  belief: bottle1 seen"),
         ({"event": "belief", "change": "leads", "name": "drawer1"}, "  belief: drawer1 held by its handle"),
         ({"event": "belief", "change": "led", "name": "drawer1", "value": 0.4}, "  belief: drawer1 open"),
@@ -363,9 +363,8 @@ def test_people_are_told_what_begins_fails_and_is_learnt(record: dict[str, objec
 def test_each_line_comes_with_its_step_of_the_world() -> None:
     said: list[tuple[int, str]] = []
     tell = lines_of(lambda step, line: said.append((step, line)))
-    what = an_object("DrinkingBottle", "http://example.org/#bottle1")
-    tell({"step": 45, "event": "started", "node": PERFORMED, "action": action("X", object_acted_on=what)})
-    tell({"step": 46, "event": "acquired", "node": PERFORMED})
+    tell({"step": 45, "event": "started", "kind": "perform", "action": "X(object_acted_on=bottle1)"}, None)
+    tell({"step": 46, "event": "acquired"}, None)
     assert said == [(45, "X(object_acted_on=bottle1)")]
 
 
@@ -374,7 +373,8 @@ def test_what_a_module_performs_itself_is_told_only_to_who_asks(inner: bool) -> 
     said: list[str] = []
     look, reach = action("LookingForSomething"), action("Reaching")
     executive = ScriptedExecutive(Script().on("Reaching", does=lambda belief, asked: perform(look)))
-    trace = ListenedTrace.to(None, {}, (lines_of(lambda step, line: said.append(line), inner=inner),))
+    trace = Trace()
+    trace.listeners = (lines_of(lambda step, line: said.append(line), inner=inner),)
     run(partial(perform, reach), host=VirtualHost(), executive=executive, trace=trace)
     assert said == ["Reaching()", *["LookingForSomething()"] * inner]
 
