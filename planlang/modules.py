@@ -143,7 +143,7 @@ class ModuleRegistry:
 
     def add(self, module: ModuleType, origin: str, rank: Rank) -> int:
         """Register the marked classes that a Python module or package defines; return how many there are."""
-        found = list(_marked(module))
+        found = list(marked(module))
         self._registered += [_registered(cls, origin, rank) for cls in found]
         return len(found)
 
@@ -165,7 +165,7 @@ class ModuleRegistry:
         for entry in sorted(entry_points(group=GROUP), key=lambda entry: (entry.name, entry.value)):
             package = f"{entry.dist.name} {entry.dist.version}" if entry.dist is not None else "unknown"
             found = _loaded(entry, package)
-            classes: list[Any] = [found] if isinstance(found, type) else list(_marked(found))
+            classes: list[Any] = [found] if isinstance(found, type) else list(marked(found))
             if not all(getattr(cls, _MARK, None) is cls for cls in classes) or not classes:
                 message = f"the entry point {entry.name} of {package} names no process module: {entry.value}"
                 raise BadInput([error("X011", message, help=_ADVICE)])
@@ -198,7 +198,8 @@ def _registered(cls: Any, origin: str, rank: Rank) -> Registered:
     return Registered(cls, tuple(cls.actions), f"{cls.__name__} of {origin}", rank, selects(cls))
 
 
-def _marked(module: ModuleType) -> Iterator[Any]:
+def marked(module: ModuleType) -> Iterator[Any]:
+    """Yield the process modules that a Python module or package defines."""
     seen: dict[int, Any] = {}
     for value in vars(module).values():
         # one that a file imports, to derive its own from it, is not registered a second time

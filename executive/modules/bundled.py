@@ -1,40 +1,16 @@
-"""The process modules that come with planlang. Those that few plans need are imported when one needs them.
-
-For these it is stated here what their class says: name, action classes, failures.
-"""
+"""The process modules that come with planlang. Those that few plans need are imported when one needs them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from executive.modules import navigation, perception, process_modules
+from executive.modules.on_demand import on_demand
 from executive.modules.platform import Platform
 from planlang.designators import Action, Object
 from planlang.diagnostics import Diagnostic
-from planlang.failures import (
-    DesignatorFailure,
-    EnvironmentManipulationFailure,
-    GripperFailure,
-    LookingFailure,
-    ManipulationFailure,
-    NavigationFailure,
-    ObjectNowhereToBeFound,
-    PerceptionFailure,
-)
-from planlang.modules import ModuleRegistry, OnDemand, Rank
-
-_HAND_WORK = (EnvironmentManipulationFailure, ManipulationFailure, NavigationFailure, DesignatorFailure)
-
-
-def _on_demand(
-    place: str,
-    name: str,
-    *actions: str,
-    failures: tuple[type[Exception], ...] = (),
-    performs: Callable[[Platform, Action], bool] | None = None,
-) -> OnDemand:
-    return OnDemand(f"executive.modules.{place}", name, actions, failures, performs)
+from planlang.modules import ModuleRegistry, Rank
 
 
 def _takes_several_hands(platform: Platform, action: Action) -> bool:
@@ -44,120 +20,12 @@ def _takes_several_hands(platform: Platform, action: Action) -> bool:
     return name is not None and platform.scene.bodies.hands(name) > 1
 
 
-ON_DEMAND = (
-    _on_demand("waiting:Waiting", "waiting", "Waiting", failures=(DesignatorFailure,)),
-    _on_demand(
-        "containers:Containers",
-        "container",
-        "OpeningAContainerArtifact",
-        "ClosingAContainerArtifact",
-        failures=_HAND_WORK,
-    ),
-    _on_demand(
-        "placing:Lowering",
-        "lowering",
-        "LoweringAnObject",
-        failures=(ManipulationFailure, PerceptionFailure, LookingFailure, DesignatorFailure),
-    ),
-    _on_demand(
-        "devices:Devices",
-        "device",
-        "TurningOnPoweredDevice",
-        "TurningOffPoweredDevice",
-        "PreheatOven",
-        "OperateOven",
-        failures=_HAND_WORK,
-    ),
-    _on_demand(
-        "searching:Software",
-        "software",
-        "StartSoftwareModules",
-        "StopSoftwareModules",
-        "LoadTypicalObjectModels",
-        failures=(DesignatorFailure,),
-    ),
-    _on_demand("searching:Inference", "inference", "InferLikelyObjectLocations", failures=(DesignatorFailure,)),
-    _on_demand(
-        "searching:Checking",
-        "checking",
-        "CheckingWhetherConditionObtains",
-        failures=(PerceptionFailure, LookingFailure, DesignatorFailure),
-    ),
-    _on_demand(
-        "exploring:Exploring",
-        "exploration",
-        "EnvironmentExploration",
-        failures=(PerceptionFailure, LookingFailure, DesignatorFailure),
-    ),
-    _on_demand(
-        "constrained_motions:ConstrainedMotions",
-        "constrained_motion",
-        "ITaSCMotion",
-        failures=(ManipulationFailure, NavigationFailure, PerceptionFailure, LookingFailure, DesignatorFailure),
-    ),
-    _on_demand(
-        "setting_aside:SettingAside",
-        "setting_aside",
-        "SettingAsideAnObject",
-        failures=(ManipulationFailure, NavigationFailure, PerceptionFailure, LookingFailure, DesignatorFailure),
-    ),
-    _on_demand("stepping_back:SteppingBack", "stepping_back", "SteppingBack", failures=(NavigationFailure,)),
-    _on_demand(
-        "strokes:Strokes",
-        "stroke",
-        "CirclingMotion",
-        failures=(ManipulationFailure, NavigationFailure, PerceptionFailure, LookingFailure, DesignatorFailure),
-    ),
-    _on_demand(
-        "wiping:Wiping",
-        "wiping",
-        "WipingMotion",
-        failures=(ManipulationFailure, NavigationFailure, PerceptionFailure, LookingFailure, DesignatorFailure),
-    ),
-    _on_demand(
-        "pushing:Pushing",
-        "pushing",
-        "PushingMotion",
-        failures=(
-            EnvironmentManipulationFailure,
-            ManipulationFailure,
-            NavigationFailure,
-            PerceptionFailure,
-            LookingFailure,
-            DesignatorFailure,
-            ObjectNowhereToBeFound,
-        ),
-    ),
-    _on_demand("mapping:Mapping", "mapping", "UploadMapToRoboEarth"),
-    _on_demand(
-        "two_hands:TwoHands",
-        "two_hands",
-        "GraspingSomething",
-        "PickingUpAnObject",
-        "TakingSomething",
-        "CarryingWhileLocomoting",
-        "PuttingDownAnObject",
-        "LoweringAnObject",
-        "ReleasingGraspOfSomething",
-        failures=(
-            ManipulationFailure,
-            GripperFailure,
-            NavigationFailure,
-            PerceptionFailure,
-            LookingFailure,
-            DesignatorFailure,
-        ),
-        performs=_takes_several_hands,
-    ),
-)
-
-
 def bundled_registry() -> ModuleRegistry:
     """Return a registry with the process modules that come with planlang."""
     registry = ModuleRegistry()
     for module in (navigation, process_modules, perception):
         registry.add(module, "planlang", Rank.BUNDLED)
-    for one in ON_DEMAND:
+    for one in on_demand({"two_hands": _takes_several_hands}):
         registry.add_on_demand(one, "planlang", Rank.BUNDLED)
     return registry
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -15,13 +14,11 @@ from typer.testing import CliRunner
 from executive.belief import Belief, read_map
 from executive.cli.app import app
 from executive.locations.likely_places import LOOKING
-from executive.modules.bundled import ON_DEMAND
 from planlang import perform
 from planlang.designators import Object, a_posture, action, an_object
 from planlang.failures import ObjectNotFound, ObjectNowhereToBeFound, PerceptionFailure
 from planlang.files import bundled
 from planlang.geometry import Pose
-from planlang.modules import OnDemand
 from planlang.ontology import load
 from sim import Body
 from tests.executive.conftest import PLACE, MakeStage, Stage
@@ -190,14 +187,6 @@ def test_a_search_goes_on_after_its_state_was_restored(stage: Stage) -> None:
     searches.restore(state)
     assert searches.snapshot() == state
     assert list(searches.begun["next"].visited) == [first]
-
-
-@pytest.mark.parametrize("module", ON_DEMAND, ids=lambda one: one.name)
-def test_modules_that_are_imported_on_demand_are_what_is_stated_of_them(module: OnDemand) -> None:
-    place, _, name = module.place.partition(":")
-    cls = getattr(import_module(place), name)
-    assert (cls.name, cls.actions, cls.failures) == (module.name, module.actions, module.failures)
-    assert not hasattr(cls, "performs"), "which of its actions it performs is stated there as well"
 
 
 @pytest.mark.long

@@ -1,0 +1,48 @@
+"""The table of the bundled process modules that are imported when an action needs them: most runs need few.
+
+It repeats what their classes say, so that these need not be imported to be asked. ``python -m
+executive.modules.on_demand`` writes it anew.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Mapping
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from planlang import failures
+from planlang.designators import Action
+from planlang.modules import OnDemand, marked
+
+AT_ONCE = ("navigation", "perception", "process_modules")
+"""Files whose process modules every run needs."""
+TABLE = Path(__file__).with_name("on_demand.json")
+
+
+def on_demand(performs: Mapping[str, Callable[[Any, Action], bool]]) -> Iterator[OnDemand]:
+    """Yield what is in the table; ``performs`` are questions of modules, by name, that perform some actions only."""
+    for one in json.loads(TABLE.read_text(encoding="utf-8")):
+        name, kinds = one["name"], tuple(getattr(failures, kind) for kind in one["failures"])
+        yield OnDemand(one["place"], name, tuple(one["actions"]), kinds, performs.get(name))
+
+
+def table() -> str:
+    """Return the table, as the classes are now."""
+    names = sorted(file.stem for file in Path(__file__).parent.glob("*.py") if file.stem not in ("__init__", *AT_ONCE))
+    rows = [
+        {
+            "place": f"{module.__name__}:{cls.__name__}",
+            "name": cls.name,
+            "actions": list(cls.actions),
+            "failures": [kind.__name__ for kind in cls.failures],
+        }
+        for module in (import_module(f"executive.modules.{name}") for name in names)
+        for cls in marked(module)
+    ]
+    return json.dumps(rows, indent=2) + "\n"
+
+
+if __name__ == "__main__":
+    TABLE.write_text(table(), encoding="utf-8")
