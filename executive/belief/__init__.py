@@ -1,13 +1,10 @@
-"""Belief: semantic maps, the scene they make, and what the robot believes of it.
+"""Belief: what the robot knows of the things of a map, and what planning asks of that.
 
-General layout: ``semantic_map`` reads things, ``scene`` turns them into bodies,
-``belief`` is what the robot knows of them, ``planning_scene`` is what planning asks (``believed_bodies``: shapes,
-``scene_collisions``: room and contacts).
+General layout: ``belief`` is what the robot knows, ``planning_scene`` is what planning asks (``believed_bodies``:
+shapes, ``scene_collisions``: room and contacts). ``map_updating`` and ``map_writing`` write maps of what is believed.
 """
 
 from executive.belief.belief import Belief
 from executive.belief.knowledge import Grip
-from executive.belief.scene import default_starts, scene_of, support_of
-from executive.belief.semantic_map import MapObject, SemanticMap, read_map
 
-__all__ = ["Belief", "Grip", "MapObject", "SemanticMap", "default_starts", "read_map", "scene_of", "support_of"]
+__all__ = ["Belief", "Grip"]

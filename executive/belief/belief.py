@@ -12,7 +12,7 @@ import numpy as np
 from executive.belief.knowledge import Grip, Hold, Knowledge, Source
 from executive.belief.known_things import KnownThings
 from executive.belief.obstacles import NAMES
-from executive.belief.semantic_map import MapObject
+from executive.maps.semantic_map import MapObject
 from planlang.geometry import Pose
 from planlang.protocols import Configuration, Detection
 from planlang.runs.codec import dump, load

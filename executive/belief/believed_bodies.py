@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from executive.belief.belief import Belief
-from executive.belief.hollow import room_behind
+from executive.maps.hollow import room_behind
 from planlang.designators import Object
 from planlang.failures import LocationUnresolvable, ObjectUnresolvable
 from planlang.geometry import Array, Pose

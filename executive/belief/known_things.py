@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from executive.belief.class_names import is_kind
-from executive.belief.contents import is_content
 from executive.belief.knowledge import Grip, Knowledge, Source
 from executive.belief.obstacles import NAMES
 from executive.belief.recognition import VISION, Recognition
-from executive.belief.semantic_map import MapObject, SemanticMap
+from executive.maps.class_names import is_kind
+from executive.maps.contents import is_content
+from executive.maps.semantic_map import MapObject, SemanticMap
 from planlang.designators import Object
 from planlang.failures import AmbiguousPerception, ObjectUnresolvable
 from planlang.geometry import Pose

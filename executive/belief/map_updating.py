@@ -17,7 +17,9 @@ import numpy as np
 
 from executive.belief.belief import Belief
 from executive.belief.knowledge import Source
-from executive.belief.map_statements import (
+from executive.maps.measures import EXTENTS
+from executive.maps.semantic_map import MapObject
+from executive.maps.statements import (
     Placement,
     decimal,
     main_statements,
@@ -26,8 +28,6 @@ from executive.belief.map_statements import (
     text_of,
     with_placements,
 )
-from executive.belief.measures import EXTENTS
-from executive.belief.semantic_map import MapObject
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic
 from planlang.ontology import Ontology, Term, Triple, expand

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Container, Iterator
 
 from executive.belief.belief import Belief
-from executive.belief.map_statements import Placement, decimal, stated_facts, text_of, with_placements
-from executive.belief.measures import EXTENTS
-from executive.belief.semantic_map import MapObject
+from executive.maps.measures import EXTENTS
+from executive.maps.semantic_map import MapObject
+from executive.maps.statements import Placement, decimal, stated_facts, text_of, with_placements
 from planlang.geometry import Pose
 from planlang.ontology import Term, Triple, expand
 from planlang.ontology.terms import OWL, RDF

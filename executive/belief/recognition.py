@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from executive.belief.semantic_map import MapObject
+from executive.maps.semantic_map import MapObject
 from planlang.ontology import Ontology, expand
 
 VISION, EXPLORATION = "vision", "exploration"

@@ -8,7 +8,6 @@ from dataclasses import replace
 from itertools import islice
 from typing import Any
 
-from executive.belief import read_map, scene_of
 from executive.belief.scene_collisions import BasePose
 from executive.cli.arguments import LocateArguments
 from executive.cli.console import Answer, ExitCode, say, silent
@@ -17,6 +16,7 @@ from executive.cli.shown import Shown
 from executive.locations import Rejections
 from executive.locations.consistency import LocationMeaningless
 from executive.locations.demands import base_demand, sides, thing_demand, viewpoint, without_unused
+from executive.maps import read_map, scene_of
 from executive.modules.platform import Platform
 from executive.robots import bind_robot
 from executive.robots.arms import with_carrying

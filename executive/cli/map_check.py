@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from executive.belief import read_map, scene_of
-from executive.belief.map_files import OBSTACLE
 from executive.cli.console import Answer
+from executive.maps import read_map, scene_of
+from executive.maps.files import OBSTACLE
 from planlang.diagnostics import BadInput, Severity
 from planlang.ontology import Ontology, load
 from sim import Scene

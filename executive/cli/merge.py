@@ -6,10 +6,10 @@ from typing import Any
 
 import typer
 
-from executive.belief.map_merging import merge
 from executive.cli.arguments import MergeArguments
 from executive.cli.console import Answer
 from executive.cli.inputs import environments, refuse
+from executive.maps.merging import merge
 from planlang.diagnostics import Diagnostic
 from planlang.outputs import check_outputs, write_text
 

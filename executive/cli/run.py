@@ -13,7 +13,6 @@ from typing import Any
 
 import typer
 
-from executive.belief.environments import DEFAULT_ENVIRONMENT, default_environment
 from executive.cli.arguments import RunArguments
 from executive.cli.console import Answer, ExitCode, say, show, silent
 from executive.cli.inputs import (
@@ -29,6 +28,7 @@ from executive.cli.inputs import (
     read,
     refuse,
 )
+from executive.maps.environments import DEFAULT_ENVIRONMENT, default_environment
 from executive.runs.options import Outcome, RunOptions, RunResult
 from executive.runs.plan_run import run_plan_file
 from executive.runs.settings import shared

@@ -13,10 +13,10 @@ from functools import cache, partial
 from itertools import chain
 from pathlib import Path
 
-from executive.belief.recognition_models import is_anything, needs_model
 from executive.enabling.parameters import class_of, handled_by, things_of
 from executive.enabling.search import Combination, Need, Offer, combine
 from executive.enabling.stock import MODELS, Stock, unusable
+from executive.maps.recognition_models import is_anything, needs_model
 from executive.robots.matching import Matcher, Possessions
 from executive.robots.requirements import NEEDED, WORDS, Availability, Finding, FindingKind, Requirement
 from executive.robots.tasks import HARDWARE, UNKNOWN_STEP, match

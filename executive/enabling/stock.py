@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import field
 from pathlib import Path
 
-from executive.belief.recognition_models import model_files
-from executive.belief.semantic_map import read_map
 from executive.enabling.folder import Folder
 from executive.enabling.shelf import Shelf
+from executive.maps.recognition_models import model_files
+from executive.maps.semantic_map import read_map
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput
 from planlang.knowledge.answers import Found

@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 
 from executive.belief.believed_bodies import Block
-from executive.belief.hollow import room_behind
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
-from executive.belief.semantic_map import MapObject
 from executive.locations.views import NO_SCREENS, Size, Views
+from executive.maps.hollow import room_behind
+from executive.maps.semantic_map import MapObject
 from planlang.designators import Object
 from planlang.failures import ObjectNowhereToBeFound
 from planlang.geometry import Array, Pose

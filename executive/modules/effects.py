@@ -14,8 +14,8 @@ from itertools import islice
 from types import MappingProxyType
 from typing import Any
 
-from executive.belief import MapObject
-from executive.belief.class_names import known
+from executive.maps import MapObject
+from executive.maps.class_names import known
 from executive.modules.platform import Platform
 from executive.modules.turning_over import check_turned
 from planlang import sleep

@@ -9,8 +9,8 @@ from functools import partial
 
 import numpy as np
 
-from executive.belief.object_models import ObjectModels, Thing
 from executive.belief.scene_collisions import BasePose
+from executive.maps.object_models import ObjectModels, Thing
 from executive.modules.phases import Phase
 from executive.modules.platform import Platform
 from executive.motion.arm_group import ArmGroup

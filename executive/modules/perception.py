@@ -115,7 +115,7 @@ class Perception(PlatformModule):
         known = belief.recognition.may_recognise([expand(what.type)]) if name is None else belief.recognises(name)
         if known:
             return
-        from executive.belief.recognition_models import missing_model, needs_model
+        from executive.maps.recognition_models import missing_model, needs_model
 
         types = (expand(what.type),) if thing is None else thing.types
         if not needs_model(belief.map.ontology, types):

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from executive.belief import Belief, SemanticMap, default_starts
+from executive.belief import Belief
 from executive.belief.facts import decide
 from executive.belief.obstacles import with_store
 from executive.belief.planning_scene import PlanningScene
@@ -25,6 +25,7 @@ from executive.belief.scene_collisions import BasePose
 from executive.locations import HandSolution, Reach, ReachKind, Resolver
 from executive.locations.demands import HandTerm
 from executive.locations.grasp_candidates import HandPoses
+from executive.maps import SemanticMap, default_starts
 from executive.modules.effects import ActionEffects, ModuleWithEffects
 from executive.modules.looking_first import LookingFirst
 from executive.modules.platform import ArmChoices, Platform

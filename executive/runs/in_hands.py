@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from executive.belief import SemanticMap
-from executive.belief.in_hand import grip_of, held_by
+from executive.maps import SemanticMap
+from executive.maps.in_hand import grip_of, held_by
 from executive.modules.platform import Platform
 from executive.robots import Robot
 from planlang.geometry import Pose

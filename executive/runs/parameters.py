@@ -8,10 +8,10 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, get_args, get_type_hints
 
-from executive.belief import MapObject, SemanticMap, scene_of
-from executive.belief.class_names import is_kind
-from executive.belief.contents import is_content
-from executive.belief.environments import environments_with
+from executive.maps import MapObject, SemanticMap, scene_of
+from executive.maps.class_names import is_kind
+from executive.maps.contents import is_content
+from executive.maps.environments import environments_with
 from planlang.action_classes import nearest_unstated
 from planlang.designators import ActionClass, Location, Object, Person, local_name
 from planlang.diagnostics import BadInput, Diagnostic, error, note, warning

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from executive.belief import SemanticMap
+from executive.maps import SemanticMap
 from planlang.designators import Location, Object, Person
 from planlang.diagnostics import BadInput, Span, error
 from planlang.ontology import expand, shorten

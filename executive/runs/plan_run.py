@@ -12,7 +12,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from executive.belief import SemanticMap, read_map, scene_of
+from executive.maps import SemanticMap, read_map, scene_of
 from executive.modules.bundled import bundled_registry
 from executive.modules.platform import Platform
 from executive.robots import FindingKind, Missing, Robot, bind_robot, missing_capabilities, trusting_map
@@ -60,7 +60,7 @@ from planlang.runs.codec import dump
 from sim import PyBulletWorld, Scene
 
 if TYPE_CHECKING:
-    from executive.belief.recognition_models import GivenPart
+    from executive.maps.recognition_models import GivenPart
     from planlang.language.replaying import Replay
 
 BUDGET, PER_STEP = 600.0, 60.0
@@ -222,7 +222,7 @@ class Run:
         robot = trusting_map(robot) if options.trust_map else robot
         if options.models is None:
             return robot, None
-        from executive.belief.recognition_models import read_given_parts, with_given_parts
+        from executive.maps.recognition_models import read_given_parts, with_given_parts
 
         given = read_given_parts(options.models, options.ontologies, found)
         return with_given_parts(robot, given), given

@@ -8,7 +8,7 @@ from itertools import product
 
 import numpy as np
 
-from executive.belief.semantic_map import MapObject, SemanticMap, read_map
+from executive.maps.semantic_map import MapObject, SemanticMap, read_map
 from executive.serving.sources import LARGEST_SHOWN
 from executive.serving.uploads import load_upload
 from executive.serving.vocabulary import Vocabulary

@@ -11,8 +11,8 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from executive.belief.object_models import WHOLES
-from executive.belief.semantic_map import read_map
+from executive.maps.object_models import WHOLES
+from executive.maps.semantic_map import read_map
 from executive.robots.robot import read_self_model
 from executive.serving.vocabulary import Vocabulary
 from planlang.compiler import compile_ontology

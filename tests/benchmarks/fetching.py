@@ -19,7 +19,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from executive.belief import MapObject
+from executive.maps import MapObject
 from planlang.geometry import Pose
 from planlang.ontology import shorten
 from tests.benchmarks.goals import row

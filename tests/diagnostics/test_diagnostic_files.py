@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from executive.belief import read_map, scene_of
 from executive.cli.app import app
+from executive.maps import read_map, scene_of
 from executive.robots import bind_robot
 from planlang import files
 from planlang.compiler import compile_recipe

@@ -9,10 +9,11 @@ from typing import Any, Protocol
 import numpy as np
 import pytest
 
-from executive.belief import Belief, MapObject, SemanticMap
+from executive.belief import Belief
 from executive.belief.obstacles import with_store
 from executive.belief.planning_scene import PlanningScene
 from executive.locations import Resolver
+from executive.maps import MapObject, SemanticMap
 from executive.modules.bundled import bundled_registry
 from executive.modules.platform import Platform
 from executive.motion import Gaze

@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from executive.belief import read_map
 from executive.cli.app import app
+from executive.maps import read_map
 from executive.runs.importing import import_plan
 from executive.runs.parameters import bound_parameters
 from executive.runs.plan_files import main_plan

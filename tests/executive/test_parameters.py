@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from executive.belief import SemanticMap, read_map
+from executive.maps import SemanticMap, read_map
 from executive.runs.importing import import_plan
 from executive.runs.options import Outcome, RunOptions
 from executive.runs.parameters import bound_parameters, not_in_map, plan_parameters

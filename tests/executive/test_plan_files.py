@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from executive.belief import SemanticMap, read_map
-from executive.belief.environments import default_environment, environments_with
+from executive.maps import SemanticMap, read_map
+from executive.maps.environments import default_environment, environments_with
 from executive.robots import Availability, FindingKind, Missing
 from executive.runs.importing import import_plan
 from executive.runs.options import Outcome, RunOptions

@@ -19,7 +19,7 @@ from typing import Any, cast
 
 import pytest
 
-from executive.belief import read_map, scene_of
+from executive.maps import read_map, scene_of
 from executive.runs.final_state import Tilts
 from executive.runs.options import Outcome, RunOptions, RunResult
 from executive.runs.plan_run import run_plan_file

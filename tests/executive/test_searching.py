@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from executive.belief import Belief, read_map
+from executive.belief import Belief
 from executive.cli.app import app
 from executive.locations.likely_places import LOOKING
+from executive.maps import read_map
 from planlang import perform
 from planlang.designators import Object, a_posture, action, an_object
 from planlang.failures import ObjectNotFound, ObjectNowhereToBeFound, PerceptionFailure

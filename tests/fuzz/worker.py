@@ -71,7 +71,7 @@ def recipe(path: Path, lines: int) -> None:
 
 
 def environment(path: Path, lines: int) -> None:
-    from executive.belief import read_map
+    from executive.maps import read_map
     from planlang.ontology import load
 
     ontology = load(path)

@@ -8,7 +8,7 @@ from functools import cache
 
 import numpy as np
 
-from executive.belief import MapObject, SemanticMap, scene_of
+from executive.maps import MapObject, SemanticMap, scene_of
 from executive.modules.bundled import bundled_registry
 from executive.modules.platform import Platform
 from executive.robots import Robot, bind_robot

@@ -16,7 +16,7 @@ import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from executive.belief import read_map, scene_of
+from executive.maps import read_map, scene_of
 from executive.processes.calls import Limits
 from executive.sweeps import Row
 from executive.sweeps import run as sweep

@@ -12,7 +12,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from executive.belief import read_map, scene_of
+from executive.maps import read_map, scene_of
 from executive.robots import Robot, bind_robot
 from planlang.diagnostics import BadInput
 from planlang.ontology import load

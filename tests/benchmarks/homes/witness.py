@@ -18,7 +18,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.belief.scene import default_starts
+from executive.maps.scene import default_starts
 from executive.robots import Robot
 from planlang.geometry import Array
 from sim import Body, Scene

@@ -23,7 +23,7 @@ TESTED = {
     "relations, reasons, unknown and contradictory and broken input": (
         "tests/executive/locations/test_relations.py",
         "tests/executive/locations/test_rejections.py",
-        "tests/executive/belief/test_semantic_map.py",
+        "tests/executive/maps/test_semantic_map.py",
         "tests/executive/test_locate.py",
     ),
 }

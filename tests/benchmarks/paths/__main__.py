@@ -20,7 +20,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from executive.belief import read_map, scene_of
+from executive.maps import read_map, scene_of
 from executive.modules.platform import Platform
 from executive.motion import MotionError
 from executive.robots import Robot

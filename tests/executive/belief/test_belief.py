@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from executive.belief import Belief, SemanticMap, read_map, scene_of
+from executive.belief import Belief
 from executive.belief.knowledge import Source
 from executive.belief.map_writing import map_text
 from executive.belief.obstacles import MOST, NAMES, with_store
+from executive.maps import SemanticMap, read_map, scene_of
 from executive.robots import Robot, bind_robot
 from planlang.designators import Object, an_object
 from planlang.failures import AmbiguousPerception, ObjectUnresolvable

@@ -6,10 +6,11 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from executive.belief import Belief, SemanticMap, read_map, scene_of
-from executive.belief.map_statements import decimal, placements
+from executive.belief import Belief
 from executive.belief.map_updating import updated_map
 from executive.cli.app import app
+from executive.maps import SemanticMap, read_map, scene_of
+from executive.maps.statements import decimal, placements
 from planlang.diagnostics import Diagnostic
 from planlang.files import Bundled, bundled
 from planlang.geometry import Pose

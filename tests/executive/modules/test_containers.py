@@ -13,9 +13,9 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from executive.belief import MapObject
 from executive.locations.hand_solutions import base_matrices
 from executive.locations.taking_out import way_out
+from executive.maps import MapObject
 from executive.modules.leaf_grips import grips_of
 from executive.modules.leaf_paths import LeafPath, LeafPaths
 from executive.motion import MotionError, cartesian_path, clearance_at

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from executive.belief import MapObject, SemanticMap, scene_of
+from executive.maps import MapObject, SemanticMap, scene_of
 from executive.modules.motion_grounding import GroundedMotion, Grounding
 from planlang import explain
 from planlang.designators import Condition

@@ -11,7 +11,8 @@ from typing import Any
 
 import pytest
 
-from executive.belief import Belief, read_map, scene_of
+from executive.belief import Belief
+from executive.maps import read_map, scene_of
 from executive.modules.perception import Head, Perception
 from executive.modules.platform import Platform
 from executive.modules.waiting import Waiting

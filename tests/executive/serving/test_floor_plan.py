@@ -11,7 +11,7 @@ from fastapi.testclient import TestClient
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executive.belief.semantic_map import MapObject, SemanticMap, read_map
+from executive.maps.semantic_map import MapObject, SemanticMap, read_map
 from executive.serving.floor_plan import HEIGHT, MARGIN, WIDTH, floor_plan, read_plan
 from executive.serving.workers import Busy, Failed, Workers
 from planlang.files import Bundled

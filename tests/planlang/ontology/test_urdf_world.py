@@ -8,7 +8,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from executive.belief import read_map, scene_of
+from executive.maps import read_map, scene_of
 from planlang.diagnostics import BadInput, Diagnostic
 from planlang.ontology import load
 from sim import Scene

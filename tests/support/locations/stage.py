@@ -10,8 +10,8 @@ from itertools import islice
 
 import numpy as np
 
-from executive.belief import MapObject, SemanticMap
 from executive.locations import HandSolution
+from executive.maps import MapObject, SemanticMap
 from executive.modules.platform import Platform
 from executive.robots import Robot, bind_robot
 from executive.runs.assembly import platform_of

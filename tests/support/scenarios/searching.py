@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from executive.belief import SemanticMap, read_map
+from executive.maps import SemanticMap, read_map
 from planlang.geometry import Pose
 from planlang.ontology import load
 from sim.scene import BodyShape

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 
-from executive.belief.semantic_map import SemanticMap, read_map
+from executive.maps.semantic_map import SemanticMap, read_map
 from planlang.diagnostics import Diagnostic, note
 from planlang.files import Bundled
 from planlang.ontology import expand, load

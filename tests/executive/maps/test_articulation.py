@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from executive.belief import Belief, SemanticMap, read_map, scene_of
+from executive.belief import Belief
 from executive.belief.believed_bodies import BelievedBodies
+from executive.maps import SemanticMap, read_map, scene_of
 from planlang.geometry import Pose
 from planlang.ontology import load
 from planlang.protocols import Detection

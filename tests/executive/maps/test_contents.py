@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
-from executive.belief import SemanticMap, scene_of
+from executive.maps import SemanticMap, scene_of
 from planlang.diagnostics import Diagnostic
 from sim.matter import Portion
 

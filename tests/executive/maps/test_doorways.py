@@ -10,10 +10,10 @@ from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
-from executive.belief import SemanticMap, scene_of
-from executive.belief.doorways import HEIGHT, WIDTH
-from executive.belief.map_files import OBSTACLE
 from executive.cli.app import app
+from executive.maps import SemanticMap, scene_of
+from executive.maps.doorways import HEIGHT, WIDTH
+from executive.maps.files import OBSTACLE
 from planlang.diagnostics import Diagnostic
 from planlang.geometry import Pose
 from sim import Scene

@@ -16,7 +16,7 @@ from planlang.ontology import Literal, Ontology, expand
 from planlang.ontology.terms import RDF
 from planlang.spelling import similar
 
-_KEPT = "executive.belief.class_names"
+_KEPT = "executive.maps.class_names"
 _USED = f"{_KEPT} used"
 
 

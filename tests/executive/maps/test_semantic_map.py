@@ -13,8 +13,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from executive.belief import SemanticMap, default_starts, read_map, scene_of, support_of
-from executive.belief.measures import EXTENTS, rigid, stated_size
+from executive.maps import SemanticMap, default_starts, read_map, scene_of, support_of
+from executive.maps.measures import EXTENTS, rigid, stated_size
 from planlang.diagnostics import BadInput, Diagnostic, Severity
 from planlang.files import bundled
 from planlang.geometry import Pose

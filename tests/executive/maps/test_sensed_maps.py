@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from typer.testing import CliRunner
 
-from executive.belief import read_map, scene_of
-from executive.belief.map_files import CELL, OBSTACLE
-from executive.belief.occupied_space import FLOOR, HIGHEST, MOST_BOXES, OccupiedSpace
-from executive.belief.octree import DEPTH, read_octree
-from executive.belief.point_cloud import read_points
 from executive.cli.app import app
+from executive.maps import read_map, scene_of
+from executive.maps.files import CELL, OBSTACLE
+from executive.maps.occupied_space import FLOOR, HIGHEST, MOST_BOXES, OccupiedSpace
+from executive.maps.octree import DEPTH, read_octree
+from executive.maps.point_cloud import read_points
 from planlang.diagnostics import BadInput, Diagnostic
 from planlang.files import bundled
 from planlang.geometry import Array, Pose

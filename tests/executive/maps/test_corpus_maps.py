@@ -11,9 +11,9 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from executive.belief import SemanticMap, read_map, scene_of
-from executive.belief.measures import EXTENTS, read_transform, stated_size
-from executive.belief.semantic_map import PosesOfThings
+from executive.maps import SemanticMap, read_map, scene_of
+from executive.maps.measures import EXTENTS, read_transform, stated_size
+from executive.maps.semantic_map import PosesOfThings
 from planlang.diagnostics import Diagnostic, Severity
 from planlang.files import bundled
 from planlang.knowledge.places import holders, levels_of, places

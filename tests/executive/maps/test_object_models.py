@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from executive.belief import SemanticMap, read_map, scene_of
-from executive.belief.in_hand import STOWED, grip_of
-from executive.belief.object_models import Blade, ObjectModels, Thing
+from executive.maps import SemanticMap, read_map, scene_of
+from executive.maps.in_hand import STOWED, grip_of
+from executive.maps.object_models import Blade, ObjectModels, Thing
 from executive.robots import bind_robot
 from planlang.designators import an_object
 from planlang.motion_constraints import a_feature

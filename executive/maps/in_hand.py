@@ -11,8 +11,8 @@ from typing import Protocol
 
 import numpy as np
 
-from executive.belief.object_models import Blade
-from executive.belief.semantic_map import IN_HAND, MapObject, SemanticMap
+from executive.maps.object_models import Blade
+from executive.maps.semantic_map import IN_HAND, MapObject, SemanticMap
 from planlang.designators import local_name
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import product, rotated

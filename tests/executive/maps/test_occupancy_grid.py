@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from typer.testing import CliRunner
 
-from executive.belief import read_map, scene_of
-from executive.belief.map_files import OBSTACLE
-from executive.belief.occupancy_grid import HEIGHT, read_grid
-from executive.belief.occupied_space import MOST_BOXES
 from executive.cli.app import app
+from executive.maps import read_map, scene_of
+from executive.maps.files import OBSTACLE
+from executive.maps.occupancy_grid import HEIGHT, read_grid
+from executive.maps.occupied_space import MOST_BOXES
 from planlang.diagnostics import BadInput, Diagnostic
 from planlang.files import bundled
 from planlang.geometry.matrices import moved

@@ -11,8 +11,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from executive.belief.measures import Size, read_transform
-from executive.belief.semantic_map import PosesOfThings
+from executive.maps.measures import Size, read_transform
+from executive.maps.semantic_map import PosesOfThings
 from planlang.designators import local_name
 from planlang.geometry import Array
 from planlang.geometry.matrices import product

@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from executive.belief import SemanticMap, read_map, scene_of
-from executive.belief.map_merging import Merged, merge
-from executive.belief.semantic_map import seconds_of
 from executive.cli.app import app
+from executive.maps import SemanticMap, read_map, scene_of
+from executive.maps.merging import Merged, merge
+from executive.maps.semantic_map import seconds_of
 from planlang.files import bundled
 from planlang.ontology import load
 from tests.support.examples import some

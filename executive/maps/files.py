@@ -8,12 +8,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from executive.belief import octree, point_cloud
-from executive.belief.occupancy_grid import read_grid
-from executive.belief.occupied_space import Box, OccupiedSpace
-from executive.belief.octree import read_octree
-from executive.belief.point_cloud import read_points
-from executive.belief.semantic_map import PosesOfThings, SemanticMap
+from executive.maps import octree, point_cloud
+from executive.maps.occupancy_grid import read_grid
+from executive.maps.occupied_space import Box, OccupiedSpace
+from executive.maps.octree import read_octree
+from executive.maps.point_cloud import read_points
+from executive.maps.semantic_map import PosesOfThings, SemanticMap
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, Severity, Span, note, warning
 from planlang.geometry import Pose

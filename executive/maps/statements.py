@@ -9,7 +9,7 @@ from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from executive.belief.semantic_map import PosesOfThings, SemanticMap
+from executive.maps.semantic_map import PosesOfThings, SemanticMap
 from planlang.designators import local_name, unused_name
 from planlang.diagnostics import Diagnostic, Span, warning
 from planlang.geometry import Pose

@@ -12,9 +12,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from executive.belief.map_statements import Placement, decimal, facts_of, number
-from executive.belief.measures import length, read_transform, stated
-from executive.belief.semantic_map import MapObject, PosesOfThings, SemanticMap
+from executive.maps.measures import length, read_transform, stated
+from executive.maps.semantic_map import MapObject, PosesOfThings, SemanticMap
+from executive.maps.statements import Placement, decimal, facts_of, number
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note
 from planlang.geometry import Pose

@@ -11,7 +11,7 @@ from itertools import combinations
 
 import numpy as np
 
-from executive.belief.semantic_map import OPENINGS, MapObject, SemanticMap
+from executive.maps.semantic_map import OPENINGS, MapObject, SemanticMap
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, note, warning
 from planlang.geometry import Array, Pose

@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from executive.belief.class_names import with_known_classes
-from executive.belief.measures import EXTENTS, TRIPLES, Size, length, read_size, read_transform, stated
+from executive.maps.class_names import with_known_classes
+from executive.maps.measures import EXTENTS, TRIPLES, Size, length, read_size, read_transform, stated
 from planlang.designators import local_name, unused_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
 from planlang.geometry import Array, Pose
@@ -136,7 +136,7 @@ def _other_frames(ontology: Ontology, poses: PosesOfThings) -> Iterator[Diagnost
 
 def _with_parts_of_classes(objects: list[MapObject], ontology: Ontology, found: list[Diagnostic]) -> list[MapObject]:
     """Return the things with the parts that their classes have, where those state poses."""
-    from executive.belief.class_parts import Known, parts_of_classes  # most classes say nothing of where parts are
+    from executive.maps.class_parts import Known, parts_of_classes  # most classes say nothing of where parts are
 
     things = {thing.iri: thing for thing in objects}
     known = (Known(one.iri, one.name, one.types, one.pose, one.parts, one.span) for one in objects)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from executive.belief import SemanticMap, read_map, scene_of
+from executive.maps import SemanticMap, read_map, scene_of
 from planlang.ontology import load
 
 Write = Callable[..., str]

@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.belief.articulation import articulated
-from executive.belief.contents import is_content, rules_of, with_contents
-from executive.belief.controls import controls_of
-from executive.belief.hollow import WALL, hollowed, open_at
-from executive.belief.in_hand import STOWED, is_in_hand
-from executive.belief.object_models import Blade
-from executive.belief.semantic_map import OPENINGS, MapObject, SemanticMap
+from executive.maps.articulation import articulated
+from executive.maps.contents import is_content, rules_of, with_contents
+from executive.maps.controls import controls_of
+from executive.maps.hollow import WALL, hollowed, open_at
+from executive.maps.in_hand import STOWED, is_in_hand
+from executive.maps.object_models import Blade
+from executive.maps.semantic_map import OPENINGS, MapObject, SemanticMap
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, note, warning
 from planlang.effects import number_of_class
@@ -154,11 +154,11 @@ def scene_of(semantic_map: SemanticMap, found: list[Diagnostic] | None = None) -
     bodies = _opened(bodies, joints, semantic_map, found)
     bodies = with_contents(bodies, semantic_map, found)
     if sum(body.shape is BodyShape.ROOM for body in bodies) > 1:
-        from executive.belief.doorways import with_doorways  # most maps are of one room
+        from executive.maps.doorways import with_doorways  # most maps are of one room
 
         bodies = with_doorways(bodies, semantic_map, found)
     if semantic_map.has_files:
-        from executive.belief.map_files import with_obstacles  # most maps are what they state
+        from executive.maps.files import with_obstacles  # most maps are what they state
 
         bodies = with_obstacles(bodies, semantic_map, found)
     controls = controls_of(bodies, joints, semantic_map)

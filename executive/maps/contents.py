@@ -7,9 +7,9 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import cache
 
-from executive.belief.class_names import is_kind
-from executive.belief.measures import read_size
-from executive.belief.semantic_map import MapObject, SemanticMap
+from executive.maps.class_names import is_kind
+from executive.maps.measures import read_size
+from executive.maps.semantic_map import MapObject, SemanticMap
 from planlang.diagnostics import BadInput, Diagnostic, Severity
 from planlang.effects import effects_of, heat_effects, number_of_class, number_of_individual
 from planlang.ontology import Ontology, expand, shorten

@@ -11,8 +11,8 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from executive.belief.articulation import DEVICES
-from executive.belief.semantic_map import MapObject, SemanticMap
+from executive.maps.articulation import DEVICES
+from executive.maps.semantic_map import MapObject, SemanticMap
 from planlang.effects import number_of_class
 from planlang.geometry.matrices import rotated
 from planlang.ontology import expand

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
-from executive.belief import SemanticMap, read_map, scene_of
-from executive.belief.map_merging import Merged, merge
-from executive.belief.map_statements import main_statements, placements, text_of, with_placements
+from executive.maps import SemanticMap, read_map, scene_of
+from executive.maps.merging import Merged, merge
+from executive.maps.statements import main_statements, placements, text_of, with_placements
 from planlang.diagnostics import BadInput
 from planlang.files import bundled
 from planlang.geometry import Pose

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
-from executive.belief.measures import Size, read_size, read_transform
+from executive.maps.measures import Size, read_size, read_transform
 from planlang.designators import local_name, unused_name
 from planlang.diagnostics import Diagnostic, Span, note
 from planlang.geometry import Pose

@@ -9,8 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from executive.belief.map_frames import MapSource, are_related, completed, in_frame_of
-from executive.belief.map_statements import (
+from executive.maps.frames import MapSource, are_related, completed, in_frame_of
+from executive.maps.measures import EXTENTS, TRIPLES
+from executive.maps.semantic_map import MapObject, read_map
+from executive.maps.statements import (
     Placement,
     main_statements,
     placements,
@@ -18,8 +20,6 @@ from executive.belief.map_statements import (
     with_one_header,
     with_placements,
 )
-from executive.belief.measures import EXTENTS, TRIPLES
-from executive.belief.semantic_map import MapObject, read_map
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, note, warning
 from planlang.geometry import Array

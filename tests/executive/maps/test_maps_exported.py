@@ -6,8 +6,8 @@ import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
-from executive.belief import read_map, scene_of
-from executive.belief.measures import EXTENTS
+from executive.maps import read_map, scene_of
+from executive.maps.measures import EXTENTS
 from planlang.diagnostics import BadInput, Severity
 from planlang.files import bundled
 from planlang.ontology import load

@@ -12,8 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from executive.belief.measures import length, stated
-from executive.belief.semantic_map import MapObject, SemanticMap
+from executive.maps.measures import length, stated
+from executive.maps.semantic_map import MapObject, SemanticMap
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, note, warning
 from planlang.geometry import Array, Pose
