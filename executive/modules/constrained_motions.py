@@ -39,7 +39,6 @@ from planlang.failures import (
     DesignatorFailure,
     LookingFailure,
     ManipulationFailure,
-    ManipulationGoalInCollision,
     NavigationFailure,
     NavigationPoseUnreachable,
     PerceptionFailure,
@@ -47,7 +46,7 @@ from planlang.failures import (
 from planlang.geometry import Array, Pose
 from planlang.modules import process_module
 from planlang.motion_constraints import STANDING_FOR, ConstraintsUnsatisfied, Feature, MotionConstraint
-from planlang.protocols import MotionState, Trajectory
+from planlang.protocols import Trajectory
 
 INSIDE = 1 / 3
 """Share of the width between limits that is left out on both sides at first: a motion ends well inside if it can."""
@@ -305,10 +304,7 @@ class ConstrainedWork(PlatformModule):
 
     async def gone(self, motion: GroundedMotion, trajectory: Trajectory) -> None:
         """Move the arms of a motion; raises ManipulationGoalInCollision if something stops them."""
-        done = await self.platform.follow(" and ".join(arm.name for arm in motion.arms), trajectory)
-        if done.state is not MotionState.DONE:
-            await self.platform.sensing.bump(done)
-            raise ManipulationGoalInCollision(arm=motion.arms[0].name, blocked_by=done.blocked_by)
+        await self.follow_to_end(" and ".join(arm.name for arm in motion.arms), trajectory)
 
     def _leaning(self, motion: GroundedMotion, solved: PhaseMotion) -> set[str]:
         """Return what the arms of a motion hold and the motion does not keep upright."""

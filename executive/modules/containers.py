@@ -14,6 +14,7 @@ import numpy as np
 
 from executive.locations.taking_out import way_out
 from executive.modules.hand_work import HandWork
+from executive.modules.tries import Tries
 from executive.motion import time_curve, time_path
 from executive.robots.arms import ArmModel
 from planlang import checkpoint
@@ -111,24 +112,21 @@ class LeafWork(HandWork):
             lacks = "no hand is free" if joint.handle else missing
             raise HandleNotReachable(f"{HandleNotReachable.text}: {lacks}", what=joint.leaf)
         await self.tuck(self.platform.arms.untucked())
-        problem: ManipulationFailure | NavigationFailure | None = None
         goal, least = (joint.upper, joint.first_open) if opens else (0.0, joint.last_shut)
-        tried = 0
+        tries, tried = Tries(ManipulationPoseUnreachable, GraspMissed, NavigationFailure), 0
         paths = LeafPaths(self.platform, joint)
         for path in paths.towards(goal, arms, least if wanted is None else wanted):
             if path is None:
                 await checkpoint()
                 continue
-            try:
-                await self._along(path, joint)
-                return
-            except (ManipulationPoseUnreachable, GraspMissed, NavigationFailure) as failure:
-                problem = problem or failure
-                await self.tuck(self.platform.arms.untucked())
+            with tries:
+                return await self._along(path, joint)
+            await self.tuck(self.platform.arms.untucked())
             if (tried := tried + 1) == WAYS:
                 break
         said = f"the handle of {joint.leaf} is out of reach: {ways_tried(tried)}"
-        raise HandleNotReachable(said, what=joint.leaf) from problem or leaf_failure(paths, joint, self.platform.scene)
+        reason = tries.problem or leaf_failure(paths, joint, self.platform.scene)
+        raise HandleNotReachable(said, what=joint.leaf) from reason
 
     async def _along(self, path: LeafPath, joint: Articulation) -> None:
         """Drive there, take the handle, go with the leaf, let it go."""

@@ -16,6 +16,7 @@ from executive.modules.button_strokes import ButtonStrokes
 from executive.modules.constrained_motions import apart
 from executive.modules.containers import LeafWork, ways_tried
 from executive.modules.hand_work import HandWork
+from executive.modules.tries import Tries
 from planlang.designators import Action, Object
 from planlang.failures import (
     ActionUnresolvable,
@@ -84,23 +85,19 @@ class Devices(HandWork):
 
     async def _push(self, button: Control) -> None:
         """Push a button, with one hand after another, until one has met it."""
-        problem: ManipulationFailure | NavigationFailure | DesignatorFailure | None = None
-        tried = 0
+        tries, tried = Tries(), 0
         for arm in self.free_hands():
             await self.tuck(self.platform.arms.untucked())
             await self.platform.hands.move(arm, closed=True)
             self.platform.arms.choices.choose(arm.name)
-            try:
+            with tries:
                 motion = await ButtonStrokes(self, arm, button).pushed()
-            except (ManipulationFailure, NavigationFailure) as failure:
-                problem = problem or failure
-                continue
-            if motion.touch is not None and self._is_at(button, motion.touch):
-                return
-            tried += 1
-            await self.platform.sensing.bump(motion)
-            missed = ManipulationPoseUnreachable(arm=arm.name, what=button.body, blocked_by=motion.blocked_by)
-            problem = problem or missed
+                if motion.touch is not None and self._is_at(button, motion.touch):
+                    return
+                tried += 1
+                await self.platform.sensing.bump(motion)
+                raise ManipulationPoseUnreachable(arm=arm.name, what=button.body, blocked_by=motion.blocked_by)
+        problem = tries.problem
         said = f"the button of {button.device} is out of reach: {ways_tried(tried)}"
         if not tried and isinstance(problem, ConstraintsUnsatisfied) and not self.platform.robot.base.fixed:
             strokes = [ButtonStrokes(self, arm, button) for arm in self.free_hands()]

@@ -13,9 +13,10 @@ from executive.modules.hand_work import HandWork
 from executive.modules.motion_grounding import Grounding
 from executive.modules.phases import Phase
 from executive.modules.strokes import Plane, StrokeWork
+from executive.modules.tries import Tries
 from executive.robots.arms import ArmModel
 from planlang.designators import Device
-from planlang.failures import ContainerStuck, HandleNotReachable, ManipulationFailure, NavigationFailure
+from planlang.failures import ContainerStuck, HandleNotReachable
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import inverse, moved, product
 from planlang.motion_constraints import MotionConstraint, a_constraint, a_feature
@@ -59,7 +60,7 @@ class LeafStrokes(StrokeWork):
 
     async def _once(self) -> None:
         """Push with the first hand that can; raises HandleNotReachable if none can."""
-        problem: ManipulationFailure | NavigationFailure | None = None
+        tries = Tries()
         arms = self._work.free_hands()
         if not arms:
             raise HandleNotReachable(f"{HandleNotReachable.text}: no hand is free", what=self._joint.leaf)
@@ -67,12 +68,10 @@ class LeafStrokes(StrokeWork):
             await self._work.tuck(self.platform.arms.untucked())
             await self.platform.hands.move(arm, closed=True)
             self.platform.arms.choices.choose(arm.name)
-            try:
+            with tries:
                 return await self._pushed(arm, self.platform.belief.joint(self._joint.leaf))
-            except (ManipulationFailure, NavigationFailure) as failure:
-                problem = problem or failure
         said = f"{self._joint.leaf} is out of reach of a hand that pushes"
-        raise HandleNotReachable(said, what=self._joint.leaf) from problem
+        raise HandleNotReachable(said, what=self._joint.leaf) from tries.problem
 
     async def _pushed(self, arm: ArmModel, value: float) -> None:
         """Push once with a hand, as far as it goes from one place of the base; look how far that was."""

@@ -28,11 +28,11 @@ from executive.robots.arms import ArmModel
 from executive.robots.openings import Fingers
 from planlang import perform
 from planlang.designators import Action, FixedPose, Location, Object, action
-from planlang.failures import ActionUnresolvable
+from planlang.failures import ActionUnresolvable, ManipulationGoalInCollision
 from planlang.geometry import Array, Pose, matrices
 from planlang.kernel import Task
 from planlang.language.branches import concurrent_branches
-from planlang.protocols import Trajectory
+from planlang.protocols import MotionState, Trajectory
 from planlang.records import dataclass
 from planlang.relations import Sense
 
@@ -467,6 +467,13 @@ class PlatformModule:
         """Return base, head, torso and all arms: what of them is needed is found out on the way."""
         torso = [] if self.platform.robot.torso is None else ["torso"]
         return ("base", "head", *torso, *(arm.name for arm in self.platform.scene.arms.all))
+
+    async def follow_to_end(self, arms: str, trajectory: Trajectory, what: str | None = None) -> None:
+        """Move arms; raises ManipulationGoalInCollision if something stops them, and notes what that was felt at."""
+        motion = await self.platform.follow(arms, trajectory)
+        if motion.state is not MotionState.DONE:
+            await self.platform.sensing.bump(motion)
+            raise ManipulationGoalInCollision(arm=arms, what=what, blocked_by=motion.blocked_by)
 
     async def drive(self, base: BasePose) -> None:
         """Ask whoever navigates to drive to a base pose; raises a NavigationFailure."""

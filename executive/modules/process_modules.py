@@ -15,6 +15,7 @@ import numpy as np
 from executive.locations import HandSolution, ReachKind
 from executive.locations.demands import asks_for
 from executive.modules.platform import ITERATIONS, PlatformModule
+from executive.modules.tries import Tries
 from executive.modules.ways_out import way_out_of_arm
 from executive.motion import GoalInCollision, MotionError, NoPath, StartInCollision
 from executive.robots.arms import ArmModel
@@ -97,14 +98,11 @@ class HandReaching(PlatformModule):
             return
         if not any(self.platform.arms.begun_grasp(arm, location) for arm in arms):
             await self._look_first(location)
-        problem: ManipulationFailure | LocationUnresolvable | None = None
+        tries = Tries(ManipulationPoseUnreachable, LocationUnresolvable)
         for arm in arms:
-            try:
-                await self._reach_where_felt(arm, location)
-                return
-            except (ManipulationPoseUnreachable, LocationUnresolvable) as failure:
-                problem = problem or failure
-        if isinstance(problem, LocationUnresolvable):
+            with tries:
+                return await self._reach_where_felt(arm, location)
+        if isinstance(problem := tries.problem, LocationUnresolvable):
             blocking = next(iter(problem.blocking), None)
             kind = ManipulationGoalInCollision if blocking else ManipulationPoseUnreachable
             raise kind(arm=arms[0].name, what=str(location), blocked_by=blocking) from problem
@@ -181,7 +179,9 @@ class HandReaching(PlatformModule):
             pose = tip.copy()
             pose[:3, 3] += far * direction
             with suppress(MotionError):
-                await self._follow(arm, platform.arms.straight_path(arm, pose, platform.arm_joints(arm), None), label)
+                await self.follow_to_end(
+                    arm.name, platform.arms.straight_path(arm, pose, platform.arm_joints(arm), None), label
+                )
                 return True
         return False
 
@@ -210,20 +210,16 @@ class HandReaching(PlatformModule):
 
     async def _reach(self, arm: ArmModel, location: Location) -> None:
         """Try hand poses that satisfy the location until one has a path."""
-        problem: ManipulationPoseUnreachable | None = None
-        iterations = ITERATIONS
+        tries, iterations = Tries(ManipulationPoseUnreachable), ITERATIONS
         for solution in islice(self._solutions(arm, location), MOST_SOLUTIONS):
-            try:
+            with tries:
                 await self._go(solution, location, iterations)
-            except ManipulationPoseUnreachable as failure:
-                problem = problem or failure
-                if isinstance(failure.__cause__, NoPath):
-                    iterations = FURTHER
-                await checkpoint()
-                continue
-            self.platform.arms.use(arm, solution)
-            return
-        raise problem or ManipulationPoseUnreachable(arm=arm.name, what=str(location))
+                self.platform.arms.use(arm, solution)
+                return
+            if isinstance(getattr(tries.last, "__cause__", None), NoPath):
+                iterations = FURTHER
+            await checkpoint()
+        raise tries.problem or ManipulationPoseUnreachable(arm=arm.name, what=str(location))
 
     def _solutions(self, arm: ArmModel, location: Location) -> Iterator[HandSolution]:
         """Yield the grasp that was begun, so that it goes on from its pre-grasp; then all others."""
@@ -264,9 +260,9 @@ class HandReaching(PlatformModule):
             out = way_out_of_arm(self.platform, arm, touches)
             if out is None:
                 raise
-            await self._follow(arm, out, label)
+            await self.follow_to_end(arm.name, out, label)
             trajectory = await self._planned(arm, goal, touches, label, others, iterations)
-        await self._follow(arm, trajectory, label)
+        await self.follow_to_end(arm.name, trajectory, label)
 
     async def _planned(
         self, arm: ArmModel, goal: Array, touches: str | None, label: str, others: Sequence[Array], iterations: int
@@ -294,13 +290,7 @@ class HandReaching(PlatformModule):
             trajectory = self.platform.arms.straight_path(solution.arm, pose, q, solution.plan.touches)
         except MotionError as problem:
             raise ManipulationPoseUnreachable(arm=solution.arm.name, what=solution.plan.label) from problem
-        await self._follow(solution.arm, trajectory, solution.plan.label)
-
-    async def _follow(self, arm: ArmModel, trajectory: Trajectory, label: str) -> None:
-        motion = await self.platform.follow(arm.name, trajectory)
-        if motion.state is not MotionState.DONE:
-            await self.platform.sensing.bump(motion)
-            raise ManipulationGoalInCollision(arm=arm.name, what=label, blocked_by=motion.blocked_by)
+        await self.follow_to_end(solution.arm.name, trajectory, solution.plan.label)
 
 
 @process_module

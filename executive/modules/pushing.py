@@ -23,6 +23,7 @@ from executive.modules.motion_grounding import Grounding
 from executive.modules.phases import Phase
 from executive.modules.platform import Platform
 from executive.modules.strokes import Plane, StrokeWork
+from executive.modules.tries import Tries
 from executive.robots.arms import ArmModel
 from planlang import perform
 from planlang.designators import Action, Device, Location, Object, a_location, resting_on
@@ -31,9 +32,7 @@ from planlang.failures import (
     ActionUnresolvable,
     EnvironmentManipulationFailure,
     LookingFailure,
-    ManipulationFailure,
     ManipulationGoalNotReached,
-    NavigationFailure,
     ObjectNowhereToBeFound,
     PerceptionFailure,
 )
@@ -183,15 +182,13 @@ class Pushing(StrokeWork):
 
     async def _once(self, action: Action, name: str, wish: Wish, lead: float) -> float:
         """Push a thing to the first place to which that succeeds; return how far the tip was from it [m]."""
-        problem: ManipulationFailure | NavigationFailure | None = None
+        tries = Tries()
         here = self.platform.belief.pose(name).position[:2]
         free = (goal for goal in wish.places() if math.dist(goal, here) > LEAST and self._is_free(name, goal))
         for goal in islice(free, PLACES):
-            try:
+            with tries:
                 return await self._push(action, name, goal, lead)
-            except (ManipulationFailure, NavigationFailure) as failure:
-                problem = problem or failure
-        raise problem or ManipulationGoalNotReached(f"{name} has no free way to where it should be", what=name)
+        raise tries.problem or ManipulationGoalNotReached(f"{name} has no free way to where it should be", what=name)
 
     # Where to
 
@@ -247,17 +244,15 @@ class Pushing(StrokeWork):
     async def _push(self, action: Action, name: str, goal: Array, lead: float) -> float:
         """Push a thing once, with the first hand that can; return how far the tip was from it in the end [m]."""
         work, arms = HandWork(self.platform), HandWork(self.platform).free_hands()
-        problem: ManipulationFailure | NavigationFailure | None = None
+        tries = Tries()
         for arm in self.platform.arms.in_order(arms):
             await work.tuck(self.platform.arms.untucked())
             await self.platform.hands.move(arm, closed=True)
-            try:
+            with tries:
                 return await self._pushed(action, name, goal, lead, arm)
-            except (ManipulationFailure, NavigationFailure) as failure:
-                problem = problem or failure
-                await work.tuck(self.platform.arms.untucked())
-                await work.look(name)
-        raise problem or ManipulationGoalNotReached("no hand is free", what=name)
+            await work.tuck(self.platform.arms.untucked())
+            await work.look(name)
+        raise tries.problem or ManipulationGoalNotReached("no hand is free", what=name)
 
     async def _pushed(self, action: Action, name: str, goal: Array, lead: float, arm: ArmModel) -> float:
         platform, device = self.platform, self.platform.robot.arm(arm.name).hand

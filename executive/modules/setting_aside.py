@@ -10,6 +10,7 @@ import numpy as np
 
 from executive.belief.scene_collisions import BasePose
 from executive.modules.hand_work import HandWork
+from executive.modules.tries import Tries
 from executive.robots import CARRYING
 from executive.robots.arms import ArmModel
 from planlang import Recovery, perform
@@ -24,7 +25,6 @@ from planlang.failures import (
     ManipulationGoalNotReached,
     NavigationFailure,
     PerceptionFailure,
-    PlanFailure,
 )
 from planlang.modules import process_module
 
@@ -61,19 +61,18 @@ class SettingAside(HandWork):
         holding = [arm for arm in self.platform.scene.arms.all if self._holds(arm, name)]
         if not isinstance(what, Object) or len(holding) != 1:
             raise ActionUnresolvable("setting aside needs object_acted_on in one hand", designator=str(action))
-        problem: PlanFailure | None = None
+        tries = Tries()
         for support, base in self._places():
-            try:
+            with tries:
                 await self._lower(what, support, base)
-            except (ManipulationFailure, NavigationFailure) as failure:
-                problem = problem or failure
+            if tries.last is not None:
                 continue
             grip = self.platform.belief.held[str(name)]
             await self._leave(what)
             if action.get("by_another_grip"):
                 self.platform.belief.refuse(str(name), grip)
             return support.name
-        raise problem or LocationUnresolvable("nothing near has room for it", designator=str(action))
+        raise tries.problem or LocationUnresolvable("nothing near has room for it", designator=str(action))
 
     def _holds(self, arm: ArmModel, name: str | None) -> bool:
         held = self.platform.scene.arms.held(arm.name)

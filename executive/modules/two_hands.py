@@ -41,7 +41,6 @@ from planlang.failures import (
 )
 from planlang.geometry import Array, Pose
 from planlang.modules import process_module
-from planlang.protocols import MotionState
 
 PLACES = 3
 """Places of the base from which a thing is taken, or put down, one after another: what is seen there may differ."""
@@ -249,10 +248,7 @@ class TwoHands(HandWork):
             trajectory = paths.timed(np.concatenate([paths.now()[None], rows[1:]]), held=held)
         except MotionError as problem:
             raise ManipulationPoseUnreachable(arm=arms, what=name) from problem
-        motion = await self.platform.follow(arms, trajectory)
-        if motion.state is not MotionState.DONE:
-            await self.platform.sensing.bump(motion)
-            raise ManipulationGoalInCollision(arm=arms, what=name, blocked_by=motion.blocked_by)
+        await self.follow_to_end(arms, trajectory, name)
 
     async def _draw_in(self, paths: PairPaths, name: str) -> None:
         """Bring a held thing close to the base, as far as that goes."""
