@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from html import escape
-from itertools import product
 
 import numpy as np
 
@@ -16,6 +15,8 @@ from executive.serving.workers import Busy, Failed, Workers
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput
 from planlang.geometry import Array
+from planlang.geometry.shapes import area, outline_of
+from planlang.geometry.shapes import corners as corners_of
 from planlang.knowledge.entries import Entry, Kind
 from planlang.records import dataclass
 
@@ -93,42 +94,19 @@ def _outline(thing: MapObject) -> _Drawn:
     """Return what is seen of a thing's box from above."""
     assert thing.pose is not None
     assert thing.size is not None
-    corners = np.array(list(product((-0.5, 0.5), repeat=3))) * np.array(thing.size)
-    matrix = thing.pose.matrix()
-    placed = corners @ matrix[:3, :3].T + matrix[:3, 3]
-    hull = _hull(placed[:, :2])
-    x, y = hull.T
-    area = 0.5 * abs(float(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1))))
-    return _Drawn(thing, hull, float(placed[:, 2].max()), area)
+    placed = corners_of(thing.pose, thing.size)
+    outline = outline_of(placed[:, :2].round(9))
+    return _Drawn(thing, outline, float(placed[:, 2].max()), area(outline))
 
 
-def _hull(points: Array) -> Array:
-    """Return the corners of the convex hull of points (n, 2), counterclockwise (Andrew's monotone chain)."""
-
-    def chain(ordered: Iterable[tuple[float, ...]]) -> list[tuple[float, ...]]:
-        found: list[tuple[float, ...]] = []
-        for one in ordered:
-            while len(found) > 1 and _turn(found[-2], found[-1], one) <= 1e-12:
-                found.pop()
-            found.append(one)
-        return found[:-1]
-
-    ordered = sorted({(round(x, 9), round(y, 9)) for x, y in points.tolist()})
-    return np.array([*chain(ordered), *chain(reversed(ordered))] or ordered)
-
-
-def _turn(a: Sequence[float], b: Sequence[float], c: Sequence[float]) -> float:
-    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
-
-
-def _shape(one: _Drawn, corners: Array, environment: SemanticMap, *, is_room: bool) -> str:
+def _shape(one: _Drawn, points: Array, environment: SemanticMap, *, is_room: bool) -> str:
     thing = one.thing
     assert thing.size is not None
     size = " x ".join(f"{extent:.2f}" for extent in thing.size)
     classes = ", ".join(map(local_name, thing.types))
     title = escape(f"{_name(thing, environment)}: {classes}, {size} m, top at {one.top:.2f} m")
-    points = " ".join(f"{x:.1f},{y:.1f}" for x, y in corners)
-    return f'<polygon class="{"room" if is_room else "thing"}" points="{points}"><title>{title}</title></polygon>'
+    drawn = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
+    return f'<polygon class="{"room" if is_room else "thing"}" points="{drawn}"><title>{title}</title></polygon>'
 
 
 def _name(thing: MapObject, environment: SemanticMap) -> str:
