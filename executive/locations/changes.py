@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -30,6 +30,10 @@ FROM_EDGE = 0.02
 """A thing is not supposed to stand nearer to an edge than this [m]."""
 BEFORE = np.arange(0.1, 1.0, CELL)
 """Distances from an edge at which the base may stand to reach over it [m]."""
+TOWARDS = 0.7
+"""Cosine from which on the way to an edge counts as one towards a direction."""
+ROUND = Pose((0.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0))
+"""Half a turn about the vertical."""
 GRAZING = 5e-3
 """Height by which a thing may meet others when it is supposed to be elsewhere: it stands on one of them [m]."""
 
@@ -40,8 +44,12 @@ WouldDo = Callable[[Rejections], bool]
 class Changes:
     """Changes of the map, one at a time, of which the search itself finds out whether they would do."""
 
-    def __init__(self, body: str, scene: PlanningScene, log: Rejections, would_do: WouldDo) -> None:
+    def __init__(
+        self, body: str, scene: PlanningScene, log: Rejections, would_do: WouldDo, along: Collection[str] = ()
+    ) -> None:
+        """``along`` are bodies that go where ``body`` goes, as the button of a device."""
         self.body, self.scene, self.log, self._would_do = body, scene, log, would_do
+        self._along = {*along} - {body}
         self.meanwhile = Rejections()
         """Why base poses would not do with these changes."""
         self._tried: list[str] = []
@@ -55,20 +63,23 @@ class Changes:
         """Return which of these changes would not do."""
         return f"{' or '.join(self._tried)} would not help" if self._tried else ""
 
-    def nearer(self) -> str:
-        """Return how far, and where to, the thing would have to be moved on what it stands on; "" if that is no use."""
+    def nearer(self, towards: Array | None = None) -> str:
+        """Return how far, and where to, the thing would have to be moved on what it stands on; "" if that is no use.
+
+        With ``towards`` (2,), a direction of the map, only that way.
+        """
         bodies = self.scene.bodies
         support = bodies.support(self.body)
-        if support is None or not bodies.is_movable(self.body) or bodies.is_room(support):
+        if support is None or not (bodies.is_movable(self.body) or self._along) or bodies.is_room(support):
             return ""
         for side, steps in self._ways_to_edges(support):
-            if not steps:
+            if not steps or (towards is not None and float(towards @ side) < TOWARDS):
                 continue
-            if not self._does({self.body: self._moved(side, steps[-1])}):
+            if not self._goes(self._moved(side, steps[-1])):
                 self._tried = [f"moving it to an edge of {support}"]
                 continue
             # the last one does: the first one that does is looked for
-            first = bisect_left(steps, True, key=lambda step: self._does({self.body: self._moved(side, step)}))
+            first = bisect_left(steps, True, key=lambda step: self._goes(self._moved(side, step)))
             step = steps[min(first, len(steps) - 1)]
             x, y, _ = self._moved(side, step).position
             return f"moved {step:.2f} m, to x = {x:.2f}, y = {y:.2f}, {self.body} could be reached"
@@ -115,7 +126,7 @@ class Changes:
             yield way / length, length
 
     def _is_free(self, thing: Block, side: Array, step: float) -> bool:
-        boxes = self.scene.collisions.boxes_but((self.body,))[0]
+        boxes = self.scene.collisions.boxes_but((self.body, *self._along))[0]
         inner = ((thing.low + GRAZING, thing.high - GRAZING, min(thing.half_x, thing.half_y)),)
         return bool(clearance_at(np.array([thing.x, thing.y]) + step * side, boxes, inner)[0] > 0)
 
@@ -159,7 +170,7 @@ class Changes:
                 x, y, z = self._moved(side, step).position
                 if not self._is_free(above, side, step):
                     continue
-                if self._does({self.body: replace(bodies.pose(self.body), position=(x, y, z + rise))}):
+                if self._goes(replace(bodies.pose(self.body), position=(x, y, z + rise))):
                     place = f" and at x = {x:.2f}, y = {y:.2f}" if step else ""
                     height = f"{above.low:.2f} m above the floor instead of {thing.low:.2f} m"
                     return f"{height}{place}, {self.body} could be reached"
@@ -197,6 +208,20 @@ class Changes:
         for name in parts:  # grows: what stands in or on it, and on that
             parts += [one for one in bodies.names() if one not in parts and bodies.support(one) == name]
         return parts
+
+    def turned(self) -> str:
+        """Return that the thing would have to be turned round, if that is of use."""
+        x, y, _ = self.scene.bodies.pose(self.body).position
+        if self._goes(Pose((x, y, 0.0)) @ ROUND @ Pose((-x, -y, 0.0)) @ self.scene.bodies.pose(self.body)):
+            return f"turned by 180 degrees, {self.body} could be reached"
+        self._tried.append("turning it by 180 degrees")
+        return ""
+
+    def _goes(self, pose: Pose) -> bool:
+        """Return whether it would do if the thing, with what goes along, were at a pose."""
+        bodies = self.scene.bodies
+        change = pose @ bodies.pose(self.body).inverse()
+        return self._does({self.body: pose, **{one: change @ bodies.pose(one) for one in self._along}})
 
     def _does(self, poses: Mapping[str, Pose | None]) -> bool:
         with self.scene.supposing(poses):

@@ -84,7 +84,7 @@ def test_of_a_button_that_is_too_far_from_the_edge_is_reported_where_it_would_be
         stage.do(ON, "maker")
     said = explain(caught.value)
     assert "contradict" not in said
-    found = re.search(r"; with maker moved 0\.\d\d m, to x = (\d\.\d\d)", said)
+    found = re.search(r"; moved 0\.\d\d m, to x = (\d\.\d\d)", said)
     assert found is not None, said
     assert 0.5 < float(found[1]) < 1.4, said
 
