@@ -1,0 +1,39 @@
+"""Settings of a run: what follows from their declarations."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from pathlib import Path
+
+import pytest
+
+from executive.cli.arguments import RunArguments
+from executive.runs.options import RunOptions
+from executive.runs.settings import RunSettings, in_header, stated, taken
+
+SET = RunSettings(trust_map=True, unknown=["cup1", "all"], models=[Path("models")], modules=[Path("mine.py")])
+
+
+def test_every_setting_is_an_option_of_the_command_and_of_the_library() -> None:
+    names = {one.name for one in fields(RunSettings)}
+    assert names <= {one.name for one in fields(RunArguments)} & {one.name for one in fields(RunOptions)}
+
+
+def test_the_header_states_what_is_set_and_nothing_else() -> None:
+    assert stated(RunSettings()) == {}
+    found = stated(SET, models=[], modules={"mine.py": "sha256"})
+    assert found == {"given": [], "modules": {"mine.py": "sha256"}, "trusts_map": True, "unknown": ["cup1", "all"]}
+
+
+def test_a_resumed_run_takes_over_what_can_be_read_from_a_header_alone() -> None:
+    assert taken(stated(SET)) == {"trust_map": True, "unknown": ["cup1", "all"]}
+
+
+@pytest.mark.parametrize("header", [{"unknown": "cup1"}, {"unknown": None}, {"trusts_map": 1}, {"trusts_map": "yes"}])
+def test_a_damaged_setting_is_not_taken_over(header: dict[str, object]) -> None:
+    assert taken(header) == {}
+
+
+def test_no_two_settings_stand_under_one_key_of_the_header() -> None:
+    keys = [one.key for one in in_header().values()]
+    assert len(set(keys)) == len(keys)
