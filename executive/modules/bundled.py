@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from executive.modules import navigation, perception, process_modules
+from executive.modules.arm import reaching
+from executive.modules.base import navigation
+from executive.modules.gripper import grasping, handing_over
+from executive.modules.looking import perception
 from executive.modules.on_demand import on_demand
 from executive.modules.platform import Platform
 from planlang.designators import Action, Object
@@ -23,7 +26,7 @@ def _takes_several_hands(platform: Platform, action: Action) -> bool:
 def bundled_registry() -> ModuleRegistry:
     """Return a registry with the process modules that come with planlang."""
     registry = ModuleRegistry()
-    for module in (navigation, process_modules, perception):
+    for module in (navigation, reaching, grasping, handing_over, perception):
         registry.add(module, "planlang", Rank.BUNDLED)
     for one in on_demand({"two_hands": _takes_several_hands}):
         registry.add_on_demand(one, "planlang", Rank.BUNDLED)

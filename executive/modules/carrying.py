@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.locations.grasp_candidates import upright
-from executive.modules.control import Control
+from executive.modules.commanding import Control
 from executive.motion import kinematics, symbolic
 from executive.robots.arms import ArmModel, Held
 from planlang.cache import Cache

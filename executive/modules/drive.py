@@ -11,7 +11,7 @@ from itertools import product
 import numpy as np
 
 from executive.belief.scene_collisions import BasePose
-from executive.modules.control import Control
+from executive.modules.commanding import Control
 from executive.motion import Grid, MotionError, NoPath, clearance_at, clearance_field, plan_base_path, time_path
 from executive.motion.drivable import SPARE, free_poses
 from executive.motion.tight_path import plan_tight_path

@@ -17,7 +17,7 @@ from typing import Any
 from executive.maps import MapObject
 from executive.maps.class_names import known
 from executive.modules.platform import Platform
-from executive.modules.turning_over import check_turned
+from executive.modules.tools.turning_over import check_turned
 from planlang import sleep
 from planlang.designators import Action, Location, Object, local_name
 from planlang.effects import Effects, effects_of, narrowest, number_of_class

@@ -16,7 +16,7 @@ from planlang import failures
 from planlang.designators import Action
 from planlang.modules import OnDemand, marked
 
-AT_ONCE = ("navigation", "perception", "process_modules")
+AT_ONCE = ("base.navigation", "arm.reaching", "gripper.grasping", "gripper.handing_over", "looking.perception")
 """Files whose process modules every run needs."""
 TABLE = Path(__file__).with_name("on_demand.json")
 
@@ -30,7 +30,9 @@ def on_demand(performs: Mapping[str, Callable[[Any, Action], bool]]) -> Iterator
 
 def table() -> str:
     """Return the table, as the classes are now."""
-    names = sorted(file.stem for file in Path(__file__).parent.glob("*.py") if file.stem not in ("__init__", *AT_ONCE))
+    folder = Path(__file__).parent
+    files = (file.relative_to(folder).with_suffix("") for file in folder.rglob("*.py") if file.stem != "__init__")
+    names = sorted(name for file in files if (name := ".".join(file.parts)) not in AT_ONCE)
     rows = [
         {
             "place": f"{module.__name__}:{cls.__name__}",

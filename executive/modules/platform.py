@@ -18,7 +18,7 @@ from executive.locations import HandSolution, Reach, ReachKind, Resolver
 from executive.locations.demands import asks_for
 from executive.locations.grasp_candidates import HandPoses
 from executive.modules.carrying import is_near, upright_postures
-from executive.modules.control import Control, Hands, Sensing
+from executive.modules.commanding import Control, Hands, Sensing
 from executive.modules.drive import Drive
 from executive.modules.phases import Phases
 from executive.motion import JointSpace, MotionError, cartesian_path, keeps_line, plan_path, time_curve, time_path

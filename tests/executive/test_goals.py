@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from executive.modules.motion_grounding import GroundedMotion
-from executive.modules.wiping import Wiping
+from executive.modules.tools.motion_grounding import GroundedMotion
+from executive.modules.tools.wiping import Wiping
 from executive.runs.options import Outcome
 from planlang.failures import ManipulationGoalInCollision
 from planlang.protocols import Trajectory

@@ -10,9 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import planlang
-from executive.modules.navigation import Navigation
-from executive.modules.perception import Head, Perception
-from executive.modules.process_modules import Grasping, Handover, Reaching
+from executive.modules.arm.reaching import Reaching
+from executive.modules.base.navigation import Navigation
+from executive.modules.gripper.grasping import Grasping
+from executive.modules.gripper.handing_over import Handover
+from executive.modules.looking.perception import Head, Perception
 from executive.runs.assembly import RobotExecutive
 from planlang.failures import LowLevelFailure, PlanFailure
 from planlang.geometry import Pose

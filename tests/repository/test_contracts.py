@@ -83,11 +83,11 @@ def test_each_contract_is_broken_by_an_import_that_it_forbids(tmp_path: Path) ->
 REGISTRY = "executive/modules/bundled.py"
 """The file that may name process modules: it registers those that come with planlang."""
 REACHES_IN = (
-    "from executive.modules.process_modules import Reaching",
-    "def late():\n    from executive.modules.process_modules import Reaching as Drive",
-    "from executive.modules import process_modules",
-    "import executive.modules.process_modules",
-    "import executive.modules.process_modules as bundled",
+    "from executive.modules.arm.reaching import Reaching",
+    "def late():\n    from executive.modules.arm.reaching import Reaching as Drive",
+    "from executive.modules.arm import reaching",
+    "import executive.modules.arm.reaching",
+    "import executive.modules.arm.reaching as bundled",
 )
 """Statements that reach into a file for the process module in it."""
 
@@ -137,10 +137,10 @@ def test_no_process_module_is_imported_but_by_the_registry() -> None:
 def test_reaching_for_a_process_module_is_found(tmp_path: Path, statement: str) -> None:
     modules = tmp_path / "executive" / "modules"
     shutil.copytree(CHECKOUT / "executive" / "modules", modules, ignore=shutil.ignore_patterns("__pycache__"))
-    with (modules / "hand_work.py").open("a") as file:
+    with (modules / "arm" / "hand_work.py").open("a") as file:
         file.write(f"{statement}\n")
     ((file, what),) = process_modules_imported(tmp_path)
-    assert (file, what.partition(":")[0]) == ("executive/modules/hand_work.py", "executive.modules.process_modules")
+    assert (file, what.partition(":")[0]) == ("executive/modules/arm/hand_work.py", "executive.modules.arm.reaching")
 
 
 TESTS = CHECKOUT / "tests" / "planlang"

@@ -2,9 +2,9 @@
 
 import pytest
 
-from executive.modules.constrained_motions import constraints_of
-from executive.modules.motion_grounding import Grounding
 from executive.modules.phases import Phases, Pour
+from executive.modules.tools.constrained_motions import constraints_of
+from executive.modules.tools.motion_grounding import Grounding
 from planlang import perform
 from planlang.designators import Device, a_location, action, an_object
 from planlang.failures import ActionUnresolvable

@@ -16,8 +16,8 @@ import pytest
 from executive.locations.hand_solutions import base_matrices
 from executive.locations.taking_out import way_out
 from executive.maps import MapObject
-from executive.modules.leaf_grips import grips_of
-from executive.modules.leaf_paths import LeafPath, LeafPaths
+from executive.modules.furniture.leaf_grips import grips_of
+from executive.modules.furniture.leaf_paths import LeafPath, LeafPaths
 from executive.motion import MotionError, cartesian_path, clearance_at
 from executive.robots.arms import ArmModel
 from planlang import SimulationHost, explain, perform, run

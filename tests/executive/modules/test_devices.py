@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from executive.maps import MapObject, SemanticMap, scene_of
-from executive.modules.motion_grounding import GroundedMotion, Grounding
+from executive.modules.tools.motion_grounding import GroundedMotion, Grounding
 from planlang import explain
 from planlang.designators import Condition
 from planlang.failures import ActionUnresolvable, HandleNotReachable

@@ -13,7 +13,7 @@ import pytest
 
 from executive.belief import Belief
 from executive.maps import read_map, scene_of
-from executive.modules.perception import Head, Perception
+from executive.modules.looking.perception import Head, Perception
 from executive.modules.platform import Platform
 from executive.modules.waiting import Waiting
 from executive.robots import Robot

@@ -7,7 +7,7 @@ from contextlib import ExitStack
 import numpy as np
 import pytest
 
-from executive.modules.pair_paths import PairPaths
+from executive.modules.trays.pair_paths import PairPaths
 from executive.robots.arm_pair import ArmPair
 from planlang import perform
 from planlang.designators import Device, action, an_object

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from executive.modules.lanes import HAND, Surface
+from executive.modules.tools.lanes import HAND, Surface
 from planlang.geometry import Array, Pose
 from sim import Body
 from tests.executive.conftest import MakeStage

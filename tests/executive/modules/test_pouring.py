@@ -13,9 +13,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executive.modules import constrained_motions
-from executive.modules.pouring import Flow, Pouring
-from executive.modules.strokes import slowed
+from executive.modules.tools import constrained_motions
+from executive.modules.tools.pouring import Flow, Pouring
+from executive.modules.tools.strokes import slowed
 from executive.motion.constrained_motion import PhaseMotion
 from planlang.designators import Action
 from planlang.failures import AmountNotPoured

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from executive.modules.motion_grounding import Grounding
+from executive.modules.furniture.pushing import Pushing
 from executive.modules.phases import Phase
-from executive.modules.pushing import Pushing
+from executive.modules.tools.motion_grounding import Grounding
 from planlang import perform, timeout
 from planlang.designators import action, an_object
 from planlang.failures import ObjectNotFound, Timeout

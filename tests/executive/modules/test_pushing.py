@@ -45,7 +45,7 @@ def test_what_cannot_be_pushed_is_refused(stack: ExitStack) -> None:
 def test_a_drawer_that_jams_is_believed_to_be_as_far_open_as_it_is(
     stack: ExitStack, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("executive.modules.leaf_pushing.STROKES", 1)
+    monkeypatch.setattr("executive.modules.furniture.leaf_pushing.STROKES", 1)
     case, leaf, grip = drawn(DRAWER)
     assert leaf.pose is not None
     assert leaf.size is not None

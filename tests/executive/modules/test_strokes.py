@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executive.modules.strokes import slowed
+from executive.modules.tools.strokes import slowed
 from planlang.protocols import Trajectory
 
 

@@ -16,8 +16,8 @@ from planlang.geometry import Array, Pose
 from sim.bodies import axes_of
 
 if TYPE_CHECKING:
-    from executive.modules.motion_grounding import GroundedMotion
     from executive.modules.phases import Phase
+    from executive.modules.tools.motion_grounding import GroundedMotion
     from executive.motion.arm_group import ArmGroup
 
 TURNED = -0.5

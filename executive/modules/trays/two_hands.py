@@ -16,9 +16,9 @@ from typing import TypeVar
 import numpy as np
 
 from executive.belief.scene_collisions import BasePose
-from executive.modules.hand_work import HandWork
-from executive.modules.pair_paths import LIFT, PairGrasp, PairPaths
+from executive.modules.arm.hand_work import HandWork
 from executive.modules.stances import stances
+from executive.modules.trays.pair_paths import LIFT, PairGrasp, PairPaths
 from executive.motion import MotionError
 from executive.robots.arm_pair import ArmPair
 from planlang import checkpoint

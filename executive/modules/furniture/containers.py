@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from executive.locations.taking_out import way_out
-from executive.modules.hand_work import HandWork
+from executive.modules.arm.hand_work import HandWork
 from executive.modules.tries import Tries
 from executive.motion import time_curve, time_path
 from executive.robots.arms import ArmModel
@@ -38,7 +38,7 @@ from planlang.protocols import Configuration, MotionState, Trajectory
 from sim.joints import Articulation, JointKind
 
 if TYPE_CHECKING:
-    from executive.modules.leaf_paths import LeafPath
+    from executive.modules.furniture.leaf_paths import LeafPath
 
 PLACES = 6
 """Places of the base from which a leaf is moved, one after another."""
@@ -103,8 +103,8 @@ class LeafWork(HandWork):
 
         ``wanted``: the value up to which it is to go, if not until it counts as open or closed.
         """
-        from executive.modules.leaf_failures import leaf_failure  # most runs open nothing
-        from executive.modules.leaf_paths import LeafPaths
+        from executive.modules.furniture.leaf_failures import leaf_failure  # most runs open nothing
+        from executive.modules.furniture.leaf_paths import LeafPaths
 
         arms = self.free_hands()
         if joint.handle is None or not arms:

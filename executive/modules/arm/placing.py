@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 
 from executive.locations import HandSolution
-from executive.modules.process_modules import HandReaching
+from executive.modules.arm.reaching import HandReaching
 from executive.motion import cartesian_path
 from executive.robots.arms import ArmModel
 from planlang.designators import Action, Location, Object, resting_on

@@ -16,13 +16,13 @@ from typing import Protocol
 
 import numpy as np
 
-from executive.modules.constrained_motions import constraints_of
-from executive.modules.hand_work import HandWork
-from executive.modules.leaf_pushing import LeafStrokes
-from executive.modules.motion_grounding import Grounding
+from executive.modules.arm.hand_work import HandWork
+from executive.modules.furniture.leaf_pushing import LeafStrokes
 from executive.modules.phases import Phase
 from executive.modules.platform import Platform
-from executive.modules.strokes import Plane, StrokeWork
+from executive.modules.tools.constrained_motions import constraints_of
+from executive.modules.tools.motion_grounding import Grounding
+from executive.modules.tools.strokes import Plane, StrokeWork
 from executive.modules.tries import Tries
 from executive.robots.arms import ArmModel
 from planlang import perform

@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
-from executive.modules.hand_work import HandWork
-from executive.modules.motion_grounding import Grounding
+from executive.modules.arm.hand_work import HandWork
 from executive.modules.phases import Phase
-from executive.modules.strokes import Plane, StrokeWork
+from executive.modules.tools.motion_grounding import Grounding
+from executive.modules.tools.strokes import Plane, StrokeWork
 from executive.robots.arms import ArmModel
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import product

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from executive.belief.scene_collisions import BasePose
 from executive.locations.hand_solutions import base_matrices
 from executive.locations.rejections import COLLISION, NO_ROOM, OUT_OF_REACH, Reason, Rejections, first_body
-from executive.modules.control import Control
-from executive.modules.leaf_grips import LAGS, Grips, grips_of
+from executive.modules.commanding import Control
+from executive.modules.furniture.leaf_grips import LAGS, Grips, grips_of
 from executive.motion import InverseKinematics, cartesian_path
 from executive.robots.arms import ArmModel
 from executive.robots.openings import Fingers

@@ -17,14 +17,14 @@ from typing import TypeVar
 import numpy as np
 
 from executive.belief.scene_collisions import BasePose
-from executive.modules.hand_work import HandWork
-from executive.modules.motion_failures import out_of_reach
-from executive.modules.motion_grounding import UP, GroundedMotion, Grounding
+from executive.modules.arm.hand_work import HandWork
 from executive.modules.phases import Phase
 from executive.modules.platform import PlatformModule
-from executive.modules.pouring import Pouring
 from executive.modules.stances import is_at_ease, stances
-from executive.modules.turning_over import check_flip
+from executive.modules.tools.motion_failures import out_of_reach
+from executive.modules.tools.motion_grounding import UP, GroundedMotion, Grounding
+from executive.modules.tools.pouring import Pouring
+from executive.modules.tools.turning_over import check_flip
 from executive.motion import MotionError
 from executive.motion.constrained_ends import Ends
 from executive.motion.constrained_motion import PhaseMotion, solve_motion

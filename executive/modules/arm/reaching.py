@@ -1,8 +1,4 @@
-"""The process modules that most plans need: of arms, grippers and handovers.
-
-Arms go to named postures, before things, around them, over them, and to people; a handover waits until the person
-takes what an arm holds. The base is in navigation.py, head and camera are in perception.py.
-"""
+"""The process module that reaches: arms go to postures, before things, around them, over them, and to people."""
 
 from __future__ import annotations
 
@@ -32,26 +28,19 @@ from planlang.designators import (
 )
 from planlang.failures import (
     ActionUnresolvable,
-    CommunicationFailure,
     DesignatorFailure,
-    GraspMissed,
-    GripperFailure,
-    GripperGoalNotReached,
-    HandoverNotTaken,
     LocationUnresolvable,
     LookingFailure,
     ManipulationFailure,
     ManipulationGoalInCollision,
     ManipulationPoseUnreachable,
-    MissingCapability,
     NavigationFailure,
-    ObjectLost,
     PerceptionFailure,
 )
 from planlang.geometry import Array
 from planlang.geometry.matrices import rotated
 from planlang.modules import process_module
-from planlang.protocols import MotionState, Trajectory
+from planlang.protocols import Trajectory
 from planlang.relations import Sense
 
 REPLANS = 3
@@ -59,8 +48,6 @@ REPLANS = 3
 
 BACKING = (0.15, 0.3)
 """Least distances by which the base backs off, one after the other, when an arm has no way [m]."""
-DRAWN_BACK = (0.12, 0.06)
-"""Distances by which a hand is taken straight back from what it has handed over [m]."""
 DRAWN_OUT = (0.3, 0.2, 0.1)
 """Distances by which a hand is taken straight out of what is around it [m]."""
 FEW = 300
@@ -299,135 +286,3 @@ class Reaching(HandReaching):
 
     name = "arm"
     actions = ("Reaching",)
-
-
-@process_module
-class Grasping(PlatformModule):
-    """Opens and closes grippers: one module for both, so that requests to one gripper queue up."""
-
-    name = "gripper"
-    actions = ("OpeningAGripper", "ClosingAGripper")
-    failures = (GripperFailure, ObjectLost, DesignatorFailure)
-
-    def resources(self, action: Action) -> tuple[str, ...]:
-        """Return the arm that carries the gripper: it must not move meanwhile."""
-        return tuple(arm.name for arm in self._arms(action)[:1])
-
-    async def execute(self, action: Action) -> str | None:
-        """Open or close; return the name of what was grasped or let go."""
-        arms = self._arms(action)
-        if not arms:
-            raise MissingCapability(designator=str(action), missing=("GripperMotionCapability",))
-        if "ClosingAGripper" in self.platform.ancestors(action.type):
-            return await self._close(arms[0], action)
-        return await self._open(arms[0])
-
-    def _arms(self, action: Action) -> list[ArmModel]:
-        """Return the arms that the action may mean: of the device; else one that holds something; else the chosen one.
-
-        For a thing that is in no hand, free arms come first.
-        """
-        scene, arms, hands = self.platform.scene, self.platform.arms, self.platform.hands
-        device, what = action.get("device_used"), action.get("object_acted_on")
-        candidates = scene.arms.of(device) if isinstance(device, Device) else scene.arms.all
-        found = arms.holding(candidates) or arms.in_order(candidates)
-        if isinstance(what, Object) and not hands.hold(what):
-            found = arms.free(candidates) or found
-        return [arm for arm in found if hands.gripper(arm) is not None]
-
-    async def _close(self, arm: ArmModel, action: Action) -> str:
-        hands = self.platform.hands
-        motion = await hands.close(arm)
-        name = hands.between_fingers(arm)
-        if name is None:
-            what = action.get("object_acted_on")
-            wanted = str(what) if isinstance(what, Object) else None
-            if motion.touch is None:
-                self.platform.missed(arm)
-            else:  # one finger has met it: now it is known better where it is
-                await self.platform.sensing.bump(motion)
-            raise GraspMissed(arm=arm.name, what=wanted, blocked_by=motion.blocked_by)
-        hands.grasp(arm, name)
-        return name
-
-    async def _open(self, arm: ArmModel) -> str | None:
-        hands, held = self.platform.hands, self.platform.scene.arms.held(arm.name)
-        fingers = self.platform.arms.opening(arm)
-        if held is not None:
-            self.platform.check_hold([arm.name])
-            mates = self.platform.scene.arms.mates(arm.name)
-            hands.let_go(held.name)
-            for mate in mates:
-                await hands.move(mate, closed=False, fingers=self.platform.arms.opening(mate))
-        motion = await hands.move(arm, closed=False, fingers=fingers)
-        if held is None:
-            if motion.state is not MotionState.DONE:
-                raise GripperGoalNotReached(arm=arm.name, blocked_by=motion.blocked_by)
-            return None
-        # what was held has left the hand, even if something beside it keeps the fingers from opening as far as they can
-        await hands.settled(held.name)
-        self.platform.arms.put_down(arm, held.name)
-        return held.name
-
-
-PATIENCE = 15.0
-"""Time for which an object is offered [s]: long enough to notice it and to reach out."""
-
-
-@process_module
-class Handover(PlatformModule):
-    """Offers what an arm holds until somebody takes it."""
-
-    name = "handover"
-    actions = ("HandingOverAnObject",)
-    failures = (CommunicationFailure, GripperFailure, ObjectLost, DesignatorFailure)
-
-    def resources(self, action: Action) -> tuple[str, ...]:
-        """Return the arm that holds the object."""
-        return tuple(arm.name for arm in self._arm(action))
-
-    async def execute(self, action: Action) -> str:
-        """Hand over ``object_acted_on`` (default: what is held); return the name of the person who took it."""
-        arms = self._arm(action)
-        if not arms:
-            raise ActionUnresolvable("no arm holds what is to be handed over", designator=str(action))
-        platform, arm = self.platform, arms[0]
-        held = platform.scene.arms.held(arm.name)
-        assert held is not None
-        recipient = action.get("recipient")
-        wanted = str(recipient) if isinstance(recipient, Person) else None
-        person = await platform.hands.offer(arm, held.name, PATIENCE)
-        if person is None:
-            raise HandoverNotTaken(what=held.name, recipient=wanted)
-        if isinstance(recipient, Person) and platform.scene.bodies.bind(recipient) != person:
-            raise HandoverNotTaken(f"{person} takes {held.name} instead of {wanted}", what=held.name, recipient=wanted)
-        mates = platform.scene.arms.mates(arm.name)
-        platform.hands.let_go(held.name, to=person)
-        for one in (arm, *mates):
-            await platform.hands.move(one, closed=False)
-        if not mates:
-            await self._draw_back(arm, held.name)
-        return person
-
-    async def _draw_back(self, arm: ArmModel, name: str) -> None:
-        """Take the hand straight back from what the person has now, as far as there is room: an arm turns off there."""
-        platform, tip = self.platform, self.platform.scene.arms.tip(arm)
-        back = -rotated(tip[:3, :3], np.asarray(arm.frame.approach))
-        for far in DRAWN_BACK:
-            pose = tip.copy()
-            pose[:3, 3] += far * back
-            with suppress(MotionError):
-                path = platform.arms.straight_path(arm, pose, platform.arm_joints(arm), name)
-                await platform.sensing.bump(await platform.follow(arm.name, path))
-                return
-
-    def _arm(self, action: Action) -> list[ArmModel]:
-        platform = self.platform
-        what = action.get("object_acted_on")
-        name = platform.scene.bodies.bind(what) if isinstance(what, Object) else None
-        found = []
-        for arm in platform.scene.arms.all:
-            held = platform.scene.arms.held(arm.name)
-            if held is not None and name in (None, held.name):
-                found.append(arm)
-        return found[:1]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from executive.modules.hand_work import BACK, HandWork
+from executive.modules.arm.hand_work import BACK, HandWork
 from planlang import checkpoint
 from planlang.designators import Action
 from planlang.failures import NavigationFailure

@@ -10,11 +10,11 @@ from itertools import islice
 
 import numpy as np
 
-from executive.modules.lanes import HAND, Room, Surface, lifted
-from executive.modules.motion_grounding import GroundedMotion, Grounding
 from executive.modules.phases import Phase
 from executive.modules.stances import BEST, distances, stances
-from executive.modules.strokes import Plane, StrokeWork
+from executive.modules.tools.lanes import HAND, Room, Surface, lifted
+from executive.modules.tools.motion_grounding import GroundedMotion, Grounding
+from executive.modules.tools.strokes import Plane, StrokeWork
 from planlang.designators import Action
 from planlang.failures import (
     DesignatorFailure,

@@ -13,7 +13,7 @@ from executive.belief.recognition import EXPLORATION, VISION
 from executive.belief.scene_collisions import BasePose
 from executive.locations.likely_places import LikelyPlace, Search
 from executive.locations.views import NO_SCREENS
-from executive.modules.exploring import look_around
+from executive.modules.looking.exploring import look_around
 from executive.modules.platform import Platform, PlatformModule
 from planlang import checkpoint, perform
 from planlang.designators import Action, Location, Object, Situation, action, local_name

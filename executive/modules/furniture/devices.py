@@ -11,11 +11,11 @@ from functools import partial
 
 import numpy as np
 
-from executive.modules.button_failures import button_failure
-from executive.modules.button_strokes import ButtonStrokes
-from executive.modules.constrained_motions import apart
-from executive.modules.containers import LeafWork, ways_tried
-from executive.modules.hand_work import HandWork
+from executive.modules.arm.hand_work import HandWork
+from executive.modules.furniture.button_failures import button_failure
+from executive.modules.furniture.button_strokes import ButtonStrokes
+from executive.modules.furniture.containers import LeafWork, ways_tried
+from executive.modules.tools.constrained_motions import apart
 from executive.modules.tries import Tries
 from planlang.designators import Action, Object
 from planlang.failures import (

@@ -9,10 +9,10 @@ import math
 
 import numpy as np
 
-from executive.modules.hand_work import HandWork
-from executive.modules.motion_grounding import Grounding
+from executive.modules.arm.hand_work import HandWork
 from executive.modules.phases import Phase
-from executive.modules.strokes import Plane, StrokeWork
+from executive.modules.tools.motion_grounding import Grounding
+from executive.modules.tools.strokes import Plane, StrokeWork
 from executive.modules.tries import Tries
 from executive.robots.arms import ArmModel
 from planlang.designators import Device

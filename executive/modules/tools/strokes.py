@@ -16,10 +16,10 @@ from itertools import chain, islice
 import numpy as np
 
 from executive.belief.scene_collisions import BasePose
-from executive.modules.constrained_motions import ConstrainedWork, apart, constraints_of, unsatisfied
-from executive.modules.motion_grounding import GroundedMotion, Grounding
 from executive.modules.phases import Phase
 from executive.modules.stances import stances
+from executive.modules.tools.constrained_motions import ConstrainedWork, apart, constraints_of, unsatisfied
+from executive.modules.tools.motion_grounding import GroundedMotion, Grounding
 from executive.motion import MotionError
 from executive.motion.constrained_ends import BEGINNINGS
 from executive.motion.errors import OutOfEffort

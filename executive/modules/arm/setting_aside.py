@@ -9,7 +9,7 @@ from itertools import islice
 import numpy as np
 
 from executive.belief.scene_collisions import BasePose
-from executive.modules.hand_work import HandWork
+from executive.modules.arm.hand_work import HandWork
 from executive.modules.tries import Tries
 from executive.robots import CARRYING
 from executive.robots.arms import ArmModel

@@ -19,7 +19,7 @@ from executive.belief.scene_collisions import BasePose
 from executive.locations.hand_solutions import base_matrices
 from executive.locations.opposite_grips import Grips, grips_of, opposite
 from executive.locations.rejections import COLLISION, Rejections
-from executive.modules.control import Control
+from executive.modules.commanding import Control
 from executive.motion import MotionError, time_curve, time_path
 from executive.robots.arm_pair import ArmPair, strays
 from executive.robots.arms import ArmModel

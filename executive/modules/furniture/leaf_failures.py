@@ -8,7 +8,7 @@ import numpy as np
 
 from executive.belief.planning_scene import PlanningScene
 from executive.locations.rejections import COLLISION, NO_ROOM, NO_WAY, OUT_OF_REACH
-from executive.modules.leaf_paths import NO_GRIP, SWEPT, LeafPaths
+from executive.modules.furniture.leaf_paths import NO_GRIP, SWEPT, LeafPaths
 from planlang.failures import LocationUnresolvable
 from sim.joints import Articulation
 

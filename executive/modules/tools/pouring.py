@@ -10,9 +10,9 @@ from contextlib import asynccontextmanager
 
 import numpy as np
 
-from executive.modules.motion_grounding import GroundedMotion
 from executive.modules.phases import Phase, Pour
 from executive.modules.platform import Platform
+from executive.modules.tools.motion_grounding import GroundedMotion
 from executive.motion.arm_group import ArmGroup
 from executive.robots.arms import ArmModel
 from planlang import now

@@ -8,9 +8,9 @@ from collections.abc import Callable
 from executive.locations import Rejections
 from executive.locations.changes import Changes
 from executive.locations.explanations import called
-from executive.modules.motion_grounding import GroundedMotion
 from executive.modules.platform import Platform
 from executive.modules.stances import distances
+from executive.modules.tools.motion_grounding import GroundedMotion
 
 
 def out_of_reach(platform: Platform, motion: GroundedMotion, does: Callable[[], bool]) -> str:

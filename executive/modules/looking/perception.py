@@ -124,7 +124,10 @@ class Perception(PlatformModule):
 
     async def _search(self, action: Action, what: Object) -> str:
         """Look for something from here, or, if that is asked for, at one likely place after another."""
-        from executive.modules.searching import found_in_places, seen_from_here  # known things are looked at directly
+        from executive.modules.looking.searching import (  # known things are looked at directly
+            found_in_places,
+            seen_from_here,
+        )
 
         if self._goes(action):
             return await found_in_places(self.platform, action, what)

@@ -1,0 +1,1 @@
+"""Process modules that move one arm, empty or with what it holds."""

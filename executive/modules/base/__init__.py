@@ -1,0 +1,1 @@
+"""Process modules that move the base."""

@@ -1,0 +1,1 @@
+"""Process modules for doors, drawers, devices and what is pushed."""

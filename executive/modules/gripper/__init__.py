@@ -1,0 +1,1 @@
+"""Process modules of grippers, and handing over."""

@@ -1,0 +1,90 @@
+"""The process module that opens and closes grippers."""
+
+from __future__ import annotations
+
+from executive.modules.platform import PlatformModule
+from executive.robots.arms import ArmModel
+from planlang.designators import (
+    Action,
+    Device,
+    Object,
+)
+from planlang.failures import (
+    DesignatorFailure,
+    GraspMissed,
+    GripperFailure,
+    GripperGoalNotReached,
+    MissingCapability,
+    ObjectLost,
+)
+from planlang.modules import process_module
+from planlang.protocols import MotionState
+
+
+@process_module
+class Grasping(PlatformModule):
+    """Opens and closes grippers: one module for both, so that requests to one gripper queue up."""
+
+    name = "gripper"
+    actions = ("OpeningAGripper", "ClosingAGripper")
+    failures = (GripperFailure, ObjectLost, DesignatorFailure)
+
+    def resources(self, action: Action) -> tuple[str, ...]:
+        """Return the arm that carries the gripper: it must not move meanwhile."""
+        return tuple(arm.name for arm in self._arms(action)[:1])
+
+    async def execute(self, action: Action) -> str | None:
+        """Open or close; return the name of what was grasped or let go."""
+        arms = self._arms(action)
+        if not arms:
+            raise MissingCapability(designator=str(action), missing=("GripperMotionCapability",))
+        if "ClosingAGripper" in self.platform.ancestors(action.type):
+            return await self._close(arms[0], action)
+        return await self._open(arms[0])
+
+    def _arms(self, action: Action) -> list[ArmModel]:
+        """Return the arms that the action may mean: of the device; else one that holds something; else the chosen one.
+
+        For a thing that is in no hand, free arms come first.
+        """
+        scene, arms, hands = self.platform.scene, self.platform.arms, self.platform.hands
+        device, what = action.get("device_used"), action.get("object_acted_on")
+        candidates = scene.arms.of(device) if isinstance(device, Device) else scene.arms.all
+        found = arms.holding(candidates) or arms.in_order(candidates)
+        if isinstance(what, Object) and not hands.hold(what):
+            found = arms.free(candidates) or found
+        return [arm for arm in found if hands.gripper(arm) is not None]
+
+    async def _close(self, arm: ArmModel, action: Action) -> str:
+        hands = self.platform.hands
+        motion = await hands.close(arm)
+        name = hands.between_fingers(arm)
+        if name is None:
+            what = action.get("object_acted_on")
+            wanted = str(what) if isinstance(what, Object) else None
+            if motion.touch is None:
+                self.platform.missed(arm)
+            else:  # one finger has met it: now it is known better where it is
+                await self.platform.sensing.bump(motion)
+            raise GraspMissed(arm=arm.name, what=wanted, blocked_by=motion.blocked_by)
+        hands.grasp(arm, name)
+        return name
+
+    async def _open(self, arm: ArmModel) -> str | None:
+        hands, held = self.platform.hands, self.platform.scene.arms.held(arm.name)
+        fingers = self.platform.arms.opening(arm)
+        if held is not None:
+            self.platform.check_hold([arm.name])
+            mates = self.platform.scene.arms.mates(arm.name)
+            hands.let_go(held.name)
+            for mate in mates:
+                await hands.move(mate, closed=False, fingers=self.platform.arms.opening(mate))
+        motion = await hands.move(arm, closed=False, fingers=fingers)
+        if held is None:
+            if motion.state is not MotionState.DONE:
+                raise GripperGoalNotReached(arm=arm.name, blocked_by=motion.blocked_by)
+            return None
+        # what was held has left the hand, even if something beside it keeps the fingers from opening as far as they can
+        await hands.settled(held.name)
+        self.platform.arms.put_down(arm, held.name)
+        return held.name

@@ -1,0 +1,1 @@
+"""Process modules that look, search and explore."""

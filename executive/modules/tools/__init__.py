@@ -1,0 +1,1 @@
+"""Process modules for motions under constraints: pouring, stirring, wiping."""

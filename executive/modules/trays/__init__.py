@@ -1,0 +1,1 @@
+"""The process module for what takes two hands."""
