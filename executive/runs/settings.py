@@ -148,8 +148,9 @@ def taken(header: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def shared(settings: object) -> dict[str, Any]:
-    """Return the settings that the arguments of a command state, by their names."""
-    return {one.name: getattr(settings, one.name) for one in _fields()}
+    """Return the settings that the arguments of a command state, by their names; None for repeatable ones without."""
+    values = {one.name: getattr(settings, one.name) for one in _fields()}
+    return {name: None if isinstance(value, list | tuple) and not value else value for name, value in values.items()}
 
 
 @cache

@@ -9,7 +9,7 @@ import pytest
 
 from executive.cli.arguments import RunArguments
 from executive.runs.options import RunOptions
-from executive.runs.settings import RunSettings, in_header, stated, taken
+from executive.runs.settings import RunSettings, in_header, shared, stated, taken
 
 SET = RunSettings(trust_map=True, unknown=["cup1", "all"], models=[Path("models")], modules=[Path("mine.py")])
 
@@ -32,6 +32,11 @@ def test_a_resumed_run_takes_over_what_can_be_read_from_a_header_alone() -> None
 @pytest.mark.parametrize("header", [{"unknown": "cup1"}, {"unknown": None}, {"trusts_map": 1}, {"trusts_map": "yes"}])
 def test_a_damaged_setting_is_not_taken_over(header: dict[str, object]) -> None:
     assert taken(header) == {}
+
+
+def test_a_repeatable_option_that_nobody_states_is_none() -> None:
+    """No folder of models means that all classes are recognised, an empty list of folders that none is."""
+    assert shared(RunArguments(models=[], unknown=[]))["models"] is None
 
 
 def test_no_two_settings_stand_under_one_key_of_the_header() -> None:

@@ -39,7 +39,7 @@ def drinks(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_world_ends_as_the_run_that_its_command_repeats(drinks: Path) -> None:
     (row,) = read_sweep(drinks).rows
     words = shlex.split(row["repeat"])
-    assert words == ["planlang", "run", "pass_a_drink", "--robot", "panda", "--unknown", "bottle1", "--seed", "3"]
+    assert words == ["planlang", "run", "pass_a_drink", "--unknown", "bottle1", "--robot", "panda", "--seed", "3"]
     alone = json.loads(invoke(*words[1:], "--json").stdout)
     assert (row["message"], row["failure"]) == (alone["outcome"], alone["failure"])
     assert row["plan_seconds"] == pytest.approx(alone["plan_seconds"], abs=1e-3)

@@ -83,7 +83,7 @@ def test_a_plan_is_tested_for_what_it_brings_about() -> None:
 def test_what_a_scripted_robot_changed_survives_a_snapshot() -> None:
     executive, other = ScriptedExecutive(Script()), ScriptedExecutive(Script())
     executive.belief.create("Dough", "Egg")
-    executive.maps.contents["Bowl"] = {"Milk": 1.0}
+    executive.belief.contents["Bowl"] = {"Milk": 1.0}
     executive.belief.heated["Dough"] = (1.0, 2.0)
     executive.belief.on.append("Stove")
     other.restore(executive.snapshot())
