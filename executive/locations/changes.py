@@ -125,8 +125,9 @@ class Changes:
         if (length := float(np.linalg.norm(way))) > STEP:
             yield way / length, length
 
-    def _is_free(self, thing: Block, side: Array, step: float) -> bool:
-        boxes = self.scene.collisions.boxes_but((self.body, *self._along))[0]
+    def _is_free(self, thing: Block, side: Array, step: float, others: Collection[str] = ()) -> bool:
+        """Return whether a thing meets nothing so far to a side, as far as can be told, but what goes along."""
+        boxes = self.scene.collisions.boxes_but((self.body, *self._along, *others))[0]
         inner = ((thing.low + GRAZING, thing.high - GRAZING, min(thing.half_x, thing.half_y)),)
         return bool(clearance_at(np.array([thing.x, thing.y]) + step * side, boxes, inner)[0] > 0)
 
@@ -180,23 +181,29 @@ class Changes:
 
     def _with_furniture(self, parts: Sequence[str]) -> str:
         """Return how much higher or lower furniture would have to be, with all that is part of it, in it or on it."""
-        bodies = self.scene.bodies
-        name, low = parts[0], min(bodies.block(one).low for one in parts)
-        most = TABLE - bodies.block(self.body).low
-        rises = [round(share * STEP, 2) for share in range(1, int(abs(most) / STEP) + 1)]
-        rises = [math.copysign(rise, most) for rise in rises if most > 0 or low - rise >= 0.0]
-        way = "higher" if most > 0 else "lower"
+        bodies, name = self.scene.bodies, parts[0]
+        block, most = bodies.block(name), TABLE - bodies.block(self.body).low
+        rises = [math.copysign(STEP * step, most) for step in range(1, int(abs(most) / STEP) + 1)]
+        rises = [rise for rise in rises if self._fits(block, rise, parts)]
 
         def does(rise: float) -> bool:
             return self._does({one: Pose((0.0, 0.0, rise)) @ bodies.pose(one) for one in parts})
 
-        if not rises:
+        # what is too low may be too high in the end: the least rise is looked for below one that does
+        last = next(
+            (k for k in sorted({len(rises) - 1, len(rises) // 2}, reverse=True) if rises and does(rises[k])), None
+        )
+        if last is None:
+            self._tried += [f"{'raising' if most > 0 else 'lowering'} {name}"] if rises else []
             return ""
-        if not any(map(does, (rises[-1], rises[len(rises) // 2]))):
-            self._tried.append(f"{'raising' if most > 0 else 'lowering'} {name}")
-            return ""
-        rise = rises[min(bisect_left(rises, True, key=does), len(rises) - 1)]
-        return f"with {name} {abs(rise):.2f} m {way}, {self.body} could be reached"
+        rise = rises[bisect_left(rises[:last], True, key=does)]
+        what = "it" if name == self.body else self.body
+        return f"with {name} {abs(rise):.2f} m {'higher' if most > 0 else 'lower'}, {what} could be reached"
+
+    def _fits(self, furniture: Block, rise: float, parts: Sequence[str]) -> bool:
+        """Return whether furniture has room so much higher or lower: it meets neither the floor nor other bodies."""
+        there = replace(furniture, low=furniture.low + rise, high=furniture.high + rise)
+        return there.low >= -GRAZING and self._is_free(there, np.zeros(2), 0.0, parts)
 
     def _furniture(self) -> list[str]:
         """Return the furniture with doors or drawers that a thing, or a place, is in, then all its parts and things."""
