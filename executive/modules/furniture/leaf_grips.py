@@ -118,7 +118,7 @@ class _Hand:
     @staticmethod
     def closing(scene: PlanningScene, arm: ArmModel, fingers: Fingers, width: float) -> _Hand:
         """Return a hand whose fingers close from an opening on a thing of some width [m]."""
-        hands = [_hand_with(scene, arm, one) for one in arm.openings.closing(fingers, width)]
+        hands = [hand_with(scene, arm, one) for one in arm.openings.closing(fingers, width)]
         return _Hand(np.concatenate(hands), float((hands[0] @ np.array(arm.frame.approach)).max()))
 
 
@@ -183,8 +183,8 @@ def _opened(arm: ArmModel, width: float, room: float) -> Fingers:
     return arm.openings.fingers[int(arm.openings.around(np.array([[width, 0.0]]), room)[0])]
 
 
-def _hand_with(scene: PlanningScene, arm: ArmModel, fingers: Fingers) -> Array:
-    """Return points (n, 3) in the tip frame that span a hand with its fingers somewhere."""
+def hand_with(scene: PlanningScene, arm: ArmModel, fingers: Fingers = ()) -> Array:
+    """Return points (n, 3) in the tip frame that span a hand with its fingers somewhere, if not told where they are."""
     world, tip = scene.world, scene.robot.arm(arm.name).tip
     now = world.configuration()
     back = inverse(world.link_pose(tip, Configuration(now.base, {**now.joints, **dict(fingers)})).matrix())

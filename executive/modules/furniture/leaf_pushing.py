@@ -1,6 +1,7 @@
 """Strokes of a closed hand that push a door, drawer or lid shut, from outside, at its handle if it has one.
 
-The tip goes ahead of the leaf's way, so that it stays on the leaf: on a line, or on an arc about the hinge.
+The fingertips go along the leaf's way, so that they stay on the leaf: on a line, or on an arc about the hinge. A bar
+is thin, and fingers that meet an edge of it jam: after a stroke that moved nothing they push the leaf beside it.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ import math
 import numpy as np
 
 from executive.modules.arm.hand_work import HandWork
+from executive.modules.furniture.leaf_grips import hand_with, outwards_of
 from executive.modules.phases import Phase
 from executive.modules.tools.motion_grounding import Grounding
 from executive.modules.tools.strokes import Plane, StrokeWork
@@ -24,13 +26,19 @@ from planlang.protocols import Trajectory
 from sim.joints import Articulation, JointKind
 
 BEFORE = 0.1
-"""Distance of the tip from the leaf where the push begins [m]."""
+"""Distance of the fingertips from the leaf where the push begins [m]."""
 STEP = 0.05
 """Distance of places on the way [m]."""
 FARTHEST = 0.25
 """Longest way from one place of the base [m]."""
 STROKES = 4
 """Strokes after which a leaf that is open still is given up."""
+BESIDE, EDGE = 0.07, 0.02
+"""Distance from a handle to where the leaf is pushed beside it, and from there to its edge at least [m]."""
+MOVED = 0.01
+"""Way of what is pushed up to which a stroke moved nothing [m]."""
+COMMON = 0.9
+"""Cosine of the largest angle between the free side of a leaf and the axis of its box that is normal to it."""
 FINE = 40
 """Values of the joint that are compared with where the hand is."""
 EXACT = 0.003
@@ -47,6 +55,8 @@ class LeafStrokes(StrokeWork):
     def __init__(self, work: HandWork, joint: Articulation) -> None:
         super().__init__(work.platform)
         self._work, self._joint = work, joint
+        self._is_beside = joint.handle is None
+        """Whether the leaf is pushed, not its handle."""
 
     async def shut(self) -> None:
         """Push until the leaf is shut; raises ContainerStuck, or HandleNotReachable where no hand gets there."""
@@ -76,8 +86,11 @@ class LeafStrokes(StrokeWork):
     async def _pushed(self, arm: ArmModel, value: float) -> None:
         """Push once with a hand, as far as it goes from one place of the base; look how far that was."""
         platform, joint = self.platform, self._joint
+        platform.sync()
+        approach = np.array(arm.frame.approach)
+        tips = Pose(tuple((float((hand_with(platform.scene, arm) @ approach).max()) * approach).tolist()))
         way = self._along(value)
-        asked = self._asked(arm, way)
+        asked = self._asked(arm, way, tips)
         grounding = Grounding(platform, {joint.holder} if joint.holder else (), joint.bodies)
         phase = Phase()
         await self._look(grounding, asked, phase)
@@ -93,15 +106,17 @@ class LeafStrokes(StrokeWork):
             await platform.follow(arm.name, lap)
         finally:
             platform.world.set_pushing(link, pushing=False)
-            self._believe(np.array(platform.world.link_pose(link).position), way)
+            self._believe(np.array((platform.world.link_pose(link) @ tips).position), way)
         await self._back(arm, lap)
         await self._work.look(joint.handle or joint.leaf)
+        turn = product(joint.motion(platform.belief.joint(joint.leaf)).matrix(), joint.motion(value).inverse().matrix())
+        gone = float(np.linalg.norm(moved(turn, way[1]) - way[1]))
+        self._is_beside = self._is_beside or gone < MOVED
 
     def _along(self, value: float) -> Array:
-        """Return the way of the tip in the map (n, 3): before the leaf, on it, and with it as far as a stroke goes."""
-        joint, bodies = self._joint, self.platform.scene.bodies
-        back = joint.motion(value).inverse().matrix()
-        start = np.array(bodies.pose(joint.handle or joint.leaf).position)
+        """Return the fingertips' way in the map (n, 3): before the leaf, on it, and with it as far as a stroke goes."""
+        joint, back = self._joint, self._joint.motion(value).inverse().matrix()
+        start = self._place()
         ends = moved(product(joint.motion(0.0).matrix(), back), start)
         length = float(np.linalg.norm(ends - start))
         goal = value * max(0.0, 1.0 - FARTHEST / max(length, 1e-6))
@@ -112,11 +127,31 @@ class LeafStrokes(StrokeWork):
         ahead = (along[1] - along[0]) / np.linalg.norm(along[1] - along[0])
         return np.vstack([along[0] - BEFORE * ahead, along])
 
-    def _asked(self, arm: ArmModel, way: Array) -> tuple[MotionConstraint, ...]:
-        """Return that the tip is on the leaf, how far the hand leans from its way, and how its fingers meet a bar."""
+    def _place(self) -> Array:
+        """Return where the leaf is pushed now (3,): the middle of its handle, or its free side beside that."""
+        joint, scene = self._joint, self.platform.scene
+        if not self._is_beside:
+            assert joint.handle is not None
+            return np.array(scene.bodies.pose(joint.handle).position)
+        leaf, half = scene.bodies.pose(joint.leaf), np.array(scene.bodies.size(joint.leaf)) / 2
+        if joint.handle is None:
+            return np.array(leaf.position)
+        handle = scene.bodies.pose(joint.handle)
+        outwards = outwards_of(scene, joint)
+        bar = handle.rotation[:, int(np.argmax(scene.bodies.size(joint.handle)))]
+        across = np.cross(outwards, bar)
+        middle, here = np.array(leaf.position), np.array(handle.position)
+        there = leaf.rotation.T @ (here + math.copysign(BESIDE, float((middle - here) @ across)) * across - middle)
+        free = leaf.rotation.T @ outwards
+        room = np.maximum(half - EDGE, 0.0)
+        face = np.where(np.abs(free) > COMMON, np.sign(free) * half, np.clip(there, -room, room))
+        return middle + leaf.rotation @ face
+
+    def _asked(self, arm: ArmModel, way: Array, tips: Pose) -> tuple[MotionConstraint, ...]:
+        """Return that the fingertips, at a pose in the tip frame, are on the leaf, and how hand and fingers lean."""
         x, y, z = map(float, arm.frame.approach)
         hand = self.platform.robot.arm(arm.name).hand
-        tip = a_feature("LINE", of=hand, position=(0.0, 0.0, 0.0), direction=(x, y, z))
+        tip = a_feature("LINE", of=hand, position=tips.position, direction=(x, y, z))
         pose = self.platform.belief.pose(self._joint.leaf)
         px, py, pz = moved(inverse(pose.matrix()), way[1]).tolist()
         nx, ny, nz = (pose.rotation.T @ (way[0] - way[1]) / BEFORE).tolist()
@@ -124,7 +159,7 @@ class LeafStrokes(StrokeWork):
         leaf = a_feature("PLANE", of=of, position=(px, py, pz), direction=(nx, ny, nz))
         leans = LEANS[self._joint.kind]
         return (
-            a_constraint("HEIGHT", tip, leaf, lower=-EXACT, upper=EXACT, name="tip on the leaf"),
+            a_constraint("HEIGHT", tip, leaf, lower=-EXACT, upper=EXACT, name="fingertips on the leaf"),
             a_constraint("PERPENDICULARITY", tip, leaf, lower=-1.2, upper=leans, name="hand along its way"),
             *self._beside(arm, hand),
         )
@@ -132,7 +167,7 @@ class LeafStrokes(StrokeWork):
     def _beside(self, arm: ArmModel, hand: Device) -> tuple[MotionConstraint, ...]:
         """Return that the fingers are beside each other along a bar that goes between them: they would jam on it."""
         handle, bodies = self._joint.handle, self.platform.scene.bodies
-        if handle is None or not arm.openings.lets_in(min(bodies.size(handle))):
+        if handle is None or self._is_beside or not arm.openings.lets_in(min(bodies.size(handle))):
             return ()
         x, y, z = np.cross(arm.frame.approach, arm.frame.closing).tolist()
         side = a_feature("LINE", of=hand, position=(0.0, 0.0, 0.0), direction=(x, y, z))
@@ -141,7 +176,7 @@ class LeafStrokes(StrokeWork):
         return (a_constraint("PERPENDICULARITY", side, bar, lower=-ACROSS, upper=ACROSS, name="fingers along the bar"),)
 
     def _believe(self, tip: Array, way: Array) -> None:
-        """Believe that the leaf went with the hand, whose tip (3,) is at it or behind it, as far as that is into it."""
+        """Believe that the leaf went with the hand as far as that is into it; ``tip`` (3,): its fingertips."""
         joint, belief = self._joint, self.platform.belief
         value = belief.joint(joint.leaf)
         closed = moved(joint.motion(value).inverse().matrix(), way[1])
