@@ -241,7 +241,7 @@ async def _seen_inside(platform: Platform, search: Search, leaf: str) -> str | N
     name = _found(platform, search.what)
     if name is None and belief.is_left_open(leaf):
         name = await _seen_at(platform, search, leaf, None)
-    if name is not None and platform.searches.inside(leaf).away(bodies.block(name).centre) < NEAR_IT:
+    if name is not None and _is_in(platform, name, leaf):
         return name
     if belief.is_left_open(leaf):
         try:
@@ -249,6 +249,13 @@ async def _seen_inside(platform: Platform, search: Search, leaf: str) -> str | N
         except IN_VAIN:
             search.left_open.append(leaf)
     return name
+
+
+def _is_in(platform: Platform, name: str, leaf: str) -> bool:
+    """Return whether a thing is behind a door or in a drawer, and in none beside it."""
+    centre, inside = platform.scene.bodies.block(name).centre, platform.searches.inside
+    away = inside(leaf).away(centre)
+    return away < NEAR_IT and all(away <= inside(other).away(centre) for other in platform.belief.joints)
 
 
 def _found(platform: Platform, what: Object) -> str | None:
