@@ -21,12 +21,11 @@ USUAL = (
 @cache
 def known_roles() -> frozenset[str]:
     """Return the roles that the bundled vocabulary knows; it is read once, which takes about 0.4 s."""
-    from planlang.ontology import load  # only for a role that looks misspelt
-    from planlang.ontology.terms import OWL, RDF
+    from planlang.ontology import load, terms  # only for a role that looks misspelt
 
     ontology = load(bundled("ontologies") / "knowrob.omn")
-    kinds = (OWL.ObjectProperty, OWL.DatatypeProperty)
-    subjects = (triple.subject for kind in kinds for triple in ontology.triples(p=RDF.type, o=kind))
+    kinds = (terms.OWL.ObjectProperty, terms.OWL.DatatypeProperty)
+    subjects = (triple.subject for kind in kinds for triple in ontology.triples(p=terms.RDF.type, o=kind))
     return frozenset(snake_case(local_name(one)) for one in subjects if isinstance(one, str))
 
 

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import moved, rotated
@@ -459,6 +460,4 @@ def _distance(offsets: Array, forward: Array, aspect: float) -> float:
 
 def save_png(path: Path, pixels: Picture) -> None:
     """Write pixels (height, width, 3) as a PNG file; raises OSError as writing does."""
-    from PIL import Image  # slow to import, and most runs leave no picture
-
     Image.fromarray(pixels).save(path, format="PNG")

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import MISSING, fields
 from importlib import import_module
+from importlib.metadata import version as installed_version
 from typing import Annotated, Any, NoReturn, get_type_hints
 
 import typer
@@ -60,8 +61,6 @@ def planlang(
 ) -> None:
     """Compile OWL action recipes to robot plans and run them in a simulated world."""
     if version:
-        from importlib.metadata import version as installed_version
-
         typer.echo(f"planlang {installed_version('planlang')}")
         raise typer.Exit
 

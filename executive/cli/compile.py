@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import typer
@@ -43,9 +45,9 @@ def command(arguments: CompileArguments) -> Answer:
     elif output is not None:
         write_versions(output, plan.source, force=force)
     if graph is not None:
-        from planlang.compiler.drawing import FORMATS, task_graph  # most plans are not drawn
-
-        write_text(graph, FORMATS[graph.suffix.lower()](task_graph(plan.recipes, plan.added, plan.recoveries)))
+        drawing = _drawing()
+        drawn = drawing.task_graph(plan.recipes, plan.added, plan.recoveries)
+        write_text(graph, drawing.FORMATS[graph.suffix.lower()](drawn))
     data: dict[str, Any] = {"task": plan.task, "functions": list(plan.functions)}
     data |= {"graph": str(graph)} if graph is not None else {}
     data |= {"plan": str(output)} if output is not None else {"source": plan.source}
@@ -76,12 +78,16 @@ def _merged_header(arguments: CompileArguments) -> PlanHeader | None:
         return header(file.read(LONGEST))
 
 
+def _drawing() -> ModuleType:
+    """Return what draws graphs: most plans are not drawn, and it takes long to import."""
+    return import_module("planlang.compiler.drawing")
+
+
 def _check_graph(path: Path | None) -> list[Diagnostic]:
     if path is None:
         return []
-    from planlang.compiler.drawing import FORMATS
-
-    if path.suffix.lower() in FORMATS:
+    formats = _drawing().FORMATS
+    if path.suffix.lower() in formats:
         return []
-    message = f"unknown graph format {path.suffix or path.name}; known: {', '.join(FORMATS)}"
+    message = f"unknown graph format {path.suffix or path.name}; known: {', '.join(formats)}"
     return [error("C014", message, help=f"name a file such as {path.stem or 'graph'}.svg")]

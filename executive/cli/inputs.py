@@ -87,21 +87,17 @@ def unacceptable(codes: Sequence[str]) -> list[Diagnostic]:
     """Return an error for each code without an uncertain fix."""
     if not codes:
         return []
-    from planlang.recipe.fixes import ACCEPTABLE  # most recipes are taken as they are
+    from planlang.recipe.fixes import ACCEPTABLE, SAFE, WITHOUT  # most recipes are taken as they are
 
-    wrong = [code for code in codes if code not in ACCEPTABLE]
-    return [
-        error("C015", f"--accept {one}: there is no uncertain fix of {one}", help=_acceptable(one)) for one in wrong
-    ]
-
-
-def _acceptable(code: str) -> str:
-    from planlang.recipe.fixes import ACCEPTABLE, SAFE, WITHOUT
-
-    listed = f"codes with uncertain fixes: {', '.join(ACCEPTABLE)}"
-    if code in SAFE:
-        return f"fixes of {code} are safe: --fix applies them; {listed}"
-    return f"{code} has no fix: {WITHOUT[code]}; {listed}" if code in WITHOUT else listed
+    listed, found = f"codes with uncertain fixes: {', '.join(ACCEPTABLE)}", []
+    for code in (one for one in codes if one not in ACCEPTABLE):
+        advice = listed
+        if code in SAFE:
+            advice = f"fixes of {code} are safe: --fix applies them; {listed}"
+        elif code in WITHOUT:
+            advice = f"{code} has no fix: {WITHOUT[code]}; {listed}"
+        found.append(error("C015", f"--accept {code}: there is no uncertain fix of {code}", help=advice))
+    return found
 
 
 def planar(text: str | None) -> tuple[float, float, float] | None:

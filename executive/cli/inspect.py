@@ -12,8 +12,8 @@ from executive.cli.console import Answer, ExitCode, say, silent
 from executive.cli.inputs import check_files, refuse
 from executive.locations.reachability import CELL, YAWS, GraspClass, ReachabilityMap
 from executive.locations.reachability_maps import reachability_map
-from executive.pictures.reach_picture import save_reach_picture, save_reach_recording
-from executive.pictures.recording import drawn_in, missing
+from executive.pictures.drawn import drawn_in, missing
+from executive.pictures.reach_picture import save_reach_picture
 from executive.robots import Arm, Robot, bind_robot
 from executive.robots.arms import arm_models, with_carrying
 from planlang.diagnostics import BadInput, Diagnostic, error
@@ -61,6 +61,8 @@ def _inspected(bare: Robot, robot: Robot, world: PlanningWorld, arguments: Inspe
         for model in models
     }
     if record is not None:
+        from executive.pictures.reach_recording import save_reach_recording  # needs an extra
+
         drawn = drawn_in(world)
         replace(record, lambda path: save_reach_recording(path, drawn, models, maps))
     if picture is not None:

@@ -29,6 +29,7 @@ from executive.cli.inputs import (
     refuse,
 )
 from executive.maps.environments import DEFAULT_ENVIRONMENT, default_environment
+from executive.pictures.drawn import missing
 from executive.runs.options import Outcome, RunOptions, RunResult
 from executive.runs.plan_run import run_plan_file
 from executive.runs.settings import shared
@@ -112,8 +113,6 @@ def _check_shown(arguments: RunArguments, inputs: Mapping[str, Path | None]) -> 
     files = {**inputs, **{f"--modules {file}": file for file in arguments.modules or ()}}
     yield from check_outputs(outputs, files, pictures=["--picture"], force=arguments.force)
     if arguments.record is not None:
-        from executive.pictures.recording import missing  # most runs leave no recording
-
         yield from missing()
     yield from no_display() if arguments.gui else ()
 

@@ -11,11 +11,13 @@ from typing import NamedTuple
 import numpy as np
 
 from executive.maps.class_names import with_known_classes
+from executive.maps.class_parts import Known, parts_of_classes
 from executive.maps.measures import EXTENTS, TRIPLES, Size, length, read_size, read_transform, stated
 from planlang.designators import local_name, unused_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import product
+from planlang.knowledge.places import inverted
 from planlang.ontology import Literal, Ontology, expand
 from planlang.ontology.terms import OWL
 from planlang.records import dataclass
@@ -136,8 +138,6 @@ def _other_frames(ontology: Ontology, poses: PosesOfThings) -> Iterator[Diagnost
 
 def _with_parts_of_classes(objects: list[MapObject], ontology: Ontology, found: list[Diagnostic]) -> list[MapObject]:
     """Return the things with the parts that their classes have, where those state poses."""
-    from executive.maps.class_parts import Known, parts_of_classes  # most classes say nothing of where parts are
-
     things = {thing.iri: thing for thing in objects}
     known = (Known(one.iri, one.name, one.types, one.pose, one.parts, one.span) for one in objects)
     for part in parts_of_classes(known, ontology, found):
@@ -158,8 +158,6 @@ def _with_places_turned(objects: list[MapObject], ontology: Ontology, found: lis
         ontology.is_a(part, city) for part in parts
     ):
         return objects
-    from planlang.knowledge.places import inverted  # most maps state it the right way round
-
     things, parts_of = {thing.iri: thing for thing in objects}, dict[str, dict[str, None]]()
     for triple in inverted(ontology):
         smaller, larger = str(triple.subject), str(triple.object)

@@ -1,105 +1,24 @@
-"""Recordings for the rerun viewer: primitives of bodies and links, their poses, and events of the plan."""
+"""Recordings for the rerun viewer: primitives of bodies and links, their poses, and events of the plan.
+
+Importing it needs the package rerun-sdk; :func:`executive.pictures.drawn.missing` asks for that before.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from functools import partial
-from importlib.util import find_spec
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import rerun
+from rerun import blueprint
 
-from planlang.diagnostics import BadInput, Diagnostic, error
+from executive.pictures.drawn import Drawn, Shape
 from planlang.geometry import Pose
 from planlang.geometry.shapes import SolidKind
-from planlang.records import dataclass
-
-if TYPE_CHECKING:
-    import rerun
-
-    from sim.bodies import Color, Part
-    from sim.kinematic import KinematicScene
-
-HERE = Pose((0.0, 0.0, 0.0))
-GREY = (150, 150, 155, 255)
-
-
-@dataclass(frozen=True, slots=True)
-class Shape:
-    """A primitive, placed in the frame of what it belongs to."""
-
-    kind: str
-    """"box", "cylinder" (axis along z) or "sphere"."""
-    size: tuple[float, float, float]
-    """Extents along x, y and z [m]."""
-    pose: Pose = HERE
-    colour: tuple[int, int, int, int] = GREY
-    """Red, green, blue and opacity, 0..255."""
-
-
-@dataclass(frozen=True, slots=True)
-class Drawn:
-    """Shapes that move together. A path that continues another's is placed in the frame of that one."""
-
-    path: tuple[str, ...]
-    shapes: tuple[Shape, ...]
-    pose: Callable[[], Pose]
-    """Their current pose, in the map or in the frame of the path that theirs continues."""
-
-
-def drawn_in(world: KinematicScene) -> tuple[Drawn, ...]:
-    """Return all bodies of a world, limbs of people one by one, and the links of its robot. Walls are left out."""
-    drawn: list[Drawn] = []
-    for name in world.names():
-        pieces = [(k, part) for k, (part, _) in enumerate(world.pieces(name)) if part.outward is None]
-        color = world.scene.body(name).color
-        still = tuple(_piece(part, color, part.offset) for _, part in pieces if not part.limb)
-        drawn.append(Drawn(("bodies", name), still, partial(world.pose, name)))
-        for k, part in pieces:
-            if part.limb:
-                drawn.append(
-                    Drawn(("bodies", name, f"limb{k}"), (_piece(part, color, HERE),), partial(_limb, world, name, k))
-                )
-    for link, looks in world.robot.looks().items():
-        shapes = tuple(_link(*look) for look in looks)
-        drawn.append(Drawn(("robot", link), shapes, partial(world.link_pose, link)))
-    return tuple(drawn)
-
-
-def _limb(world: KinematicScene, name: str, k: int) -> Pose:
-    return world.pieces(name)[k][1]
-
-
-def _piece(part: Part, color: Color | None, pose: Pose) -> Shape:
-    colour = _bytes(part.color or color or (0.7, 0.65, 0.55, 1.0))
-    x, y, z = part.size
-    if part.kind != SolidKind.BOX:
-        x = y = max(x, y)
-    return Shape(part.kind, (x, y, x if part.kind == SolidKind.SPHERE else z), pose, colour)
-
-
-def _link(kind: str, size: tuple[float, float, float], pose: Pose, color: Color | None) -> Shape:
-    """Return a primitive of a link; around a mesh it is a box."""
-    drawn = SolidKind.BOX if kind == SolidKind.MESH else kind
-    return Shape(drawn, size, pose, GREY if color is None else _bytes(color))
-
-
-def _bytes(color: Color) -> tuple[int, int, int, int]:
-    red, green, blue, opacity = (round(255 * share) for share in color)
-    return red, green, blue, opacity
-
 
 TIME_LINE = "plan time"
 """Name of the only time line; seconds of plan time."""
-
-
-def missing() -> list[Diagnostic]:
-    """Return an error if recordings cannot be written here, with the command that changes it."""
-    if find_spec("rerun") is not None:
-        return []
-    advice = "pip install 'planlang[record]', or leave out --record"
-    return [error("C012", "a recording needs the package rerun-sdk, which is not installed", help=advice)]
 
 
 class Recording:
@@ -110,13 +29,7 @@ class Recording:
     """
 
     def __init__(self, rate: int, drawn: Sequence[Drawn], *, title: str = "planlang run") -> None:
-        """Begin a recording with ``rate`` world steps per second; ``drawn`` is what is looked at in every frame.
-
-        Raises BadInput when the package rerun-sdk is not installed.
-        """
-        problems = missing()
-        if problems:
-            raise BadInput(problems)
+        """Begin a recording with ``rate`` world steps per second; ``drawn`` is what is looked at in every frame."""
         self._rate = rate
         self._title = title
         self._drawn = tuple(drawn)
@@ -136,8 +49,6 @@ class Recording:
 
     def save(self, path: Path) -> None:
         """Write the recording."""
-        import rerun
-
         stream = stream_to(path, self._title, _blueprint())
         for thing, track in zip(self._drawn, self._tracks, strict=True):
             entity = placed(stream, thing, still=False)
@@ -160,15 +71,11 @@ class Recording:
         stream.disconnect()
 
     def _times(self, steps: Sequence[int]) -> rerun.TimeColumn:
-        import rerun
-
         return rerun.TimeColumn(TIME_LINE, duration=[step / self._rate for step in steps])
 
 
 def stream_to(path: Path, title: str, blueprint: Any) -> rerun.RecordingStream:
     """Return a recording into a file, of a world with z up."""
-    import rerun
-
     stream = rerun.RecordingStream("planlang", recording_id=title, send_properties=False)
     stream.save(path, default_blueprint=blueprint)
     stream.log("world", rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
@@ -177,8 +84,6 @@ def stream_to(path: Path, title: str, blueprint: Any) -> rerun.RecordingStream:
 
 def placed(stream: rerun.RecordingStream, thing: Drawn, *, still: bool = True) -> str:
     """Draw a thing, the name of its entity; where it is now, if it stays there (``still``)."""
-    import rerun
-
     entity = "/".join(rerun.escape_entity_path_part(part) for part in ("world", *thing.path))
     for place, drawing in _drawings(entity, thing.shapes):
         stream.log(place, drawing, static=True)
@@ -191,8 +96,6 @@ def placed(stream: rerun.RecordingStream, thing: Drawn, *, still: bool = True) -
 
 def _drawings(entity: str, shapes: Sequence[Shape]) -> list[tuple[str, Any]]:
     """Return one drawing per kind of primitive, each under its own entity below the one that moves."""
-    import rerun
-
     drawings: list[tuple[str, Any]] = []
     for kind in ("box", "cylinder", "sphere"):
         chosen = [shape for shape in shapes if shape.kind == kind]
@@ -218,8 +121,6 @@ def _drawings(entity: str, shapes: Sequence[Shape]) -> list[tuple[str, Any]]:
 
 def _blueprint() -> Any:
     """Return the scene beside the plan's events."""
-    from rerun import blueprint
-
     views = blueprint.Horizontal(
         blueprint.Spatial3DView(origin="world", name="World"),
         blueprint.TextLogView(origin="plan", name="Plan"),

@@ -19,6 +19,7 @@ from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, note
 from planlang.geometry import Array
 from planlang.geometry.matrices import product
+from planlang.geometry.mesh import mesh_places
 from planlang.geometry.urdf import BadXml, Element, Joint, displacement, read_tree, read_urdf
 from planlang.records import dataclass
 
@@ -90,8 +91,6 @@ def _own_folder() -> Path:
 def _text(urdf: Path, mount: Mount | None, tools: Mapping[str, ToolPoint]) -> str:
     robot = read_tree(urdf)
     for mesh in robot.iter("mesh"):
-        from planlang.geometry.mesh import mesh_places  # robots that are made of simple shapes have none
-
         name = mesh.get("filename", "")
         found = next((place for place in mesh_places(urdf, name) if place.is_file()), None)
         if found is not None:

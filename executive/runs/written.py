@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from executive.belief import Belief
+from executive.pictures.drawn import drawn_in
 from executive.runs.final_state import Tilts
 from executive.runs.options import RunOptions
 from executive.runs.parameters import Bound, things_of
@@ -55,7 +56,7 @@ class Written:
             meant = partial(bodies_of, bound, self._belief, truth)  # at the end
             self._files.append((options.picture, lambda path: truth.save_picture(path, of=tuple(meant()))))
         if options.record is not None:
-            from executive.pictures.recording import Recording, drawn_in
+            from executive.pictures.recording import Recording  # needs an extra
 
             film = Recording(truth.rate, drawn_in(truth), title=title)
             self.listeners.append(lines_of(film.event))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Coroutine
 from functools import partial
+from importlib import import_module
 from typing import Any
 
 from planlang.kernel.errors import PlanStructureError
@@ -29,13 +30,10 @@ class AsyncioCall:
 
     def __call__(self) -> Any:
         """Run the function to its end; returns its result."""
-        import asyncio  # few plans need it, and it takes as long to import as the plan language
+        asyncio = import_module("asyncio")  # few plans need it, and it takes as long to import as the plan language
+        return asyncio.run(self._main(asyncio))
 
-        return asyncio.run(self._main())
-
-    async def _main(self) -> Any:
-        import asyncio
-
+    async def _main(self, asyncio: Any) -> Any:
         task = asyncio.current_task()
         assert task is not None
         with self._lock:

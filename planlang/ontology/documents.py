@@ -13,6 +13,7 @@ import re
 from collections.abc import Iterator, Sequence
 from enum import Enum
 from functools import cache, lru_cache
+from importlib import import_module
 from pathlib import Path
 from urllib.parse import quote, unquote
 
@@ -20,6 +21,7 @@ from planlang.cache import Cache
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
 from planlang.files import LARGEST_ONTOLOGY, bundled, decode, read_file
 from planlang.ontology.checks import HOST, OLD_HOST, canonical, malformed, repair, use_canonical_names
+from planlang.ontology.map_file import OCCUPANCY_GRID, read_map_file, sensed_map
 from planlang.ontology.terms import OWL, RDF, RDFS, VOCABULARIES, BNode, Triple
 from planlang.ontology.triples import Parsed, Triples
 from planlang.records import dataclass
@@ -81,28 +83,25 @@ def syntax_of(text: str, file: str) -> Syntax:
 
 def read_syntax(content: bytes, file: str, *, base: str, label: str) -> Parsed:
     """Return the triples of a file in any of the syntaxes. Raises BadInput as their readers do."""
-    if _SENSED.match(content):
-        from planlang.ontology.map_file import read_map_file, sensed_map
-
-        if (cls := sensed_map(content)) is not None:
-            return read_map_file(Path(file), base, cls)
+    if _SENSED.match(content) and (cls := sensed_map(content)) is not None:
+        return read_map_file(Path(file), base, cls)
     text = decode(content, file)
-    match syntax_of(text, file):
-        case Syntax.RDFXML:
-            from planlang.ontology.rdfxml import read_rdfxml as read
-        case Syntax.MANCHESTER:
-            from planlang.ontology.manchester import read_manchester as read
-        case Syntax.TURTLE:
-            from planlang.ontology.turtle import read_turtle as read
-        case Syntax.URDF:
-            from planlang.ontology.urdf_world import read_world
+    syntax = syntax_of(text, file)
+    if syntax is Syntax.GRID:
+        return read_map_file(Path(file), base, OCCUPANCY_GRID)
+    module, name = _READERS[syntax]
+    read = getattr(import_module(f"planlang.ontology.{module}"), name)
+    parsed: Parsed = read(Path(file)) if syntax is Syntax.URDF else read(text, file, base=base, label=label)
+    return parsed
 
-            return read_world(Path(file))
-        case Syntax.GRID:
-            from planlang.ontology.map_file import OCCUPANCY_GRID, read_map_file
 
-            return read_map_file(Path(file), base, OCCUPANCY_GRID)
-    return read(text, file, base=base, label=label)
+_READERS = {
+    Syntax.RDFXML: ("rdfxml", "read_rdfxml"),
+    Syntax.MANCHESTER: ("manchester", "read_manchester"),
+    Syntax.TURTLE: ("turtle", "read_turtle"),
+    Syntax.URDF: ("urdf_world", "read_world"),
+}
+"""Module and function that read a syntax; each is imported when a file needs it, as some take long to import."""
 
 
 _IN_IRIS = "@:+,;=~!$&'()*"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -99,9 +100,7 @@ class Ontology:
 
         Nameless nodes keep their statements, not their labels. Raises ImportError without owlready2.
         """
-        from io import BytesIO
-
-        from owlready2 import World
+        from owlready2 import World  # needs an extra
 
         from planlang.ontology.nested_writers import ntriples
 

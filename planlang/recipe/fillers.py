@@ -11,6 +11,7 @@ from planlang.designators import local_name
 from planlang.ontology import BNode, Literal, Ontology, Term, expand, shorten
 from planlang.ontology.terms import OWL, RDF, RDFS, XSD, is_vocabulary
 from planlang.recipe.model import Filler, Kind, Name, Parameter, Place, Thing
+from planlang.recipe.poses import stated_pose
 from planlang.recipe.statements import ON_ACTIONS, ON_INDIVIDUALS, REGISTERED_WORDS, Filling, filled, is_word
 from planlang.relations import of_owl_property
 from planlang.units import dimension_of, stated_number, unit_of, unit_of_property
@@ -87,8 +88,6 @@ def _pose(ontology: Ontology, iri: str) -> tuple[float, float, float, float] | N
     """Return the pose that a matrix states; None for anything else."""
     if not ontology.is_a(iri, expand("RotationMatrix3D")):
         return None
-    from planlang.recipe.poses import stated_pose  # few recipes state poses by numbers
-
     return stated_pose(ontology, iri)
 
 

@@ -25,11 +25,12 @@ from planlang.misuse import Usage, did_you_mean
 from planlang.runs import Past, RecordedRun, Trace, restore
 from planlang.testing.faults import Fault, Injector
 from planlang.testing.history import History
+from planlang.testing.script import Script
+from planlang.testing.scripted import ScriptedExecutive
 
 if TYPE_CHECKING:
     from planlang.language.executive import Executive
-    from planlang.testing.script import Belief, Script
-    from planlang.testing.scripted import ScriptedExecutive
+    from planlang.testing.script import Belief
 
 V = TypeVar("V")
 
@@ -159,9 +160,6 @@ def attempt(
     resume: PlanRun[Any] | Trace | RecordedRun | None = None,
 ) -> PlanRun[V]:
     """Run a plan as :func:`run_plan` does; whatever ends the run is part of the result."""
-    from planlang.testing.script import Script
-    from planlang.testing.scripted import ScriptedExecutive
-
     scripted = None
     if executive is None:
         script = script or Script()

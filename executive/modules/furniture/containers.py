@@ -103,8 +103,7 @@ class LeafWork(HandWork):
 
         ``wanted``: the value up to which it is to go, if not until it counts as open or closed.
         """
-        from executive.modules.furniture.leaf_failures import leaf_failure  # most runs open nothing
-        from executive.modules.furniture.leaf_paths import LeafPaths
+        from executive.modules.furniture import leaf_failures, leaf_paths  # most runs open nothing
 
         arms = self.free_hands()
         if joint.handle is None or not arms:
@@ -114,7 +113,7 @@ class LeafWork(HandWork):
         await self.tuck(self.platform.arms.untucked())
         goal, least = (joint.upper, joint.first_open) if opens else (0.0, joint.last_shut)
         tries, tried = Tries(ManipulationPoseUnreachable, GraspMissed, NavigationFailure), 0
-        paths = LeafPaths(self.platform, joint)
+        paths = leaf_paths.LeafPaths(self.platform, joint)
         for path in paths.towards(goal, arms, least if wanted is None else wanted):
             if path is None:
                 await checkpoint()
@@ -125,7 +124,7 @@ class LeafWork(HandWork):
             if (tried := tried + 1) == WAYS:
                 break
         said = f"the handle of {joint.leaf} is out of reach: {ways_tried(tried)}"
-        reason = tries.problem or leaf_failure(paths, joint, self.platform.scene)
+        reason = tries.problem or leaf_failures.leaf_failure(paths, joint, self.platform.scene)
         raise HandleNotReachable(said, what=joint.leaf) from reason
 
     async def _along(self, path: LeafPath, joint: Articulation) -> None:

@@ -9,9 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from executive.pictures import recording
-from executive.pictures.recording import Recording, drawn_in
-from planlang.diagnostics import BadInput
+from executive.pictures import drawn
+from executive.pictures.drawn import drawn_in, missing
 from planlang.files import bundled
 from planlang.geometry import Pose
 from sim import Body, CameraModel, PyBulletWorld, RobotBody, Scene
@@ -20,18 +19,20 @@ from sim import Body, CameraModel, PyBulletWorld, RobotBody, Scene
 def test_without_the_package_a_recording_is_bad_input_that_says_what_to_install(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(recording, "find_spec", lambda name: None)
-    with pytest.raises(BadInput, match=r"C012.*\n.*pip install 'planlang\[record\]'"):
-        Recording(30, [])
+    monkeypatch.setattr(drawn, "find_spec", lambda name: None)
+    (problem,) = missing()
+    assert (problem.code, problem.help) == ("C012", "pip install 'planlang[record]', or leave out --record")
 
 
-def test_importing_the_recorder_does_not_import_the_viewer() -> None:
-    code = "import sys, executive.pictures.recording; sys.exit('rerun' in sys.modules)"
+def test_what_is_drawn_is_known_without_the_viewer() -> None:
+    code = "import sys, executive.pictures.drawn; sys.exit('rerun' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
 def test_a_saved_recording_passes_the_viewers_verification(tmp_path: Path) -> None:
     pytest.importorskip("rerun", reason="the extra [record] is not installed")
+    from executive.pictures import recording
+
     room = Scene(
         (
             Body("bottle 1", Pose((0.0, 0.0, 1.0)), (0.07, 0.07, 0.25), "cylinder", movable=True),
@@ -41,7 +42,7 @@ def test_a_saved_recording_passes_the_viewers_verification(tmp_path: Path) -> No
     )
     urdf = bundled("ontologies") / "robots" / "amigo.urdf"
     world = PyBulletWorld(room, RobotBody(urdf, CameraModel("base_link")))
-    kept = Recording(world.rate, drawn_in(world))
+    kept = recording.Recording(world.rate, drawn_in(world))
     for step in range(60):
         world.set_pose("bottle 1", Pose((0.01 * step, 0.0, 1.0)))
         kept.frame(step)

@@ -1,0 +1,113 @@
+"""What ``planlang serve`` does where its packages are installed."""
+
+from __future__ import annotations
+
+import os
+from contextlib import closing
+from importlib.util import find_spec
+from pathlib import Path
+
+from executive.cli.console import Answer, ExitCode, say, show, silent
+from executive.cli.server_arguments import ServeArguments
+from executive.processes.calls import Limits
+from executive.serving.access import Lines
+from executive.serving.app import application
+from executive.serving.rates import Rates
+from executive.serving.running import run
+from executive.serving.serving import now
+from executive.serving.workers import Staff
+from planlang.diagnostics import BadInput, error
+from planlang.knowledge.sqlite_store import SqliteStore
+from planlang.knowledge.stores import SCHEME, Full, Store, Unreachable
+
+LONGEST_AUTHOR = 100
+
+
+def command(arguments: ServeArguments) -> Answer:
+    """Serve until somebody ends it, or make and drop keys.
+
+    Exit code 1 if an endpoint does not answer. Raises BadInput.
+    """
+    store = _opened(arguments.store, arguments.contents)
+    try:
+        if arguments.new_key is not None or arguments.drop_keys is not None:
+            return _keys(store, arguments)
+        return _serve(store, arguments)
+    except Unreachable as problem:
+        advice = "the endpoint and the storage have to answer when a server starts"
+        if isinstance(problem, Full):
+            advice = "make room where it lies; nothing was changed"
+        return Answer(ExitCode.FAILED, (error("K044", str(problem), help=advice),))
+    finally:
+        store.close()
+
+
+def _serve(store: Store, arguments: ServeArguments) -> Answer:
+    folders = arguments.folders
+    lines = None if arguments.access_log is None else _lines(arguments.access_log)
+    tell = silent if arguments.json else say
+    with closing(Staff(folders, Limits(arguments.check_seconds))) as staff:
+        staff.start()  # beside the index, which is made meanwhile
+        app = application(store, staff, rates=Rates(arguments.rate), access=lines)
+        serving = app.state.serving
+        show(serving.vocabulary.diagnostics)
+        with closing(serving):
+            staff.wait()
+            address = run(
+                app, arguments.host, arguments.port, lambda url: tell(f"{arguments.store} is served at {url}")
+            )
+    if lines is not None:
+        lines.close()
+    return Answer(text="", data={"url": address, "entries": len(serving.catalogue)})
+
+
+def _lines(path: Path) -> Lines:
+    """Return what writes the access log. Raises BadInput."""
+    try:
+        return Lines(path)
+    except OSError as problem:
+        raise BadInput([error("C004", f"{path}: {problem.strerror or problem}")]) from None
+
+
+def _opened(address: str, contents: str | None) -> Store:
+    """Return the store in a file, or over a SPARQL endpoint with contents elsewhere. Raises BadInput."""
+    if not address.startswith(SCHEME):
+        if contents is not None:
+            raise BadInput([error("K020", "a file holds its contents itself: --contents goes with sparql+https://...")])
+        if "://" in address:
+            advice = f"write {SCHEME}{address} for a SPARQL endpoint, or the name of a file"
+            raise BadInput([error("K001", f"{address} is no file", help=advice)])
+        return SqliteStore(Path(address))
+    if find_spec("obstore") is None:
+        message = "object storage needs a package that is not installed: obstore"
+        raise BadInput([error("K004", message, help="pip install 'planlang[serve]'")])
+    if contents is None:
+        advice = "add --contents s3://BUCKET/FOLDER, or file:///FOLDER that all servers share"
+        raise BadInput([error("K020", "a catalogue behind SPARQL keeps contents elsewhere", help=advice)])
+    from planlang.knowledge.sparql_store import SparqlStore
+
+    try:
+        return SparqlStore(address, contents, key=os.environ.get("PLANLANG_SPARQL_KEY"))
+    except ValueError as problem:
+        advice = "s3://BUCKET/FOLDER, gs://, az://, or file:///FOLDER, which is there"
+        raise BadInput([error("K020", str(problem), help=advice)]) from None
+
+
+def _keys(store: Store, arguments: ServeArguments) -> Answer:
+    """Drop an author's keys, make a new one, or both."""
+
+    lines: list[str] = []
+    data: dict[str, object] = {}
+    if arguments.drop_keys is not None:
+        dropped = store.drop_keys(arguments.drop_keys)
+        lines.append(f"{arguments.drop_keys}: {dropped} key{'' if dropped == 1 else 's'} dropped")
+        data = {"author": arguments.drop_keys, "dropped": dropped}
+    author = arguments.new_key
+    if author is not None:
+        if not author.strip() or len(author) > LONGEST_AUTHOR or not author.isprintable():
+            message = f"an author has a printable name of at most {LONGEST_AUTHOR} characters"
+            raise BadInput([error("K006", message)])
+        key = store.new_key(author, now())
+        lines.append(key)
+        data |= {"author": author, "key": key}
+    return Answer(text="\n".join(lines), data=data)
