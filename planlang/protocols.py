@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from enum import StrEnum
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol
 
 from numpy.typing import NDArray
 
@@ -151,17 +151,6 @@ class World(Protocol):
 
     def taken(self, name: str) -> str | None:
         """Return the person who pulls at a body or has it, None if nobody does."""
-
-
-@runtime_checkable
-class RestorableWorld(Protocol):
-    """A world whose state is JSON and can be brought back: a simulated one, unlike that of a real robot."""
-
-    def snapshot(self) -> dict[str, Any]:
-        """Return the state of the world."""
-
-    def restore_state(self, state: Mapping[str, Any]) -> None:
-        """Go on from a :meth:`snapshot`; raises ValueError if it does not fit this world, or is damaged."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -108,20 +108,6 @@ class Bodies:
             self.upper = np.vstack([self.upper, np.full((1, 3), -np.inf)])
         self.place(body.name, body.pose)
 
-    def forget_created(self) -> None:
-        """Take everything away that :meth:`create` has put there."""
-        names = self.created
-        self.moves += 1
-        for piece in self.pieces[self.first :]:
-            bullet.removeBody(piece.uid, physicsClientId=self.client)
-            del self._index[piece.uid]
-        for name in names:
-            del self.bodies[name], self.poses[name], self.of[name]
-            self.removed.discard(name)
-        del self.pieces[self.first :]
-        self.hidden = {index for index in self.hidden if index < self.first}
-        self.lower, self.upper = self.lower[: self.first], self.upper[: self.first]
-
     @property
     def created(self) -> tuple[str, ...]:
         """Return the names of bodies that were not in the scene at the beginning, in the order of their creation."""

@@ -58,9 +58,5 @@ class Controls:
                 self._turned[knob.body] = is_turned
                 self._put(knob.device, is_turned != self._at_first[knob.device])
 
-    def restored(self, values: Mapping[str, float], joints: Mapping[str, Articulation]) -> None:
-        """Take knobs, and the states of devices, as they are."""
-        self._turned = {name: values[name] >= HALFWAY * joints[name].upper for name in self._turned}
-
     def _put(self, device: str, is_on: bool) -> None:
         self._matter.states[device] = ON if is_on else OFF

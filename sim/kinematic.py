@@ -336,48 +336,22 @@ class KinematicScene:
         )
 
     def snapshot(self) -> dict[str, Any]:
-        """Return the state as JSON, from which :meth:`restore_state` makes an equal one of the same scene and robot."""
-        self._here()
-        return {
-            **snapshots.configuration(self._now),
-            "created": snapshots.created(self._bodies),
-            "matter": self._matter.snapshot(),
-            **snapshots.bodies(self._bodies, self._held),
-            "held": snapshots.held(self._held),
-            **snapshots.leaves(self._leaves),
-            "falling": snapshots.falling(self._falling),
-            **snapshots.people(self._people),
-        }
+        """Return what came into being, and what things contain and are, as JSON: what a belief does not tell."""
+        return {"created": snapshots.created(self._bodies), "matter": self._matter.snapshot()}
 
     def restore_state(self, state: Mapping[str, Any]) -> None:
-        """Go on from a :meth:`snapshot`; raises ValueError for one of another scene or robot, or that is damaged."""
+        """Go on from a :meth:`snapshot` of the same scene, in a world in which nothing has come into being yet.
+
+        Raises ValueError for one of another scene, or that is damaged.
+        """
         try:
-            now = snapshots.configuration_of(state)
-            if now.joints.keys() != self._now.joints.keys():
-                raise ValueError("the robot has other joints")
-            self._forget_created()
             for body in snapshots.created_of(state["created"], self._bodies):
                 self._create(body)
             self._matter.restore(state["matter"], self._bodies.bodies)
-            snapshots.restore_bodies(self._bodies, state)
-            snapshots.restore_leaves(self._leaves, self._robot, self._bodies, state)
-            if self._robot is not None:
-                snapshots.restore_held(self._held, self._robot, self._bodies, state["held"])
-            snapshots.restore_falling(self._falling, state["falling"])
-            snapshots.restore_people(self._people, state)
-            self._now = now
+            for name in self._matter.gone:
+                self._bodies.remove(name)
         except (KeyError, TypeError, AttributeError) as problem:
             raise ValueError(f"the state of the world is damaged: {problem!r}") from None
-        self._here()
-
-    def _forget_created(self) -> None:
-        names = self._bodies.created
-        self.scene = replace(self.scene, bodies=tuple(one for one in self.scene.bodies if one.name not in names))
-        self._leaves.movable = [name for name in self._leaves.movable if name not in names]
-        for name in names:
-            self._held.pop(name, None)
-            self._falling.stop(name)
-        self._bodies.forget_created()
 
     def close(self) -> None:
         """End the physics client; the world cannot be used afterwards. Closing twice does nothing."""

@@ -6,8 +6,7 @@ side up. Time goes on in steps; nothing here is random.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
-from typing import Any
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
@@ -18,7 +17,6 @@ from sim.changes import Changes
 from sim.falling import turned_up
 from sim.matter import Portion
 from sim.scene import Body
-from sim.snapshots import pose_json, pose_of
 
 NEAR_BLADE = 0.03
 """Distance of a thing's centre from a blade within which the blade carries it [m]."""
@@ -125,22 +123,6 @@ class Processes:
         matrix = np.eye(4)
         matrix[:3, :3], matrix[:3, 3] = columns, centre
         return self._bodies.poses[tool] @ Pose.from_matrix(matrix)
-
-    def snapshot(self) -> dict[str, Any]:
-        """Return what is on blades as JSON."""
-        riding = {thing: [ride.tool, pose_json(ride.offset), ride.side] for thing, ride in self.riding.items()}
-        return {"riding": riding, "heights": dict(self.heights)}
-
-    def restore(self, state: Mapping[str, Any]) -> None:
-        """Go on from a :meth:`snapshot`; raises ValueError for things that are not there."""
-        unknown = {*state["riding"], *state["heights"], *(ride[0] for ride in state["riding"].values())}
-        if not unknown <= self._bodies.bodies.keys():
-            raise ValueError(f"there is no body {', '.join(sorted(unknown - self._bodies.bodies.keys()))}")
-        self.riding = {
-            thing: Riding(str(tool), pose_of(offset), float(side))
-            for thing, (tool, offset, side) in state["riding"].items()
-        }
-        self.heights = {str(tool): float(height) for tool, height in state["heights"].items()}
 
 
 def warm(changes: Changes, seconds: float) -> None:

@@ -6,7 +6,6 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -327,31 +326,6 @@ class PyBulletWorld(KinematicScene):
         motions = tuple((group, playback.row, playback.state()) for group, playback in self._motions.items())
         *things, people = super().state()
         return (self.steps, *things, motions, people)
-
-    def snapshot(self) -> dict[str, Any]:
-        """Return the state as JSON. Motions under way are left out; the robot is taken to stand where it is."""
-        return {"step": self.steps, "groups": list(self._motions), **super().snapshot(), **self._processes.snapshot()}
-
-    def restore_state(self, state: Mapping[str, Any]) -> None:
-        """Go on from a :meth:`snapshot`; raises ValueError for one of another scene or robot, or that is damaged."""
-        try:
-            steps, groups = int(state["step"]), [str(group) for group in state["groups"]]
-        except (KeyError, TypeError, OverflowError) as problem:
-            raise ValueError(f"the state of the world is damaged: {problem!r}") from None
-        if steps < 0:
-            raise ValueError(f"the state of the world is damaged: it is {steps} steps old")
-        super().restore_state(state)
-        try:
-            self._processes.restore(state)
-            self._controls.restored(self._leaves.values, self._leaves.joints)
-        except (KeyError, TypeError, AttributeError) as problem:
-            raise ValueError(f"the state of the world is damaged: {problem!r}") from None
-        for link in list(self._pushing.hands) if self._robot is not None else ():
-            self.set_pushing(link, pushing=False)
-        # motions that are over: groups keep their order, in which motions are played
-        over = Trajectory((), np.zeros((1, 0)))
-        self._motions = {group: Playback(over, []) for group in groups}
-        self.steps = steps
 
 
 def held_by(world: PyBulletWorld, name: str) -> str | None:

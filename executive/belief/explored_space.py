@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import base64
 import math
-import zlib
 from collections.abc import Sequence
 from itertools import product
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -154,23 +151,6 @@ class ExploredSpace:
         """Return over which cells of the floor (nx, ny) nothing is up to a height [m], as far as was seen."""
         column = self.cells[:, :, 2 : max(3, int(height / CELL))]
         return np.asarray(~(column == SURFACE).any(axis=2) & ((column == FREE).mean(axis=2) >= KNOWN))
-
-    def snapshot(self) -> Any:
-        """Return the state as JSON."""
-        packed = base64.b64encode(zlib.compress(self.cells.tobytes() + self.tries.tobytes())).decode("ascii")
-        return [list(self.bounds), list(self.cells.shape), packed]
-
-    @staticmethod
-    def restored(state: Any) -> ExploredSpace:
-        """Return one from :meth:`snapshot`; raises TypeError or ValueError for what is none."""
-        (x_min, y_min, x_max, y_max), shape, packed = state
-        space = ExploredSpace((float(x_min), float(y_min), float(x_max), float(y_max)))
-        if list(space.cells.shape) != list(shape):
-            raise ValueError(f"a grid of {space.cells.shape} cells is expected, not {shape}")
-        data = zlib.decompressobj().decompress(base64.b64decode(packed), 2 * space.cells.size)
-        both = np.frombuffer(data, np.uint8).reshape(2, *space.cells.shape)
-        space.cells, space.tries = both[0].copy(), both[1].copy()
-        return space
 
 
 KNOWN = 0.4

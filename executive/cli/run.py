@@ -51,6 +51,8 @@ def options_of(arguments: RunArguments) -> RunOptions:
         raise typer.BadParameter("name a recipe or plan, or --resume TRACE")
     if arguments.world_as_left and arguments.resume is None:
         raise typer.BadParameter("--world-as-left needs --resume")
+    if arguments.world_as_left and arguments.poses is not None:
+        raise typer.BadParameter("--poses needs the whole run, of which --world-as-left leaves the beginning out")
     start, bindings = planar(arguments.start), _bindings(arguments.set_ or [])
     recorded, header = None, TraceHeader()
     if arguments.resume is not None:

@@ -11,7 +11,6 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import field
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -26,7 +25,6 @@ from planlang.failures import ObjectNowhereToBeFound
 from planlang.geometry import Array, Pose
 from planlang.ontology import Literal, Ontology, expand
 from planlang.records import dataclass
-from planlang.runs.codec import dump, load
 from planlang.units import stated_number
 from sim.joints import JointKind
 
@@ -351,39 +349,6 @@ class Searches:
     def points_of(self, name: str) -> Array:
         """Return the points (n, 3) of a place where small things may be."""
         return points_of(self.inside(name), over=name not in self.scene.belief.joints)
-
-    # Remembering
-
-    def snapshot(self) -> list[Any]:
-        """Return the searches as JSON."""
-        return [
-            [
-                name,
-                dump(one.what),
-                None if one.within is None else dump(one.within),
-                _visits(one),
-                one.failed,
-                one.left_open,
-            ]
-            for name, one in self.begun.items()
-        ]
-
-    def restore(self, state: Sequence[Any]) -> None:
-        """Restore :meth:`snapshot`; raises TypeError or ValueError for what is none."""
-        self.begun = {}
-        for name, what, within, visited, failed, left_open in state:
-            found = [load(one) for one in (what, within) if one is not None]
-            if not all(isinstance(one, Object) for one in found):
-                raise TypeError(f"{found!r} are no objects")
-            places = {str(place): (float(x), float(y), float(yaw)) for place, (x, y, yaw) in visited}
-            problems = {str(place): str(problem) for place, problem in failed.items()}
-            inside = found[1] if within is not None else None
-            size = self._size(found[0])
-            self.begun[str(name)] = Search(found[0], inside, size, places, problems, list(map(str, left_open)))
-
-
-def _visits(search: Search) -> list[Any]:
-    return [[place, list(base)] for place, base in search.visited.items()]
 
 
 def points_of(block: Block, *, over: bool = True) -> Array:

@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterator, Sequence
 from functools import cached_property
 from heapq import heappop, heappush
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -282,22 +281,6 @@ class Exploration:
         rows, columns = np.nonzero(fits)
         shown[rows, columns] = self.space.clear(eyes[rows], points[columns])
         return shown
-
-    # Remembering
-
-    def snapshot(self) -> list[Any]:
-        """Return the state as JSON."""
-        goal = None if self.goal is None else list(self.goal)
-        return [list(self.names), goal, self.finished, list(self.origin), list(self.close), self.space.snapshot()]
-
-    def restore(self, state: Sequence[Any]) -> None:
-        """Restore :meth:`snapshot`; raises TypeError or ValueError for what is none."""
-        names, goal, finished, (x, y, yaw), close, space = state
-        self.close = list(map(str, close))
-        self.scene.space = self.space = ExploredSpace.restored(space)
-        self.names = tuple(map(str, names))
-        self.goal = None if goal is None else (float(goal[0]), float(goal[1]), float(goal[2]))
-        self.finished, self.origin = bool(finished), (float(x), float(y), float(yaw))
 
 
 def _distances(free: NDArray[np.bool_], start: tuple[int, int]) -> Array:

@@ -7,7 +7,7 @@ choice of hand poses leads to nothing, more and more of them are looked at (``BU
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from contextlib import closing, suppress
 from dataclasses import replace
 from functools import partial
@@ -211,18 +211,6 @@ class Resolver:
     def reached_from(self, base: BasePose) -> Mapping[tuple[str, BasePose], Mapping[Reach, HandSolution]]:
         """Return how arms reach from the last base pose that was found what it was found for."""
         return self._validator.reached_from(base)
-
-    def remember(self, reached: Mapping[tuple[str, BasePose], Iterable[HandSolution]]) -> None:
-        """Restore the result of :meth:`reached_from`."""
-        self._validator.remember(reached)
-
-    def viewers(self) -> list[tuple[Location, tuple[float, float]]]:
-        """Return from where locations that name a side were looked for last, in that order."""
-        return [(location, place) for location, place in self._viewers.items() if _names_a_side(location)]
-
-    def remember_viewers(self, viewers: Iterable[tuple[Location, tuple[float, float]]]) -> None:
-        """Restore the result of :meth:`viewers`; nothing else is remembered then."""
-        self._viewers = dict(viewers)
 
     # Hand solutions
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -364,12 +364,6 @@ class BaseValidator:
     def reached_from(self, base: BasePose) -> Mapping[tuple[str, BasePose], Mapping[Reach, HandSolution]]:
         """Return how arms reach from the last base pose that was found what it was found for."""
         return {key: candidates for key, candidates in self._reached.items() if key[1] == rounded(base)}
-
-    def remember(self, reached: Mapping[tuple[str, BasePose], Iterable[HandSolution]]) -> None:
-        """Restore the result of :meth:`reached_from`; nothing else is remembered then."""
-        self._reached = {
-            key: {candidate.reach: candidate for candidate in candidates} for key, candidates in reached.items()
-        }
 
 
 def unmet(term: Area | Facing | Clear) -> str:

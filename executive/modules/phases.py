@@ -5,17 +5,12 @@ A recipe is told by the place of the plan function in the tree of the run, which
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import field
-from typing import Any
-
-import numpy as np
 
 from planlang.geometry import Array, Pose
 from planlang.language.plans import innermost_plan
 from planlang.motion_constraints import MotionConstraint
 from planlang.records import dataclass
-from planlang.runs.codec import dump, load
 
 MOST = 16
 """Recipes that are remembered; the one that went on longest ago is forgotten first."""
@@ -68,31 +63,3 @@ class Phases:
         while len(self._known) > MOST:
             del self._known[next(iter(self._known))]
         return found
-
-    def snapshot(self) -> dict[str, Any]:
-        """Return all states as JSON."""
-        return {
-            path: [
-                {name: dump(pose) for name, pose in one.things.items()},
-                dict(one.tools),
-                [dump(each) for each in one.before],
-                {name: dump(pose) for name, pose in one.taken.items()},
-                None if one.way is None else one.way.tolist(),
-                {name: [pour.by, pour.asked, pour.into, pour.flowed, pour.until] for name, pour in one.pours.items()},
-            ]
-            for path, one in self._known.items()
-        }
-
-    def restore(self, state: Mapping[str, Sequence[Any]]) -> None:
-        """Go on from a :meth:`snapshot`."""
-        self._known = {
-            str(path): Phase(
-                {str(name): load(pose) for name, pose in things.items()},
-                {str(what): str(name) for what, name in tools.items()},
-                tuple(map(load, before)),
-                {str(name): load(pose) for name, pose in taken.items()},
-                None if way is None else np.array(way, float),
-                {str(name): Pour(*pour) for name, pour in pours.items()},
-            )
-            for path, (things, tools, before, taken, way, pours) in state.items()
-        }

@@ -6,7 +6,7 @@ made once in each strand of the run, and kept there.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -107,19 +107,6 @@ class ArmChoices:
             if not choice.over and path not in around and not _inside(path, around[0])
         )
         return frozenset(beside) - {self.mine()}
-
-    def state(self) -> dict[str, str]:
-        """Return what a run that is resumed needs to know."""
-        return {path: choice.arm for path, choice in self.made.items() if not choice.over}
-
-    @staticmethod
-    def restored(state: Mapping[str, str], arms: Iterable[str]) -> ArmChoices:
-        """Return one from :meth:`state`; raises KeyError for an arm that is not one of ``arms``."""
-        known = dict.fromkeys(arms)
-        unknown = [arm for arm in state.values() if arm not in known]
-        if unknown:
-            raise KeyError(unknown[0])
-        return ArmChoices({str(path): _Choice(str(arm), None) for path, arm in state.items()})
 
 
 def _inside(path: str, outer: str) -> bool:
@@ -430,11 +417,6 @@ class Platform(Control):
             self._exploration.missed()
             return self._exploration.goal is not None
         return self._searches is not None and name in self._searches.begun
-
-    @property
-    def searches_begun(self) -> bool:
-        """Return whether anything was looked for in several places."""
-        return self._searches is not None
 
     def watched(self, group: str) -> Sequence[str]:
         """Return the arms that must not lose what they hold: all while driving, else those that this strand uses."""

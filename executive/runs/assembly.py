@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import astuple, replace
+from dataclasses import replace
 from functools import cache
 from itertools import chain, islice
 from typing import Any
@@ -22,26 +22,22 @@ from executive.belief.obstacles import with_store
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.recognition import Recognition
 from executive.belief.scene_collisions import BasePose
-from executive.locations import HandSolution, Reach, ReachKind, Resolver
-from executive.locations.demands import HandTerm
-from executive.locations.grasp_candidates import HandPoses
+from executive.locations import Resolver
 from executive.maps import SemanticMap, default_starts
 from executive.modules.effects import ActionEffects, ModuleWithEffects
 from executive.modules.looking_first import LookingFirst
-from executive.modules.platform import ArmChoices, Platform
+from executive.modules.platform import Platform
 from executive.robots import CARRYING, Robot
-from executive.robots.arms import ArmModel, arm_models, gaze_of
+from executive.robots.arms import arm_models, gaze_of
 from executive.runs.final_state import Tilts
 from executive.runs.in_hands import InHand
 from planlang.action_classes import ancestors_of
 from planlang.designators import Action, Condition, Device, FixedPose, Location, Object, a_posture, action
 from planlang.diagnostics import BadInput, Span, error
 from planlang.failures import LocationUnresolvable, ObjectNotFound, ObjectUnresolvable
-from planlang.geometry import Array
-from planlang.language.executive import ProcessModule
+from planlang.language.executive import ModuleOnce, ProcessModule
 from planlang.ontology import Ontology, expand, shorten
-from planlang.protocols import RestorableWorld, Solution, World
-from planlang.runs.codec import dump, load
+from planlang.protocols import Solution, World
 from sim import PlanningWorld, Scene, perturb
 
 MOST_STARTS = 5000
@@ -162,15 +158,13 @@ class RobotExecutive:
     def __init__(self, platform: Platform, modules: Iterable[Callable[[Platform], ProcessModule]]) -> None:
         """``modules`` are classes of process modules; of several for one action the first is used."""
         self.platform = platform
-        self.world_as_left = False
-        """True if the user states that the world is as a snapshot left it: it is not restored then."""
         self.tilts = Tilts(platform.leaning)
         """The largest tilts of what was carried, which are measured where the true world is watched."""
         self._effects = ActionEffects(platform)
         self.finding = performed_with(platform.belief.map.ontology, "finds")
         """Action classes that look for things."""
         self.modules: Sequence[ProcessModule] = tuple(
-            ModuleWithEffects(LookingFirst(create(platform), platform, self.finding), self._effects)
+            ModuleWithEffects(LookingFirst(ModuleOnce(create(platform)), platform, self.finding), self._effects)
             for create in modules
         )
 
@@ -298,112 +292,28 @@ class RobotExecutive:
         return any(cls in self.platform.releasing for cls in self.ancestors(action.type))
 
     def snapshot(self) -> dict[str, Any]:
-        """Return worlds that can be restored, belief, random numbers and kept choices as JSON."""
-        platform, arms = self.platform, self.platform.arms
-        state: dict[str, Any] = {}
-        if isinstance(platform.world, RestorableWorld):
-            state["world"] = platform.world.snapshot()
-        state["believed"] = platform.scene.world.snapshot()
-        state["belief"] = platform.belief.snapshot()
-        state["rng"] = platform.rng.bit_generator.state
-        state["arms"] = arms.choices.state()
-        state["phases"] = platform.phases.snapshot()
-        state["tilts"] = self.tilts.snapshot()
-        state["begun"] = [
-            [arm, revision, list(base), _solution_json(solution)]
-            for arm, (revision, base, solution) in arms.begun.items()
-            if revision == platform.belief.revision and base == platform.base()
-        ]
-        state["reached"] = [
-            [arm, list(base), [_solution_json(solution) for solution in solutions.values()]]
-            for (arm, base), solutions in platform.resolver.reached_from(platform.base()).items()
-        ]
-        state["searches"] = platform.searches.snapshot() if platform.searches_begun else []
-        state["exploration"] = None if platform.exploring is None else platform.exploring.snapshot()
-        state["viewers"] = [[dump(location), list(place)] for location, place in platform.resolver.viewers()]
-        return state
+        """Return the belief as JSON, for a run that goes on in a world that is as it was left."""
+        platform = self.platform
+        return {
+            "belief": platform.belief.snapshot(),
+            "things": platform.scene.world.snapshot(),
+            "leaning": sorted(platform.leaning),
+        }
 
     def restore(self, left: Mapping[str, Any]) -> None:
-        """Restore belief and, unless it is as left, the world to a snapshot; raises ValueError if it does not fit."""
+        """Believe what a snapshot says; raises ValueError if it does not fit."""
         platform = self.platform
         try:
-            if not self.world_as_left and isinstance(platform.world, RestorableWorld):
-                platform.world.restore_state(left["world"])
+            platform.scene.world.restore_state(left["things"])
             platform.belief.restore(left["belief"])
+            platform.leaning.update(map(str, left["leaning"]))
             self._effects.restored()
-            platform.scene.world.restore_state(left["believed"])
-            platform.rng.bit_generator.state = left["rng"]
-            arms = {arm.name: arm for arm in platform.scene.arms.all}
-            platform.arms.choices = ArmChoices.restored(left["arms"], arms)
-            platform.phases.restore(left["phases"])
-            self.tilts.restore(left["tilts"])
-            platform.arms.begun = {
-                arms[arm].name: (int(revision), _base(base), _solution(solution, arms))
-                for arm, revision, base, solution in left["begun"]
-            }
-            platform.resolver.remember(
-                {
-                    (arms[arm].name, _base(base)): [_solution(solution, arms) for solution in solutions]
-                    for arm, base, solutions in left["reached"]
-                }
-            )
-            if left["searches"]:
-                platform.searches.restore(left["searches"])
-            if left["exploration"] is not None:
-                platform.exploration.restore(left["exploration"])
-            platform.resolver.remember_viewers([_viewer(*viewer) for viewer in left["viewers"]])
         except (KeyError, TypeError, AttributeError) as problem:
             raise ValueError(f"the state of the robot is damaged: {problem!r}") from None
 
     def record(self, write: Callable[[str, Mapping[str, Any]], None]) -> None:
         """Write changes of the belief into the trace."""
         self.platform.belief.tell = write
-
-
-def _solution_json(solution: HandSolution) -> list[Any]:
-    plan = solution.plan
-    hand = [plan.label, plan.poses.tolist(), plan.touches, _listed(plan.fingers)]
-    return [_listed(astuple(solution.reach)), solution.arm.name, hand, solution.joints.tolist()]
-
-
-def _listed(value: Any) -> Any:
-    """Return a value with lists for tuples, as JSON gives them back: a state is compared with one that was read."""
-    if isinstance(value, ReachKind):
-        return value.value
-    return [_listed(one) for one in value] if isinstance(value, tuple) else value
-
-
-def _solution(state: Any, arms: Mapping[str, ArmModel]) -> HandSolution:
-    reach, arm, (label, poses, touches, fingers), joints = state
-    opening = tuple((str(name), float(value)) for name, value in fingers)
-    plan = HandPoses(str(label), _array(poses, (-1, 4, 4)), touches, opening)
-    return HandSolution(_reach(*reach), arms[arm], plan, _array(joints, (-1, len(arms[arm].joints))))
-
-
-def _reach(
-    kind: str, body: str, grasp: str | None, some: Any, heights: Any, inside: bool, also: Any, before: bool, then: Any
-) -> Reach:
-    low, high = heights
-    named = None if some is None else tuple(map(str, some))
-    terms = tuple(_term(*term) for term in also)
-    uses = tuple(_reach(*use) for use in then)
-    return Reach(ReachKind(kind), body, grasp, named, (float(low), float(high)), inside, terms, before, uses)
-
-
-def _term(name: str, body: str, within: float | None, beyond: float | None, negated: bool, viewer: Any) -> HandTerm:
-    seen = None if viewer is None else (float(viewer[0]), float(viewer[1]))
-    return HandTerm(name, body, within, beyond, negated, seen)
-
-
-def _viewer(what: Any, place: Any) -> tuple[Location, tuple[float, float]]:
-    location, (x, y) = load(what), place
-    if not isinstance(location, Location):
-        raise TypeError(f"{location!r} is not a location")
-    return location, (float(x), float(y))
-
-
-def _array(state: Any, shape: tuple[int, ...]) -> Array:
-    return np.array(state, dtype=float).reshape(shape)
 
 
 def _base(state: Any) -> BasePose:

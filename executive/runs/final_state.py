@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, MutableSet
-from typing import Any
+from collections.abc import Iterable, Iterator, MutableSet
 
 from planlang.designators import local_name
 from planlang.object_changes import state_word
@@ -72,20 +71,6 @@ class Tilts:
                 self._held[name] = before.get(name, tilt <= limit)
                 if self._held[name] and name not in self._leaning:
                     self.largest[name], self.limits[name] = max(tilt, self.largest.get(name, 0.0)), limit
-
-    def snapshot(self) -> dict[str, Any]:
-        """Return the tilts, and which things are watched, as JSON."""
-        largest = {name: [tilt, self.limits[name]] for name, tilt in self.largest.items()}
-        return {"largest": largest, "held": dict(self._held), "leaning": sorted(self._leaning)}
-
-    def restore(self, state: Mapping[str, Any]) -> None:
-        """Go on from a :meth:`snapshot`; raises KeyError, TypeError, AttributeError or ValueError for another state."""
-        largest = {str(name): (float(tilt), float(limit)) for name, (tilt, limit) in state["largest"].items()}
-        self.largest = {name: tilt for name, (tilt, _) in largest.items()}
-        self.limits = {name: limit for name, (_, limit) in largest.items()}
-        self._held = {str(name): bool(stood) for name, stood in state["held"].items()}
-        self._leaning.clear()
-        self._leaning |= set(map(str, state["leaning"]))
 
     def degrees(self) -> dict[str, float]:
         """Return the largest tilt of each thing, to a tenth of a degree."""

@@ -44,7 +44,7 @@ from executive.runs.plan_files import (
     without_module,
 )
 from executive.runs.settings import stated
-from executive.runs.traces import check_same_run, past_of, recorded_parameters, sha256
+from executive.runs.traces import check_same_run, different, earlier_of, recorded_parameters, sha256
 from executive.runs.written import WatchedWorld, Written, bodies_of
 from planlang import PlanFailure, RunError, SimulationHost, Trace, budget, explain, run
 from planlang.designators import Action
@@ -55,8 +55,10 @@ from planlang.language.plans import Plan
 from planlang.language.running import known as run_header
 from planlang.ontology import load
 from planlang.records import dataclass
-from planlang.runs import Different, Past, RecordedRun, restore
+from planlang.runs import Different, Past, RecordedRun, Repetition, restore
 from planlang.runs.codec import dump
+from planlang.runs.repeating import RepeatedTrace
+from planlang.runs.trace import Earlier
 from sim import PyBulletWorld, Scene
 
 if TYPE_CHECKING:
@@ -156,7 +158,7 @@ class Run:
             return self._refused(program.missing)
         robot, given = self._equipped(found)
         assessment = self._assessed(asked, robot)
-        past, notes = (None, []) if options.resume is None else past_of(options.resume)
+        earlier, notes = earlier_of(options.resume, world_as_left=options.world_as_left)
         held = in_hands(robot, asked.map, asked.scene)
         if not assessment.missing or options.force:
             robot = with_carrying(robot, [(one.link, one.body, one.offset) for one in held])
@@ -170,14 +172,15 @@ class Run:
         take(platform, truth, held)
         platform.scene.collisions.prepare()
         header = self._header(asked, platform, assessment, given)
-        body = self._body(asked.bound, partial(self._bind_all, asked, executive, past))
-        if past is not None:
+        body = self._body(asked.bound, partial(self._bind_all, asked, executive, earlier))
+        if earlier is not None:
             known = run_header(body, SimulationHost(truth), options.seed, options.schedule)
-            notes = check_same_run(past.recorded, {**header, **known})
+            notes = check_same_run(earlier.recorded, {**header, **known})
             options.announce(notes)
             found += notes
-            self._restore(executive, past)
-        return self._executed(body, asked.bound, executive, truth, header, past)
+        if isinstance(earlier, Past):
+            self._restore(executive, earlier)
+        return self._executed(body, asked.bound, executive, truth, header, earlier)
 
     def _asked(self) -> _Asked:
         """Return what the plan is about; raises BadInput for a map or a parameter that cannot be used."""
@@ -283,12 +286,14 @@ class Run:
         infeasible = [alternative.name for alternative, _ in assessment.infeasible]
         return header | settings | ({"infeasible": infeasible} if infeasible else {})
 
-    def _bind_all(self, asked: _Asked, executive: RobotExecutive, past: Past | None) -> None:
+    def _bind_all(self, asked: _Asked, executive: RobotExecutive, earlier: Past | Repetition | None) -> None:
         """Raise ObjectUnresolvable for a parameter that means nothing here or later, before anything moves.
 
-        A run that is resumed may have destroyed what one means. What only recipes need that modules stand in for need
-        not be there.
+        Steps that are taken over may have destroyed what one means. What only recipes need that modules stand in for
+        need not be there.
         """
+        if isinstance(earlier, Past):
+            return
         actions = asked.needs.actions
         for name, value in asked.bound.items():
             for what in things_of(value):
@@ -296,7 +301,12 @@ class Run:
                     executive.platform.scene.bodies.bind(what)
                 except ObjectUnresolvable:
                     appears = executive.may_create(what, actions) or executive.may_find(what, actions)
-                    if past is None and name not in asked.made and not appears and name in self._read(executive):
+                    if (
+                        not isinstance(earlier, Past)
+                        and name not in asked.made
+                        and not appears
+                        and name in self._read(executive)
+                    ):
                         raise
 
     def _read(self, executive: RobotExecutive) -> frozenset[str]:
@@ -329,16 +339,12 @@ class Run:
         return BUDGET + PER_STEP * count_of_steps(self.source) + stated_waiting(self.source) + stated
 
     def _restore(self, executive: RobotExecutive, past: Past) -> None:
-        """Restore world and belief; raises BadInput when the trace or the world cannot, and the user does not vouch."""
-        span = Span(past.recorded.name, past.last.line if past.last is not None else 1)
-        executive.world_as_left = self.options.world_as_left
+        """Restore the belief, for the user states that the world is as the trace left it."""
         try:
-            if restore(executive, past) or self.options.world_as_left:
-                return
+            restore(executive, past)
         except ValueError as problem:
+            span = Span(past.recorded.name, past.last.line if past.last is not None else 1)
             raise BadInput([error("X020", f"the recorded state does not fit: {problem}", span)]) from None
-        advice = "--world-as-left states that world and robot are as the trace left them"
-        raise BadInput([error("X023", "the trace does not contain the state of the world", span, advice)])
 
     def _executed(
         self,
@@ -347,14 +353,17 @@ class Run:
         executive: RobotExecutive,
         truth: PyBulletWorld,
         header: Mapping[str, object],
-        past: Past | None,
+        earlier: Past | Repetition | None,
     ) -> RunResult:
         options = self.options
-        written, count = Written(options, executive.platform.belief, executive.tilts, truth), len(self.found)
-        written.ask(self.plan.name, bound, header, self.found, past)
-        if new := self.found[count:]:
-            options.announce(new)
-        trace = Trace(None, header) if options.trace is None else Trace.at(options.trace, header, past=past)
+        written = Written(options, executive.platform.belief, executive.tilts, truth)
+        written.ask(self.plan.name, bound, header, self.found)
+
+        def trace_after(earlier: Earlier | None) -> Trace:
+            written.begin()
+            return Trace(None, header) if options.trace is None else Trace.at(options.trace, header, earlier=earlier)
+
+        trace = RepeatedTrace(earlier, trace_after) if isinstance(earlier, Repetition) else trace_after(earlier)
         trace.listeners = tuple(written.listeners)
         world = WatchedWorld(truth, written.watchers)
         outcome, message, failures = Outcome.DONE, "done", tuple[str, ...]()
@@ -368,7 +377,7 @@ class Run:
                 trace=trace,
                 max_steps=int(2 * self._allowance(bound) * truth.rate),
                 resumable=True,
-                resume=past,
+                resume=earlier if isinstance(earlier, Past) else None,
             )
         except PlanFailure as failure:
             outcome, message = Outcome.FAILED, explain(failure)
@@ -376,8 +385,8 @@ class Run:
         except KeyboardInterrupt:
             outcome, message = Outcome.INTERRUPTED, "interrupted"
         except Different as difference:
-            name = "" if past is None else past.recorded.name
-            raise BadInput([error("X027", str(difference), Span(name, difference.line or 1))]) from None
+            assert earlier is not None
+            raise BadInput([different(earlier.recorded, difference, header)]) from None
         except RunError as problem:
             outcome, message = Outcome.FAILED, f"{type(problem).__name__}: {problem}"
             failures = (type(problem).__name__,)

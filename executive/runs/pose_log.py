@@ -1,15 +1,15 @@
 """A log of where bodies and the robot's links are while a run goes on, for ``planlang export``.
 
-It is written as the run goes on, so that a run that was killed can be resumed with a log of all of it.
+It is written as the run goes on.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
-from planlang.experience.poses import IDENTITY, MAP, Transform, pose_lines, read_log, transform_lines
+from planlang.diagnostics import BadInput, error
+from planlang.experience.poses import IDENTITY, MAP, Transform, pose_lines, transform_lines
 from planlang.geometry import Pose
 from planlang.outputs import write_text
 from sim import PyBulletWorld
@@ -20,38 +20,33 @@ MOVED = 1e-6
 """Less than this [m, or of a quaternion] is no movement: links in their parents' frames are computed."""
 
 
-def earlier_poses(path: Path, header: Mapping[str, object], until: int, found: list[Diagnostic]) -> list[Transform]:
-    """Return the poses that an interrupted run has logged up to a world step, from which it is resumed.
-
-    Without such a log ``found`` gets a warning; raises BadInput for one of another run.
-    """
-    if not path.exists():
-        message = "the poses up to where the run is resumed are not known: the interrupted run has logged none here"
-        found.append(warning("K081", message, Span(str(path)), "name the file that it was given by --poses"))
-        return []
-    return [one for one in read_log(path, header) if one.step <= until]
-
-
 class PoseLog:
     """Called with the true world after each of its steps; ``header`` is that of the run's trace.
 
+    It is a hidden file until :meth:`begin`: a run that repeats another one destroys nothing if it does something else.
+
     Links are told in the frames of the links that they hang on, so that those of an arm at rest do not move with the
-    base; the root link and bodies in the map, limbs of people in the frames of their bodies. ``earlier`` poses are
-    those of the run before it was resumed.
+    base; the root link and bodies in the map, limbs of people in the frames of their bodies.
     """
 
-    def __init__(
-        self, world: PyBulletWorld, path: Path, header: Mapping[str, object], earlier: Sequence[Transform] = ()
-    ) -> None:
+    def __init__(self, world: PyBulletWorld, path: Path, header: Mapping[str, object]) -> None:
         self._rate = world.rate
         links = world.robot.links
         names = {index: name for name, index in links.items()}
         self._above = {name: names.get(world.robot.parent[index]) for name, index in links.items()}
-        self._last = {one.child: (*one.position, *one.orientation) for one in earlier}
-        self._count = len(earlier)
+        self._last: dict[str, tuple[float, ...]] = {}
+        self._count = 0
         known = {key: header.get(key) for key in IDENTITY}
-        write_text(path, "".join(pose_lines(earlier, self._rate, None, **known)))
-        self._path, self._file = path, path.open("ab", buffering=0)
+        self._path = path
+        self._coming = path.with_name(f".{path.name}.new") if path.is_file() or not path.exists() else path
+        write_text(self._coming, "".join(pose_lines((), self._rate, None, **known)))
+        self._file = self._coming.open("ab", buffering=0)
+
+    def begin(self) -> None:
+        """Take the place of an older log."""
+        if self._coming is not self._path:
+            self._coming.replace(self._path)
+            self._coming = self._path
 
     def __call__(self, world: PyBulletWorld) -> None:
         """Write what has moved; raises BadInput if that cannot be written."""
@@ -88,5 +83,7 @@ class PoseLog:
                 yield above, name, links[above].inverse() @ pose
 
     def close(self) -> None:
-        """End the log."""
+        """End the log; one that has not begun is no log."""
         self._file.close()
+        if self._coming is not self._path:
+            self._coming.unlink()

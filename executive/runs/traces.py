@@ -19,9 +19,10 @@ from planlang.kernel.tree import Node
 from planlang.language.performing import is_inner
 from planlang.object_changes import state_word
 from planlang.records import dataclass
-from planlang.runs import DamagedTrace, Past, RecordedRun, differences
+from planlang.runs import DamagedTrace, Different, Past, RecordedRun, Repetition, differences
 from planlang.runs.codec import load
 from planlang.runs.recorded_run import SPANS
+from planlang.runs.repeating import OUTSIDE
 from planlang.runs.trace import Listener
 
 
@@ -53,8 +54,8 @@ def line_of(record: Mapping[str, Any]) -> str | None:
             return str(name)
         case {"event": "recovery", "decision": decision} if decision != "none":
             return f"recovery: {decision}"
-        case {"event": "completed", "lost": lost}:
-            return f"cannot be resumed behind this step: {lost}"
+        case {"event": "answer", "asked": asked, "lost": lost} if str(asked).startswith(OUTSIDE):
+            return f"cannot be resumed from here on: what came from outside does not survive JSON: {lost}"
         case {"event": "resumed"}:
             return "resumed"
         case {"event": "belief", "change": "switched", "name": name, "state": state}:
@@ -176,23 +177,59 @@ def recorded_parameters(recorded: RecordedRun, names: Collection[str]) -> dict[s
         raise BadInput([error("X020", message, Span(recorded.name))]) from None
 
 
-def past_of(recorded: RecordedRun) -> tuple[Past, list[Diagnostic]]:
-    """Return what a resumed run takes over, and notes on what it leaves; raises BadInput when nothing is left to do."""
-    span = Span(recorded.name)
+def earlier_of(
+    recorded: RecordedRun | None, *, world_as_left: bool
+) -> tuple[Past | Repetition | None, list[Diagnostic]]:
+    """Return the run that is resumed and notes on it: in a simulator it is repeated, else its steps are taken over.
+
+    Raises BadInput when nothing is left to do, or not in this way.
+    """
+    if recorded is None:
+        return None, []
+    span, found = Span(recorded.name), list[Diagnostic]()
     if recorded.outcome == "succeeded":
         raise BadInput([error("X021", "this run has ended: there is nothing to resume", span)])
-    try:
-        past = Past(recorded)
-    except DamagedTrace as damage:
-        raise BadInput([damaged(recorded.name, damage)]) from None
-    found: list[Diagnostic] = []
     if recorded.torn:
         message = "the last line is incomplete; it is ignored"
         found.append(note("X026", message, Span(recorded.name, len(recorded.lines) + 1)))
+    try:
+        if not world_as_left:
+            repetition = _repeatable(Repetition(recorded), span)
+            for line in repetition.in_flight:
+                message = f"{line.record.get('function', line.path)} had begun outside, and not ended: it is done again"
+                found.append(note("X030", message, Span(recorded.name, line.number)))
+            return repetition, found
+        past = Past(recorded)
+    except DamagedTrace as damage:
+        raise BadInput([damaged(recorded.name, damage)]) from None
     if past.lost is not None:
         message = f"the run resumes before a completed step, {past.lost}"
         found.append(warning("X024", message, span))
     return past, found
+
+
+def _repeatable(repetition: Repetition, span: Span) -> Repetition:
+    """Return a run that can be repeated; raises BadInput for one that has failed, or that cannot be repeated."""
+    recorded = repetition.recorded
+    if recorded.outcome == "failed":
+        message = "this run has failed, and would fail again: there is nothing to resume"
+        raise BadInput([error("X021", message, span, "planlang run PLAN --seed 1 runs it otherwise")])
+    if (line := repetition.skipped) is not None:
+        message = "the run went on here without its earlier steps, and cannot be repeated from its start"
+        advice = "--world-as-left states that world and robot are as the trace left them"
+        raise BadInput([error("X023", message, Span(recorded.name, line.number), advice)])
+    if (line := repetition.lost) is not None:
+        message = f"a result from outside does not survive JSON, and must not be asked for again: {line.record['lost']}"
+        advice = "let calls in threads and modules that work once return what JSON can hold (docs/resuming.md)"
+        raise BadInput([error("X024", message, Span(recorded.name, line.number), advice)])
+    return repetition
+
+
+def different(recorded: RecordedRun, difference: Different, header: Mapping[str, Any]) -> Diagnostic:
+    """Return the error that a run does not repeat what is recorded of it, with the versions of both if they differ."""
+    other = _other_versions(recorded, header)
+    advice = f"with other versions a run may differ: {other}" if other else None
+    return error("X027", str(difference), Span(recorded.name, difference.line or 1), advice)
 
 
 def check_same_run(recorded: RecordedRun, header: Mapping[str, Any]) -> list[Diagnostic]:
@@ -205,11 +242,15 @@ def check_same_run(recorded: RecordedRun, header: Mapping[str, Any]) -> list[Dia
         problems.append(error("X022", f"{called} differs: {_short(before)} in the trace, {_short(after)} now", span))
     if problems:
         raise BadInput(problems)
+    other = _other_versions(recorded, header)
+    return [warning("X025", f"the run may differ with other versions: {other}", span)] if other else []
+
+
+def _other_versions(recorded: RecordedRun, header: Mapping[str, Any]) -> str:
     versions = recorded.header.get("versions")
     before = versions if isinstance(versions, dict) else {}
     other = differences(before, dict(header["versions"]))
-    listed = ", ".join(f"{package} {one} is now {two}" for package, (one, two) in other.items())
-    return [warning("X025", f"the run may differ with other versions: {listed}", span)] if other else []
+    return ", ".join(f"{package} {one} is now {two}" for package, (one, two) in other.items())
 
 
 def sha256(path: Path) -> str:

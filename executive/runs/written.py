@@ -16,7 +16,6 @@ from executive.runs.traces import lines_of
 from planlang import PlanFailure
 from planlang.diagnostics import Diagnostic
 from planlang.outputs import replace as write_complete
-from planlang.runs import Past
 from planlang.runs.trace import Listener
 from sim import PyBulletWorld
 
@@ -32,12 +31,14 @@ class Written:
         self._options, self._belief, self._truth = options, belief, truth
         self._files: list[tuple[Path, Callable[[Path], object]]] = []
         self._poses: PoseLog | None = None
+        self._is_new = False
+        """True once what happens was not written before."""
         self.watchers: list[Callable[[PyBulletWorld], None]] = [tilts, *options.watchers]
-        self.listeners: list[Listener] = [
-            lines_of(
-                lambda step, line: options.progress(f"{step / truth.rate:7.2f} s  {line}"), inner=options.inner_actions
-            )
-        ]
+        self.listeners: list[Listener] = [lines_of(self._progress, inner=options.inner_actions)]
+
+    def _progress(self, step: int, line: str) -> None:
+        if self._is_new:
+            self._options.progress(f"{step / self._truth.rate:7.2f} s  {line}")
 
     def ask(
         self,
@@ -45,12 +46,8 @@ class Written:
         bound: Mapping[str, Bound],
         header: Mapping[str, object],
         found: list[Diagnostic],
-        past: Past | None,
     ) -> None:
-        """Ask for each file of the options; what their making finds is appended to ``found``.
-
-        Raises BadInput for a log of poses that is not of the ``past`` that the run takes over.
-        """
+        """Ask for each file of the options; what their making finds is appended to ``found``."""
         options, truth = self._options, self._truth
         if options.picture is not None:
             meant = partial(bodies_of, bound, self._belief, truth)  # at the end
@@ -63,12 +60,10 @@ class Written:
             self.watchers.append(lambda world: film.frame(world.steps))
             self._files.append((options.record, film.save))
         if options.poses is not None:
-            from executive.runs.pose_log import PoseLog, earlier_poses
+            from executive.runs.pose_log import PoseLog
 
             known = {**header, "seed": options.seed, "schedule": options.schedule, "rate": truth.rate}
-            last = None if past is None else past.last
-            earlier = [] if last is None else earlier_poses(options.poses, known, last.step, found)
-            self._poses = PoseLog(truth, options.poses, known, earlier)
+            self._poses = PoseLog(truth, options.poses, known)
             self.watchers.append(self._poses)
         if options.update_map is not None:
             from executive.belief.map_updating import MapUpdate
@@ -77,11 +72,17 @@ class Written:
             self.listeners.append(update)
             self._files.append((options.update_map, update.save))
 
+    def begin(self) -> None:
+        """Hear that what comes was not written before, by the run that this one repeats."""
+        self._is_new = True
+        if self._poses is not None:
+            self._poses.begin()
+
     def save(self) -> None:
         """Write the files, each whole or not at all; the log of poses is written already."""
         if self._poses is not None:
             self._poses.close()
-        for path, save in self._files:
+        for path, save in self._files if self._is_new else ():
             write_complete(path, save)
 
 

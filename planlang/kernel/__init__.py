@@ -28,7 +28,7 @@ from planlang.kernel.primitives import node, now, record, rng, sleep
 from planlang.kernel.runner import run_plan, unwatched
 from planlang.kernel.scope import All, Scope, failure_of
 from planlang.kernel.signals import Signal
-from planlang.kernel.threads import in_thread, still_computing
+from planlang.kernel.threads import compute_in_thread, in_thread, still_computing
 from planlang.kernel.tree import Status
 
 __all__ = [
@@ -58,6 +58,7 @@ __all__ = [
     "VirtualHost",
     "WorldFluent",
     "checkpoint",
+    "compute_in_thread",
     "failure_of",
     "in_thread",
     "node",

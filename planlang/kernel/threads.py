@@ -33,8 +33,15 @@ class Call(Wait):
     """One call in flight. ``waiting``: its caller still waits for it, and goes on when it is handed over."""
 
     def __init__(
-        self, calls: Calls, scheduler: Scheduler, task: Task, function: Callable[[], Any], name: str, number: int
+        self,
+        calls: Calls,
+        scheduler: Scheduler,
+        task: Task,
+        function: Callable[[], Any],
+        name: str,
+        number: int | None,
     ) -> None:
+        """``number`` is that in the trace; None for what is not recorded."""
         self.scheduler = scheduler
         self.task = task
         self.name = name
@@ -84,7 +91,7 @@ class Call(Wait):
         scheduler, task = self.scheduler, self.task
         # The result is late if the caller has left, is being evaporated, or was woken by something before.
         taken = self.waiting and not task.doomed and not task.woken
-        if scheduler.observer is not None:
+        if scheduler.observer is not None and self.number is not None:
             outcome = {"result": self._value} if self._error is None else {"failure": self._error}
             late = {} if taken else {"late": True}
             scheduler.observer.write(
@@ -129,15 +136,19 @@ class Calls:
         self._queued: deque[Call] = deque()
         self._threads = 0
 
-    def submit(self, scheduler: Scheduler, task: Task, function: Callable[[], Any], name: str) -> Call:
+    def submit(
+        self, scheduler: Scheduler, task: Task, function: Callable[[], Any], name: str, *, recorded: bool = True
+    ) -> Call:
         """Begin a call, now or when there is a thread for it."""
-        number = self._made + 1
-        if scheduler.recorded is not None:
-            number, function = scheduler.recorded.call(task.node, number, function)
-        self._made = max(self._made, number)
+        number = None
+        if recorded:
+            number = self._made + 1
+            if scheduler.recorded is not None:
+                number, function = scheduler.recorded.call(task.node, number, function)
+            self._made = max(self._made, number)
+            if scheduler.observer is not None:
+                scheduler.observer.write(scheduler.now, "called", task.node, call=number, function=name)
         call = Call(self, scheduler, task, function, name, number)
-        if scheduler.observer is not None:
-            scheduler.observer.write(scheduler.now, "called", call.node, call=call.number, function=name)
         self._flying[call] = None
         scheduler.awaits_threads = True
         self._queued.append(call)
@@ -262,6 +273,25 @@ async def in_thread(function: Callable[..., Any], /, *arguments: Any, takes: flo
             await _take(scheduler, steps, name)
         raise
     await _take(scheduler, steps, name)
+    return result
+
+
+async def compute_in_thread(function: Callable[[], R]) -> R:
+    """Compute on a thread of its own what depends on nothing outside of the run; the world stands still meanwhile.
+
+    Unlike a call :func:`in_thread` it is not recorded, and computed again when a run is repeated.
+    """
+    scheduler, task = here()
+    if task.doomed:
+        await deliver(task)
+    calls = scheduler.service(Calls)
+    call = calls.submit(scheduler, task, function, name_of(function), recorded=False)
+    try:
+        result: R = await park(call)
+    except BaseException:
+        if call.waiting:
+            calls.abandon(call)
+        raise
     return result
 
 

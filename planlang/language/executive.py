@@ -8,16 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextvars import ContextVar
+from functools import partial
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
 from planlang.designators import Action, Condition, Location
-from planlang.failures import PlanFailure
 from planlang.kernel import PlanStructureError, Recorded
 from planlang.kernel.core import here, serving
-from planlang.kernel.listing import locate
 from planlang.kernel.primitives import record
 from planlang.misuse import contrast
 from planlang.runs.codec import Exact, Lost, dump, dump_failure
+from planlang.runs.journal import Journal, locate_here
 
 if TYPE_CHECKING:
     from planlang.protocols import Solution
@@ -49,7 +49,7 @@ class ProcessModule(Protocol):
 
 
 class FullProcessModule(ProcessModule, Protocol):
-    """A process module with the optional members, too; one that leaves them out means False, False and all actions."""
+    """A process module with the optional members, too; one that leaves them out means False, and all actions."""
 
     @property
     def physical(self) -> bool:
@@ -58,6 +58,14 @@ class FullProcessModule(ProcessModule, Protocol):
     @property
     def by_hand(self) -> bool:
         """True if its hand switches devices itself: this effect is not applied to the true world."""
+
+    @property
+    def once(self) -> bool:
+        """True if what it does outside must not be done again when an interrupted run is repeated.
+
+        Then its result is taken from the record. It moves nothing by itself; what it changes, the classes of its
+        actions declare.
+        """
 
     def performs(self, action: Action) -> bool:
         """Return True if it performs this action of its classes."""
@@ -168,6 +176,11 @@ class WrappedModule:
         return bool(getattr(self.wrapped, "by_hand", False))
 
     @property
+    def once(self) -> bool:
+        """True if what it does outside must not be done again when an interrupted run is repeated."""
+        return bool(getattr(self.wrapped, "once", False))
+
+    @property
     def selects(self) -> bool:
         """True if it decides which actions of its classes it performs."""
         return selects(self.wrapped)
@@ -183,6 +196,17 @@ class WrappedModule:
     async def execute(self, action: Action) -> Any:
         """Perform the action."""
         return await self.wrapped.execute(action)
+
+
+class ModuleOnce(WrappedModule):
+    """A process module whose result is taken from the record where it says that it must not be executed again."""
+
+    async def execute(self, action: Action) -> Any:
+        """Perform the action, or give what is recorded of it."""
+        journal = here()[0].recorded
+        if isinstance(journal, Journal) and self.once:
+            return await journal.once(partial(self.wrapped.execute, action))
+        return await super().execute(action)
 
 
 class RecordedModule(WrappedModule):
@@ -210,9 +234,7 @@ class RecordedModule(WrappedModule):
         try:
             result = await super().execute(action)
         except Exception as error:
-            if isinstance(error, PlanFailure) and error.where is None:  # now, so that the place is recorded with it
-                scheduler, task = here()
-                locate(error, task.node, scheduler.revision)
+            locate_here(error)
             _record_outcome("failure", dump_failure, error)
             raise
         _record_outcome("value", dump, result)

@@ -24,7 +24,7 @@ from planlang.misuse import Usage
 from planlang.records import dataclass
 from planlang.runs import Different, RecordedRun
 from planlang.runs.codec import failure_class
-from planlang.runs.recorded_run import Line
+from planlang.runs.recorded_run import BOOKKEEPING, Line
 from planlang.runs.replay_check import RecordedOrder, ReplayCheck, ReplayHost, ReplayOver
 
 
@@ -225,7 +225,7 @@ def _request(trace: ReplayCheck, path: str) -> tuple[list[int], int | None]:
     below = f"{path}/"
     held = 0
     first = trace.place
-    while first and trace.lines[first - 1].event in _NOT_WRITTEN:  # of the request, and passed by already
+    while first and trace.lines[first - 1].event in BOOKKEEPING:  # of the request, and passed by already
         first -= 1
     for place in range(first, len(trace.lines)):
         line = trace.lines[place]
@@ -233,9 +233,9 @@ def _request(trace: ReplayCheck, path: str) -> tuple[list[int], int | None]:
             if line.event in ("performed", "ended") or (line.event == "released" and not held):
                 return inside, place
             held += {"acquired": 1, "released": -1}.get(line.event, 0)
-            if line.event not in ("answer", "world", "completed"):
+            if line.event not in BOOKKEEPING:
                 inside.append(place)
-        elif line.path is not None and line.path.startswith(below) and line.event not in _NOT_WRITTEN:
+        elif line.path is not None and line.path.startswith(below) and line.event not in BOOKKEEPING:
             inside.append(place)
     return inside, None
 
@@ -255,9 +255,6 @@ def _cut_short(trace: ReplayCheck, inside: list[int]) -> list[int]:
             del inside[number:]
             return ending
     return []
-
-
-_NOT_WRITTEN = frozenset({"answer", "world", "completed", "performed", "resumed"})
 
 
 def _after(trace: ReplayCheck, path: str) -> int:

@@ -40,7 +40,7 @@ from planlang.plan_failure import PlanFailure, Where, attach_cleanup
 
 DEEPEST = 50
 """Lists and objects nested deeper do not survive: far from where Python's own recursion ends."""
-SCHEMA = 3
+SCHEMA = 4
 """Version of traces: 2 had the state of a random stream as ``numbers`` where 3 has the count of its ``draws``."""
 PLAIN = frozenset({str, int, bool, type(None)})
 """Classes of values that stand for themselves in JSON."""

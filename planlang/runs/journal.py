@@ -19,6 +19,7 @@ from planlang.failures import PlanFailure
 from planlang.kernel.core import Scheduler, Task, here, park
 from planlang.kernel.errors import PlanStructureError
 from planlang.kernel.fluent import Fluent, find
+from planlang.kernel.listing import locate
 from planlang.kernel.observer import Body
 from planlang.kernel.primitives import pause
 from planlang.kernel.schedule import CountedRandom
@@ -26,6 +27,7 @@ from planlang.kernel.signals import BaseFluent
 from planlang.kernel.tree import EVAPORATED, Node, Status
 from planlang.runs.codec import Exact, Lost, dump, dump_failure
 from planlang.runs.recorded_run import Done, Past, outcome_of, value_in
+from planlang.runs.repeating import ONCE, RepeatedTrace
 from planlang.runs.trace import ResumedTrace, Trace
 
 LOOKED_INTO = ("seq", "state_machine", "partial_order")
@@ -72,6 +74,7 @@ class Journal:
         self._past = past
         self._ahead = self._trace if isinstance(self._trace, ResumedTrace) else None
         """The trace, as long as the run repeats what it takes over."""
+        self._repeated = trace if isinstance(trace, RepeatedTrace) else None
         self._answers: dict[str, Any] = {} if past is None else past.answers()
         """Question -> the last answer to it."""
         self._keys = FluentKeys(scheduler)
@@ -257,7 +260,9 @@ class Journal:
         return value_in(line)
 
     def call(self, node: Node, number: int, function: Callable[[], Any]) -> tuple[int, Callable[[], Any]]:
-        """Return the call itself; in the part of a run that is taken over, what it gave then."""
+        """Return the call itself; in the part of a run that is taken over or repeated, what it gave then."""
+        if self._repeated is not None:
+            return self._repeated.call(node, number, function)
         if self._past is None:
             return number, function
         if self._ahead is None:
@@ -269,6 +274,22 @@ class Journal:
         """Note the result or the failure of a call in a thread."""
         if self._ahead is None:
             self._note("answer", node, asked=f"call {number}", **_noted(outcome.get("result"), outcome.get("failure")))
+
+    async def once(self, body: Body) -> Any:
+        """Return what a body gives that must not be executed again: what is recorded of it, or else note its result."""
+        scheduler, task = here()
+        self._note("outside", task.node)
+        line = None if self._repeated is None else self._repeated.once(task.node)
+        if line is not None and line.step > scheduler.now:
+            await pause(line.step - scheduler.now, "what is recorded of its process module")
+        try:
+            result = await body() if line is None else value_in(line)
+        except Exception as error:
+            locate_here(error)
+            self._note("answer", task.node, asked=ONCE, **_noted(None, error))
+            raise
+        self._note("answer", task.node, asked=ONCE, **_noted(result))
+        return result
 
     def _node(self) -> Node | None:
         task = self._scheduler.current
@@ -380,6 +401,13 @@ class FluentKeys:
                 number = self._numbers[node] = self._numbers.get(node, 0) + 1
                 self._keys[fluent] = (node, number)
         return self._keys[fluent]
+
+
+def locate_here(error: Exception) -> None:
+    """Note where a failure was raised, so that the place is recorded with it."""
+    if isinstance(error, PlanFailure) and error.where is None:
+        scheduler, task = here()
+        locate(error, task.node, scheduler.revision)
 
 
 def _noted(value: object, error: BaseException | None = None) -> dict[str, Any]:

@@ -190,7 +190,7 @@ def _place(record: Mapping[str, Any], places: dict[int, Place], number: int) -> 
     return places[node]
 
 
-BOOKKEEPING = frozenset({"completed", "resumed", "world", "answer", "performed"})
+BOOKKEEPING = frozenset({"completed", "resumed", "world", "answer", "performed", "outside"})
 """Events that no node of a plan writes when it runs again."""
 SPANS = frozenset({"started", "ended"})
 _FRAME = frozenset({"step", "event", "node", "parent", "kind", "name"})
@@ -251,7 +251,7 @@ class Past:
         self.kept = [line for line in before if not self._dropped(line)]
         self.nodes = max((int(line.record.get("node", 0)) for line in before), default=0)
         """The highest number that a node has been given."""
-        self.calls = max((_call(line) for line in self.kept if line.event == "called"), default=0)
+        self.calls = max((call_of(line) for line in self.kept if line.event == "called"), default=0)
         """The highest number that a call in a thread has been given."""
         self.order = [done for path, done in self.done.items() if not self._inside_done(path)]
         """Steps that are taken over, in the order of their completion, without those inside of other such steps."""
@@ -316,7 +316,7 @@ def _around(path: str) -> Iterator[str]:
         yield path
 
 
-def _call(line: Line) -> int:
+def call_of(line: Line) -> int:
     """Return the number of a call in a thread."""
     number = line.record.get("call")
     if not isinstance(number, int):

@@ -6,8 +6,6 @@ so, and of the tasks that can run the one whose record is next runs first, where
 
 from __future__ import annotations
 
-import math
-import re
 from bisect import bisect_right
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -20,6 +18,7 @@ from planlang.kernel.primitives import pause
 from planlang.kernel.signals import BaseFluent
 from planlang.kernel.tree import Node
 from planlang.runs.codec import Exact, encode
+from planlang.runs.comparing import agree
 from planlang.runs.journal import FluentKeys
 from planlang.runs.recorded_run import BOOKKEEPING, DamagedTrace, Line, RecordedRun, details, value_in
 from planlang.runs.trace import Different, Trace, shown
@@ -233,25 +232,6 @@ class ReplayCheck(Trace):
 
 
 ENDINGS = frozenset({"interrupted", "drained"})
-
-SAME = 1e-9
-"""Difference up to which numbers are equal: processors differ by 1e-14 (docs/trace.md), decisions by 1e-6 or more."""
-_DECIMAL = re.compile(r"-?\d+\.\d+(?:e-?\d+)?")
-
-
-def agree(recorded: Any, found: Any) -> bool:
-    """Return whether two details of records are equal, numbers to 1e-9, also where they stand in texts."""
-    match recorded, found:
-        case float(), float():
-            return math.isclose(recorded, found, rel_tol=SAME, abs_tol=SAME) or repr(recorded) == repr(found)
-        case str(), str() if recorded != found:
-            numbers = (map(float, _DECIMAL.findall(text)) for text in (recorded, found))
-            return _DECIMAL.sub("#", recorded) == _DECIMAL.sub("#", found) and agree(*map(list, numbers))
-        case dict(), dict():
-            return recorded.keys() == found.keys() and all(agree(recorded[key], found[key]) for key in recorded)
-        case list(), list():
-            return len(recorded) == len(found) and all(map(agree, recorded, found))
-    return bool(recorded == found)
 
 
 class ReplayHost:

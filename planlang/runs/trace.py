@@ -8,11 +8,11 @@ from __future__ import annotations
 import io
 import json
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self, TextIO
+from typing import Any, Protocol, Self, TextIO
 
 from planlang.kernel.errors import RunError
 from planlang.kernel.signals import BaseFluent
@@ -30,6 +30,18 @@ Listener = Callable[[Mapping[str, Any], Node | None], object]
 def _check_header(header: object) -> None:
     if header is not None:
         _AT.instance("header", header, Mapping, "a mapping of what the caller knows")
+
+
+class Earlier(Protocol):
+    """What the trace of a run that goes on begins with."""
+
+    @property
+    def kept(self) -> Sequence[Line]:
+        """The records, the header first."""
+
+    @property
+    def nodes(self) -> int:
+        """The highest number that a node has been given."""
 
 
 class Trace:
@@ -74,13 +86,13 @@ class Trace:
 
     @classmethod
     def at(
-        cls, path: str | os.PathLike[str], header: Mapping[str, object] | None = None, *, past: Past | None = None
+        cls, path: str | os.PathLike[str], header: Mapping[str, object] | None = None, *, earlier: Earlier | None = None
     ) -> Self:
         """Return a trace in a file at its final name, flushed line by line; an older one is renamed ``NAME.old``.
 
         What is no file but a device or a pipe is written to as it is.
 
-        With ``past``, what a resumed run takes over, it begins with those records, complete before the older trace
+        With ``earlier``, the records of a run that goes on, it begins with those, complete before the older trace
         gives way; and no older one is lost: the next free of ``NAME.old``, ``NAME.old2``, ... is taken.
         """
         _AT.instance("path", path, (str, os.PathLike), "the path of a file")
@@ -89,7 +101,7 @@ class Trace:
         _check_header(header)
         target = Path(path)
         trace = cls(None, header)
-        if past is None:
+        if earlier is None:
             if target.is_file():
                 target.replace(target.with_name(target.name + ".old"))
             trace._file = io.FileIO(target, "w")
@@ -98,7 +110,7 @@ class Trace:
         coming = target.with_name(f".{target.name}.new") if target.is_file() or not target.exists() else target
         trace._file = io.FileIO(coming, "w")
         trace._put = trace._file.write
-        trace.take_over((line.record for line in past.kept), past.nodes)
+        trace.take_over((line.record for line in earlier.kept), earlier.nodes)
         if target.is_file():
             target.replace(_free(target))
         if coming is not target:
@@ -138,6 +150,9 @@ class Trace:
             self.events.append(record)
         else:
             self._send(_line(record))
+        self._tell(record, node)
+
+    def _tell(self, record: Mapping[str, Any], node: Node | None) -> None:
         for listener in self.listeners:
             try:
                 listener(record, node)

@@ -68,15 +68,6 @@ def test_a_strand_goes_on_with_what_was_chosen_before_it_and_inside_of_it() -> N
     assert seen == [None, "left", "right", "right", "right"]
 
 
-def test_choices_are_kept_for_a_run_that_is_resumed() -> None:
-    choices = ArmChoices()
-    choices.choose("left")
-    again = ArmChoices.restored(choices.state(), CHOICES)
-    assert again.mine() == "left"
-    with pytest.raises(KeyError):
-        ArmChoices.restored({"plan": "third"}, CHOICES)
-
-
 def test_where_no_plan_runs_the_last_choice_counts() -> None:
     choices = ArmChoices()
     for arm in CHOICES:

@@ -54,9 +54,6 @@ def test_an_exploration_ends_and_has_seen_the_room_with_what_is_in_it(stage: Sta
     space = stage.platform.scene.space
     assert space is not None
     assert (space.cells == UNKNOWN).mean() < 0.2
-    state = json.loads(json.dumps(stage.platform.exploration.snapshot()))
-    stage.platform.exploration.restore(state)
-    assert stage.platform.exploration.snapshot() == state
 
 
 def test_with_its_modules_stopped_nothing_is_explored(stage: Stage) -> None:
@@ -102,9 +99,6 @@ def test_cells_of_surfaces_stay_such_and_cells_before_them_become_free(ends: lis
     assert inside.all()
     assert (space.cells[tuple(cells.T)] == SURFACE).all()
     assert not (set(map(tuple, space.frontier(1).round(6))) & set(map(tuple, space.centres(cells).round(6))))
-    restored = ExploredSpace.restored(json.loads(json.dumps(space.snapshot())))
-    assert (restored.cells == space.cells).all()
-    assert (restored.tries == space.tries).all()
 
 
 def test_what_pictures_failed_to_show_is_no_frontier_any_more() -> None:

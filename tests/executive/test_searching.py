@@ -181,15 +181,6 @@ def test_without_a_model_of_its_class_a_thing_is_not_recognised(stage: Stage) ->
     stage.run(plan)
 
 
-def test_a_search_goes_on_after_its_state_was_restored(stage: Stage) -> None:
-    searches = stage.platform.searches
-    first = searches.next(searches.begin("next", A_BOTTLE, thing("desk"))).name
-    state = json.loads(json.dumps(searches.snapshot()))
-    searches.restore(state)
-    assert searches.snapshot() == state
-    assert list(searches.begun["next"].visited) == [first]
-
-
 @pytest.mark.long
 def test_a_plan_whose_bottle_may_be_anywhere_looks_for_it_first() -> None:
     found = answer("run", "serve_a_drink", "--unknown", "bottle1")

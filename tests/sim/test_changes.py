@@ -223,20 +223,13 @@ def test_what_is_destroyed_is_gone_and_what_is_created_rests_on_what_is_below(ki
     assert world.support("Shell_1") == "table"
 
 
-def test_a_restored_world_is_equal_and_goes_on_equally(kitchen: MakeKitchen) -> None:
-    worlds = kitchen(BOTTLE, CAKE, SPATULA), kitchen(BOTTLE, CAKE, SPATULA)
-    world, other = worlds
-    cracked(other)  # which the snapshot undoes
+def test_what_there_is_and_what_it_contains_comes_back_in_another_world(kitchen: MakeKitchen) -> None:
+    world, other = kitchen(BOTTLE, CAKE), kitchen(BOTTLE, CAKE)
+    cracked(world)
     world.changes.create("Egg_1", "Egg", (0.04, 0.04, 0.03), Pose((1.5, -0.3, 0.9)), ("hen",), 20.0)
     world.changes.switch("maker", "DeviceStateOn")
-    in_hand(world, "bottle", Pose((1.2, 0.6, 1.2), UPSIDE_DOWN))
-    seconds(world, 1.0)
-    state = json.loads(json.dumps(world.snapshot()))
-    other.restore_state(state)
+    other.restore_state(json.loads(json.dumps(world.snapshot())))
     assert other.snapshot() == world.snapshot()
-    for one in worlds:
-        seconds(one, 2.0)
-    assert other.state() == world.state()
     assert other.names() == world.names()
 
 
@@ -248,7 +241,6 @@ def test_a_restored_world_is_equal_and_goes_on_equally(kitchen: MakeKitchen) -> 
         ("created", [["maker", "Dough", "box", [1, 1, 1], [0, 0, 0, 0, 0, 0, 1]]]),
         ("created", [["x", "Dough", "box", [1, 1, -1], [0, 0, 0, 0, 0, 0, 1]]]),
         ("created", 5),
-        ("riding", {"cake": ["nothing", [0, 0, 0, 0, 0, 0, 1], 1.0]}),
     ],
 )
 def test_a_damaged_state_is_refused(kitchen: MakeKitchen, key: str, damage: object) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable
 from dataclasses import replace
@@ -135,20 +134,6 @@ def test_what_stands_before_a_drawer_blocks_it(with_leaf: Callable[..., AskableW
     lead(world)
     assert play(world, "base", {"y": world.configuration().base[1] - 0.3}) == "stool"
     assert world.joint("leaf") == pytest.approx(LEAF.pose.position[1] - 0.01 - 1.95, abs=0.02)
-
-
-def test_a_world_with_an_open_drawer_in_a_hand_is_brought_back(with_leaf: Callable[..., AskableWorld]) -> None:
-    world, other = with_leaf(SLIDE, CUP), with_leaf(SLIDE, CUP)
-    lead(world)
-    y = world.configuration().base[1]
-    play(world, "base", {"y": y - 0.1})
-    other.restore_state(json.loads(json.dumps(world.snapshot())))
-    assert other.snapshot() == world.snapshot()
-    for one in (world, other):
-        play(one, "base", {"y": y - 0.2})
-    assert other.joint("leaf") == world.joint("leaf") == pytest.approx(0.2, abs=1e-3)
-    with pytest.raises(ValueError, match="no joint of lid"):
-        other.restore_state({**world.snapshot(), "leaves": {"lid": 0.1}})
 
 
 def test_a_question_about_another_place_leaves_the_leaf_where_it_is(with_leaf: Callable[..., AskableWorld]) -> None:

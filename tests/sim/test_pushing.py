@@ -110,10 +110,3 @@ def test_a_leaf_is_pushed_shut_and_stops_the_hand_then(
 def test_what_cannot_move_stops_a_hand_that_pushes(make_world: MakeWorld) -> None:
     world = pushing(make_world, replace(BOX, movable=False))
     assert ahead(world, 0.3) == "box"
-
-
-def test_a_hand_does_not_push_any_more_in_a_world_that_was_restored(make_world: MakeWorld) -> None:
-    world = pushing(make_world, SHELF, BOX)
-    world.restore_state(world.snapshot())
-    assert ahead(world, 0.3) == "box"
-    assert world.pose("box") == BOX.pose

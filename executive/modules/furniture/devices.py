@@ -15,7 +15,6 @@ from executive.modules.arm.hand_work import HandWork
 from executive.modules.furniture.button_failures import button_failure
 from executive.modules.furniture.button_strokes import ButtonStrokes
 from executive.modules.furniture.containers import LeafWork, ways_tried
-from executive.modules.tools.constrained_motions import apart
 from executive.modules.tries import Tries
 from planlang.designators import Action, Object
 from planlang.failures import (
@@ -29,6 +28,7 @@ from planlang.failures import (
     ObjectUnresolvable,
 )
 from planlang.geometry import Pose
+from planlang.kernel import compute_in_thread
 from planlang.modules import process_module
 from planlang.motion_constraints import ConstraintsUnsatisfied
 from planlang.protocols import Touch
@@ -101,7 +101,7 @@ class Devices(HandWork):
         said = f"the button of {button.device} is out of reach: {ways_tried(tried)}"
         if not tried and isinstance(problem, ConstraintsUnsatisfied) and not self.platform.robot.base.fixed:
             strokes = [ButtonStrokes(self, arm, button) for arm in self.free_hands()]
-            problem = await apart(
+            problem = await compute_in_thread(
                 partial(
                     button_failure,
                     button,

@@ -12,7 +12,6 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from itertools import islice, product
-from typing import TypeVar
 
 import numpy as np
 
@@ -31,7 +30,7 @@ from executive.motion.constrained_motion import PhaseMotion, solve_motion
 from executive.motion.constraint_functions import Bound, ConstraintFunctions
 from executive.motion.errors import ConstraintsContradict, NoConstrainedPath
 from executive.robots.arms import ArmModel
-from planlang import checkpoint, in_thread, perform
+from planlang import checkpoint, perform
 from planlang.designators import Action, Location, Object, action, snake_case
 from planlang.failures import (
     ActionUnresolvable,
@@ -44,6 +43,7 @@ from planlang.failures import (
     PerceptionFailure,
 )
 from planlang.geometry import Array, Pose
+from planlang.kernel import compute_in_thread
 from planlang.modules import process_module
 from planlang.motion_constraints import STANDING_FOR, ConstraintsUnsatisfied, Feature, MotionConstraint
 from planlang.protocols import Trajectory
@@ -99,7 +99,7 @@ class ConstrainedWork(PlatformModule):
         here = phase.before or not self._is_mobile()
         if here or (
             is_at_ease(self.platform, _middle(motion), motion.arms)
-            and await apart(partial(self._end, grounding, motion, now)) is not None
+            and await compute_in_thread(partial(self._end, grounding, motion, now)) is not None
         ):
             try:
                 return motion, await self._accepted(grounding, motion, phase, objection)
@@ -107,7 +107,7 @@ class ConstrainedWork(PlatformModule):
                 problem = failure
         tried, moves = 0, self._is_mobile() and not phase.pours
         for place in islice(self._places(motion), LOOKED_AT) if moves else ():
-            if await apart(partial(self._end, grounding, motion, place)) is None:
+            if await compute_in_thread(partial(self._end, grounding, motion, place)) is None:
                 continue
             try:
                 if not await self._gone_to(grounding, asked, phase, place):
@@ -126,12 +126,12 @@ class ConstrainedWork(PlatformModule):
         # Ends of places hold all constraints: if there is none, the motion was not tried yet without lighter ones.
         last = self._way if problem is None else self._just
         try:
-            return motion, await apart(partial(last, grounding, motion, phase, explains=True))
+            return motion, await compute_in_thread(partial(last, grounding, motion, phase, explains=True))
         except ConstraintsUnsatisfied as failure:
             if not moves or failure.blocked_by is not None or len(failure.constraints) != 1:
                 raise
             does = partial(self._ends_somewhere, grounding, asked, phase)
-            told = await apart(partial(out_of_reach, self.platform, motion, does))
+            told = await compute_in_thread(partial(out_of_reach, self.platform, motion, does))
             said = "; ".join(filter(None, (failure.message, told)))
             raise ConstraintsUnsatisfied(said, arm=failure.arm, constraints=failure.constraints) from failure.__cause__
 
@@ -144,7 +144,7 @@ class ConstrainedWork(PlatformModule):
         self, grounding: Grounding, motion: GroundedMotion, phase: Phase, objection: Objection
     ) -> PhaseMotion:
         """Return the motion of a phase from here; raises ConstraintsUnsatisfied, or an objection to it."""
-        found = await apart(partial(self._way, grounding, motion, phase))
+        found = await compute_in_thread(partial(self._way, grounding, motion, phase))
         if (problem := objection(motion, found)) is not None:
             raise problem
         return found
@@ -158,7 +158,7 @@ class ConstrainedWork(PlatformModule):
         """
         first = phase.before or asked
         motion = grounding.grounded(first, phase)
-        end = await apart(partial(self._end, grounding, motion, place))
+        end = await compute_in_thread(partial(self._end, grounding, motion, place))
         if end is None:
             return False
         await self._get_ready(grounding, motion, end)
@@ -171,7 +171,7 @@ class ConstrainedWork(PlatformModule):
     async def _once_more(self, grounding: Grounding, phase: Phase) -> None:
         """Make the phase before once more, from here."""
         motion, alone = grounding.grounded(phase.before, phase), replace(phase, before=())
-        solved = await apart(partial(self._way, grounding, motion, alone))
+        solved = await compute_in_thread(partial(self._way, grounding, motion, alone))
         await self.gone(motion, solved.trajectory)
         self._check_end(grounding, motion, solved)
 
@@ -181,7 +181,7 @@ class ConstrainedWork(PlatformModule):
         waiting = list(zip(motion.arms, columns, strict=True))
         for _ in range(len(waiting)):
             for arm, own in tuple(waiting):
-                found = await apart(partial(self._path, arm, end[own]))
+                found = await compute_in_thread(partial(self._path, arm, end[own]))
                 if found is not None:
                     await self.platform.follow(f"{arm.name} getting ready", found)
                     waiting = [one for one in waiting if one[0] is not arm]
@@ -410,16 +410,6 @@ class ConstrainedMotions(ConstrainedWork):
         await self.gone(motion, solved.trajectory)
         self._check_end(grounding, motion, solved)
         phase.taken = taken
-
-
-T = TypeVar("T")
-
-
-async def apart(solve: Callable[[], T]) -> T:
-    """Return what a function returns that takes long: the run goes on watching for what does not end."""
-    found: list[T] = []
-    await in_thread(lambda: found.append(solve()))
-    return found[0]
 
 
 TRIES = 30

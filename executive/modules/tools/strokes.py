@@ -18,7 +18,7 @@ import numpy as np
 from executive.belief.scene_collisions import BasePose
 from executive.modules.phases import Phase
 from executive.modules.stances import stances
-from executive.modules.tools.constrained_motions import ConstrainedWork, apart, constraints_of, unsatisfied
+from executive.modules.tools.constrained_motions import ConstrainedWork, constraints_of, unsatisfied
 from executive.modules.tools.motion_grounding import GroundedMotion, Grounding
 from executive.motion import MotionError
 from executive.motion.constrained_ends import BEGINNINGS
@@ -31,6 +31,7 @@ from planlang.failures import (
 )
 from planlang.geometry import Array
 from planlang.geometry.matrices import moved
+from planlang.kernel import compute_in_thread
 from planlang.language.performing import actions_around
 from planlang.modules import process_module
 from planlang.motion_constraints import (
@@ -146,7 +147,7 @@ class StrokeWork(ConstrainedWork):
                 self.platform.sync()
                 problems = grounding.problem(motion, clear=True), grounding.problem(motion)
                 solve = partial(solve_stroke, *problems, self._start(motion), places)
-                first, lap = await apart(partial(solve, kept, closed=closed))
+                first, lap = await compute_in_thread(partial(solve, kept, closed=closed))
             except (MotionError, NavigationFailure) as failure:
                 problem = problem or failure
                 continue

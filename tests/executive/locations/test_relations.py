@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import replace
 from itertools import islice
@@ -61,22 +60,6 @@ def test_left_is_that_of_the_thing_if_it_has_a_front_else_the_viewers(ward: Stag
     for x, y, _ in bases(ward, a_location(left_of=THE_BOTTLE), 3):
         assert y > 0.0
         assert abs(x - 1.5) <= y
-
-
-def test_whose_left_is_meant_survives_the_state_of_a_run_that_is_resumed(ward: Stage) -> None:
-    left = a_location(left_of=THE_BOTTLE)
-    stand(ward, (0.3, 0.0, 0.0))
-    place = bases(ward, left, 1)[0]
-    stand(ward, place)
-    state = json.loads(json.dumps(ward.executive.snapshot()))
-    ward.resolver.remember_viewers([])
-    assert ward.resolver.satisfies(left, place) is None, "from there it is before the bottle"
-    ward.executive.restore(state)
-    assert ward.resolver.satisfies(left, place) is not None
-    assert json.loads(json.dumps(ward.executive.snapshot()))["viewers"] == state["viewers"]
-    state["viewers"] = [[{"a": 1}, [0.0, 0.0]]]
-    with pytest.raises(ValueError, match="damaged"):
-        ward.executive.restore(state)
 
 
 def test_what_faces_a_thing_has_it_ahead(ward: Stage) -> None:

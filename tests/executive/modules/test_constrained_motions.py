@@ -2,14 +2,14 @@
 
 import pytest
 
-from executive.modules.phases import Phases, Pour
+from executive.modules.phases import Phases
 from executive.modules.tools.constrained_motions import constraints_of
 from executive.modules.tools.motion_grounding import Grounding
 from planlang import perform
 from planlang.designators import Device, a_location, action, an_object
 from planlang.failures import ActionUnresolvable
 from planlang.geometry import Pose
-from planlang.motion_constraints import ConstraintsUnsatisfied, MotionConstraint, a_constraint, a_feature
+from planlang.motion_constraints import ConstraintsUnsatisfied, a_constraint, a_feature
 from sim import Body
 from tests.executive.conftest import PLACE, MakeStage, stand
 
@@ -39,16 +39,6 @@ def test_features_are_those_of_what_the_action_acts_on_and_goes_to(target: objec
 def test_a_motion_that_does_not_say_what_it_is_about_is_refused() -> None:
     with pytest.raises(ActionUnresolvable, match="needs to_location"):
         constraints_of(action("PouringMotion", object_acted_on=CUP, constrained_by=(ABOVE,)))
-
-
-def test_a_resumed_run_knows_where_things_were_and_what_held_before() -> None:
-    phases, again = Phases(), Phases()
-    phase = phases.current()
-    before: tuple[MotionConstraint, ...] = (ABOVE,)
-    phase.things["pan1"], phase.tools["Cup None"], phase.before = Pose((1.0, 2.0, 0.5)), "cup1", before
-    phase.pours["cup1"] = Pour("Tilt", 100.0, "glass1", 41.5, 12.25)
-    again.restore(phases.snapshot())
-    assert again.current() == phase
 
 
 def test_constraints_that_contradict_each_other_are_named_and_no_others(make_stage: MakeStage) -> None:

@@ -16,7 +16,7 @@ from executive.modules.looking_first import LookingFirst
 from planlang import VirtualHost, action, run
 from planlang.designators import Action
 from planlang.failures import GraspMissed
-from planlang.language.executive import FullProcessModule, RecordedModule, WrappedModule
+from planlang.language.executive import FullProcessModule, ModuleOnce, RecordedModule, WrappedModule
 from planlang.modules import OnDemand, _Demanded
 
 
@@ -28,6 +28,7 @@ class Unusual:
     failures = (GraspMissed,)
     physical = True
     by_hand = True
+    once = True
 
     def __init__(self, platform: object = None) -> None:
         pass
@@ -71,6 +72,7 @@ def looking_first(module: Unusual) -> WrappedModule:
 
 MADE: dict[type[WrappedModule], Callable[[Unusual], WrappedModule]] = {
     WrappedModule: WrappedModule,
+    ModuleOnce: ModuleOnce,
     RecordedModule: lambda module: RecordedModule(module, Answers()),  # type: ignore[arg-type]
     ModuleWithEffects: with_effects,
     _Demanded: on_demand,

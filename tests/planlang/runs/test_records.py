@@ -382,13 +382,13 @@ def test_a_trace_that_goes_on_from_a_past_begins_with_it_and_loses_no_older_file
     for older in ("run.jsonl.old", "run.jsonl.old2"):
         content = written.read_bytes()
         past = Past(RecordedRun.read(written))
-        with Trace.at(written, past=past) as trace:
+        with Trace.at(written, earlier=past) as trace:
             run(top, host=VirtualHost(), trace=trace, resume=past)
         assert (written.parent / older).read_bytes() == content
         assert b'"resumed"' in written.read_bytes()
     past = Past(RecordedRun.read(written))
     fresh = written.with_name("fresh.jsonl")
-    with Trace.at(fresh, past=past):
+    with Trace.at(fresh, earlier=past):
         pass
     assert list(map(json.loads, fresh.read_text().splitlines())) == [line.record for line in past.kept]
 

@@ -46,7 +46,7 @@ def test_the_header_tells_plan_iri_rate_seed_schedule_and_what_the_caller_knows(
     assert trace.events[0] == {
         "step": 0,
         "event": "header",
-        "schema": 3,
+        "schema": 4,
         "plan": "serve",
         "iri": "http://example.org/r#Serve",
         "rate": 30,
@@ -343,7 +343,7 @@ def test_a_pipe_is_written_to_and_not_renamed(tmp_path: Path) -> None:
         lines = os.read(reader, 100_000)
         assert lines.startswith(b'{"step": 0, "event": "header"')
         past = Past(RecordedRun.of([json.loads(line) for line in lines.splitlines()]))
-        with Trace.at(pipe, past=past) as trace:
+        with Trace.at(pipe, earlier=past) as trace:
             run(partial(sleep, 1), host=VirtualHost(), trace=trace, resumable=True, resume=past)
         assert b'"event": "resumed"' in os.read(reader, 100_000)
     finally:
