@@ -10,9 +10,10 @@ from dataclasses import replace
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from executive.maps import SemanticMap, read_map, scene_of
+from executive.maps.recognition_models import GivenPart, read_given_parts, with_given_parts
 from executive.modules.bundled import bundled_registry
 from executive.modules.platform import Platform
 from executive.robots import FindingKind, Missing, Robot, bind_robot, missing_capabilities, trusting_map
@@ -52,6 +53,7 @@ from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warnin
 from planlang.failures import ActionUnresolvable, MissingCapability, ObjectUnresolvable
 from planlang.language.performing import module_for
 from planlang.language.plans import Plan
+from planlang.language.replaying import Replay, replay
 from planlang.language.running import known as run_header
 from planlang.ontology import load
 from planlang.records import dataclass
@@ -60,10 +62,6 @@ from planlang.runs.codec import dump
 from planlang.runs.repeating import RepeatedTrace
 from planlang.runs.trace import Earlier
 from sim import PyBulletWorld, Scene
-
-if TYPE_CHECKING:
-    from executive.maps.recognition_models import GivenPart
-    from planlang.language.replaying import Replay
 
 BUDGET, PER_STEP = 600.0, 60.0
 """Plan time beside waiting after which a run is given up, and more for each step that the plan states [s]."""
@@ -123,8 +121,6 @@ class Run:
 
     def replay(self, recorded: RecordedRun) -> Replay:
         """Replay the run of a trace, without robot or world; raises BadInput for a trace that cannot be replayed."""
-        from planlang.language.replaying import replay
-
         modules = recorded.header.get("modules")
         absent = [name for name in modules if name not in self.registry.identity] if isinstance(modules, dict) else []
         if absent:
@@ -225,8 +221,6 @@ class Run:
         robot = trusting_map(robot) if options.trust_map else robot
         if options.models is None:
             return robot, None
-        from executive.maps.recognition_models import read_given_parts, with_given_parts
-
         given = read_given_parts(options.models, options.ontologies, found)
         return with_given_parts(robot, given), given
 
