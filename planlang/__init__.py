@@ -62,7 +62,7 @@ from planlang.language.branches import (
 )
 from planlang.language.budgets import budget, timeout
 from planlang.language.conditions import Policy, achieve, holds, whenever, with_policies
-from planlang.language.executive import Executive, ProcessModule
+from planlang.language.executive import Executive
 from planlang.language.location import at_location
 from planlang.language.performing import Request, monitor, perform, perform_async, with_requests
 from planlang.language.plans import (
@@ -79,6 +79,7 @@ from planlang.language.plans import (
     task_suspended,
     wake_up,
 )
+from planlang.language.process_module import ProcessModule
 from planlang.language.recovery import (
     PROPAGATE,
     RETRY,
@@ -186,6 +187,7 @@ __all__ = [
     "perform",
     "perform_async",
     "plan",
+    "process_module",
     "pursue",
     "put_down_and_regrasp",
     "race",
@@ -223,6 +225,7 @@ __all__ = [
 
 if TYPE_CHECKING:
     from planlang.language.ordering import given, partial_order
+    from planlang.language.process_module import process_module
     from planlang.language.state_machine import state_machine
     from planlang.language.tasktree import TaskTree
     from planlang.motion_constraints import Feature, MotionConstraint, a_constraint, a_feature
@@ -240,12 +243,13 @@ else:  # for mypy every name would be one of planlang's
         "a_feature": "motion_constraints",
         "given": "language.ordering",
         "partial_order": "language.ordering",
+        "process_module": "language.process_module",
         "state_machine": "language.state_machine",
         "sweep": "sweeping",
     }
 
     def __getattr__(name: str) -> object:
-        """Look up what few plans need when it is asked for: orders, task trees, constraints, sweeps, the version."""
+        """Look up what few plans need when it is asked for: orders, constraints, process modules, sweeps."""
         if name in _LATER:
             return getattr(import_module(f"planlang.{_LATER[name]}"), name)
         if name != "__version__":

@@ -4,8 +4,7 @@ The module only takes its time. What becomes of eggs, flour and dough is declare
 ontologies/object_change.omn, and applied by planlang when the module is done.
 """
 
-from planlang import sleep
-from planlang.modules import process_module
+from planlang import process_module, sleep
 
 SECONDS = {
     "Cracking": 5.0,

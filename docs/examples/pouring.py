@@ -1,7 +1,6 @@
 """Pouring out of bowls, which are wider than the robot's hand can hold over something and tilt."""
 
-from planlang import sleep
-from planlang.modules import process_module
+from planlang import process_module, sleep
 
 
 @process_module

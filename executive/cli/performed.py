@@ -8,8 +8,8 @@ from pathlib import Path
 
 from executive.cli.inputs import check_files, check_trusted, refuse
 from planlang.diagnostics import BadInput, Diagnostic
-from planlang.modules import ModuleRegistry
 from planlang.recipe.actions import Performed
+from planlang.registry import ModuleRegistry
 
 
 def performed_by_modules(files: Sequence[Path] | None, found: list[Diagnostic], *, trust: bool) -> Performed:

@@ -13,7 +13,7 @@ from executive.modules.on_demand import on_demand
 from executive.modules.platform import Platform
 from planlang.designators import Action, Object
 from planlang.diagnostics import Diagnostic
-from planlang.modules import ModuleRegistry, Rank
+from planlang.registry import ModuleRegistry, Rank
 
 
 def _takes_several_hands(platform: Platform, action: Action) -> bool:

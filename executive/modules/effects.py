@@ -24,8 +24,8 @@ from planlang.effects import Effects, effects_of, narrowest, number_of_class
 from planlang.failures import ObjectNotTurned, ObjectUnresolvable
 from planlang.geometry import Pose
 from planlang.kernel import PlanStructureError, now
-from planlang.language.executive import ProcessModule, WrappedModule
 from planlang.language.performing import actions_around
+from planlang.language.process_module import ProcessModule, WrappedModule
 from planlang.ontology import expand, shorten
 from planlang.records import dataclass
 from sim import PyBulletWorld

@@ -9,7 +9,7 @@ from executive.modules.platform import Platform
 from planlang import perform
 from planlang.designators import Action, Location, Object, action
 from planlang.failures import LookingFailure, ObjectNowhereToBeFound, PerceptionFailure
-from planlang.language.executive import ProcessModule, WrappedModule
+from planlang.language.process_module import ProcessModule, WrappedModule
 
 
 class LookingFirst(WrappedModule):

@@ -14,7 +14,7 @@ from typing import Any
 
 from planlang import failures
 from planlang.designators import Action
-from planlang.modules import OnDemand, marked
+from planlang.registry import OnDemand, marked
 
 AT_ONCE = ("base.navigation", "arm.reaching", "gripper.grasping", "gripper.handing_over", "looking.perception")
 """Files whose process modules every run needs."""

@@ -6,7 +6,7 @@ from executive.modules.platform import PlatformModule
 from planlang import sleep
 from planlang.designators import Action
 from planlang.failures import ActionUnresolvable, DesignatorFailure
-from planlang.modules import process_module
+from planlang.language.process_module import process_module
 
 
 @process_module

@@ -35,7 +35,7 @@ from planlang.action_classes import ancestors_of
 from planlang.designators import Action, Condition, Device, FixedPose, Location, Object, a_posture, action
 from planlang.diagnostics import BadInput, Span, error
 from planlang.failures import LocationUnresolvable, ObjectNotFound, ObjectUnresolvable
-from planlang.language.executive import ModuleOnce, ProcessModule
+from planlang.language.process_module import ModuleOnce, ProcessModule
 from planlang.ontology import Ontology, expand, shorten
 from planlang.protocols import Solution, World
 from sim import PlanningWorld, Scene, perturb

@@ -1,4 +1,4 @@
-"""The executive, which grounds what plans describe, and its process modules: protocols, and a wrapper that records.
+"""The executive, which grounds what plans describe: its protocol, and a wrapper that records what it answers.
 
 Whatever an executive answers goes through :class:`planlang.kernel.Recorded` in a run whose trace can be resumed or
 replayed: there the answer is noted, or the recorded one is given. Questions are identified by their text.
@@ -8,67 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextvars import ContextVar
-from functools import partial
-from typing import TYPE_CHECKING, Any, Protocol, cast
+from typing import TYPE_CHECKING, Any, Protocol
 
 from planlang.designators import Action, Condition, Location
 from planlang.kernel import PlanStructureError, Recorded
-from planlang.kernel.core import here, serving
-from planlang.kernel.primitives import record
+from planlang.kernel.core import serving
+from planlang.language.process_module import ProcessModule, RecordedModule
 from planlang.misuse import contrast
-from planlang.runs.codec import Exact, Lost, dump, dump_failure
-from planlang.runs.journal import Journal, locate_here
 
 if TYPE_CHECKING:
     from planlang.protocols import Solution
-
-
-class ProcessModule(Protocol):
-    """Performs actions of some classes, one at a time, and raises typed failures.
-
-    :class:`FullProcessModule` has what a module may say besides.
-    """
-
-    @property
-    def name(self) -> str:
-        """Shown in the trace."""
-
-    @property
-    def actions(self) -> Sequence[str]:
-        """Action classes (local names of the vocabulary) that it performs, descendants included."""
-
-    @property
-    def failures(self) -> Sequence[type[Exception]]:
-        """Failure classes that it may raise; any other exception is a programming error."""
-
-    def resources(self, action: Action) -> tuple[str, ...]:
-        """Return names of what the action needs exclusively: "base", "head", "torso", "right_arm", ..."""
-
-    async def execute(self, action: Action) -> Any:
-        """Perform the action; on evaporation stop the robot."""
-
-
-class FullProcessModule(ProcessModule, Protocol):
-    """A process module with the optional members, too; one that leaves them out means False, and all actions."""
-
-    @property
-    def physical(self) -> bool:
-        """True if its motions pour and turn things over themselves: these effects are not applied to the true world."""
-
-    @property
-    def by_hand(self) -> bool:
-        """True if its hand switches devices itself: this effect is not applied to the true world."""
-
-    @property
-    def once(self) -> bool:
-        """True if what it does outside must not be done again when an interrupted run is repeated.
-
-        Then its result is taken from the record. It moves nothing by itself; what it changes, the classes of its
-        actions declare.
-        """
-
-    def performs(self, action: Action) -> bool:
-        """Return True if it performs this action of its classes."""
 
 
 class Executive(Protocol):
@@ -125,128 +74,6 @@ def executive_for(construct: str) -> Executive:
             )
         )
     return executive
-
-
-def selects(module: object) -> bool:
-    """Return True if a module, or a class of modules, decides which actions of its classes it performs."""
-    if isinstance(module, WrappedModule):
-        return module.selects
-    return getattr(module, "performs", None) is not None
-
-
-def performs(module: ProcessModule, action: Action) -> bool:
-    """Return True if a module performs an action of its classes."""
-    return not selects(module) or bool(cast(FullProcessModule, module).performs(action))
-
-
-class WrappedModule:
-    """Base of modules that add to another one: forwards all of :class:`FullProcessModule` to ``wrapped``."""
-
-    def __init__(self, module: ProcessModule) -> None:
-        self._module = module
-
-    @property
-    def wrapped(self) -> ProcessModule:
-        """The module that this one adds to."""
-        return self._module
-
-    @property
-    def name(self) -> str:
-        """Shown in the trace."""
-        return self.wrapped.name
-
-    @property
-    def actions(self) -> Sequence[str]:
-        """Action classes that it performs."""
-        return self.wrapped.actions
-
-    @property
-    def failures(self) -> Sequence[type[Exception]]:
-        """Failure classes that it may raise."""
-        return self.wrapped.failures
-
-    @property
-    def physical(self) -> bool:
-        """True if its motions pour and turn things over themselves."""
-        return bool(getattr(self.wrapped, "physical", False))
-
-    @property
-    def by_hand(self) -> bool:
-        """True if its hand switches devices itself."""
-        return bool(getattr(self.wrapped, "by_hand", False))
-
-    @property
-    def once(self) -> bool:
-        """True if what it does outside must not be done again when an interrupted run is repeated."""
-        return bool(getattr(self.wrapped, "once", False))
-
-    @property
-    def selects(self) -> bool:
-        """True if it decides which actions of its classes it performs."""
-        return selects(self.wrapped)
-
-    def performs(self, action: Action) -> bool:
-        """Return True if it performs this action of its classes."""
-        return performs(self.wrapped, action)
-
-    def resources(self, action: Action) -> tuple[str, ...]:
-        """Return what the action needs exclusively."""
-        return tuple(self.wrapped.resources(action))
-
-    async def execute(self, action: Action) -> Any:
-        """Perform the action."""
-        return await self.wrapped.execute(action)
-
-
-class ModuleOnce(WrappedModule):
-    """A process module whose result is taken from the record where it says that it must not be executed again."""
-
-    async def execute(self, action: Action) -> Any:
-        """Perform the action, or give what is recorded of it."""
-        journal = here()[0].recorded
-        if isinstance(journal, Journal) and self.once:
-            return await journal.once(partial(self.wrapped.execute, action))
-        return await super().execute(action)
-
-
-class RecordedModule(WrappedModule):
-    """A process module whose results are recorded."""
-
-    def __init__(self, module: ProcessModule, recorded: Recorded) -> None:
-        super().__init__(module)
-        self._recorded = recorded
-
-    def resources(self, action: Action) -> tuple[str, ...]:
-        """Return what the action needs exclusively."""
-        question = f"resources of {self.name} for {action}"
-        needs = super().resources
-        return tuple(self._recorded.answer(question, lambda: needs(action)))
-
-    def performs(self, action: Action) -> bool:
-        """Return True if it performs this action of its classes; asked and recorded only if it selects actions."""
-        if not self.selects:
-            return True
-        decide = super().performs
-        return bool(self._recorded.answer(f"{self.name} performs {action}", lambda: decide(action)))
-
-    async def execute(self, action: Action) -> Any:
-        """Perform the action, and record its result or failure."""
-        try:
-            result = await super().execute(action)
-        except Exception as error:
-            locate_here(error)
-            _record_outcome("failure", dump_failure, error)
-            raise
-        _record_outcome("value", dump, result)
-        return result
-
-
-def _record_outcome(key: str, dump: Callable[[Any], Any], outcome: object) -> None:
-    try:
-        details: dict[str, object] = {} if outcome is None else {key: Exact(dump(outcome))}
-    except Lost as lost:
-        details = {"lost": str(lost)}
-    record("performed", **details)
 
 
 class RecordedExecutive:

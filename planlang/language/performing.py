@@ -18,15 +18,17 @@ from planlang.kernel.tree import Node, name_of
 from planlang.language.branches import Branch
 from planlang.language.budgets import charge
 from planlang.language.conditions import Goal, achieving
-from planlang.language.executive import current, executive_for, performs
+from planlang.language.executive import current, executive_for
 from planlang.language.plans import Handle, Plan, Restarting, join
+from planlang.language.process_module import performs
 from planlang.language.recovery import Recovery, recoveries_of, recovering
 from planlang.language.resources import using
 from planlang.misuse import Usage, WrongType, contrast, did_you_mean, written
 
 if TYPE_CHECKING:
     from planlang.designators import Action
-    from planlang.language.executive import Executive, ProcessModule
+    from planlang.language.executive import Executive
+    from planlang.language.process_module import ProcessModule
 
 V = TypeVar("V")
 

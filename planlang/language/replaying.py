@@ -127,6 +127,8 @@ def _nothing() -> NoReturn:
 class _ReplayedModule:
     """A process module that does again what is recorded of a request: takes its time, its resources, and ends so."""
 
+    physical = by_hand = once = False
+
     def __init__(
         self,
         name: str,

@@ -30,7 +30,7 @@ from planlang.failures import (
     ObjectNotFound,
 )
 from planlang.kernel import sleep
-from planlang.language.executive import ProcessModule, WrappedModule
+from planlang.language.process_module import ProcessModule, WrappedModule
 
 _NOT_DRIVEN = (NavigationGoalNotReached, NavigationPoseUnreachable, NavigationGoalInCollision)
 _NOT_REACHED = (ManipulationGoalNotReached, ManipulationPoseUnreachable, ManipulationGoalInCollision)

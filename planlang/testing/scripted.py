@@ -12,6 +12,7 @@ from planlang.failures import LocationUnresolvable, PlanFailure
 from planlang.kernel import now, sleep
 from planlang.kernel.core import here
 from planlang.kernel.tree import Node
+from planlang.language.process_module import ProcessModule
 from planlang.misuse import WrongValue
 from planlang.protocols import Solution
 from planlang.records import dataclass
@@ -52,6 +53,8 @@ class ScriptedModule:
     actions: Sequence[str]
     executive: ScriptedExecutive
     failures: Sequence[type[Exception]] = (PlanFailure,)
+    physical = by_hand = once = False
+    performs = ProcessModule.performs
 
     def resources(self, action: Action) -> tuple[str, ...]:
         """Return the base, the head, or the device of the action: what the ordinary module for it needs."""

@@ -58,7 +58,7 @@ MODULE = '''"""Reports, outside of the run."""
 from pathlib import Path
 
 from planlang import sleep
-from planlang.modules import process_module
+from planlang import process_module
 
 
 @process_module

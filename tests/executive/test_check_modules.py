@@ -15,7 +15,7 @@ from executive.maps import read_map
 from executive.runs.importing import import_plan
 from executive.runs.parameters import bound_parameters
 from executive.runs.plan_files import main_plan
-from planlang import modules
+from planlang import registry
 from planlang.compiler import compile_recipe
 from planlang.diagnostics import Diagnostic
 from planlang.files import bundled
@@ -33,7 +33,7 @@ Class: Juggling SubClassOf: knowrob:PurposefulAction
 Class: JuggleThreeBalls SubClassOf: Juggling
 """
 MODULE = """\
-from planlang.modules import process_module
+from planlang import process_module
 
 @process_module
 class Juggler:
@@ -82,8 +82,8 @@ def test_a_class_that_an_installed_package_performs_needs_nothing_else(
 ) -> None:
     (tmp_path / "installed_juggler.py").write_text(MODULE.format(action="Juggling"), encoding="utf-8")
     monkeypatch.syspath_prepend(str(tmp_path))
-    entry = EntryPoint("juggling", "installed_juggler:Juggler", modules.GROUP)
-    monkeypatch.setattr(modules, "entry_points", lambda group: [entry] if group == modules.GROUP else [])
+    entry = EntryPoint("juggling", "installed_juggler:Juggler", registry.GROUP)
+    monkeypatch.setattr(registry, "entry_points", lambda group: [entry] if group == registry.GROUP else [])
     assert "R021" not in said("check", recipe)
 
 

@@ -48,7 +48,7 @@ Class: Put
 """
 MODULE = """
 from planlang import sleep
-from planlang.modules import process_module
+from planlang import process_module
 
 @process_module
 class Putting:

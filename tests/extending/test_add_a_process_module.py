@@ -11,14 +11,14 @@ from typer.testing import CliRunner
 
 from executive.cli.app import app
 from executive.modules.bundled import bundled_registry
+from planlang import process_module
 from planlang.diagnostics import BadInput, Diagnostic
-from planlang.modules import process_module
 
 STIRRING = '''"""Stirs, with a spoon that may get lost."""
 
 from planlang import sleep
 from planlang.failures import ManipulationFailure
-from planlang.modules import process_module
+from planlang import process_module
 
 
 class SpoonLost(ManipulationFailure):
@@ -170,13 +170,14 @@ def test_a_file_outranks_planlang_with_a_note_and_another_file_is_a_conflict(kit
         (STIRRING.replace('    name = "stirring"\n', ""), "process module Stirring lacks name"),
         (STIRRING.replace('("Stirring",)', '"Stirring"'), "actions of Stirring has to be a tuple"),
         (STIRRING.replace("(SpoonLost,)", "(3,)"), "failures of Stirring has to be a tuple"),
+        ("from planlang.modules import process_module\n", "from planlang import process_module"),
     ],
 )
 def test_a_file_that_cannot_be_used_is_bad_input_with_its_reason(kitchen: Path, text: str, message: str) -> None:
     (kitchen / "wrong.py").write_text(text)
     found = answer("run", "serve_a_drink", "--modules", kitchen / "wrong.py")
     assert (found["exit_code"], codes(found)) == (2, ["X011"])
-    assert message in found["diagnostics"][0]["message"]
+    assert message in f"{found['diagnostics'][0]['message']} {found['diagnostics'][0]['help']}"
 
 
 def test_a_class_that_is_derived_from_a_module_is_marked_itself_or_is_none() -> None:
@@ -196,6 +197,6 @@ def test_a_class_that_is_derived_from_a_module_is_marked_itself_or_is_none() -> 
     space = type(registry)  # any object with these names
     module = type("Space", (), {"Whistling": Whistling, "Humming": Humming, "space": space})
     module.__name__ = __name__
-    from planlang.modules import Rank
+    from planlang.registry import Rank
 
     assert registry.add(module, "here", Rank.NAMED) == 1  # type: ignore[arg-type]

@@ -18,7 +18,8 @@ from executive.modules.looking.perception import Head, Perception
 from executive.runs.assembly import RobotExecutive
 from planlang.failures import LowLevelFailure, PlanFailure
 from planlang.geometry import Pose
-from planlang.language.executive import Executive, ProcessModule
+from planlang.language.executive import Executive
+from planlang.language.process_module import NEEDED, ProcessModule
 from planlang.protocols import Configuration, Contact, Detection, Motion, World
 from sim import PyBulletWorld
 
@@ -114,7 +115,7 @@ MODULES = (Navigation, Reaching, Grasping, Head, Perception, Handover)
 
 @pytest.mark.parametrize("module", MODULES)
 def test_a_process_module_says_what_it_performs_and_how_it_may_fail(module: type[ProcessModule]) -> None:
-    assert public(ProcessModule) <= set(dir(module))
+    assert set(NEEDED) <= set(dir(module))
     assert module.actions
     assert all(issubclass(failure, PlanFailure) for failure in module.failures)
     assert any(issubclass(failure, LowLevelFailure) for failure in module.failures)

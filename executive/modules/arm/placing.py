@@ -16,7 +16,7 @@ from planlang.designators import Action, Location, Object, resting_on
 from planlang.failures import ActionUnresolvable, LookingFailure, PerceptionFailure
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import rotated
-from planlang.modules import process_module
+from planlang.language.process_module import process_module
 from sim import Body
 
 CLEAR = 0.05

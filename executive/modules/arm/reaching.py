@@ -39,7 +39,7 @@ from planlang.failures import (
 )
 from planlang.geometry import Array
 from planlang.geometry.matrices import rotated
-from planlang.modules import process_module
+from planlang.language.process_module import process_module
 from planlang.protocols import Trajectory
 from planlang.relations import Sense
 

@@ -26,7 +26,7 @@ from planlang.failures import (
     NavigationFailure,
     PerceptionFailure,
 )
-from planlang.modules import process_module
+from planlang.language.process_module import process_module
 
 SUPPORTS = 4
 """Pieces of furniture that are tried, the nearest ones."""

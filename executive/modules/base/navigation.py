@@ -21,7 +21,7 @@ from planlang.failures import (
     ObjectLost,
     ObjectNowhereToBeFound,
 )
-from planlang.modules import process_module
+from planlang.language.process_module import process_module
 from planlang.protocols import MotionState, Trajectory
 
 REPLANS = 3

@@ -6,7 +6,7 @@ from executive.modules.arm.hand_work import BACK, HandWork
 from planlang import checkpoint
 from planlang.designators import Action
 from planlang.failures import NavigationFailure
-from planlang.modules import process_module
+from planlang.language.process_module import process_module
 
 
 @process_module

@@ -33,7 +33,7 @@ from planlang.failures import (
 )
 from planlang.geometry import Pose
 from planlang.geometry.matrices import moved
-from planlang.modules import process_module
+from planlang.language.process_module import process_module
 from planlang.protocols import Configuration, MotionState, Trajectory
 from sim.joints import Articulation, JointKind
 

@@ -29,7 +29,7 @@ from planlang.failures import (
 )
 from planlang.geometry import Pose
 from planlang.kernel import compute_in_thread
-from planlang.modules import process_module
+from planlang.language.process_module import process_module
 from planlang.motion_constraints import ConstraintsUnsatisfied
 from planlang.protocols import Touch
 from sim.controls import AT_BUTTON, Control

@@ -40,7 +40,7 @@ from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import inverse, moved
 from planlang.geometry.shapes import corners
 from planlang.language.performing import actions_around
-from planlang.modules import process_module
+from planlang.language.process_module import process_module
 from planlang.motion_constraints import MotionConstraint, a_constraint, a_feature
 from planlang.protocols import Trajectory
 from planlang.records import dataclass

@@ -17,7 +17,7 @@ from planlang.failures import (
     MissingCapability,
     ObjectLost,
 )
-from planlang.modules import process_module
+from planlang.language.process_module import process_module
 from planlang.protocols import MotionState
 
 

@@ -23,7 +23,7 @@ from planlang.failures import (
     ObjectLost,
 )
 from planlang.geometry.matrices import rotated
-from planlang.modules import process_module
+from planlang.language.process_module import process_module
 
 DRAWN_BACK = (0.12, 0.06)
 """Distances by which a hand is taken straight back from what it has handed over [m]."""

@@ -11,7 +11,7 @@ from executive.modules.platform import Platform, PlatformModule
 from planlang import checkpoint, sleep
 from planlang.designators import Action, Location, Object, a_posture
 from planlang.failures import DesignatorFailure, LookingFailure, LookingGoalUnreachable, PerceptionFailure
-from planlang.modules import process_module
+from planlang.language.process_module import process_module
 
 EXPOSURE = 0.1
 """Time that the head stands still for a picture [s]."""

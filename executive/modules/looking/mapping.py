@@ -8,7 +8,7 @@ from executive.belief.map_writing import map_text
 from executive.modules.platform import PlatformModule
 from planlang import checkpoint
 from planlang.designators import Action
-from planlang.modules import process_module
+from planlang.language.process_module import process_module
 from planlang.outputs import write_text
 
 

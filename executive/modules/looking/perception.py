@@ -22,7 +22,7 @@ from planlang.failures import (
     RecognitionModelMissing,
 )
 from planlang.geometry import Array, Pose
-from planlang.modules import process_module
+from planlang.language.process_module import process_module
 from planlang.ontology import expand
 
 

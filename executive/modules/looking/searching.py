@@ -30,7 +30,7 @@ from planlang.failures import (
 )
 from planlang.geometry import Array
 from planlang.kernel import now
-from planlang.modules import process_module
+from planlang.language.process_module import process_module
 from planlang.records import dataclass
 
 ABOUT = 2.0

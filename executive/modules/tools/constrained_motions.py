@@ -44,7 +44,7 @@ from planlang.failures import (
 )
 from planlang.geometry import Array, Pose
 from planlang.kernel import compute_in_thread
-from planlang.modules import process_module
+from planlang.language.process_module import process_module
 from planlang.motion_constraints import STANDING_FOR, ConstraintsUnsatisfied, Feature, MotionConstraint
 from planlang.protocols import Trajectory
 

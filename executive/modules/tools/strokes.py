@@ -33,7 +33,7 @@ from planlang.geometry import Array
 from planlang.geometry.matrices import moved
 from planlang.kernel import compute_in_thread
 from planlang.language.performing import actions_around
-from planlang.modules import process_module
+from planlang.language.process_module import process_module
 from planlang.motion_constraints import (
     ConstraintKind,
     FeatureKind,

@@ -27,7 +27,7 @@ from planlang.failures import (
 )
 from planlang.geometry import Array
 from planlang.geometry.matrices import moved
-from planlang.modules import process_module
+from planlang.language.process_module import process_module
 from planlang.motion_constraints import ConstraintsUnsatisfied, MotionConstraint
 from planlang.protocols import Trajectory
 

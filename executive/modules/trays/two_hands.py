@@ -40,7 +40,7 @@ from planlang.failures import (
     TooHeavy,
 )
 from planlang.geometry import Array, Pose
-from planlang.modules import process_module
+from planlang.language.process_module import process_module
 
 PLACES = 3
 """Places of the base from which a thing is taken, or put down, one after another: what is seen there may differ."""

@@ -12,10 +12,9 @@ from executive.cli.app import app
 from executive.modules.bundled import bundled_registry
 from executive.modules.platform import Platform, PlatformModule
 from executive.runs.assembly import RobotExecutive
-from planlang import SimulationHost, Trace, perform, run
+from planlang import SimulationHost, Trace, perform, process_module, run
 from planlang.designators import Action, Device, action, an_object
 from planlang.geometry import Pose
-from planlang.modules import process_module
 from planlang.motion_constraints import a_constraint, a_feature
 from planlang.runs import with_paths
 from sim import Body, PyBulletWorld
@@ -84,7 +83,7 @@ def test_it_is_asked_by_motions_under_constraints_such_as_pouring(make_stage: Ma
 
 WHEELS = """
 from executive.modules.platform import PlatformModule
-from planlang.modules import process_module
+from planlang import process_module
 from planlang.failures import NavigationFailure, NavigationPoseUnreachable
 from executive.motion import MotionError
 

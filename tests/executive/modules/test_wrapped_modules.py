@@ -16,8 +16,8 @@ from executive.modules.looking_first import LookingFirst
 from planlang import VirtualHost, action, run
 from planlang.designators import Action
 from planlang.failures import GraspMissed
-from planlang.language.executive import FullProcessModule, ModuleOnce, RecordedModule, WrappedModule
-from planlang.modules import OnDemand, _Demanded
+from planlang.language.process_module import ModuleOnce, ProcessModule, RecordedModule, WrappedModule
+from planlang.registry import OnDemand, _Demanded
 
 
 class Unusual:
@@ -95,7 +95,7 @@ def said(module: Any, member: str) -> Any:
     return [run(lambda one=one: one, host=VirtualHost()) if inspect.iscoroutine(one) else one for one in answers]
 
 
-MEMBERS = [name for cls in FullProcessModule.__mro__[:2] for name in vars(cls) if not name.startswith("_")]
+MEMBERS = [name for name in vars(ProcessModule) if not name.startswith("_")]
 
 
 @pytest.mark.parametrize("wrapper", list(wrappers()), ids=lambda one: one.__name__)

@@ -316,7 +316,7 @@ Class: :Stirring
     SubClassOf: knowrob:PurposefulAction
 """
 STIRRER = """
-from planlang.modules import process_module
+from planlang import process_module
 
 @process_module
 class Stirrer:

@@ -282,9 +282,10 @@ ANYTHING = {
     "Signal",
     "Feature",
     "MotionConstraint",
+    "process_module",
     "sweep",
 }
-"""What takes whatever there is, is called or made by the language only, or is a command that judges its options."""
+"""What takes whatever there is, is called or made by the language only, or judges itself what it is given."""
 
 
 def test_the_table_has_all_public_names_that_take_arguments() -> None:

@@ -11,7 +11,7 @@ from virtual_time import go
 
 from planlang import *
 from planlang.failures import NavigationGoalNotReached, ObjectLost, ObjectUnreachable
-from planlang.language.executive import RecordedModule, WrappedModule, performs
+from planlang.language.process_module import RecordedModule, WrappedModule, performs
 from planlang.language.replaying import replay
 from planlang.runs import RecordedRun
 

@@ -27,7 +27,7 @@ from planlang import (
     sleep,
 )
 from planlang.kernel import compute_in_thread
-from planlang.language.executive import ModuleOnce
+from planlang.language.process_module import ModuleOnce
 from planlang.runs import DamagedTrace, Different, RecordedRun, Repetition
 from planlang.runs.repeating import RepeatedTrace
 from planlang.runs.trace import Earlier

@@ -1,7 +1,7 @@
 """Process modules by registration: those that come with planlang, of installed packages, and of files a user names.
 
-A process module is a class marked with :func:`process_module`. Packages announce theirs as entry points of the group
-``planlang.modules``, each naming such a class or a Python module that holds some; users name files by
+A process module is a class marked with :func:`planlang.process_module`. Packages announce theirs as entry points of the
+group ``planlang.modules``, each naming such a class or a Python module that holds some; users name files by
 ``planlang run --modules FILE.py``. An action goes to the module of its most specific class. Where two modules perform
 the same class, a user's file outranks an installed package, and that outranks planlang; two of the same rank are an
 error.
@@ -20,40 +20,19 @@ from functools import cached_property
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from types import ModuleType
-from typing import Any, TypeVar
+from typing import Any
 
 from planlang.designators import Action
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note
 from planlang.files import read_file
-from planlang.language.executive import ProcessModule, WrappedModule, selects
+from planlang.language.process_module import ProcessModule, WrappedModule, is_marked, selects
 from planlang.records import dataclass
 
 GROUP = "planlang.modules"
 """Entry-point group of installed process modules."""
 LARGEST = 10_000_000
 """Bytes of a file of process modules that are read at most."""
-_MARK = "__planlang_process_module__"
-_ADVICE = "mark the class with @process_module from planlang.modules"
-
-M = TypeVar("M")
-
-
-def process_module(cls: type[M]) -> type[M]:
-    """Mark a class as a process module, so that planlang finds it in its file or package.
-
-    The class is called with the robot's platform and gives a :class:`planlang.ProcessModule`. Raises TypeError, naming
-    what is missing, for a class that cannot be one.
-    """
-    absent = [name for name in ("name", "actions", "failures", "resources", "execute") if not hasattr(cls, name)]
-    if absent:
-        raise TypeError(f"process module {cls.__name__} lacks {', '.join(absent)}")
-    actions, failures = cls.actions, cls.failures  # type: ignore[attr-defined]
-    if isinstance(actions, str) or not actions or not all(isinstance(name, str) for name in actions):
-        raise TypeError(f'actions of {cls.__name__} has to be a tuple of class names, such as ("Pouring",)')
-    if not all(isinstance(kind, type) and issubclass(kind, Exception) for kind in failures):
-        raise TypeError(f"failures of {cls.__name__} has to be a tuple of failure classes")
-    setattr(cls, _MARK, cls)
-    return cls
+_ADVICE = "mark the class with @planlang.process_module"
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,7 +145,7 @@ class ModuleRegistry:
             package = f"{entry.dist.name} {entry.dist.version}" if entry.dist is not None else "unknown"
             found = _loaded(entry, package)
             classes: list[Any] = [found] if isinstance(found, type) else list(marked(found))
-            if not all(getattr(cls, _MARK, None) is cls for cls in classes) or not classes:
+            if not all(map(is_marked, classes)) or not classes:
                 message = f"the entry point {entry.name} of {package} names no process module: {entry.value}"
                 raise BadInput([error("X011", message, help=_ADVICE)])
             for cls in classes:
@@ -203,7 +182,7 @@ def marked(module: ModuleType) -> Iterator[Any]:
     seen: dict[int, Any] = {}
     for value in vars(module).values():
         # one that a file imports, to derive its own from it, is not registered a second time
-        if isinstance(value, type) and vars(value).get(_MARK) is value and value.__module__.startswith(module.__name__):
+        if is_marked(value) and value.__module__.startswith(module.__name__):
             seen.setdefault(id(value), value)
     yield from seen.values()
 
@@ -213,7 +192,8 @@ def _loaded(entry: EntryPoint, package: str) -> Any:
         return entry.load()
     except Exception as problem:
         message = f"the process module {entry.value} of {package} cannot be imported: {_reason(problem)}"
-        raise BadInput([error("X011", message, help=f"pip uninstall {package.split()[0]} removes it")]) from problem
+        advice = _renamed(problem) or f"pip uninstall {package.split()[0]} removes it"
+        raise BadInput([error("X011", message, help=advice)]) from problem
 
 
 def _imported(path: Path) -> ModuleType:
@@ -234,8 +214,14 @@ def _imported(path: Path) -> ModuleType:
         passed = [frame.lineno for frame in lines if frame.filename == str(path)]
         line = passed[-1] if passed else getattr(problem, "lineno", None)
         message = f"the process modules cannot be imported: {_reason(problem)}"
-        raise BadInput([error("X011", message, Span(str(path), line or 1))]) from problem
+        raise BadInput([error("X011", message, Span(str(path), line or 1), _renamed(problem))]) from problem
     return module
+
+
+def _renamed(problem: BaseException) -> str | None:
+    """Return what to import in place of a module that has another name now."""
+    is_old = isinstance(problem, ModuleNotFoundError) and problem.name == "planlang.modules"
+    return "from planlang import process_module    # planlang.modules is planlang.registry now" if is_old else None
 
 
 def _reason(problem: BaseException) -> str:
