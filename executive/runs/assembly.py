@@ -297,6 +297,7 @@ class RobotExecutive:
         return {
             "belief": platform.belief.snapshot(),
             "things": platform.scene.world.snapshot(),
+            "base": list(platform.base()),
             "leaning": sorted(platform.leaning),
         }
 

@@ -1,7 +1,7 @@
 """Poses over time as JSON Lines: each line a transform in the fields of ROS' tf, as NEEMs keep them.
 
-A trace tells poses where the robot learns of them, and those of all that was moved where a step of the plan completes;
-a pose log that was written beside it (``planlang run --poses``) tells what moved in between.
+A trace tells poses where the robot learns of them, and what it believes to have moved where a step of the plan
+completes; a pose log that was written beside it (``planlang run --poses``) tells what moved in between.
 """
 
 from __future__ import annotations
@@ -60,19 +60,22 @@ def transforms_in(records: Iterable[Mapping[str, Any]]) -> Iterator[Transform]:
                 yield from _pose(step, asked[node], value, "perception")
             case {"event": "belief", "name": str(name), "pose": dict(pose)}:
                 yield from _pose(step, name, pose, "belief")
-            case {"event": "completed", "left": {"world": dict(world)}}:
-                yield from _state(step, world)
+            case {"event": "completed", "left": {"belief": dict(belief), **left}}:
+                yield from _base(step, left.get("base"))
+                yield from _believed(step, belief)
 
 
-def _state(step: int, world: Mapping[str, Any]) -> Iterator[Transform]:
-    yield from _base(step, world.get("base"))
-    bodies, held = world.get("bodies"), world.get("held")
-    for name, pose in bodies.items() if isinstance(bodies, dict) else ():
-        yield from _seven(step, MAP, name, pose)
-    for name, how in held.items() if isinstance(held, dict) else ():
+def _believed(step: int, belief: Mapping[str, Any]) -> Iterator[Transform]:
+    """Yield where things are believed to be that are not where the map has them, what is held in the hand's frame."""
+    poses, held = belief.get("poses"), belief.get("held")
+    in_hands = held if isinstance(held, dict) else {}
+    for name, pose in poses.items() if isinstance(poses, dict) else ():
+        if isinstance(pose, dict) and name not in in_hands:
+            yield from _pose(step, name, pose, "belief")
+    for name, how in in_hands.items():
         match how:
-            case [str(link), list(pose), *_]:
-                yield from _seven(step, link, name, pose)
+            case [[[str(_), str(link), dict(offset)], *_], *_]:
+                yield from _pose(step, name, offset, "belief", link)
 
 
 def _base(step: int, base: object) -> Iterator[Transform]:
@@ -82,18 +85,12 @@ def _base(step: int, base: object) -> Iterator[Transform]:
         yield Transform(step, MAP, BASE, (x, y, 0.0), (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)), "world")
 
 
-def _seven(step: int, frame: str, name: str, pose: object) -> Iterator[Transform]:
-    numbers = _numbers(pose, 7)
-    if numbers is not None:
-        yield Transform(step, frame, name, numbers[:3], numbers[3:], "world")
-
-
-def _pose(step: int, name: str, pose: Mapping[str, Any], by: str) -> Iterator[Transform]:
+def _pose(step: int, name: str, pose: Mapping[str, Any], by: str, frame: str = MAP) -> Iterator[Transform]:
     position, orientation = (
         _numbers(_plain(pose.get(key)), size) for key, size in (("position", 3), ("orientation", 4))
     )
     if position is not None and orientation is not None:
-        yield Transform(step, MAP, name, position, orientation, by)
+        yield Transform(step, frame, name, position, orientation, by)
 
 
 def _plain(value: object) -> object:

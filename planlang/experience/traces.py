@@ -24,8 +24,8 @@ from planlang.experience.model import (
     Thing,
 )
 from planlang.records import dataclass
-from planlang.runs.recorded_run import DamagedTrace, checked_records, details
-from planlang.runs.run_tree import RunTree, TaskNode
+from planlang.runs.recorded_run import DamagedTrace, checked_records
+from planlang.runs.run_tree import Happened, RunTree, TaskNode
 
 MOST_ACTIVITIES = 100_000
 MOST_CAUSES = 100
@@ -93,7 +93,7 @@ class _Reader:
             self._check(record)
         node = self._tree.add(record)
         if node is not None:
-            self._in_node(event, step, node, record)
+            self._in_node(event, step, node)
 
     def _check(self, record: Mapping[str, Any]) -> None:
         number = record["node"]
@@ -110,28 +110,30 @@ class _Reader:
         _text(record["name"])
         self._told[number] = _Told()
 
-    def _in_node(self, event: str, step: int, node: TaskNode, record: Mapping[str, Any]) -> None:
-        told, more = self._told[node.number], details(record)
+    def _in_node(self, event: str, step: int, node: TaskNode) -> None:
+        told = self._told[node.number]
         if event == "started":
-            told.designator = _designator(more) or told.designator
+            told.designator = _designator(node.parameters) or told.designator
         elif event == "ended":
             State(_text(node.status))
-            failure_of(node.failure) if "failure" in more else None
+            failure_of(node.failure) if node.failure is not None else None
         if node.kind == "plan" and event in ("started", "plan"):
-            self._resolve(node, step, ResolvedTo.PLAN, _text(more.get("iri") or node.name))
-        elif event == "request":
-            self._resolve(node, step, ResolvedTo.MODULE, _text(more["module"]))
-        elif event == "solution" and told.designator is not None:
-            base = tuple(_number(one) for one in more.pop("base"))
-            told.resolutions.append(Resolution(step, told.designator, ResolvedTo.BASE_POSE, base=base, details=more))
-        elif event in _TOLD:
-            self._happened(told, step, event, more)
+            self._resolve(node, step, ResolvedTo.PLAN, _text(node.parameters.get("iri") or node.name))
+        elif node.happened and node.happened[-1].event == event:
+            self._happened(told, node, node.happened[-1])
 
-    def _happened(self, told: _Told, step: int, event: str, more: dict[str, Any]) -> None:
-        failure = failure_of(more.pop("failure")) if "failure" in more else None
-        told.occurrences.append(Occurrence(step, event, more, failure))
-        if event == "pose failed" and told.resolutions:
-            told.resolutions[-1] = replace(told.resolutions[-1], failure=failure)
+    def _happened(self, told: _Told, node: TaskNode, what: Happened) -> None:
+        more = dict(what.details)
+        if what.event == "request":
+            self._resolve(node, what.step, ResolvedTo.MODULE, _text(more["module"]))
+        elif what.event == "solution" and told.designator is not None:
+            base, at = tuple(_number(one) for one in more.pop("base")), ResolvedTo.BASE_POSE
+            told.resolutions.append(Resolution(what.step, told.designator, at, base=base, details=more))
+        elif what.event in _TOLD:
+            failure = failure_of(more.pop("failure")) if "failure" in more else None
+            told.occurrences.append(Occurrence(what.step, what.event, more, failure))
+            if what.event == "pose failed" and told.resolutions:
+                told.resolutions[-1] = replace(told.resolutions[-1], failure=failure)
 
     def _resolve(self, node: TaskNode, step: int, to: ResolvedTo, value: str) -> None:
         """Note that what the nearest action around a node describes was resolved."""

@@ -9,7 +9,17 @@ from typing import Any
 
 from planlang.designators import local_name
 from planlang.records import dataclass
-from planlang.runs.recorded_run import details
+from planlang.runs.recorded_run import BOOKKEEPING, details
+
+
+@dataclass(frozen=True, slots=True)
+class Happened:
+    """A record of something in a node, or about the run as a whole, that is neither a start nor an end."""
+
+    step: int
+    """Plan time in world steps."""
+    event: str
+    details: dict[str, Any]
 
 
 @dataclass(eq=False)
@@ -43,6 +53,8 @@ class TaskNode:
     """Place of the record that tells of the end."""
     repeats: list[float] = field(default_factory=list)
     """Times at which a with_failure_handling ran its body [s]."""
+    happened: list[Happened] = field(default_factory=list)
+    """What happened in it: the solutions of a location, recoveries, resources that were taken, ..."""
     is_request: bool = False
     """True for the node of a process module that performs an action."""
 
@@ -135,6 +147,8 @@ class RunTree:
     def __init__(self, records: Iterable[Mapping[str, Any]] = ()) -> None:
         self.numbered: dict[int, TaskNode] = {}
         self.roots: list[TaskNode] = []
+        self.belief: list[Happened] = []
+        """How the belief changed, and where things are believed to be since."""
         self.rate = 1.0
         """World steps per second of plan time."""
         self._read = 0
@@ -153,6 +167,9 @@ class RunTree:
         if event == "header":
             self.rate = float(record["rate"])
         if number is None:
+            if event == "belief":
+                told = {key: value for key, value in record.items() if key not in ("step", "event")}
+                self.belief.append(Happened(record["step"], event, told))
             return None
         node, time = self.numbered.get(number) or self._new(number, record), record["step"] / self.rate
         if event == "started":
@@ -162,13 +179,15 @@ class RunTree:
             node.status, node.end, node.ended, node.last = record["status"], time, record["step"], place
             node.result, node.failure = record.get("result"), record.get("failure")
             node.first = place if node.start is None else node.first
-        elif event == "plan":
-            node.kind = "plan"
-            node.parameters.update(details(record))
-        elif event == "attempt":
-            node.repeats.append(time)
-        elif event == "request":
-            node.is_request = True
+        elif event not in BOOKKEEPING:
+            node.happened.append(Happened(record["step"], event, details(record)))
+            if event == "plan":
+                node.kind = "plan"
+                node.parameters.update(details(record))
+            elif event == "attempt":
+                node.repeats.append(time)
+            elif event == "request":
+                node.is_request = True
         return node
 
     def _new(self, number: int, record: Mapping[str, Any]) -> TaskNode:

@@ -27,6 +27,7 @@ from planlang.experience.poses import transforms_in
 from planlang.experience.terms import DUL, EXPERIENCE, SOMA
 from planlang.failures import GraspMissed, ObjectUnfetchable, PlanFailure
 from planlang.files import bundled
+from planlang.geometry import Pose
 from planlang.ontology import Literal, Triple, load
 from planlang.ontology.terms import RDF, expand
 from planlang.ontology.turtle import read_turtle
@@ -353,3 +354,16 @@ def test_each_term_of_a_narrative_is_stated_in_the_vocabulary_or_called_as_one_o
     for space in (DUL, SOMA, EXPERIENCE):
         lacking = {one for one in space.terms if not words.defined(space + one) and not words.is_property(space + one)}
         assert lacking <= {"Action", "Agent", "InformationObject", "TimeInterval", "json"}
+
+
+def test_what_is_believed_to_have_moved_where_a_step_completes_is_told_what_is_held_in_the_frame_of_its_hand() -> None:
+    place, offset = dump(Pose((1.0, 2.0, 0.5))), dump(Pose((0.0, 0.0, 0.1)))
+    belief = {"poses": {"cup1": place, "cup2": place}, "held": {"cup2": [[["right", "hand_link", offset]], place, []]}}
+    left = {"belief": belief, "base": [1.0, 0.0, 0.0]}
+    records = [HEADER, {"step": 9, "event": "completed", "node": 1, "left": left}]
+    found = {(one.child, one.frame): (one.step, one.position, one.by) for one in transforms_in(records)}
+    assert found == {
+        ("base", "map"): (9, (1.0, 0.0, 0.0), "world"),
+        ("cup1", "map"): (9, (1.0, 2.0, 0.5), "belief"),
+        ("cup2", "hand_link"): (9, (0.0, 0.0, 0.1), "belief"),
+    }

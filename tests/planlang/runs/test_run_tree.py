@@ -1,0 +1,51 @@
+"""The tree of a run: its nodes, what happened in them, and how the belief changed."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from planlang import Trace, VirtualHost, action, at_location, perform, run
+from planlang.designators import a_location, an_object
+from planlang.failures import ManipulationPoseUnreachable
+from planlang.runs import RunTree
+from planlang.testing.script import Script
+from planlang.testing.scripted import ScriptedExecutive
+
+CUP = an_object("Cup", "http://example.org/k.owl#cup1")
+
+
+def tree_of(script: Script) -> RunTree:
+    """The tree of a run that grasps a cup."""
+
+    async def grasp() -> None:
+        await perform(action("Reaching", to_location=a_location(in_center_of=CUP)))
+        await perform(action("ClosingAGripper", object_acted_on=CUP))
+
+    async def fetch() -> None:
+        await at_location(a_location(in_reach_of=CUP), grasp)
+
+    trace: Trace = Trace()
+    run(fetch, host=VirtualHost(), executive=ScriptedExecutive(script), trace=trace)
+    return RunTree(trace.events)
+
+
+def events(tree: RunTree, kind: str) -> list[list[Any]]:
+    """What happened in the nodes of a kind, beside the resources that they took."""
+    return [
+        [one.event for one in node.happened if one.event not in ("acquired", "released", "request")]
+        for node in tree.numbered.values()
+        if node.kind == kind
+    ]
+
+
+def test_a_node_tells_what_happened_in_it() -> None:
+    script = Script().on("Reaching", fails=ManipulationPoseUnreachable, times=1)
+    (happened,) = events(tree_of(script), "at_location")
+    assert happened == ["solution", "pose failed", "solution"]
+
+
+def test_the_tree_tells_how_the_belief_changed() -> None:
+    tree = tree_of(Script())
+    (change,) = tree.belief
+    assert (change.event, change.details["holding"]) == ("belief", ["cup1"])
+    assert change.step == tree.roots[0].ended
