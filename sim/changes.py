@@ -237,10 +237,10 @@ class Changes:
     def _size(self, type: str) -> Size:
         return self.rules.size(type) or PUDDLE
 
-    def new_name(self, wish: str, others: Iterable[str] = ()) -> str:
-        """Return a name that nothing has or had here, nor among ``others``."""
-        taken, number, name = {*self.bodies.bodies, *others}, 1, wish
-        while name in taken:
+    def new_name(self, wish: str) -> str:
+        """Return a name that nothing has or had here."""
+        number, name = 1, wish
+        while name in self.bodies.bodies:
             number += 1
             name = f"{wish}_{number}"
         return name

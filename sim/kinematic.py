@@ -9,6 +9,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import replace
 from typing import Any
 
+from planlang.changes import Change
 from planlang.geometry import Pose
 from planlang.geometry.matrices import moved
 from planlang.protocols import Configuration, Contact
@@ -17,6 +18,7 @@ from sim.bodies import Bodies, Part
 from sim.camera import Camera, Painter, Picture, Rays, View
 from sim.changes import Changes
 from sim.contact import PARTED, Contacts, Held, Query
+from sim.effects import do
 from sim.engine import bullet, connect
 from sim.falling import Falling
 from sim.leaves import Leaves, Led
@@ -65,8 +67,23 @@ class KinematicScene:
         self.changes = Changes(
             self._bodies, self._matter, scene.rules, self._rays, self._falling, self._held, self._create, self.remove
         )
-        """The changes that an executive makes when an action was performed that has effects."""
+        """The changes of what there is; those that actions declare are made by :meth:`do`."""
         self._show(self._now)
+
+    # What there is: implements planlang.changes.Physics
+
+    @property
+    def changed(self) -> int:
+        """The number of changes of what there is, by whomever."""
+        return self._matter.count
+
+    def do(self, change: Change) -> float:
+        """Make a change that an action has brought about; return how much has flowed [ml]."""
+        return do(self.changes, change)
+
+    def is_free(self, name: str) -> bool:
+        """Return whether nothing has or had a name."""
+        return name not in self._bodies.bodies
 
     # The robot
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from itertools import islice
+from itertools import count, islice
 from types import MappingProxyType
 from typing import Any
 
@@ -19,6 +19,7 @@ from executive.maps.class_names import known
 from executive.modules.platform import Platform
 from executive.modules.tools.turning_over import check_turned
 from planlang import sleep
+from planlang.changes import Change, Output, Physics, Poured, Switched, Transformed, TurnedOver
 from planlang.designators import Action, Location, Object, local_name
 from planlang.effects import Effects, effects_of, narrowest, number_of_class
 from planlang.failures import ObjectNotTurned, ObjectUnresolvable
@@ -27,10 +28,7 @@ from planlang.kernel import PlanStructureError, now
 from planlang.language.performing import actions_around
 from planlang.language.process_module import ProcessModule, WrappedModule
 from planlang.ontology import expand, shorten
-from planlang.records import dataclass
-from sim import PyBulletWorld
-from sim.changes import Changes, origins_of
-from sim.matter import PUDDLE, Portion, merged
+from sim.changes import Changes
 from sim.processes import due, warm
 
 ACTED_ON = ("object_acted_on", "inputs", "inputs_destroyed")
@@ -39,35 +37,14 @@ VESSELS = ("to_location", "device_used", *ACTED_ON)
 """Properties of an action with the vessel that something comes into being in, the nearest first."""
 
 
-@dataclass(frozen=True, slots=True)
-class Output:
-    """Something that comes into being: its name and class; of a food, how much there is of it usually [ml]."""
-
-    name: str
-    type: str
-    amount: float | None
-    what: Object | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Transformation:
-    """Things that are destroyed, what is used up of things' contents (by class), and what comes into being of it."""
-
-    things: tuple[str, ...]
-    used: tuple[tuple[str, str], ...]
-    outputs: tuple[Output, ...]
-    vessel: str | None
-
-
 class ActionEffects:
     """Applies effects of actions to the worlds of one platform."""
 
     def __init__(self, platform: Platform) -> None:
         self._platform = platform
-        world = platform.world
-        self._true = world.changes if isinstance(world, PyBulletWorld) else None
-        self.applied = 0 if self._true is None else self._true.matter.count
-        """Number of changes of the true world, as far as is known here."""
+        self._physics = platform.world if isinstance(platform.world, Physics) else None
+        """The world, if it has to be told what actions bring about."""
+        self.restored()
 
     def there(self) -> frozenset[str]:
         """Return the names of the things of the believed world."""
@@ -75,11 +52,12 @@ class ActionEffects:
 
     def untouched(self) -> bool:
         """Return whether nobody else has changed what there is."""
-        return self._true is None or self._true.matter.count == self.applied
+        return self._physics is None or self._physics.changed == self._changed
 
     def restored(self) -> None:
-        """Take the true world as it is."""
-        self.applied = 0 if self._true is None else self._true.matter.count
+        """Take the world as it is."""
+        self._changed = 0 if self._physics is None else self._physics.changed
+        """Number of changes of the world, as far as is known here."""
 
     def pass_time(self) -> None:
         """Let heat do its work in the believed world up to now; nothing else happens there by itself."""
@@ -174,29 +152,28 @@ class ActionEffects:
                 used += [(name, type) for type in meant if any(self._is_a(type, cls) for cls in effects.destroyed)]
         if not (things or used) and (effects.destroyed or not effects.created):
             return
-        once = tuple(dict.fromkeys(things)), tuple(dict.fromkeys(used))
-        outputs = tuple(self._outputs(action, effects.created))
-        transformation = Transformation(*once, outputs, self._vessel(action, effects, *once))
+        things, used = list(dict.fromkeys(things)), list(dict.fromkeys(used))
+        outputs = dict(self._outputs(action, effects.created))
+        place = self._vessel(action, effects, things, used)
+        usual = tuple((name, self._usual(self._believed.type_of(name)) or 0.0) for name in things)
         before = set(self._platform.scene.world.names())
-        for changes in self._worlds():
-            transform(changes, transformation, self._amount)
-        self._tell(before, {output.name: output for output in outputs})
-        for output in outputs:
-            if output.what is not None and output.name in self._platform.belief.made:
-                self._platform.belief.bound_to(output.what, output.name)
+        self._do(Transformed(usual, tuple(used), tuple(outputs), place))
+        self._tell(before, {output.name: described for output, described in outputs.items()})
+        for output, described in outputs.items():
+            if described is not None and output.name in self._platform.belief.made:
+                self._platform.belief.bound_to(described, output.name)
 
-    def _outputs(self, action: Action, created: Sequence[str]) -> Iterator[Output]:
-        """Yield what comes into being, under names that nothing has in any world; the action may say what it is."""
+    def _outputs(self, action: Action, created: Sequence[str]) -> Iterator[tuple[Output, Object | None]]:
+        """Yield what comes into being, under names that nothing has in any world, and how the action describes it."""
         stated, ontology = list(_objects(action, "outputs_created")), self._platform.belief.map.ontology
-        others: list[str] = [name for changes in self._worlds() for name in changes.bodies.bodies]
+        taken: set[str] = set()
         for cls in created:
-            type, name = shorten(cls), self._believed.new_name(f"{local_name(cls)}_1", others)
-            if name != f"{local_name(cls)}_1":
-                numbers = (f"{local_name(cls)}_{number}" for number in range(2, len(others) + 3))
-                name = next(one for one in numbers if one not in others)
-            others.append(name)
+            names = (f"{local_name(cls)}_{number}" for number in count(1))
+            name = next(one for one in names if one not in taken and all(each.is_free(one) for each in self._worlds()))
+            taken.add(name)
+            type = shorten(cls)
             what = next((one for one in stated if shorten(known(ontology, one.type)) == type), None)
-            yield Output(name, type, self._usual(type), what)
+            yield Output(name, type, self._usual(type)), what
 
     def _vessel(
         self, action: Action, effects: Effects, things: Sequence[str], used: Sequence[tuple[str, str]]
@@ -217,8 +194,7 @@ class ActionEffects:
 
     def _turn_over(self, action: Action, effects: Effects, *, physical: bool) -> None:
         for name in self._turning(action, effects):
-            for changes in self._worlds(only_believed=physical):
-                changes.turn_over(name)
+            self._do(TurnedOver(name), only_believed=physical)
             self._platform.belief.turned_over(name, self._platform.scene.world.pose(name))
 
     def _turning(self, action: Action, effects: Effects) -> Iterator[str]:
@@ -246,8 +222,7 @@ class ActionEffects:
         named = self._bound(action, ("object_acted_on", "device_used")) if effects.states else ()
         devices = {one.device for one in self._platform.scene.world.scene.controls}
         for name in sorted((name for _, name in named), key=lambda name: name not in devices)[:1]:
-            for changes in self._worlds(only_believed=by_hand):
-                changes.switch(name, shorten(effects.states[0]))
+            self._do(Switched(name, shorten(effects.states[0])), only_believed=by_hand)
             self._platform.belief.switched(name, shorten(effects.states[0]))
 
     def _pour(self, action: Action, effects: Effects, *, physical: bool) -> None:
@@ -265,9 +240,7 @@ class ActionEffects:
         else:  # "pour the mix" is all of it, "pour from the bottle" some of it
             all_of_it = self._believed.matter.total(source)
             amount = effects.amount or 0.0 if self._platform.belief.means(what, source) else all_of_it
-        flowed = self._believed.pour(source, target, amount)
-        for changes in self._worlds(only_believed=physical)[1:]:
-            changes.pour(source, target, amount)
+        flowed = self._do(Poured(source, target, amount), only_believed=physical)
         self._platform.belief.poured(source, target, flowed)
 
     def _name_what_landed(self, action: Action, effects: Effects, before: set[str]) -> None:
@@ -279,11 +252,18 @@ class ActionEffects:
 
     # Helpers
 
-    def _worlds(self, *, only_believed: bool = False) -> list[Changes]:
-        """Return the believed world, then the true one."""
-        return [self._believed, *([] if self._true is None or only_believed else [self._true])]
+    def _worlds(self) -> list[Physics]:
+        """Return the believed world, then that which has to be told, too."""
+        return [self._platform.scene.world, *([] if self._physics is None else [self._physics])]
 
-    def _tell(self, before: set[str], outputs: dict[str, Output]) -> None:
+    def _do(self, change: Change, *, only_believed: bool = False) -> float:
+        """Make a change in both worlds; return how much is believed to have flowed [ml]."""
+        flowed = self._platform.scene.world.do(change)
+        if self._physics is not None and not only_believed:
+            self._physics.do(change)
+        return flowed
+
+    def _tell(self, before: set[str], outputs: Mapping[str, Object | None]) -> None:
         """Tell the belief which things of the believed world came into being, and which are gone."""
         world, belief = self._platform.scene.world, self._platform.belief
         after = world.names()
@@ -292,12 +272,12 @@ class ActionEffects:
                 belief.destroyed(name)
         self.learn(before, outputs)
 
-    def learn(self, before: Collection[str], outputs: Mapping[str, Output] = MappingProxyType({})) -> None:
+    def learn(self, before: Collection[str], outputs: Mapping[str, Object | None] = MappingProxyType({})) -> None:
         """Tell the belief which things of the believed world came into being."""
         world, belief = self._platform.scene.world, self._platform.belief
         for name in (name for name in world.names() if name not in before and name not in belief.names()):
-            body, output = world.scene.body(name), outputs.get(name)
-            iri = output.what.iri if output is not None and output.what is not None else None
+            body, what = world.scene.body(name), outputs.get(name)
+            iri = None if what is None else what.iri
             thing = MapObject(iri or "", name, (expand(body.type),), None, body.size)
             belief.came_to_be(thing, world.pose(name))
 
@@ -318,37 +298,6 @@ class ActionEffects:
 
     def _usual(self, type: str) -> float | None:
         return number_of_class(self._platform.belief.map.ontology, [expand(type)], "amount")
-
-    def _amount(self, type: str) -> float:
-        return self._usual(type) or 0.0
-
-
-def transform(changes: Changes, what: Transformation, amount_of: Any) -> None:
-    """Destroy and create in one world; nothing happens where nothing is of what is to be destroyed or used up."""
-    matter, bodies = changes.matter, changes.bodies
-    things = [name for name in what.things if name in bodies.bodies and name not in bodies.removed]
-    places = [bodies.poses[name] for name in (*things, *(name for name, _ in what.used))]
-    sizes = [bodies.bodies[name].size for name in things]
-    origins = merged(things, *(origins_of(changes, name) for name in things))
-    whole = sum(matter.total(name) or amount_of(changes.type_of(name)) for name in things)
-    taken = [portion for name, type in what.used for portion in changes.consume(name, type)]
-    if (what.things or what.used) and not things and not taken:
-        return
-    for name in things:
-        changes.destroy(name)
-    origins = merged(origins, *(portion.origins for portion in taken))
-    whole += sum(portion.amount for portion in taken)
-    place = places[0] if places else (bodies.poses[what.vessel] if what.vessel is not None else None)
-    shift = 0.0
-    for output in what.outputs:
-        amount = whole if output.amount is not None and len(what.outputs) == 1 and whole else output.amount
-        if what.vessel is not None and amount is not None:
-            changes.fill(what.vessel, Portion(output.type, amount, origins))
-        elif place is not None:
-            size = changes.rules.size(output.type) or (sizes[0] if sizes else PUDDLE)
-            at = Pose((place.position[0] + shift, *place.position[1:]))
-            changes.create(output.name, output.type, size, at, origins, amount)
-            shift += size[0]
 
 
 class ModuleWithEffects(WrappedModule):

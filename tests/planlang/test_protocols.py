@@ -16,12 +16,13 @@ from executive.modules.gripper.grasping import Grasping
 from executive.modules.gripper.handing_over import Handover
 from executive.modules.looking.perception import Head, Perception
 from executive.runs.assembly import RobotExecutive
+from planlang.changes import Physics
 from planlang.failures import LowLevelFailure, PlanFailure
 from planlang.geometry import Pose
 from planlang.language.executive import Executive
 from planlang.language.process_module import NEEDED, ProcessModule
 from planlang.protocols import Configuration, Contact, Detection, Motion, World
-from sim import PyBulletWorld
+from sim import PlanningWorld, PyBulletWorld
 
 length = st.floats(-10.0, 10.0)
 quaternions = (
@@ -104,7 +105,9 @@ def public(protocol: type) -> set[str]:
     return {name for name in (*vars(protocol), *protocol.__annotations__) if not name.startswith("_")}
 
 
-@pytest.mark.parametrize(("protocol", "kind"), [(World, PyBulletWorld), (Executive, RobotExecutive)])
+@pytest.mark.parametrize(
+    ("protocol", "kind"), [(World, PyBulletWorld), (Physics, PlanningWorld), (Executive, RobotExecutive)]
+)
 def test_the_simulator_and_the_executive_have_all_that_their_protocols_ask_for(protocol: type, kind: type) -> None:
     given_at_creation = {"rate", "modules"}
     assert public(protocol) - given_at_creation <= set(dir(kind))

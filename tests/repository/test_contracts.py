@@ -143,6 +143,36 @@ def test_reaching_for_a_process_module_is_found(tmp_path: Path, statement: str) 
     assert (file, what.partition(":")[0]) == ("executive/modules/arm/hand_work.py", "executive.modules.arm.reaching")
 
 
+TRUTH = {"PyBulletWorld", "sim.world"}
+"""What names the true world."""
+ASSEMBLED = ("executive/runs/", "executive/cli/", "executive/pictures/")
+"""Where runs are put together, and what is so is shown."""
+
+
+def true_worlds_imported(folder: Path) -> list[tuple[str, str]]:
+    """Return each import of the true world by files of the executive that ground, plan or believe."""
+    return [
+        (file, f"{module}:{name}")
+        for path in sorted((folder / "executive").rglob("*.py"))
+        if not (file := path.relative_to(folder).as_posix()).startswith(ASSEMBLED)
+        for module, name in _imported(ast.parse(path.read_text(encoding="utf-8")))
+        if module in TRUTH or (module == "sim" and name in TRUTH)
+    ]
+
+
+def test_what_grounds_plans_and_believes_does_not_know_the_true_world() -> None:
+    assert true_worlds_imported(CHECKOUT) == [], (
+        "ask for what planlang.protocols.World and planlang.changes.Physics have"
+    )
+
+
+@pytest.mark.parametrize("statement", ["from sim import PyBulletWorld", "import sim.world", "from sim import world"])
+def test_reaching_for_the_true_world_is_found(tmp_path: Path, statement: str) -> None:
+    (tmp_path / "executive" / "modules").mkdir(parents=True)
+    (tmp_path / "executive" / "modules" / "cheating.py").write_text(f"{statement}\n")
+    assert [file for file, _ in true_worlds_imported(tmp_path)] == ["executive/modules/cheating.py"]
+
+
 TESTS = CHECKOUT / "tests" / "planlang"
 TABLE = TESTS.parent / "CONFORMANCE.md"
 NUMBERED = re.compile(r"test_[lkfp]\d+_")
