@@ -107,8 +107,11 @@ class World(Protocol):
     def link_pose(self, link: str) -> Pose:
         """Return the pose of a link frame of the robot in the map."""
 
-    def start(self, group: str, trajectory: Trajectory) -> None:
-        """Begin a motion of a group ("base", an arm, ...); it ends by itself, at an obstacle, or by :meth:`halt`."""
+    def start(self, group: str, trajectory: Trajectory, *, pushes: str | None = None) -> None:
+        """Begin a motion of a group ("base", an arm, ...); it ends by itself, at an obstacle, or by :meth:`halt`.
+
+        ``pushes`` is a link whose hand pushes meanwhile what it meets and can be moved; else that stops it.
+        """
 
     def motion(self, group: str) -> Motion:
         """State of the group's last motion."""
@@ -136,9 +139,6 @@ class World(Protocol):
 
     def let_go(self, leaf: str) -> None:
         """Let a door or drawer stay where it is."""
-
-    def set_pushing(self, link: str, *, pushing: bool) -> None:
-        """Let the hand at a link push what it meets and can be moved; else that stops it, as it does at first."""
 
     def led(self) -> Mapping[str, str]:
         """Return door or drawer -> link of the robot that moves it; one that the hand has slipped off is none."""

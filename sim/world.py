@@ -185,6 +185,8 @@ class PyBulletWorld(KinematicScene):
         """Initialize as every scene; ``seed`` is kept for records: nothing in here is random."""
         super().__init__(scene, robot, gui=gui, rate=rate)
         self.seed, self.steps = seed, 0
+        self._pushes: dict[str, str] = {}
+        """Group whose motion pushes -> the link of the hand with which it does."""
         self._processes = Processes(self.changes)
         self._motions: dict[str, Playback] = {}
         self._controls = Controls(scene.controls, self._matter)
@@ -204,6 +206,8 @@ class PyBulletWorld(KinematicScene):
             find = self._met if len(moving) > 1 else partial(self._met_alone, playback)
             self._now = advance(playback, find, self._contacts.felt, self._now)
             self._push(free)
+        for group in [one for one in self._pushes if self.motion(one).state is not MotionState.MOVING]:
+            self._stop_pushing(group)
         if self._robot is not None and (self._held or self._leaves.led):
             self._here()
             self._contacts.part()
@@ -228,9 +232,10 @@ class PyBulletWorld(KinematicScene):
                 return ()
         return self._met(configuration, query)
 
-    def set_pushing(self, link: str, *, pushing: bool) -> None:
-        """Let the hand at a link push what it meets and can be moved, or be stopped by that again."""
-        (self._pushing.begin if pushing else self._pushing.end)(link)
+    def _stop_pushing(self, group: str) -> None:
+        """Let the hand that a group's motion pushed with be stopped by what it meets again."""
+        if (link := self._pushes.pop(group, None)) is not None:
+            self._pushing.end(link)
 
     def _push(self, moved: Sequence[Strand]) -> None:
         """Let hands push the buttons that stop them."""
@@ -255,17 +260,22 @@ class PyBulletWorld(KinematicScene):
                     self.release(name)
                     break
 
-    def start(self, group: str, trajectory: Trajectory) -> None:
+    def start(self, group: str, trajectory: Trajectory, *, pushes: str | None = None) -> None:
         """Begin a motion. A joint obeys the newest motion: another group that moves one of these joints is halted.
 
         A trajectory that moves finger joints alone lets each finger go on until it touches something by itself.
-        Raises ``ValueError`` for unknown joints, wrong shapes, values outside the limits, or a first row elsewhere.
+        ``pushes`` is a link whose hand pushes meanwhile what it meets and can be moved. Raises ``ValueError`` for
+        unknown joints, wrong shapes, values outside the limits, or a first row elsewhere.
         """
         begun = begin(self.robot, self._find, self._now, trajectory)
         for other, playback in self._motions.items():
             if other != group and set(playback.names) & set(trajectory.names):
                 self.halt(other)
         self._motions[group] = begun
+        self._stop_pushing(group)
+        if pushes is not None:
+            self._pushes[group] = pushes
+            self._pushing.begin(pushes)
 
     def motion(self, group: str) -> Motion:
         """Return the state of the group's last motion; a group that has never moved is done."""
@@ -275,6 +285,7 @@ class PyBulletWorld(KinematicScene):
         """Stop the group where it is; nothing happens when it does not move."""
         if group in self._motions and self._motions[group].state().state is MotionState.MOVING:
             self._motions[group].halted = True
+        self._stop_pushing(group)
 
     def set_configuration(self, configuration: Configuration) -> None:
         """Put the robot, with what it holds, somewhere; joints not named stay. Motions under way are halted."""

@@ -74,12 +74,13 @@ class Control:
             self.belief.let_go(leaf)
         self.belief.sync(self.scene.world, self.world.configuration())
 
-    async def follow(self, group: str, trajectory: Trajectory) -> Motion:
+    async def follow(self, group: str, trajectory: Trajectory, *, pushes: str | None = None) -> Motion:
         """Command a motion and wait for its end; it is halted when the caller is evaporated or suspended.
 
-        Raises ObjectLost as soon as a hand of :meth:`watched` no longer feels what it holds.
+        ``pushes``: the link of the hand that pushes what it meets, None if that stops it. Raises ObjectLost as soon as
+        a hand of :meth:`watched` no longer feels what it holds.
         """
-        self.world.start(group, trajectory)
+        self.world.start(group, trajectory, pushes=pushes)
         try:
             at_rest = partial(self._is_at_rest, group)
             await self.wait_holding(self.watched(group), at_rest, f"{group} at rest")

@@ -450,9 +450,11 @@ class PlatformModule:
         torso = [] if self.platform.robot.torso is None else ["torso"]
         return ("base", "head", *torso, *(arm.name for arm in self.platform.scene.arms.all))
 
-    async def follow_to_end(self, arms: str, trajectory: Trajectory, what: str | None = None) -> None:
+    async def follow_to_end(
+        self, arms: str, trajectory: Trajectory, what: str | None = None, *, pushes: str | None = None
+    ) -> None:
         """Move arms; raises ManipulationGoalInCollision if something stops them, and notes what that was felt at."""
-        motion = await self.platform.follow(arms, trajectory)
+        motion = await self.platform.follow(arms, trajectory, pushes=pushes)
         if motion.state is not MotionState.DONE:
             await self.platform.sensing.bump(motion)
             raise ManipulationGoalInCollision(arm=arms, what=what, blocked_by=motion.blocked_by)

@@ -97,9 +97,11 @@ def straight(world: PyBulletWorld, goal: dict[str, float], rows: int = 30) -> Tr
     return Trajectory(tuple(goal), begin + share * (np.array(list(goal.values())) - begin))
 
 
-def play(world: PyBulletWorld, group: str, goal: dict[str, float], rows: int = 30) -> str | None:
+def play(
+    world: PyBulletWorld, group: str, goal: dict[str, float], rows: int = 30, *, pushes: str | None = None
+) -> str | None:
     """Move in a straight line until the motion is over; what blocked it."""
-    world.start(group, straight(world, goal, rows))
+    world.start(group, straight(world, goal, rows), pushes=pushes)
     while world.motion(group).state == "moving":
         world.step()
     return world.motion(group).blocked_by

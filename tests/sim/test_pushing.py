@@ -22,18 +22,17 @@ TIP = 0.43
 
 
 def pushing(make_world: MakeWorld, *bodies: Body, aside: float = 0.0, **fields: object) -> AskableWorld:
-    """Return a world of some bodies, with the closed right hand before them, so far to its right, which pushes."""
+    """Return a world of some bodies, with the closed right hand before them, so far to its right."""
     there = [body for body in ROOM.bodies if body.name in ("room", "bed")]
     world = make_world(bodies=(*there, *bodies), **fields)
     world.set_configuration(Configuration((-1.32 + aside, 1.4, math.pi / 2), LEVEL_HAND))
     play(world, "right_gripper", CLOSED)
-    world.set_pushing("grippoint_right", pushing=True)
     return world
 
 
-def ahead(world: AskableWorld, way: float) -> str | None:
-    """Drive so far ahead; return what stopped the robot."""
-    return play(world, "base", {"y": world.configuration().base[1] + way}, 90)
+def ahead(world: AskableWorld, way: float, pushes: str | None = "grippoint_right") -> str | None:
+    """Drive so far ahead, pushing with the hand at a link if there is one; return what stopped the robot."""
+    return play(world, "base", {"y": world.configuration().base[1] + way}, 90, pushes=pushes)
 
 
 def heading(pose: Pose) -> float:
@@ -47,9 +46,16 @@ SHELF = replace(TABLE, pose=Pose((-1.1, 2.15, 0.79)), size=(0.8, 0.5, 0.02))
 
 def test_a_hand_that_does_not_push_is_stopped(make_world: MakeWorld) -> None:
     world = pushing(make_world, SHELF, BOX)
-    world.set_pushing("grippoint_right", pushing=False)
-    assert ahead(world, 0.3) == "box"
+    assert ahead(world, 0.3, pushes=None) == "box"
     assert world.pose("box") == BOX.pose
+
+
+def test_a_hand_pushes_as_long_as_the_motion_that_does(make_world: MakeWorld) -> None:
+    world = pushing(make_world, SHELF, BOX)
+    assert ahead(world, 0.15) is None
+    there = world.pose("box")
+    assert ahead(world, 0.1, pushes=None) == "box"
+    assert world.pose("box") == there
 
 
 def test_a_thing_that_is_pushed_goes_with_what_stands_on_it(make_world: MakeWorld) -> None:

@@ -101,11 +101,9 @@ class LeafStrokes(StrokeWork):
         points = np.column_stack([local - over[:, None] * normal, over])
         lap = await self.stroke(grounding, phase, asked, plane, points, closed=False)
         link = platform.robot.arm(arm.name).tip
-        platform.world.set_pushing(link, pushing=True)
         try:
-            await platform.follow(arm.name, lap)
+            await platform.follow(arm.name, lap, pushes=link)
         finally:
-            platform.world.set_pushing(link, pushing=False)
             self._believe(np.array((platform.world.link_pose(link) @ tips).position), way)
         await self._back(arm, lap)
         await self._work.look(joint.handle or joint.leaf)

@@ -274,13 +274,11 @@ class Pushing(StrokeWork):
         end = int(gone.argmax())
         poses = {one: platform.belief.pose(one) for one in moving}
         far: float | None = None
-        platform.world.set_pushing(link, pushing=True)
         try:
-            await self.gone(motion, Trajectory(lap.names, lap.positions[: end + 1]))
+            await self.gone(motion, Trajectory(lap.names, lap.positions[: end + 1]), pushes=link)
             far = length if self._feels(arm, heading) else 0.0
-            await self.gone(motion, Trajectory(lap.names, lap.positions[end:]))
+            await self.gone(motion, Trajectory(lap.names, lap.positions[end:]), pushes=link)
         finally:
-            platform.world.set_pushing(link, pushing=False)
             if far is None:  # the hand was stopped, or what moves it: the thing is ahead of it, if it came that far
                 behind = np.array(platform.world.link_pose(link).position[:2]) - poses[name].position[:2]
                 far = float(np.clip(behind @ _ahead(heading) + reach + lead, 0.0, length))

@@ -302,9 +302,9 @@ class ConstrainedWork(PlatformModule):
             raise unsatisfied(motion, failure) from failure
         return found
 
-    async def gone(self, motion: GroundedMotion, trajectory: Trajectory) -> None:
+    async def gone(self, motion: GroundedMotion, trajectory: Trajectory, *, pushes: str | None = None) -> None:
         """Move the arms of a motion; raises ManipulationGoalInCollision if something stops them."""
-        await self.follow_to_end(" and ".join(arm.name for arm in motion.arms), trajectory)
+        await self.follow_to_end(" and ".join(arm.name for arm in motion.arms), trajectory, pushes=pushes)
 
     def _leaning(self, motion: GroundedMotion, solved: PhaseMotion) -> set[str]:
         """Return what the arms of a motion hold and the motion does not keep upright."""
