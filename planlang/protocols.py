@@ -98,9 +98,6 @@ class World(Protocol):
     rate: int
     """World steps per second."""
 
-    def step(self) -> None:
-        """Advance by one step: motions, people, falling objects."""
-
     def configuration(self) -> Configuration:
         """Return where the robot is."""
 
