@@ -1,0 +1,183 @@
+"""A robot without a simulator: what a real one has to offer so that the bundled modules serve a drink."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from executive.maps import read_map, scene_of
+from executive.modules.bundled import bundled_registry
+from executive.motion import Chain
+from executive.robots import Robot, bind_robot
+from executive.robots.arms import with_carrying
+from executive.runs.assembly import RobotExecutive, platform_of, world_at_start
+from planlang import SimulationHost, run
+from planlang.files import bundled
+from planlang.geometry import Array, Pose
+from planlang.ontology import load
+from planlang.protocols import Configuration, Detection, Motion, MotionState, Touch, Trajectory
+from planlang.testing import compiled
+
+NEAR = 0.08
+"""Distance from the tip within which fingers that close meet the bottle [m]."""
+PULLS = 1.0
+"""Distance from the patient within which the patient pulls at what is offered [m]."""
+LEAST = 0.35
+"""Position of a finger at which it meets the bottle [rad]."""
+
+
+class MemoryRobot:
+    """Plays trajectories back; what it sees and feels follows from two poses that the test gives."""
+
+    rate = 30
+
+    def __init__(self, robot: Robot, at_start: Configuration, bottle: Pose, patient: Pose) -> None:
+        self.robot, self.bottle, self.patient = robot, bottle, patient
+        self.base, self.positions = at_start.base, dict(at_start.joints)
+        self.chains: dict[str, Chain] = {}
+        self.under_way: dict[str, tuple[Trajectory, int, Motion]] = {}
+        self.holds: dict[str, str] = {}
+        self.given = False
+
+    def step(self) -> None:
+        """Go on to the next row of each trajectory; a finger that meets the bottle stays there."""
+        for group, (trajectory, row, motion) in list(self.under_way.items()):
+            if motion.state is not MotionState.MOVING:
+                continue
+            self._show(dict(zip(trajectory.names, trajectory.positions[row].tolist(), strict=True)))
+            met = self._met(trajectory)
+            state = MotionState.BLOCKED if met else MotionState.DONE
+            over = met is not None or row + 1 == len(trajectory.positions)
+            self.under_way[group] = (trajectory, row + 1, Motion(state, touch=met) if over else motion)
+
+    def _show(self, values: Mapping[str, float]) -> None:
+        self.positions |= {name: value for name, value in values.items() if name not in ("x", "y", "yaw")}
+        x, y, yaw = self.base
+        self.base = (values.get("x", x), values.get("y", y), values.get("yaw", yaw))
+
+    def _met(self, trajectory: Trajectory) -> Touch | None:
+        for arm in self.robot.arms:
+            gripper = arm.gripper
+            closes = gripper is not None and set(trajectory.names) == set(gripper.joints)
+            if closes and trajectory.positions[-1][0] < trajectory.positions[0][0]:
+                return next(iter(self.touches(gripper.finger_links)), None)
+        return None
+
+    def configuration(self) -> Configuration:
+        """Where it is."""
+        return Configuration(self.base, dict(self.positions))
+
+    def link_pose(self, link: str) -> Pose:
+        """Where a link is, by the angles of its joints."""
+        chain = self.chains.setdefault(link, Chain.from_urdf(self.robot.urdf, self.robot.base_link, link))
+        q = np.array([[self.positions[name] for name in chain.names]])
+        return Pose.planar(*self.base) @ Pose.from_matrix(chain.fk(q)[0])
+
+    def start(self, group: str, trajectory: Trajectory, *, pushes: str | None = None) -> None:
+        """Begin to play a trajectory back."""
+        self.under_way[group] = (trajectory, 0, Motion(MotionState.MOVING))
+
+    def motion(self, group: str) -> Motion:
+        """How far that is."""
+        return self.under_way[group][2] if group in self.under_way else Motion(MotionState.DONE)
+
+    def halt(self, group: str) -> None:
+        """Stop."""
+        if self.motion(group).state is MotionState.MOVING:
+            trajectory, row, _ = self.under_way[group]
+            self.under_way[group] = (trajectory, row, Motion(MotionState.HALTED))
+
+    def detect(self, camera_link: str) -> tuple[Detection, ...]:
+        """The bottle and the patient, as if it saw all around."""
+        found = [Detection("patient1", self.patient, 1.0)]
+        if not self.holds and not self.given:
+            found.append(Detection("bottle1", self.bottle, 1.0))
+        return tuple(found)
+
+    def scan(self, camera_link: str) -> tuple[Array, Any]:
+        """No picture of depths."""
+        return np.zeros((0, 3)), np.zeros(0, bool)
+
+    def touches(self, links: Collection[str]) -> tuple[Touch, ...]:
+        """Two fingers that are closed on the bottle."""
+        for arm in self.robot.arms:
+            gripper = arm.gripper
+            if gripper is None or set(links) != set(gripper.finger_links):
+                continue
+            tip = self.link_pose(arm.tip)
+            there = tip if arm.tip in self.holds.values() else self.bottle
+            narrow = abs(self.positions[gripper.joints[0]]) <= LEAST
+            if narrow and not self.given and tip.distance(there) < NEAR:
+                across = tip.rotation[:, 1]
+                return tuple(
+                    Touch(
+                        link, tuple((there.position + side * 0.03 * across).tolist()), tuple((side * across).tolist())
+                    )
+                    for link, side in zip(gripper.finger_links, (1.0, -1.0), strict=False)
+                )
+        return ()
+
+    def attach(self, link: str, name: str) -> None:
+        """It holds it anyway."""
+        self.holds[name] = link
+
+    def release(self, name: str) -> None:
+        """The fingers open next."""
+        self.given = self.taken(name) is not None
+        del self.holds[name]
+
+    def lead(self, link: str, leaf: str) -> None:
+        """There are no doors."""
+
+    def let_go(self, leaf: str) -> None:
+        """There are no doors."""
+
+    def led(self) -> Mapping[str, str]:
+        """There are no doors."""
+        return {}
+
+    def attached(self) -> Mapping[str, str]:
+        """What it holds."""
+        return self.holds
+
+    def falling(self, name: str) -> bool:
+        """Nothing falls."""
+        return False
+
+    def taken(self, name: str) -> str | None:
+        """Who pulls at the hand."""
+        if self.given:
+            return "patient1"
+        near = name in self.holds and self.link_pose(self.holds[name]).distance(self.patient) < PULLS
+        return "patient1" if near else None
+
+
+def _touch(there: Pose, across: Array, link: str, side: float) -> Touch:
+    (x, y, z), (nx, ny, nz) = (there.position + side * 0.03 * across).tolist(), (side * across).tolist()
+    return Touch(link, (x, y, z), (nx, ny, nz))
+
+
+@pytest.fixture
+def stack() -> Iterator[ExitStack]:
+    """Ends the believed world."""
+    with ExitStack() as stack:
+        yield stack
+
+
+def test_a_robot_that_is_no_simulator_serves_a_drink_with_the_bundled_modules(stack: ExitStack) -> None:
+    robot = with_carrying(bind_robot("amigo"))
+    semantic_map = read_map(load(bundled("ontologies") / "environments" / "hospital_room.omn"))
+    believed = world_at_start(scene_of(semantic_map), robot, None, stack)
+    poses = {thing.name: thing.pose for thing in semantic_map.objects if thing.pose is not None}
+    real = MemoryRobot(robot, believed.configuration(), poses["bottle1"], poses["patient1"])
+    platform = platform_of(robot, semantic_map, real, believed, 0)
+    executive = RobotExecutive(platform, bundled_registry().resolve([]))
+    plan = compiled(Path(bundled("recipes")) / "serve_a_drink.omn")
+    run(plan, host=SimulationHost(real), executive=executive, max_steps=20_000)
+    assert real.given
+    assert real.holds == {}
