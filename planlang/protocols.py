@@ -66,6 +66,8 @@ class MotionState(StrEnum):
     """It ended where it would have touched something."""
     HALTED = "halted"
     """It was stopped by command, or by a newer motion of the same joints."""
+    FAILED = "failed"
+    """The robot did not make it, for a reason of its own: a motor that is off, a following error."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +79,8 @@ class Motion:
     """Its name for messages; nothing is concluded from it, and a robot that cannot know it leaves it out."""
     touch: Touch | None = None
     """The contact that blocked the robot, or what it holds."""
+    reason: str | None = None
+    """Why it failed, for messages."""
 
 
 @dataclass(frozen=True, slots=True)

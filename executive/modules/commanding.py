@@ -26,9 +26,13 @@ from planlang.designators import Object
 from planlang.failures import (
     GraspSlipped,
     GripperGoalNotReached,
+    LookingFailure,
     LookingGoalUnreachable,
+    ManipulationGoalNotReached,
+    NavigationGoalNotReached,
     ObjectLost,
     ObjectUnresolvable,
+    PlanFailure,
 )
 from planlang.geometry import Array, Pose, matrices
 from planlang.protocols import Motion, MotionState, Touch, Trajectory, World
@@ -78,13 +82,16 @@ class Control:
         """Command a motion and wait for its end; it is halted when the caller is evaporated or suspended.
 
         ``pushes``: the link of the hand that pushes what it meets, None if that stops it. Raises ObjectLost as soon as
-        a hand of :meth:`watched` no longer feels what it holds.
+        a hand of :meth:`watched` no longer feels what it holds, and what the robot itself says that it did not make.
         """
         self.world.start(group, trajectory, pushes=pushes)
         try:
             at_rest = partial(self._is_at_rest, group)
             await self.wait_holding(self.watched(group), at_rest, f"{group} at rest")
-            return self.world.motion(group)
+            motion = self.world.motion(group)
+            if motion.state is MotionState.FAILED:
+                raise _failed(group, motion.reason)
+            return motion
         finally:
             self.world.halt(group)
             self.sync()
@@ -157,6 +164,19 @@ class Control:
             jerk=[limit.jerk for limit in limits],
             rate=self.world.rate,
         )
+
+
+def _failed(group: str, reason: str | None) -> PlanFailure:
+    """Return the failure of a motion that the robot did not make."""
+    about = "" if reason is None else f": {reason}"
+    match group.partition(" of "):
+        case ("base", *_):
+            return NavigationGoalNotReached(f"{NavigationGoalNotReached.text}{about}")
+        case ("head", *_):
+            return LookingFailure(f"{LookingFailure.text}{about}")
+        case ("gripper", _, arm) if arm:
+            return GripperGoalNotReached(f"{GripperGoalNotReached.text}{about}", arm=arm)
+    return ManipulationGoalNotReached(f"{ManipulationGoalNotReached.text}{about}", arm=group)
 
 
 class Hands:

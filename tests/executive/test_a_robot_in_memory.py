@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ from executive.robots import Robot, bind_robot
 from executive.robots.arms import with_carrying
 from executive.runs.assembly import RobotExecutive, platform_of, world_at_start
 from planlang import SimulationHost, run
+from planlang.failures import ManipulationFailure, NavigationFailure, PlanFailure
 from planlang.files import bundled
 from planlang.geometry import Array, Pose
 from planlang.ontology import load
@@ -169,15 +170,66 @@ def stack() -> Iterator[ExitStack]:
         yield stack
 
 
-def test_a_robot_that_is_no_simulator_serves_a_drink_with_the_bundled_modules(stack: ExitStack) -> None:
-    robot = with_carrying(bind_robot("amigo"))
-    semantic_map = read_map(load(bundled("ontologies") / "environments" / "hospital_room.omn"))
-    believed = world_at_start(scene_of(semantic_map), robot, None, stack)
-    poses = {thing.name: thing.pose for thing in semantic_map.objects if thing.pose is not None}
-    real = MemoryRobot(robot, believed.configuration(), poses["bottle1"], poses["patient1"])
-    platform = platform_of(robot, semantic_map, real, believed, 0)
-    executive = RobotExecutive(platform, bundled_registry().resolve([]))
-    plan = compiled(Path(bundled("recipes")) / "serve_a_drink.omn")
-    run(plan, host=SimulationHost(real), executive=executive, max_steps=20_000)
-    assert real.given
-    assert real.holds == {}
+@pytest.fixture
+def served(stack: ExitStack) -> Callable[[type[MemoryRobot]], MemoryRobot]:
+    """Lets a robot of a class serve a drink, with the bundled modules, and returns it."""
+
+    def serve(kind: type[MemoryRobot]) -> MemoryRobot:
+        robot = with_carrying(bind_robot("amigo"))
+        semantic_map = read_map(load(bundled("ontologies") / "environments" / "hospital_room.omn"))
+        believed = world_at_start(scene_of(semantic_map), robot, None, stack)
+        poses = {thing.name: thing.pose for thing in semantic_map.objects if thing.pose is not None}
+        real = kind(robot, believed.configuration(), poses["bottle1"], poses["patient1"])
+        executive = RobotExecutive(platform_of(robot, semantic_map, real, believed, 0), bundled_registry().resolve([]))
+        plan = compiled(Path(bundled("recipes")) / "serve_a_drink.omn")
+        run(plan, host=SimulationHost(real), executive=executive, max_steps=20_000)
+        return real
+
+    return serve
+
+
+class Tiring(MemoryRobot):
+    """The motors of one group give up, once or for ever."""
+
+    tired, times = "base", 1
+
+    def motion(self, group: str) -> Motion:
+        """How far a motion is; the first ones of the group fail."""
+        found = super().motion(group)
+        if group == self.tired and self.times and found.state is MotionState.DONE and group in self.under_way:
+            self.times -= 1
+            trajectory, row, _ = self.under_way[group]
+            self.under_way[group] = (trajectory, row, Motion(MotionState.FAILED, reason="motor 3 is off"))
+            return self.under_way[group][2]
+        return found
+
+
+@pytest.mark.parametrize(
+    ("group", "kind"),
+    [
+        ("base", NavigationFailure),
+        ("right", ManipulationFailure),
+        ("gripper of right", ManipulationFailure),
+    ],
+)
+def test_a_motion_that_a_robot_does_not_make_is_a_failure_that_says_why(
+    group: str, kind: type[PlanFailure], served: Callable[[type[MemoryRobot]], MemoryRobot]
+) -> None:
+    robot = type("Tired", (Tiring,), {"tired": group, "times": 1000})
+    with pytest.raises(PlanFailure) as caught:
+        served(robot)
+    found = [one for one in caught.value.chain() if "motor 3 is off" in one.message]
+    assert found
+    assert isinstance(found[-1], kind)
+
+
+def test_a_motion_that_a_robot_does_not_make_is_made_again(served: Callable[[type[MemoryRobot]], MemoryRobot]) -> None:
+    assert served(type("Tired", (Tiring,), {"tired": "right", "times": 1})).given
+
+
+def test_a_robot_that_is_no_simulator_serves_a_drink_with_the_bundled_modules(
+    served: Callable[[type[MemoryRobot]], MemoryRobot],
+) -> None:
+    robot = served(MemoryRobot)
+    assert robot.given
+    assert robot.holds == {}
