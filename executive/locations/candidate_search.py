@@ -27,6 +27,7 @@ from executive.locations.hand_solutions import (
     solve,
 )
 from executive.locations.looking_once import LookedAt, Numbered, as_keys, numbered
+from executive.locations.questions import Findings, Question
 from executive.locations.rejections import COLLISION, NO_HOLD, NO_ROOM, NOT_LOOKED_AT, NOT_VISIBLE, Reason, Rejections
 from executive.locations.validation import PLACES, BaseValidator, SelfOcclusion
 from executive.motion import QuickCheck
@@ -44,22 +45,32 @@ TRAVEL = 8.0
 
 @dataclass(frozen=True, slots=True)
 class Sought:
-    """The aim of a search for base poses, and its bounds; ``log`` counts what is refused, and why."""
+    """The aim of a search for base poses, and its bounds."""
 
     validator: BaseValidator
     wanted: Sequence[Reach]
     demand: BaseDemand
     budget: SearchBudget
-    log: Rejections
+    question: Question
     is_taken: Callable[[BasePose], bool] | None = None
     """Tells of which base poses nothing needs to be known any more."""
     blind: BaseDemand | None = None
     """The same demand without sight of what is handled; None if sight of nothing can be left out."""
 
+    @property
+    def log(self) -> Rejections:
+        """What is refused, and why."""
+        return self.question.log
+
+    @property
+    def known(self) -> Findings:
+        """What was found out before."""
+        return self.question.known
+
     def rooms(self, bases: Numbered) -> LookedAt[bool]:
         """Return at which bases there is room for the base, each looked at once for a location."""
         floor = self.validator.scene.collisions.floor()
-        return LookedAt(bases, self.log.findings.rooms, lambda new: floor.holds(new).tolist())
+        return LookedAt(bases, self.known.rooms, lambda new: floor.holds(new).tolist())
 
 
 class CandidateSearch:
@@ -83,13 +94,13 @@ class CandidateSearch:
         self._bases = as_told(self._found.bases)
         each = numbered(self._bases)
         self._rooms = sought.rooms(each)
-        self._stances = LookedAt(each, sought.log.findings.stances, lambda new: stance.hit(base_matrices(new)))
+        self._stances = LookedAt(each, sought.known.stances, lambda new: stance.hit(base_matrices(new)))
         self._undecided = np.ones(len(self._found), bool)
         self._validated = self._tried_blind = 0
         self._occlusion = SelfOcclusion(middle[:2], strict=budget.fine)
         self._failed = _Failed()
         self._around = frozenset(sought.validator.scene.bodies.names())
-        self._stopped = sought.log.findings.stopped
+        self._stopped = sought.known.stopped
         self._failures: dict[tuple[int, int], tuple[HandSolution, BasePose, Reason]] = {}
         """The first solution with the hand in something, and in what, for each arm and candidate."""
         self._hits: Counter[tuple[int, int]] = Counter()
@@ -107,14 +118,14 @@ class CandidateSearch:
         for row, solution, missed in self._open():
             if self._validated >= sought.budget.exact:
                 log.add(NOT_LOOKED_AT, int(self._undecided.sum()))
-                log.findings.untried = True
+                sought.known.untried = True
                 return
             self._undecided[row] = False
             if missed:
                 self._keep_blind(row, solution)
                 continue
             unseen = log.counts[NOT_VISIBLE]
-            answer = self._completed(row, solution, sought.demand, log)
+            answer = self._completed(row, solution, sought.demand, sought.question)
             if isinstance(answer, Solution):
                 yield answer
             else:
@@ -124,7 +135,7 @@ class CandidateSearch:
                 self._keep_blind(row, solution)
 
     def _completed(
-        self, row: int, solution: HandSolution, demand: BaseDemand, log: Rejections
+        self, row: int, solution: HandSolution, demand: BaseDemand, question: Question
     ) -> Solution | str | None:
         """Validate a candidate exactly, as :meth:`BaseValidator.complete` does."""
         return self._sought.validator.complete(
@@ -134,24 +145,24 @@ class CandidateSearch:
             self._sought.wanted,
             demand,
             self._occlusion,
-            log,
+            question,
             self._hands[self._key(row)[0]].check,
         )
 
     def _wants_blind(self) -> bool:
         """Return True as long as no base pose is known that lacks nothing but sight of what is handled."""
-        return self._sought.blind is not None and self._sought.log.findings.blind is None
+        return self._sought.blind is not None and self._sought.known.blind is None
 
     def _keep_blind(self, row: int, solution: HandSolution) -> None:
         """Keep a candidate from which what is handled is not seen, if nothing else is wrong with it."""
-        sought, findings = self._sought, self._sought.log.findings
+        sought, findings = self._sought, self._sought.known
         if sought.blind is None or findings.blind is not None:
             return
         if self._tried_blind >= sought.budget.exact:
             findings.untried = True
             return
         self._tried_blind += 1
-        answer = self._completed(row, solution, sought.blind, sought.log.uncounted())
+        answer = self._completed(row, solution, sought.blind, sought.question.uncounted())
         if isinstance(answer, Solution):
             findings.blind = answer
         else:
@@ -237,7 +248,7 @@ class CandidateSearch:
             undecided[rows] = self._have_way(rows)
             rows = rows[undecided[rows]]
             if again:
-                undecided[rows] = [key not in log.findings.met for key in self._known(rows)]
+                undecided[rows] = [key not in self._sought.known.met for key in self._known(rows)]
                 rows = rows[undecided[rows]]
             undecided[rows] = self._arms_have_room(rows)
             self._remember(rows)
@@ -281,7 +292,7 @@ class CandidateSearch:
 
     def _have_way(self, rows: NDArray[np.intp]) -> NDArray[np.bool_]:
         """Return which candidates the base can drive to; asked again, as what is known of ways grows meanwhile."""
-        return self._sought.validator.has_way(self._bases[rows], self._sought.log)
+        return self._sought.validator.has_way(self._bases[rows], self._sought.question)
 
     def _known(self, rows: NDArray[np.intp]) -> list[bytes]:
         """Return what candidates are known by when the same is looked at again."""
@@ -292,7 +303,7 @@ class CandidateSearch:
     def _remember(self, rows: NDArray[np.intp]) -> None:
         """Remember those of some candidates that arms cannot do."""
         if not self._sought.demand.remembered:
-            self._sought.log.findings.met.update(self._known(rows[~self._undecided[rows]]))
+            self._sought.known.met.update(self._known(rows[~self._undecided[rows]]))
 
     def _are_hopeless(self, rows: NDArray[np.intp]) -> NDArray[np.bool_]:
         """Return for which candidates (rows) no base pose will do, or none for a posture; these are counted."""

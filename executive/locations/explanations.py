@@ -15,6 +15,7 @@ from executive.locations.changes import AROUND, MOST_TRIED, Changes, WouldDo
 from executive.locations.demands import Reach, ReachKind
 from executive.locations.grasp_candidates import CLASSES, GraspCandidates
 from executive.locations.hand_predicates import Stage, candidates_of, narrowest
+from executive.locations.questions import Question
 from executive.locations.reachability import CELL, GraspClass
 from executive.locations.rejections import COLLISION, NO_HOLD, NO_ROOM, NO_WAY, NOT_VISIBLE, OUT_OF_REACH, Rejections
 from executive.motion import clearance_at
@@ -39,13 +40,14 @@ def explain_bases(
     arms: Sequence[ArmModel],
     scene: PlanningScene,
     inverse: InverseMaps,
-    log: Rejections,
+    question: Question,
     would_do: WouldDo | None,
 ) -> None:
-    """Add to ``log.figures`` what was measured about the reason that is most frequent, and what would do."""
+    """Add to the figures of the log what was measured about the most frequent reason, and what would do."""
+    log = question.log
     if not wanted or not log.counts:
         return
-    explanation = _Explanation(wanted[0], arms, scene, inverse, log)
+    explanation = _Explanation(wanted[0], arms, scene, inverse, question)
     reason = explanation.deciding()
     if reason in log.figures:
         return
@@ -113,9 +115,10 @@ class _Explanation:
         arms: Sequence[ArmModel],
         scene: PlanningScene,
         inverse: InverseMaps,
-        log: Rejections,
+        question: Question,
     ) -> None:
-        self.reach, self.arms, self.scene, self.inverse, self.log = reach, arms, scene, inverse, log
+        self.reach, self.arms, self.scene, self.inverse = reach, arms, scene, inverse
+        self.log, self.known = question.log, question.known
 
     def deciding(self) -> str:
         """Return the reason that is explained: the most frequent one, unless it left nothing but what is out of reach.
@@ -156,7 +159,7 @@ class _Explanation:
 
     def _tables(self) -> Iterator[tuple[ArmModel, Sequence[GraspCandidates]]]:
         """Yield grasp candidates of arms: those in which the hand itself is inside nothing; all if there are none."""
-        found = self.log.findings.hands
+        found = self.known.hands
         free = [hand for hand in found[max(found)].hands if len(hand.candidates)] if found else []
         for hand in free:
             yield hand.arm, [hand.candidates]

@@ -22,7 +22,8 @@ from executive.belief.planning_scene import PlanningScene, Unseen
 from executive.locations.areas import FACING, HAIR, Clear, Facing
 from executive.locations.candidate_search import TRAVEL
 from executive.locations.demands import BaseDemand
-from executive.locations.rejections import NO_ROOM, NOT_VISIBLE, Rejections
+from executive.locations.questions import Question
+from executive.locations.rejections import NO_ROOM, NOT_VISIBLE
 from executive.locations.validation import MOST_CROWDED, PLACES, BaseValidator, scored, unmet
 from planlang.geometry import Array
 from planlang.protocols import Solution
@@ -40,12 +41,12 @@ Samples = tuple[Array, Array, NDArray[np.intp]]
 class FloorSearch:
     """A search for base poses from which nothing has to be reached."""
 
-    def __init__(self, validator: BaseValidator, demand: BaseDemand, log: Rejections) -> None:
-        self.validator, self.scene, self.demand, self.log = validator, validator.scene, demand, log
+    def __init__(self, validator: BaseValidator, demand: BaseDemand, question: Question) -> None:
+        self.validator, self.scene, self.demand, self.question = validator, validator.scene, demand, question
 
     def places(self) -> Iterator[Solution]:
         """Yield base poses: around what they are about, and when there are no more of these, anywhere."""
-        samples, log = FloorSamples(self.demand, self.scene), self.log
+        samples, log = FloorSamples(self.demand, self.scene), self.question.log
         found, looked_at = yield from self._validated(samples.around(), MOST_AREAS)
         if looked_at >= MOST_AREAS:
             return
@@ -62,7 +63,7 @@ class FloorSearch:
 
         ``named``: what takes the room is known. Returns whether there were any, and how many were looked at.
         """
-        validator, scene, demand, log = self.validator, self.scene, self.demand, self.log
+        validator, scene, demand, log = self.validator, self.scene, self.demand, self.question.log
         bases, room, squares = samples
         score = np.ones(len(bases))
         for term in demand.areas:
@@ -91,12 +92,12 @@ class FloorSearch:
             place = bases[row].round(PLACES)
             base = (float(place[0]), float(place[1]), math.remainder(float(place[2]), 2 * math.pi))
             worth = float(total[row])
-            if not validator.has_way(place[None], log)[0]:
+            if not validator.has_way(place[None], self.question)[0]:
                 continue
             # there is room by the field: what is seen decides more often
             if not validator.sees(base, worth, demand, log) or not validator.stands(base, worth, demand, log):
                 continue
-            if (answer := validator.answer(base, worth, {}, demand, log)) is not None:
+            if (answer := validator.answer(base, worth, {}, demand, self.question)) is not None:
                 found = True
                 yield answer
         return found, len(rows)

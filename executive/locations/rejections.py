@@ -7,11 +7,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import field, replace
 
 from executive.belief.scene_collisions import BasePose
-from executive.locations.base_candidates import Inversion
-from executive.locations.grasp_candidates import Hand
 from planlang.failures import LocationUnresolvable
 from planlang.geometry import Array
-from planlang.protocols import Contact, Solution
+from planlang.protocols import Contact
 from planlang.records import dataclass
 
 MOST_PLACES = 5000
@@ -44,42 +42,6 @@ class Validated:
     """The body that was in the way."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class FreeHands:
-    """Grasp candidates of arms in which the hand itself is inside nothing, and how others were counted."""
-
-    hands: list[Hand]
-    reach: float
-    """Farthest that a base is from what it reaches, horizontally [m]."""
-    near: tuple[Array, float]
-    """Middle (3,) and radius [m] of all that the robot may meet."""
-    counted: Rejections
-
-
-@dataclass(slots=True, eq=False)
-class Findings:
-    """Findings of one search for a location, kept for the later ones, whatever has to be seen from a base pose."""
-
-    walled: bool = False
-    """True if a place was rejected because the base cannot drive there: others are asked for that first, then."""
-    blind: Solution | None = None
-    """The first base pose that lacked nothing but sight of what is handled: it will do after a look from elsewhere."""
-    untried: bool = False
-    """True if not all candidates were looked at: without sight there may be more."""
-    stopped: dict[tuple[object, ...], Reason | None] = field(default_factory=dict)
-    """Grasp candidates, and why the hand itself cannot do them, wherever the base stands; None if it can."""
-    met: set[bytes] = field(default_factory=set)
-    """Candidates that an arm cannot do."""
-    rooms: dict[bytes, bool] = field(default_factory=dict)
-    """Base poses, and whether there is room for the base."""
-    stances: dict[bytes, str | None] = field(default_factory=dict)
-    """Base poses, and what an arm in its present posture is inside of there, None if nothing."""
-    hands: dict[int, FreeHands] = field(default_factory=dict)
-    """By the stage of a search."""
-    inversions: dict[tuple[int, float, int, bool], Inversion] = field(default_factory=dict)
-    """By the stage of a search, the bounds of rows, and whether ways were asked for."""
-
-
 @dataclass(slots=True)
 class Rejections:
     """Counts of one resolution, for the failure and the trace."""
@@ -96,7 +58,6 @@ class Rejections:
     """True if no base pose will do, however many are looked at: a larger search is spared."""
     refused: list[tuple[str, Array]] = field(default_factory=list)
     """Candidates (m, 2 or more) that were refused before they were looked at, with the reason."""
-    findings: Findings = field(default_factory=Findings)
     figures: dict[str, str] = field(default_factory=dict)
     """Reason -> a sentence with what was measured, and what would do."""
 

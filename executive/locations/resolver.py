@@ -35,6 +35,7 @@ from executive.locations.floor_search import FloorSearch
 from executive.locations.hand_predicates import Stage, hand_holds
 from executive.locations.hand_solutions import HandSolution, from_base
 from executive.locations.placement import Placement
+from executive.locations.questions import Question
 from executive.locations.rejections import NOT_VISIBLE, Rejections
 from executive.locations.search import searched
 from executive.locations.validation import BaseValidator
@@ -72,10 +73,10 @@ class Resolver:
         """
         self._look(location)
         if log is not None:
-            return self._bases(location, log)
+            return self._bases(location, Question(log))
         state = (self.scene.revision(), self.scene.posture())
         question = location, tuple(actions_around())  # what they are about decides about grips
-        return self._answers.of(question, state, lambda: self._bases(location, Rejections()))
+        return self._answers.of(question, state, lambda: self._bases(location, Question()))
 
     def look_at_unseen(self, location: Location) -> Solution | None:
         """Return a look at what is out of reach where the map alone has it, as it may stand elsewhere; None without.
@@ -100,9 +101,9 @@ class Resolver:
         demand, validator = base_demand(location, self.scene, self._viewer(location)), self._validator
         handled = (name for name in validator.to_see(demand) if name not in demand.seen)
         known = tuple(name for name in handled if self.scene.belief.remembers(name))
-        return validator.at(base, 1.0, replace(demand, remembered=known), validator.arms(demand), Rejections())
+        return validator.at(base, 1.0, replace(demand, remembered=known), validator.arms(demand), Question())
 
-    def _bases(self, location: Location, log: Rejections) -> Iterator[Solution]:
+    def _bases(self, location: Location, question: Question) -> Iterator[Solution]:
         """Demand, then the present base pose, then one search after another with a larger budget."""
         scene, validator = self.scene, self._validator
         demand = base_demand(location, scene, self._viewer(location))
@@ -112,22 +113,22 @@ class Resolver:
         found: list[BasePose] = []
         served = replace(demand, reaches=tuple(self._with_uses(reach, look=True) for reach in demand.reaches))
         if served != demand:
-            yield from self._found(served, Rejections(), found)
-        yield from self._found(demand, log, found)
+            yield from self._found(served, Question(), found)
+        yield from self._found(demand, question, found)
         if not found:
-            validator.check_doors(validator.wanted(demand), location, log)
+            validator.check_doors(validator.wanted(demand), location, question.log)
         would_do = None if found else partial(self._would_do, location)
-        explain_bases(validator.wanted(demand), validator.arms(demand), scene, self.maps, log, would_do)
-        raise log.failure(location, after=len(found))
+        explain_bases(validator.wanted(demand), validator.arms(demand), scene, self.maps, question, would_do)
+        raise question.log.failure(location, after=len(found))
 
     def _would_do(self, location: Location, log: Rejections) -> bool:
         """Return whether a location has a base pose, as the scene is supposed to be, without looking for it hard."""
         validator = BaseValidator(self.scene, self.maps)  # what this one remembers is not so
         demand = base_demand(location, self.scene, self._viewer(location))
-        tried = Rejections()
+        tried = Question()
         with closing(searched(validator, demand, tried, [], most=EASY)) as found:
             is_found = next(found, None) is not None
-        log.include(tried)
+        log.include(tried.log)
         return is_found
 
     def _with_uses(self, reach: Reach, *, look: bool = False) -> Reach:
@@ -140,28 +141,28 @@ class Resolver:
         uses = (use_at(goal, reach.body, self.scene, self._viewer(goal)) for goal in goals)
         return replace(reach, then=tuple(use for use in uses if use is not None))
 
-    def _found(self, demand: BaseDemand, log: Rejections, found: list[BasePose]) -> Iterator[Solution]:
+    def _found(self, demand: BaseDemand, question: Question, found: list[BasePose]) -> Iterator[Solution]:
         """Yield base poses with what is looked at before, and add them to those that were ``found``."""
         scene, wanted, before = self.scene, self._validator.wanted(demand), len(found)
         unsure = self._unsure(wanted)
         # what is seen from here comes first: where that shows nothing new the map is right about the rest, too
         here = {name: scene.base() for name in unsure if scene.visibility.hidden(scene.base(), name) is None}
         views = {name: self._view(name) for name in (() if here else unsure)}
-        for solution in searched(self._validator, demand, log, found):
+        for solution in searched(self._validator, demand, question, found):
             left = self._unsure(wanted) if here or views else ()
             yield self._after({name: view for name, view in (here or views).items() if name in left}, solution)
-        if len(found) == before and log.counts[NOT_VISIBLE]:
-            yield from self._after_a_look(demand, log, found)
-        log.findings.inversions.clear()  # else the traceback would keep them
+        if len(found) == before and question.log.counts[NOT_VISIBLE]:
+            yield from self._after_a_look(demand, question, found)
+        question.known.inversions.clear()  # else the traceback would keep them
 
-    def _after_a_look(self, demand: BaseDemand, log: Rejections, found: list[BasePose]) -> Iterator[Solution]:
+    def _after_a_look(self, demand: BaseDemand, question: Question, found: list[BasePose]) -> Iterator[Solution]:
         """Yield base poses from which what is handled is not seen, with a look at it, from elsewhere, before."""
         validator, scene = self._validator, self.scene
         blind = validator.blind(demand)
         unseen = [name for name in (blind.remembered if blind else ()) if not scene.belief.remembers(name)]
         views = [self._view(name) for name in unseen]
         if blind is not None and None not in views:
-            for solution in searched(validator, blind, log.uncounted(), found):
+            for solution in searched(validator, blind, question.uncounted(), found):
                 yield self._after(dict(zip(unseen, views, strict=True)), solution)
 
     def _unsure(self, wanted: Sequence[Reach]) -> list[str]:
@@ -180,7 +181,7 @@ class Resolver:
         """Return the base pose from which a thing is seen best; None if there is none, or the base cannot drive."""
         if self.scene.robot.base.fixed:
             return None
-        places = FloorSearch(self._validator, BaseDemand(seen=(name,)), Rejections()).places()
+        places = FloorSearch(self._validator, BaseDemand(seen=(name,)), Question()).places()
         return next((view.base for view in places), None)
 
     def _after(self, views: Mapping[str, BasePose | None], solution: Solution) -> Solution:

@@ -24,13 +24,13 @@ from executive.locations.grasp_candidates import CLASSES, Hand
 from executive.locations.hand_predicates import Stage
 from executive.locations.hand_solutions import HandHits, unblocked
 from executive.locations.looking_once import numbered
+from executive.locations.questions import FreeHands, Question
 from executive.locations.rejections import (
     COLLISION,
     NO_ROOM,
     NO_WAY,
     NOT_VISIBLE,
     OUT_OF_REACH,
-    FreeHands,
     Rejections,
 )
 from executive.locations.validation import BaseValidator, scored, unmet
@@ -47,7 +47,7 @@ APART = 0.05
 def searched(
     validator: BaseValidator,
     demand: BaseDemand,
-    log: Rejections,
+    question: Question,
     found: list[BasePose],
     most: int | None = None,
 ) -> Generator[Solution]:
@@ -56,6 +56,7 @@ def searched(
     ``most``: so many of the :data:`BUDGETS` are used, if not all.
     """
     wanted, arms, scene = validator.wanted(demand), validator.arms(demand), validator.scene
+    log, known = question.log, question.known
 
     def is_taken(base: BasePose) -> bool:
         """Return True if a base pose near that one was found."""
@@ -63,16 +64,16 @@ def searched(
 
     def searches() -> Iterator[Iterable[Solution]]:
         x, y, yaw = scene.base()
-        here = validator.at((x, y, math.remainder(yaw, 2 * math.pi)), 1.0, demand, arms, log)
+        here = validator.at((x, y, math.remainder(yaw, 2 * math.pi)), 1.0, demand, arms, question)
         yield () if here is None else (here,)
         if scene.robot.base.fixed:
             return
-        if demand.remembered and log.findings.blind is not None:
-            yield (log.findings.blind,)
-        elif demand.remembered and not log.findings.untried:
+        if demand.remembered and known.blind is not None:
+            yield (known.blind,)
+        elif demand.remembered and not known.untried:
             return  # whatever else is right with a base pose was looked at before
         if not wanted:
-            yield FloorSearch(validator, demand, log).places()
+            yield FloorSearch(validator, demand, question).places()
             return
         before, again, nothing, search = log.copy(), False, None, None
         puts = any(reach.kind is ReachKind.PLACE for reach in wanted)
@@ -82,7 +83,7 @@ def searched(
             if not puts and not log.counts[COLLISION]:  # nothing that a few degrees would help with
                 budget = replace(budget, stage=min(budget.stage, Stage.ALL))
             log.begin_again(before)
-            search = ReachSearch(validator, wanted, demand, arms, budget, log, is_taken if again else None)
+            search = ReachSearch(validator, wanted, demand, arms, budget, question, is_taken if again else None)
             yield search.places()
             if log.hopeless:
                 break
@@ -94,7 +95,7 @@ def searched(
     for solution in chain.from_iterable(searches()):
         if not is_taken(solution.base):
             found.append(solution.base)
-            log.findings.inversions.clear()  # large, and mostly not needed any more
+            known.inversions.clear()  # large, and mostly not needed any more
             yield solution
 
 
@@ -108,13 +109,14 @@ class ReachSearch:
         demand: BaseDemand,
         arms: Sequence[ArmModel],
         budget: SearchBudget,
-        log: Rejections,
+        question: Question,
         is_taken: Callable[[BasePose], bool] | None = None,
     ) -> None:
         """``is_taken`` tells of which base poses nothing needs to be known any more."""
         self.validator, self.scene, self.inverse = validator, validator.scene, validator.inverse
-        self.wanted, self.demand, self.arms, self.budget, self.log = wanted, demand, arms, budget, log
-        self.sought = Sought(validator, wanted, demand, budget, log, is_taken, validator.blind(demand))
+        self.wanted, self.demand, self.arms, self.budget, self.question = wanted, demand, arms, budget, question
+        self.log, self.known = question.log, question.known
+        self.sought = Sought(validator, wanted, demand, budget, question, is_taken, validator.blind(demand))
         self.crowded: list[tuple[float, Array]] = []
         """Scores and base poses of grasp candidates without any that has room: named if nothing is found at last."""
         self.inverted = False
@@ -132,7 +134,7 @@ class ReachSearch:
         within = float(max(aside)) + reach
         bands = [(reach.body, validator.band(reach, self.arms)) for reach in self.wanted[1:]]
         log.hopeless = self._is_hopeless(middle[:2], within, bands)
-        if log.findings.walled and not scene.collisions.drivable().comes_near(middle[:2], within):
+        if self.known.walled and not scene.collisions.drivable().comes_near(middle[:2], within):
             log.add(NO_WAY, sum(len(hand.candidates) for hand in hands))
             return
         found = self._inverted(hands, middle[:2], within, bands)
@@ -148,7 +150,7 @@ class ReachSearch:
                 crowded = found.chosen(~np.array(roomy, bool))
                 floor, yaw = scene.collisions.floor(), scene.bodies.block(self.wanted[0].body).yaw
                 moved = moved_to_room(crowded, floor, middle[:2], yaw, budget.most)
-                then = replace(self.sought, budget=budget.then, log=log.uncounted())
+                then = replace(self.sought, budget=budget.then, question=self.question.uncounted())
                 if len(moved):
                     yield from CandidateSearch(then, moved, hands, middle, stance, unseen).solutions()
 
@@ -160,13 +162,13 @@ class ReachSearch:
         Maps are inverted once for all searches that differ in how many base poses they look at, and in what is seen.
         """
         scene, budget, log = self.scene, self.budget, self.log
-        known, key = log.findings.inversions, (budget.stage, budget.least, budget.rows, log.findings.walled)
+        known, key = self.known.inversions, (budget.stage, budget.least, budget.rows, self.known.walled)
         if key not in known:
             x, y = middle.tolist()
             room = scene.collisions.floor().field((x, y), scene.bodies.block(self.wanted[0].body).yaw, within)
             conjuncts: list[Conjunct] = [(f"not in reach of {body}", partial(_within, *band)) for body, band in bands]
             conjuncts += [(unmet(term), partial(scored, term)) for term in self.demand.areas]
-            if log.findings.walled:
+            if self.known.walled:
                 drivable = scene.collisions.drivable()
                 conjuncts.append((NO_WAY, lambda bases: drivable(bases).astype(float)))
             known[key] = Inversion(room, conjuncts)
@@ -190,7 +192,7 @@ class ReachSearch:
 
     def _free_hands(self) -> FreeHands:
         """Return the grasp candidates of the first reach in which the hand itself is inside nothing; count others."""
-        known, stage = self.log.findings.hands, self.budget.stage
+        known, stage = self.known.hands, self.budget.stage
         if stage not in known:
             known[stage] = self._find_hands()
         self.log.include(known[stage].counted)

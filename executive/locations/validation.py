@@ -17,6 +17,7 @@ from executive.locations.demands import ORDER, BaseDemand, Reach, ReachKind, sid
 from executive.locations.hand_predicates import Stage
 from executive.locations.hand_solutions import HandSolution, Trial, from_base
 from executive.locations.later_uses import LaterUses
+from executive.locations.questions import Question
 from executive.locations.rejections import (
     COLLISION,
     NO_HOLD,
@@ -161,10 +162,10 @@ class BaseValidator:
         return BehindClosedDoor(designator=str(location), what=what, door=self.scene.bodies.designator(door))
 
     def at(
-        self, base: BasePose, score: float, demand: BaseDemand, arms: Sequence[ArmModel], log: Rejections
+        self, base: BasePose, score: float, demand: BaseDemand, arms: Sequence[ArmModel], question: Question
     ) -> Solution | None:
         """Return the solution at ``base`` with any of the arms, or None with the reason counted."""
-        wanted = self.wanted(demand)
+        wanted, log = self.wanted(demand), question.log
         if any(
             math.dist(base[:2], centre) > most or math.dist(base[:2], centre) < least
             for centre, least, most in (self.band(reach, arms) for reach in wanted)
@@ -173,7 +174,7 @@ class BaseValidator:
         if not self.stands(base, score, demand, log) or not self.sees(base, score, demand, log):
             return None
         if not wanted:
-            return self.answer(base, score, {}, demand, log)
+            return self.answer(base, score, {}, demand, question)
         for arm in arms:
             reached: dict[Reach, HandSolution] = {}
             for reach in wanted:
@@ -181,7 +182,7 @@ class BaseValidator:
                     break
                 reached[reach] = candidate
             else:
-                return self.answer(base, score, reached, demand, log)
+                return self.answer(base, score, reached, demand, question)
         log.remember(base, score, OUT_OF_REACH.text)
         return None
 
@@ -193,13 +194,14 @@ class BaseValidator:
         wanted: Sequence[Reach],
         demand: BaseDemand,
         occlusion: SelfOcclusion,
-        log: Rejections,
+        question: Question,
         check: QuickCheck,
     ) -> Solution | str | None:
         """Validate exactly a base pose whose first reach is solved as far as spheres tell, by a check of the arm.
 
         If it will not do because the arm meets something, the name of that; if the fingers have no hold, that.
         """
+        log = question.log
         # the arm first, where it takes hold: it is what most often meets something
         trial = Trial(solution, base, self.scene, check)
         # few postures: a quick check of them would take longer than looking
@@ -220,7 +222,7 @@ class BaseValidator:
                 log.remember(base, score, OUT_OF_REACH.text)
                 return None
             reached[reach] = candidate
-        return self.answer(base, score, reached, demand, log)
+        return self.answer(base, score, reached, demand, question)
 
     def stands(self, base: BasePose, score: float, demand: BaseDemand, log: Rejections) -> bool:
         """Return whether the base can stand there, by all conjuncts that do not concern a hand, cheapest first."""
@@ -271,11 +273,12 @@ class BaseValidator:
         return replace(demand, remembered=handled) if handled else None
 
     def answer(
-        self, base: BasePose, score: float, reached: dict[Reach, HandSolution], demand: BaseDemand, log: Rejections
+        self, base: BasePose, score: float, reached: dict[Reach, HandSolution], demand: BaseDemand, question: Question
     ) -> Solution | None:
         """Return a base pose that all else accepts, unless something is in reach that must not be."""
+        log = question.log
         if not self.scene.collisions.has_way(base):
-            log.findings.walled = True
+            question.known.walled = True
             _reject(log, base, score, NO_WAY)
             return None
         for reach in demand.unreached:
@@ -297,12 +300,12 @@ class BaseValidator:
         }
         return Solution(base, self.scene.revision(), detail)
 
-    def has_way(self, bases: Array, log: Rejections) -> NDArray[np.bool_]:
+    def has_way(self, bases: Array, question: Question) -> NDArray[np.bool_]:
         """Return which base poses (n, 3) the base may drive to, (n,); all as long as none was rejected for that."""
-        if not log.findings.walled:
+        if not question.known.walled:
             return np.ones(len(bases), bool)
         good = self.scene.collisions.drivable()(bases)
-        log.add(NO_WAY, int((~good).sum()))
+        question.log.add(NO_WAY, int((~good).sum()))
         return good
 
     def _sides(self, demand: BaseDemand) -> dict[str, object]:

@@ -14,6 +14,7 @@ import pytest
 from executive.locations.budgets import BUDGETS
 from executive.locations.demands import Reach, ReachKind
 from executive.locations.explanations import explain_bases
+from executive.locations.questions import Question
 from executive.locations.rejections import COLLISION, Rejections
 from planlang.designators import Location, a_device, a_location, a_person, a_posture, an_object
 from planlang.failures import LocationUnresolvable, ObjectUnresolvable
@@ -97,7 +98,7 @@ def test_between_a_thing_in_a_drawer_and_its_furniture_no_more_room_is_asked_for
         stage = room(stack, drawn(0))
         scene, resolver = stage.platform.scene, stage.platform.resolver
         log = Rejections(counts=Counter({COLLISION: 9}), blocking=Counter({"case": 9}))
-        explain_bases([Reach(ReachKind.PLACE, "leaf", inside=True)], (), scene, resolver.maps, log, None)
+        explain_bases([Reach(ReachKind.PLACE, "leaf", inside=True)], (), scene, resolver.maps, Question(log), None)
     assert log.figures == {COLLISION: "case is in the way of 9 of 9 ways to reach leaf"}
 
 
