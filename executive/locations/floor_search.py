@@ -81,7 +81,7 @@ class FloorSearch:
         if not named and not len(good):
             promising = crowded[np.argsort(-score[crowded].round(9), kind="stable")][:MOST_CROWDED]
             validator.name_crowding([(float(score[index]), bases[index]) for index in promising], log)
-        log.scored.append((bases[good], total[good]))
+        log.weigh(bases[good], total[good])
         order = good[np.argsort(-total[good].round(9), kind="stable")]
         found, hidden = False, 0
         rows = np.fromiter(islice(_spread(squares[order], order), most), np.intp)

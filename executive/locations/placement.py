@@ -126,7 +126,7 @@ class Placement:
         if self.near:
             x, y, _ = self.scene.base()
             score = score * np.exp(-np.hypot(centres[:, 0] - x, centres[:, 1] - y) / TRAVEL)
-        log.scored.append((centres[~crowded], score[~crowded]))
+        log.weigh(centres[~crowded], score[~crowded])
         return centres[~crowded], score[~crowded]
 
     def holds(self, pose: Pose) -> bool:

@@ -12,8 +12,8 @@ from planlang.geometry import Array
 from planlang.protocols import Contact
 from planlang.records import dataclass
 
-MOST_PLACES = 5000
-"""Places that are remembered, for a picture."""
+MOST_PLACES = 200
+"""Places that are remembered for each reason, for a picture."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,13 +51,14 @@ class Rejections:
     counts: Counter[str] = field(default_factory=Counter)
     blocking: Counter[str] = field(default_factory=Counter)
     places: list[Validated] = field(default_factory=list)
-    """Places that were looked at, in that order; the first thousands."""
+    """Places that were looked at, in that order, if they are shown; the first of each reason."""
     scored: list[tuple[Array, Array]] = field(default_factory=list)
     """Candidates (m, 3) before they were looked at, and their scores (m,)."""
     hopeless: bool = False
     """True if no base pose will do, however many are looked at: a larger search is spared."""
     refused: list[tuple[str, Array]] = field(default_factory=list)
     """Candidates (m, 2 or more) that were refused before they were looked at, with the reason."""
+    _shown: Counter[str] = field(default_factory=Counter)
     figures: dict[str, str] = field(default_factory=dict)
     """Reason -> a sentence with what was measured, and what would do."""
 
@@ -69,8 +70,13 @@ class Rejections:
 
     def show(self, reason: str, candidates: Array) -> None:
         """Remember for a picture where candidates (m, 2 or more) are that were counted for a reason."""
-        if len(candidates):
+        if self.explained and len(candidates):
             self.refused.append((reason, candidates))
+
+    def weigh(self, candidates: Array, scores: Array) -> None:
+        """Remember for a picture what scores (m,) candidates (m, 3) had before they were looked at."""
+        if self.explained:
+            self.scored.append((candidates, scores))
 
     def add(self, reason: str, number: int = 1) -> None:
         """Count ``number`` candidates rejected for a reason."""
@@ -95,7 +101,8 @@ class Rejections:
         self.counts.update(other.counts)
         self.blocking.update(other.blocking)
         self.figures.update(other.figures)
-        self.places.extend(other.places[: max(0, MOST_PLACES - len(self.places))])
+        for place in other.places:
+            self.remember(place.base, place.score, place.reason, place.body)
         self.scored.extend(other.scored)
         self.refused.extend(other.refused)
 
@@ -116,7 +123,8 @@ class Rejections:
 
     def remember(self, base: BasePose, score: float, reason: str = "", body: str | None = None) -> None:
         """Remember a place and what became of it."""
-        if len(self.places) < MOST_PLACES:
+        if self.explained and self._shown[reason] < MOST_PLACES:
+            self._shown[reason] += 1
             self.places.append(Validated(base, score, reason, body))
 
     def ordered(self) -> Mapping[str, int]:

@@ -177,7 +177,7 @@ class ReachSearch:
         # where all base poses of a candidate are kept sight chooses none of them: it is left for those that are solved
         chooses = budget.fine and budget.each < ALL
         found, unseen = inversion.best(budget.each, budget.most, self._unseen() if chooses else None)
-        log.scored.append((found.bases, found.scores))
+        log.weigh(found.bases, found.scores)
         refused = {NO_ROOM: inversion.without_room, **inversion.refused, NOT_VISIBLE: unseen}
         for reason, number in refused.items():
             log.add(reason, number)
