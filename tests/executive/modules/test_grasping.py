@@ -463,9 +463,9 @@ def test_a_gripper_that_does_not_close_holds_nothing(
     stage, start = before_bottle, PyBulletWorld.start
     do(stage, reach(BEFORE), OPEN, reach(AROUND))
 
-    def jammed(world: PyBulletWorld, group: str, trajectory: Trajectory) -> None:
+    def jammed(world: PyBulletWorld, group: str, trajectory: Trajectory, **more: Any) -> None:
         rows = trajectory.positions
-        start(world, group, replace(trajectory, positions=rows[: 1 + int(part * len(rows))]))
+        start(world, group, replace(trajectory, positions=rows[: 1 + int(part * len(rows))]), **more)
 
     monkeypatch.setattr(PyBulletWorld, "start", jammed)
     with pytest.raises(GripperGoalNotReached):
