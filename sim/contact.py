@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import field
 from itertools import combinations
 
@@ -273,20 +273,24 @@ class Contacts:
                 held.touched &= self.touching(name, PARTED)
 
     def touches(self, links: Collection[str], reach: float = 0.01) -> tuple[Touch, ...]:
-        """Return where links are touched: the nearest point of each body that is within ``reach`` of a link [m]."""
+        """Return where links are touched: the nearest point of each body that is within ``reach`` of a link [m].
+
+        Of a dish it is that of its floor, and of each part of its rim: a finger between both feels both.
+        """
         numbers = sorted(self.robot.number[link] for link in links if link in self.robot.number)
         lower, upper = self.robot.boxes_of(numbers)
         near = self.bodies.near(lower - reach, upper + reach)
         found = []
         for number, row in zip(numbers, near, strict=True):
-            names = dict.fromkeys(self.bodies.pieces[index].body for index in np.flatnonzero(row).tolist())
-            found += [(name, self._touch(number, name, reach)) for name in names]
+            for index in np.flatnonzero(row).tolist():
+                found.append((self.bodies.pieces[index].body, self._touch(number, [index], reach)))
         felt = [(name, touch) for name, touch in found if touch is not None]
         return (*(touch for _, touch in felt), *self._folds(felt))
 
     def pinches(self, link: str, name: str) -> bool:
         """Return whether a body is between two links of the hand at a link: both are at it, on opposite sides."""
-        felt = [self._touch(number, name, AT_IT) for number in sorted(self.robot.hand_of(link))]
+        pieces = self.bodies.of[name]
+        felt = [self._touch(number, pieces, AT_IT) for number in sorted(self.robot.hand_of(link))]
         sides = [np.array(touch.normal) for touch in felt if touch is not None]
         return any(float(one @ other) < OPPOSITE for one, other in combinations(sides, 2))
 
@@ -306,23 +310,29 @@ class Contacts:
         if contact.body not in self.bodies.of:
             return None
         if contact.part in self.robot.number:
-            return self._touch(self.robot.number[contact.part], contact.body, 0.0)
+            return self._touch(self.robot.number[contact.part], self.bodies.of[contact.body], 0.0)
         uids = [self.bodies.pieces[index].uid for index in self.bodies.of[contact.part]]
         held = self.held.get(contact.part)
         link = self.leaves.leader(contact.part) if held is None else held.link
-        return None if link is None else self._nearest(link, [(uid, -1) for uid in uids], contact.body, 0.0)
+        return (
+            None
+            if link is None
+            else self._nearest(link, [(uid, -1) for uid in uids], self.bodies.of[contact.body], 0.0)
+        )
 
-    def _touch(self, number: int, name: str, reach: float) -> Touch | None:
-        """Return where a body is nearest to a link, None if it is nowhere within ``reach`` [m]."""
+    def _touch(self, number: int, pieces: Sequence[int], reach: float) -> Touch | None:
+        """Return where pieces of a body are nearest to a link, None if they are nowhere within ``reach`` [m]."""
         here = [(self.robot.uid, self.robot.solid[number])]
-        return self._nearest(self.robot.solid_names[number], here, name, reach)
+        return self._nearest(self.robot.solid_names[number], here, pieces, reach)
 
-    def _nearest(self, link: str, mine: Collection[tuple[int, int]], name: str, reach: float) -> Touch | None:
+    def _nearest(
+        self, link: str, mine: Collection[tuple[int, int]], pieces: Sequence[int], reach: float
+    ) -> Touch | None:
         """Return the same for what a link moves, given by ids and link numbers of the client."""
         points = [
             point
             for uid, part in mine
-            for index in self.bodies.of[name]
+            for index in pieces
             for point in bullet.getClosestPoints(
                 uid, self.bodies.pieces[index].uid, reach, part, -1, physicsClientId=self.robot.client
             )

@@ -13,8 +13,8 @@ import pytest
 
 from planlang.geometry import Pose
 from planlang.protocols import Configuration, Motion, Trajectory
-from sim import PyBulletWorld
-from tests.sim.conftest import CLOSED, GRASPING, grasp, play, straight
+from sim import Body, PyBulletWorld
+from tests.sim.conftest import CLOSED, GRASPING, MakeWorld, grasp, play, straight
 
 FINGERS = ("finger1_right", "finger2_right")
 
@@ -85,6 +85,19 @@ def test_fingers_close_until_each_touches(world: PyBulletWorld) -> None:
     assert np.dot(one.normal, other.normal) < -0.9, "they feel it from both sides"
     for touch in (one, other):
         assert math.dist(touch.point[:2], (-1.106, 2.11)) == pytest.approx(0.03, abs=0.002), "on its surface"
+
+
+def test_a_finger_feels_the_rim_of_a_dish_though_it_is_nearer_to_the_floor(make_world: MakeWorld) -> None:
+    dish = Body("dish", Pose((-1.0, 2.11, 0.9)), (0.2, 0.2, 0.03), "cylinder", movable=True, wall=0.01)
+    world = make_world(bodies=(dish,))
+    world.set_configuration(GRASPING)
+    finger = FINGERS[0]
+    points = world.robot.points([world.robot.number[finger]])[0]
+    x, low = float(np.median(points[:, 0])), float(points[:, 2].min())
+    world.set_pose("dish", Pose((x, float(points[:, 1].max()) + 0.005 - 0.09, low - 0.003 + 0.005)))
+    ups = sorted(round(touch.normal[2], 1) for touch in world.touches([finger]))
+    assert ups[-1] == 1.0, "the floor"
+    assert ups[0] == 0.0, "the rim"
 
 
 def test_fingers_that_close_on_nothing_feel_nothing(world: PyBulletWorld) -> None:
