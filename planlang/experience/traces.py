@@ -86,6 +86,7 @@ class _Reader:
             self._header, rate = record, _number(record.get("rate"))
             if not 0 < rate <= MOST_STEPS:
                 raise ValueError("the rate is no number of steps per second")
+            _text(record.get("plan"))
         if step > min(LATEST, rate * LONGEST):
             raise ValueError(f"step {step} is too late")
         self._find_things(record, step)

@@ -115,6 +115,7 @@ def test_a_run_is_resumed_only_with_the_same_modules(kitchen: Path) -> None:
     failed = answer("run", plan, *WHERE, *modules, "--trace", trace)
     assert failed["failure"] == ["SpoonLost"], "a failure of one's own"
     assert answer("replay", trace, plan, *modules)["equal"]
+    trace.write_text("".join(trace.read_text().splitlines(keepends=True)[:-1]))  # killed before it had ended
     assert codes(answer("run", plan, *WHERE, "--resume", trace)) == ["X022"]
     assert answer("run", plan, *WHERE, *modules, "--resume", trace)["failure"] == ["SpoonLost"]
 
