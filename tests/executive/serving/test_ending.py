@@ -61,7 +61,7 @@ def test_a_server_that_is_ended_answers_what_was_asked_and_its_successor_knows_i
         asking = threading.Thread(target=ask)
         asking.start()
         asking.join()
-        assert process.wait(20) == 0
+        assert process.wait(90) == 0
         assert answers == [201]
     with served(store) as (url, _):
         entries = httpx.get(f"{url}/v1/recipes").json()["entries"]
