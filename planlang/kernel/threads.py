@@ -248,7 +248,7 @@ async def in_thread(function: Callable[..., Any], /, *arguments: Any, takes: flo
 
     Raises TypeError if ``function`` is not callable, or returns a coroutine.
     """
-    scheduler, task = here()
+    scheduler, _ = here()
     if inspect.iscoroutine(function):
         name, code = function.__name__, written(function)
         raise _is_called(name, _IN_THREAD.shown("function", code), _IN_THREAD.shown("function", f"{name}, ..."))
@@ -256,24 +256,8 @@ async def in_thread(function: Callable[..., Any], /, *arguments: Any, takes: flo
         raise _IN_THREAD.wrong("function", function, "a function that blocks, or an async function of asyncio")
     name = name_of(function)
     steps = scheduler.steps(takes, _IN_THREAD, "takes")
-    if task.doomed:
-        await deliver(task)
-    calls = scheduler.service(Calls)
     work: Callable[[], Any] = lambda: function(*arguments, **named)  # noqa: E731
-    asynchronous = AsyncioCall(work) if _is_asynchronous(function) else None
-    call = calls.submit(scheduler, task, asynchronous or work, name)
-    try:
-        result = await park(call)
-    except BaseException as error:
-        if call.waiting:
-            calls.abandon(call)
-            if asynchronous is not None:
-                asynchronous.cancel()
-        elif isinstance(error, Exception):
-            await _take(scheduler, steps, name)
-        raise
-    await _take(scheduler, steps, name)
-    return result
+    return await _called(AsyncioCall(work) if _is_asynchronous(function) else work, name, steps)
 
 
 async def compute_in_thread(function: Callable[[], R]) -> R:
@@ -281,17 +265,28 @@ async def compute_in_thread(function: Callable[[], R]) -> R:
 
     Unlike a call :func:`in_thread` it is not recorded, and computed again when a run is repeated.
     """
+    result: R = await _called(function, name_of(function), recorded=False)
+    return result
+
+
+async def _called(work: Callable[[], Any], name: str, steps: int = 0, *, recorded: bool = True) -> Any:
+    """Call on a thread, and let so many world steps pass that the call takes; return its result."""
     scheduler, task = here()
     if task.doomed:
         await deliver(task)
     calls = scheduler.service(Calls)
-    call = calls.submit(scheduler, task, function, name_of(function), recorded=False)
+    call = calls.submit(scheduler, task, work, name, recorded=recorded)
     try:
-        result: R = await park(call)
-    except BaseException:
+        result = await park(call)
+    except BaseException as error:
         if call.waiting:
             calls.abandon(call)
+            if isinstance(work, AsyncioCall):
+                work.cancel()
+        elif isinstance(error, Exception):
+            await _take(scheduler, steps, name)
         raise
+    await _take(scheduler, steps, name)
     return result
 
 

@@ -192,6 +192,25 @@ def test_a_plan_that_ends_before_its_records_do_is_another_one() -> None:
         repeated(partial(sleeper, 1), part)
 
 
+def test_records_behind_the_end_of_a_run_are_not_repeated(whole: tuple[Any, list[dict[str, Any]]]) -> None:
+    _, records = whole
+    more = {"step": records[-1]["step"], "event": "belief", "revision": 99}
+    with pytest.raises(Different, match="nothing: the plan has ended"):
+        repeated(serve, [*records, more])
+
+
+def test_a_trace_that_does_not_go_on_is_closed_without_a_file(whole: tuple[Any, list[dict[str, Any]]]) -> None:
+    _, records = whole
+
+    def go_on(earlier: Earlier) -> Trace:
+        raise AssertionError(earlier)
+
+    trace = RepeatedTrace(Repetition(RecordedRun.of([*records, records[-1]])), go_on)
+    with pytest.raises(Different):
+        recorded(serve, trace)
+    trace.close()
+
+
 def test_listeners_hear_of_what_is_repeated_too(whole: tuple[Any, list[dict[str, Any]]]) -> None:
     _, records = whole
     heard: list[str] = []

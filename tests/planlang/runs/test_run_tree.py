@@ -49,3 +49,12 @@ def test_the_tree_tells_how_the_belief_changed() -> None:
     (change,) = tree.belief
     assert (change.event, change.details["holding"]) == ("belief", ["cup1"])
     assert change.step == tree.roots[0].ended
+
+
+def test_a_node_is_within_those_around_it() -> None:
+    tree = tree_of(Script())
+    (root,) = tree.roots
+    grasp = next(node for node in tree.numbered.values() if node.action == "Reaching")
+    assert grasp.within(root)
+    assert not root.within(grasp)
+    assert not root.within(root)
