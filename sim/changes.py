@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 
 import numpy as np
 
+from planlang.changes import Change, Poured, Switched, Transformed, TurnedOver
 from planlang.designators import local_name
 from planlang.geometry import Pose
 from planlang.geometry.shapes import half_extents
@@ -121,6 +122,48 @@ class Changes:
         if type not in self._heatable:
             self._heatable[type] = self.rules.can_heat(type)
         return self._heatable[type]
+
+    # What actions bring about
+
+    def do(self, change: Change) -> float:
+        """Make a change that is told as plain data; return how much has flowed [ml]."""
+        match change:
+            case Poured(source, target, amount):
+                return self.pour(source, target, amount)
+            case Transformed():
+                self._transform(change)
+            case TurnedOver(name):
+                self.turn_over(name)
+            case Switched(name, state):
+                self.switch(name, state)
+        return 0.0
+
+    def _transform(self, what: Transformed) -> None:
+        """Destroy and create; nothing happens where nothing is of what is to be destroyed or used up."""
+        matter, bodies = self.matter, self.bodies
+        usual = {name: amount for name, amount in what.things if name in bodies.bodies and name not in bodies.removed}
+        places = [bodies.poses[name] for name in (*usual, *(name for name, _ in what.used))]
+        sizes = [bodies.bodies[name].size for name in usual]
+        origins = merged(usual, *(origins_of(self, name) for name in usual))
+        whole = sum(matter.total(name) or amount for name, amount in usual.items())
+        taken = [portion for name, type in what.used for portion in self.consume(name, type)]
+        if (what.things or what.used) and not usual and not taken:
+            return
+        for name in usual:
+            self.destroy(name)
+        origins = merged(origins, *(portion.origins for portion in taken))
+        whole += sum(portion.amount for portion in taken)
+        place = places[0] if places else (bodies.poses[what.vessel] if what.vessel is not None else None)
+        shift = 0.0
+        for output in what.outputs:
+            amount = whole if output.amount is not None and len(what.outputs) == 1 and whole else output.amount
+            if what.vessel is not None and amount is not None:
+                self.fill(what.vessel, Portion(output.type, amount, origins))
+            elif place is not None:
+                size = self.rules.size(output.type) or (sizes[0] if sizes else PUDDLE)
+                at = Pose((place.position[0] + shift, *place.position[1:]))
+                self.create(output.name, output.type, size, at, origins, amount)
+                shift += size[0]
 
     # Things
 

@@ -18,7 +18,6 @@ from sim.bodies import Bodies, Part
 from sim.camera import Camera, Painter, Picture, Rays, View
 from sim.changes import Changes
 from sim.contact import PARTED, Contacts, Held, Query
-from sim.effects import do
 from sim.engine import bullet, connect
 from sim.falling import Falling
 from sim.leaves import Leaves, Led
@@ -79,7 +78,7 @@ class KinematicScene:
 
     def do(self, change: Change) -> float:
         """Make a change that an action has brought about; return how much has flowed [ml]."""
-        return do(self.changes, change)
+        return self.changes.do(change)
 
     def is_free(self, name: str) -> bool:
         """Return whether nothing has or had a name."""

@@ -1,7 +1,4 @@
-"""The state of a world as JSON, and back: what moves, what is held, who has what, and time. Numbers come back exactly.
-
-Only what differs from the scene is written, so that a snapshot of a furnished room is about 2 kB.
-"""
+"""What came into being in a world as JSON, and back. Numbers come back exactly."""
 
 from __future__ import annotations
 
@@ -13,7 +10,6 @@ from planlang.geometry import Pose
 from sim.bodies import Bodies
 from sim.scene import Body
 
-JSON = dict[str, Any]
 FARTHEST = 1e4
 """Greatest coordinate [m], angle [rad] or speed [m/s] that is believed: ten kilometres, farther than any map goes."""
 UNIT = 1e-3

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from importlib import import_module
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import typer
@@ -45,7 +43,8 @@ def command(arguments: CompileArguments) -> Answer:
     elif output is not None:
         write_versions(output, plan.source, force=force)
     if graph is not None:
-        drawing = _drawing()
+        from planlang.compiler import drawing  # most plans are not drawn
+
         drawn = drawing.task_graph(plan.recipes, plan.added, plan.recoveries)
         write_text(graph, drawing.FORMATS[graph.suffix.lower()](drawn))
     data: dict[str, Any] = {"task": plan.task, "functions": list(plan.functions)}
@@ -78,16 +77,12 @@ def _merged_header(arguments: CompileArguments) -> PlanHeader | None:
         return header(file.read(LONGEST))
 
 
-def _drawing() -> ModuleType:
-    """Return what draws graphs: most plans are not drawn, and it takes long to import."""
-    return import_module("planlang.compiler.drawing")
-
-
 def _check_graph(path: Path | None) -> list[Diagnostic]:
     if path is None:
         return []
-    formats = _drawing().FORMATS
-    if path.suffix.lower() in formats:
+    from planlang.compiler.drawing import FORMATS
+
+    if path.suffix.lower() in FORMATS:
         return []
-    message = f"unknown graph format {path.suffix or path.name}; known: {', '.join(formats)}"
+    message = f"unknown graph format {path.suffix or path.name}; known: {', '.join(FORMATS)}"
     return [error("C014", message, help=f"name a file such as {path.stem or 'graph'}.svg")]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from importlib import import_module
 from importlib.util import find_spec
 
 from executive.cli.console import Answer
@@ -22,5 +21,6 @@ def command(arguments: ServeArguments) -> Answer:
     if missing:
         message = f"the server needs packages that are not installed: {', '.join(missing).replace('_', '-')}"
         raise BadInput([error("K004", message, help="pip install 'planlang[serve]'")])
-    answer: Answer = import_module("executive.cli.serving").command(arguments)
-    return answer
+    from executive.cli import serving  # needs these packages
+
+    return serving.command(arguments)

@@ -295,12 +295,7 @@ class Run:
                     executive.platform.scene.bodies.bind(what)
                 except ObjectUnresolvable:
                     appears = executive.may_create(what, actions) or executive.may_find(what, actions)
-                    if (
-                        not isinstance(earlier, Past)
-                        and name not in asked.made
-                        and not appears
-                        and name in self._read(executive)
-                    ):
+                    if name not in asked.made and not appears and name in self._read(executive):
                         raise
 
     def _read(self, executive: RobotExecutive) -> frozenset[str]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Coroutine
 from functools import partial
-from importlib import import_module
 from typing import Any
 
 from planlang.kernel.errors import PlanStructureError
@@ -30,10 +29,13 @@ class AsyncioCall:
 
     def __call__(self) -> Any:
         """Run the function to its end; returns its result."""
-        asyncio = import_module("asyncio")  # few plans need it, and it takes as long to import as the plan language
-        return asyncio.run(self._main(asyncio))
+        import asyncio  # few plans need it, and it takes as long to import as the plan language
 
-    async def _main(self, asyncio: Any) -> Any:
+        return asyncio.run(self._main())
+
+    async def _main(self) -> Any:
+        import asyncio
+
         task = asyncio.current_task()
         assert task is not None
         with self._lock:

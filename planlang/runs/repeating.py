@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
+from planlang.kernel.errors import RunError
 from planlang.kernel.tree import Node, Status
 from planlang.runs.codec import encode
 from planlang.runs.comparing import agree
@@ -146,10 +147,25 @@ class RepeatedTrace(Trace):
             return max(number, self.repetition.calls + 1), function
         coming = self._expected[self._place].record.get("call", number)
         line = self.repetition.answers.get((node.path, f"call {coming}"))
-        return coming, function if line is None else partial(value_in, line)
+        return coming, partial(self._asked, function) if line is None else partial(value_in, line)
+
+    def _asked(self, function: Callable[[], Any]) -> Any:
+        """Call what had not returned; raises RunError for what the recorded run did not call."""
+        self._check_outside()
+        return function()
+
+    def _check_outside(self) -> None:
+        if self._is_over:
+            raise RunError(
+                "nothing outside is asked any more: the run does not repeat what is recorded, or was stopped"
+            )
 
     def once(self, node: Node) -> Line | None:
-        """Return the record of what a module gave that is not executed again; what it did then is not expected."""
+        """Return the record of what a module gave that is not executed again; what it did then is not expected.
+
+        None if it had not ended; raises RunError for what the recorded run did not do.
+        """
+        self._check_outside()
         line = None if self._inner is not None else self.repetition.answers.get((node.path, ONCE))
         if line is None:
             return None

@@ -37,7 +37,7 @@ BESIDE, EDGE = 0.07, 0.02
 """Distance from a handle to where the leaf is pushed beside it, and from there to its edge at least [m]."""
 MOVED = 0.01
 """Way of what is pushed up to which a stroke moved nothing [m]."""
-COMMON = 0.9
+NORMAL = 0.9
 """Cosine of the largest angle between the free side of a leaf and the axis of its box that is normal to it."""
 FINE = 40
 """Values of the joint that are compared with where the hand is."""
@@ -142,7 +142,7 @@ class LeafStrokes(StrokeWork):
         there = leaf.rotation.T @ (here + math.copysign(BESIDE, float((middle - here) @ across)) * across - middle)
         free = leaf.rotation.T @ outwards
         room = np.maximum(half - EDGE, 0.0)
-        face = np.where(np.abs(free) > COMMON, np.sign(free) * half, np.clip(there, -room, room))
+        face = np.where(np.abs(free) > NORMAL, np.sign(free) * half, np.clip(there, -room, room))
         return middle + leaf.rotation @ face
 
     def _asked(self, arm: ArmModel, way: Array, tips: Pose) -> tuple[MotionConstraint, ...]:

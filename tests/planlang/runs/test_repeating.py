@@ -25,6 +25,7 @@ from planlang import (
     run,
     seq,
     sleep,
+    unwind_protect,
 )
 from planlang.kernel import compute_in_thread
 from planlang.language.process_module import ModuleOnce
@@ -177,6 +178,26 @@ def test_a_record_that_is_not_repeated_ends_the_run_before_anything_is_written(
     with pytest.raises(Different, match=rf"line {place + 1} is not repeated\n  recorded .*\n  found "):
         repeated(serve, changed, written)
     assert written.events == []
+
+
+def test_a_run_that_does_something_else_asks_nothing_outside() -> None:
+    async def report() -> None:
+        await in_thread(OUTSIDE.append, "cleaned up")
+
+    async def work(*steps: Any) -> None:
+        for step in steps:
+            await step()
+
+    reach, order = partial(perform, action("Reaching")), partial(perform, action("Ordering", amount=1))
+    trace = Trace()
+    recorded(partial(work, reach, reach, reach), trace)
+    for other in (partial(in_thread, read_port), order):
+        OUTSIDE.clear()
+        with pytest.raises(Different):
+            repeated(partial(work, reach, other), trace.events[:-3])
+        with pytest.raises(Different):
+            repeated(partial(unwind_protect, partial(work, reach, other), report), trace.events[:-3])
+        assert OUTSIDE == []
 
 
 def test_a_plan_that_ends_before_its_records_do_is_another_one() -> None:
