@@ -95,6 +95,7 @@ class Robot:
         )
         """Numbers of the solid links that no joint lifts: the floor is no obstacle to them."""
         self.show(Configuration(self.base, {**self.shown, **self._known(body.posture)}))
+        self._at_first = Configuration(self.base, dict(self.shown))
 
     def _load(self) -> int:
         """Load the body into the client; raises BadInput if PyBullet refuses the URDF."""
@@ -375,8 +376,16 @@ class Robot:
 
     def hulls(self, number: int) -> list[ConvexSolid]:
         """Return the convex shapes of a solid link, in the link's frame."""
-        if number in self._hulls:
-            return self._hulls[number]
+        if not self._hulls:
+            # Bullet tells places to about 1e-7 m: from wherever the robot stands they would depend on what ran before
+            now = Configuration(self.base, dict(self.shown))
+            self.show(self._at_first)
+            self._hulls = {one: self._hulls_of(one) for one in range(len(self.solid))}
+            self.show(now)
+        return self._hulls[number]
+
+    def _hulls_of(self, number: int) -> list[ConvexSolid]:
+        """Work out the same where the robot is shown."""
         index = self.solid[number]
         frame = self.link_pose(self.link_names[index]).inverse()
         if index == -1:
@@ -384,8 +393,7 @@ class Robot:
         else:
             state = bullet.getLinkState(self.uid, index, computeForwardKinematics=True, physicsClientId=self.client)
             place = Pose(state[0], state[1])
-        self._hulls[number] = _solids_of(self.client, self.uid, index, frame @ place)
-        return self._hulls[number]
+        return _solids_of(self.client, self.uid, index, frame @ place)
 
     def points(self, numbers: Sequence[int]) -> list[Array]:
         """Return points (n, 3) in the map that span what solid links surely fill, all around round shapes."""

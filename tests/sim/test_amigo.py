@@ -126,3 +126,12 @@ def test_link_and_joint_names_that_do_not_exist_are_refused_with_those_that_do(a
         amigo.link_pose("tool")
     with pytest.raises(ValueError, match="spindle_joint"):
         amigo.contacts(Configuration((0, 0, 0), {"torso_joint": 0.1}))
+
+
+def test_the_shape_of_links_does_not_depend_on_where_the_robot_was_asked_for_it(amigo: PlanningWorld) -> None:
+    other = PlanningWorld(Scene(()), AMIGO)
+    other.set_configuration(Configuration((2.2, -0.45, 0.3), dict.fromkeys(TUCKED, 0.1)))
+    for number in range(len(amigo.robot.solid)):
+        one, two = amigo.robot.hulls(number), other.robot.hulls(number)
+        assert [hull.pose for hull in one] == [hull.pose for hull in two]
+    other.close()
