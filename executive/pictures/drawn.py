@@ -7,6 +7,9 @@ from functools import partial
 from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
+import numpy as np
+from numpy.typing import NDArray
+
 from planlang.diagnostics import Diagnostic, error
 from planlang.geometry import Pose
 from planlang.geometry.shapes import SolidKind
@@ -20,17 +23,29 @@ HERE = Pose((0.0, 0.0, 0.0))
 GREY = (150, 150, 155, 255)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Mesh:
+    """Triangles in the frame of their shape [m], in plain numbers that pictures, pages and recordings all take."""
+
+    vertices: NDArray[np.float32]
+    """(n, 3)"""
+    triangles: NDArray[np.int32]
+    """(m, 3): indices into the vertices, anticlockwise seen from outside."""
+
+
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """A primitive, placed in the frame of what it belongs to."""
+    """A primitive or a mesh, placed in the frame of what it belongs to."""
 
     kind: str
-    """"box", "cylinder" (axis along z) or "sphere"."""
+    """"box", "cylinder" (axis along z), "sphere" or "mesh"."""
     size: tuple[float, float, float]
-    """Extents along x, y and z [m]."""
+    """Extents along x, y and z [m]; of a mesh those of the box around it."""
     pose: Pose = HERE
     colour: tuple[int, int, int, int] = GREY
     """Red, green, blue and opacity, 0..255."""
+    mesh: Mesh | None = None
+    """The surface of a shape of kind "mesh"."""
 
 
 @dataclass(frozen=True, slots=True)
