@@ -53,6 +53,8 @@ def options_of(arguments: RunArguments) -> RunOptions:
         raise typer.BadParameter("--world-as-left needs --resume")
     if arguments.world_as_left and arguments.poses is not None:
         raise typer.BadParameter("--poses needs the whole run, of which --world-as-left leaves the beginning out")
+    if arguments.world_as_left and arguments.report is not None:
+        raise typer.BadParameter("--report needs the whole run, of which --world-as-left leaves the beginning out")
     start, bindings = planar(arguments.start), _bindings(arguments.set_ or [])
     recorded, header = None, TraceHeader()
     if arguments.resume is not None:
@@ -109,6 +111,7 @@ def _check_shown(arguments: RunArguments, inputs: Mapping[str, Path | None]) -> 
         "--trace": arguments.trace or arguments.resume,
         "--record": arguments.record,
         "--poses": arguments.poses,
+        "--report": arguments.report,
         "--upload": arguments.upload,
         "--update-map": arguments.update_map,
     }

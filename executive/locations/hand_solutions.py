@@ -84,7 +84,7 @@ def unblocked(
             if not len(left):
                 break
         rejections.count(_in_the_way(reasons[row] for row in left.tolist()))
-        rejections.show(COLLISION, table.points[left])
+        rejections.show_hands(COLLISION, table.points[left])
         for fingers, parts in free.items():
             check = scene.collisions.arm_check(arm, table.touches, fingers, near)
             if len(joined := GraspCandidates.joined(parts)):

@@ -48,6 +48,8 @@ class Rejections:
 
     explained: bool = False
     """True if they are shown even if a place is found: then bodies that block other places are counted, too."""
+    remembers: bool = False
+    """True if places are remembered for somebody who looks on; nothing else is counted for that."""
     counts: Counter[str] = field(default_factory=Counter)
     blocking: Counter[str] = field(default_factory=Counter)
     places: list[Validated] = field(default_factory=list)
@@ -58,9 +60,16 @@ class Rejections:
     """True if no base pose will do, however many are looked at: a larger search is spared."""
     refused: list[tuple[str, Array]] = field(default_factory=list)
     """Candidates (m, 2 or more) that were refused before they were looked at, with the reason."""
+    hands: list[tuple[str, Array]] = field(default_factory=list)
+    """Grasp candidates (m, 3) that were refused before base poses were looked for, with the reason; "": not refused."""
     _shown: Counter[str] = field(default_factory=Counter)
     figures: dict[str, str] = field(default_factory=dict)
     """Reason -> a sentence with what was measured, and what would do."""
+
+    @property
+    def keeps(self) -> bool:
+        """True if places are remembered."""
+        return self.explained or self.remembers
 
     def refuse(self, reason: str, candidates: Array) -> None:
         """Count candidates (m, 2 or more) rejected for a reason, and remember where they are."""
@@ -70,8 +79,13 @@ class Rejections:
 
     def show(self, reason: str, candidates: Array) -> None:
         """Remember for a picture where candidates (m, 2 or more) are that were counted for a reason."""
-        if self.explained and len(candidates):
+        if self.keeps and len(candidates):
             self.refused.append((reason, candidates))
+
+    def show_hands(self, reason: str, candidates: Array) -> None:
+        """Remember for a picture where grasp candidates (m, 3) are; "" is the reason of those that will do."""
+        if self.keeps and len(candidates):
+            self.hands.append((reason, candidates))
 
     def weigh(self, candidates: Array, scores: Array) -> None:
         """Remember for a picture what scores (m,) candidates (m, 3) had before they were looked at."""
@@ -105,6 +119,7 @@ class Rejections:
             self.remember(place.base, place.score, place.reason, place.body)
         self.scored.extend(other.scored)
         self.refused.extend(other.refused)
+        self.hands.extend(other.hands)
 
     def uncounted(self) -> Rejections:
         """Return where to count candidates that have been counted already, but for those in collision."""
@@ -113,7 +128,7 @@ class Rejections:
 
     def copy(self) -> Rejections:
         """Return the same, to go on from twice."""
-        fresh = Rejections(self.explained)
+        fresh = Rejections(self.explained, self.remembers)
         fresh.include(self)
         return fresh
 
@@ -123,7 +138,7 @@ class Rejections:
 
     def remember(self, base: BasePose, score: float, reason: str = "", body: str | None = None) -> None:
         """Remember a place and what became of it."""
-        if self.explained and self._shown[reason] < MOST_PLACES:
+        if self.keeps and self._shown[reason] < MOST_PLACES:
             self._shown[reason] += 1
             self.places.append(Validated(base, score, reason, body))
 

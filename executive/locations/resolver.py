@@ -57,6 +57,8 @@ class Resolver:
     def __init__(self, scene: PlanningScene, say: Callable[[str], None] = lambda line: None) -> None:
         """``say`` is told of reachability maps that have to be built."""
         self.scene = scene
+        self.witness: Callable[[Location], Rejections] = lambda location: Rejections()
+        """Gives the log of a search for base poses; whoever looks on gives one that remembers places."""
         self.maps = InverseMaps(scene.robot.name, say)
         self._validator = BaseValidator(scene, self.maps)
         self._answers: Answers[Solution] = Answers()
@@ -76,7 +78,7 @@ class Resolver:
             return self._bases(location, Question(log))
         state = (self.scene.revision(), self.scene.posture())
         question = location, tuple(actions_around())  # what they are about decides about grips
-        return self._answers.of(question, state, lambda: self._bases(location, Question()))
+        return self._answers.of(question, state, lambda: self._bases(location, Question(self.witness(location))))
 
     def look_at_unseen(self, location: Location) -> Solution | None:
         """Return a look at what is out of reach where the map alone has it, as it may stand elsewhere; None without.

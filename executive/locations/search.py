@@ -184,7 +184,7 @@ class ReachSearch:
         if not len(found) and not any(refused.values()):
             log.add(OUT_OF_REACH.text, sum(len(hand.candidates) for hand in hands))
             for hand in hands:
-                log.show(OUT_OF_REACH.text, hand.candidates.points)
+                log.show_hands(OUT_OF_REACH.text, hand.candidates.points)
         self.crowded = inversion.crowded()
         if log.explained:
             self.validator.name_crowding(self.crowded, log)
@@ -199,7 +199,8 @@ class ReachSearch:
         return known[stage]
 
     def _find_hands(self) -> FreeHands:
-        scene, first, counted, stage = self.scene, self.wanted[0], Rejections(), self.budget.stage
+        scene, first, stage = self.scene, self.wanted[0], self.budget.stage
+        counted = Rejections(remembers=self.log.keeps)
         arms = self.validator.arms_for(first, self.arms)
         possible = [(arm, self.validator.candidates(first, arm, counted, stage)) for arm in arms]
         tables = [(arm, table) for arm, found in possible for table in found]
@@ -211,6 +212,8 @@ class ReachSearch:
         near, hits = _sphere(points, reach), HandHits()
         each = (unblocked(arm, found, scene, counted, near, varied=varied, hits=hits) for arm, found in possible)
         hands = [hand for some in each for hand in some]
+        for hand in hands:
+            counted.show_hands("", hand.candidates.points)
         return FreeHands(hands, reach, near, counted)
 
     def _is_hopeless(self, middle: Array, radius: float, bands: Sequence[tuple[str, Band]]) -> bool:

@@ -262,12 +262,10 @@ class FloorPlan:
         return self._at(float(low[0] + share * (high[0] - low[0])), float(high[1] - share * (high[1] - low[1])))
 
 
-def scenery_of(
-    scene: PlanningScene, location: Location, meant: Collection[str], placed_thing: str | None = None
-) -> Scenery:
-    """Return the room as it is believed; places are as large as the base, or as a thing that is placed."""
+def outlines(scene: PlanningScene, meant: Collection[str] = ()) -> list[Outline]:
+    """Return the bodies of a room from above as they are believed to be, those on top last; held ones are left out."""
     world = scene.world
-    bodies = []
+    bodies: list[Outline] = []
     tops = {name: float(corners(world.pose(name), world.scene.body(name).size)[:, 2].max()) for name in world.names()}
     for name in sorted(tops, key=lambda name: tops[name]):  # what is on top is drawn last
         body = world.scene.body(name)
@@ -289,6 +287,14 @@ def scenery_of(
         )
         facing = scene.bodies.front(name) if body.shape is BodyShape.PERSON else None
         bodies.append(Outline(name, points, kind, facing))
+    return bodies
+
+
+def scenery_of(
+    scene: PlanningScene, location: Location, meant: Collection[str], placed_thing: str | None = None
+) -> Scenery:
+    """Return the room as it is believed; places are as large as the base, or as a thing that is placed."""
+    world, bodies = scene.world, outlines(scene, meant)
     robot = scene.base_radius
     size = robot if placed_thing is None else max(world.size(placed_thing)[:2]) / 2
     regions = list(_regions(scene, location, placed_thing))

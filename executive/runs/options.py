@@ -49,6 +49,8 @@ class RunOptions(RunSettings):
     seed: int = 0
     resume: RecordedRun | None = None
     """The trace of the run to resume."""
+    repeats: bool = False
+    """Repeat the run of the trace to its last record, to look on: it may have ended, and nothing new is done."""
     notes: tuple[Diagnostic, ...] = ()
     """Diagnostics of before."""
     inner_actions: bool = False

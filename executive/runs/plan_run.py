@@ -10,7 +10,7 @@ from dataclasses import replace
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from executive.maps import SemanticMap, read_map, scene_of
 from executive.maps.recognition_models import GivenPart, read_given_parts, with_given_parts
@@ -63,6 +63,10 @@ from planlang.runs.repeating import RepeatedTrace
 from planlang.runs.trace import Earlier
 from sim import PyBulletWorld, Scene
 
+if TYPE_CHECKING:
+    from planlang.compiler.compile import CompiledPlan
+    from planlang.report import Context
+
 BUDGET, PER_STEP = 600.0, 60.0
 """Plan time beside waiting after which a run is given up, and more for each step that the plan states [s]."""
 
@@ -89,6 +93,7 @@ class Run:
         self.found: list[Diagnostic] = list(options.notes)
         with ExitStack() as stack:  # closed at once if something is refused
             self._requirements: Requirements | None = None
+            self._compiled: CompiledPlan | None = None
             self.registry = bundled_registry()
             self.registry.add_installed()
             for file in options.modules or ():
@@ -103,7 +108,7 @@ class Run:
                     file = fixed_recipe(file, stack, self.found, options.task, folders, options.accepted)
                     folders = (options.recipe.parent, *folders)
                 recipe = self._inputs.once(load, file, folders=folders, also=options.recipes)
-                plan = self._inputs.once(compiled, recipe, options.task, self.registry.actions)
+                plan = self._compiled = self._inputs.once(compiled, recipe, options.task, self.registry.actions)
                 self.path = plan_file(plan, stack)
                 self.found = [located(one, file, options.recipe) for one in (*self.found, *plan.diagnostics)]
                 self._requirements = required(recipe, plan.recipes)
@@ -154,7 +159,7 @@ class Run:
             return self._refused(program.missing)
         robot, given = self._equipped(found)
         assessment = self._assessed(asked, robot)
-        earlier, notes = earlier_of(options.resume, world_as_left=options.world_as_left)
+        earlier, notes = earlier_of(options.resume, world_as_left=options.world_as_left, looks_on=options.repeats)
         held = in_hands(robot, asked.map, asked.scene)
         if not assessment.missing or options.force:
             robot = with_carrying(robot, [(one.link, one.body, one.offset) for one in held])
@@ -345,8 +350,8 @@ class Run:
         earlier: Past | Repetition | None,
     ) -> RunResult:
         options = self.options
-        written = Written(options, executive.platform.belief, executive.tilts, truth)
-        written.ask(self.plan.name, bound, header, self.found)
+        written = Written(options, executive.platform, executive.tilts, truth)
+        written.ask(self.plan.name, bound, header, self.found, self._context)
 
         def trace_after(earlier: Earlier | None) -> Trace:
             written.begin()
@@ -364,7 +369,7 @@ class Run:
                 seed=options.seed,
                 schedule=options.schedule,
                 trace=trace,
-                max_steps=int(2 * self._allowance(bound) * truth.rate),
+                max_steps=self._most_steps(bound, truth.rate),
                 resumable=True,
                 resume=earlier if isinstance(earlier, Past) else None,
             )
@@ -392,6 +397,20 @@ class Run:
         return RunResult(
             outcome, message, state, tuple(self.found), truth.steps / truth.rate, failures, executive.tilts
         )
+
+    def _most_steps(self, bound: Mapping[str, Bound], rate: int) -> int:
+        """Return the world steps after which the run is ended: one that is repeated goes no further than its trace."""
+        options = self.options
+        if options.repeats and options.resume is not None:
+            return options.resume.last + 1
+        return int(2 * self._allowance(bound) * rate)
+
+    def _context(self) -> Context:
+        """Return what a page shows beside trace and world."""
+        from executive.runs.reporting import context_of  # most runs write no page
+
+        options = self.options
+        return context_of(self.path, self._compiled, options.recipe, self.registry.actions, options.ontologies)
 
     def _users_line(self, problem: Exception) -> str | None:
         """Return the line of the plan, or of a user's process module, that raised; None if planlang did, below it."""

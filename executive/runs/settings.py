@@ -96,6 +96,12 @@ class RunSettings(SituationSettings):
     record: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write a recording for rerun (needs planlang[record]).")
     ] = None
+    report: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Write a page that shows the run: plan, world and causes on one clock, HTML."
+        ),
+    ] = None
     poses: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Log where things and links are, as JSON Lines, for export.")
     ] = None

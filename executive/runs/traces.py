@@ -178,23 +178,23 @@ def recorded_parameters(recorded: RecordedRun, names: Collection[str]) -> dict[s
 
 
 def earlier_of(
-    recorded: RecordedRun | None, *, world_as_left: bool
+    recorded: RecordedRun | None, *, world_as_left: bool, looks_on: bool = False
 ) -> tuple[Past | Repetition | None, list[Diagnostic]]:
     """Return the run that is resumed and notes on it: in a simulator it is repeated, else its steps are taken over.
 
-    Raises BadInput when nothing is left to do, or not in this way.
+    A run that is repeated to look on may have ended. Raises BadInput when nothing is left to do, or not in this way.
     """
     if recorded is None:
         return None, []
     span, found = Span(recorded.name), list[Diagnostic]()
-    if recorded.outcome == "succeeded":
+    if recorded.outcome == "succeeded" and not looks_on:
         raise BadInput([error("X021", "this run has ended: there is nothing to resume", span)])
     if recorded.torn:
         message = "the last line is incomplete; it is ignored"
         found.append(note("X026", message, Span(recorded.name, len(recorded.lines) + 1)))
     try:
         if not world_as_left:
-            repetition = _repeatable(Repetition(recorded), span)
+            repetition = _repeatable(Repetition(recorded), span, looks_on=looks_on)
             for line in repetition.in_flight:
                 message = f"{line.record.get('function', line.path)} had begun outside, and not ended: it is done again"
                 found.append(note("X030", message, Span(recorded.name, line.number)))
@@ -208,10 +208,10 @@ def earlier_of(
     return past, found
 
 
-def _repeatable(repetition: Repetition, span: Span) -> Repetition:
+def _repeatable(repetition: Repetition, span: Span, *, looks_on: bool) -> Repetition:
     """Return a run that can be repeated; raises BadInput for one that has failed, or that cannot be repeated."""
     recorded = repetition.recorded
-    if recorded.outcome == "failed":
+    if recorded.outcome == "failed" and not looks_on:
         message = "this run has failed, and would fail again: there is nothing to resume"
         raise BadInput([error("X021", message, span, "planlang run PLAN --seed 1 runs it otherwise")])
     if (line := repetition.skipped) is not None:

@@ -7,7 +7,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from executive.belief import Belief
 from executive.pictures.drawn import drawn_in
 from executive.runs.final_state import Tilts
 from executive.runs.options import RunOptions
@@ -20,15 +19,19 @@ from planlang.runs.trace import Listener
 from sim import PyBulletWorld
 
 if TYPE_CHECKING:
+    from executive.belief import Belief
+    from executive.modules.platform import Platform
     from executive.runs.pose_log import PoseLog
+    from planlang.report import Context
 
 
 class Written:
     """Files that the options of a run ask for; ``listeners`` hear its events, ``watchers`` see the true world."""
 
-    def __init__(self, options: RunOptions, belief: Belief, tilts: Tilts, truth: PyBulletWorld) -> None:
+    def __init__(self, options: RunOptions, platform: Platform, tilts: Tilts, truth: PyBulletWorld) -> None:
         """Tell the progress and measure tilts; nothing is written yet."""
-        self._options, self._belief, self._truth = options, belief, truth
+        self._options, self._platform, self._truth = options, platform, truth
+        self._belief = platform.belief
         self._files: list[tuple[Path, Callable[[Path], object]]] = []
         self._poses: PoseLog | None = None
         self._is_new = False
@@ -46,8 +49,12 @@ class Written:
         bound: Mapping[str, Bound],
         header: Mapping[str, object],
         found: list[Diagnostic],
+        context: Callable[[], Context],
     ) -> None:
-        """Ask for each file of the options; what their making finds is appended to ``found``."""
+        """Ask for each file of the options; what their making finds is appended to ``found``.
+
+        ``context`` gives what a page shows beside trace and world.
+        """
         options, truth = self._options, self._truth
         if options.picture is not None:
             meant = partial(bodies_of, bound, self._belief, truth)  # at the end
@@ -59,6 +66,8 @@ class Written:
             self.listeners.append(lines_of(film.event))
             self.watchers.append(lambda world: film.frame(world.steps))
             self._files.append((options.record, film.save))
+        if options.report is not None:
+            self._report(options.report, context)
         if options.poses is not None:
             from executive.runs.pose_log import PoseLog
 
@@ -71,6 +80,20 @@ class Written:
             update = MapUpdate(self._belief, {options.environment, *options.additions}, found)
             self.listeners.append(update)
             self._files.append((options.update_map, update.save))
+
+    def _report(self, path: Path, context: Callable[[], Context]) -> None:
+        from executive.report.watching import Watching  # most runs write no page
+
+        options = self._options
+        watching = Watching(self._platform, self._truth)
+        if options.repeats and options.resume is not None:  # all that is told is in the trace
+            from planlang.report import Told
+
+            watching.told = Told.of(line.record for line in options.resume.lines)
+        else:
+            self.listeners.append(watching.listen)
+        self.watchers.append(watching.look)
+        self._files.append((path, lambda temporary: watching.save(temporary, context())))
 
     def begin(self) -> None:
         """Hear that what comes was not written before, by the run that this one repeats."""

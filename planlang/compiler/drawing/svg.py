@@ -99,13 +99,12 @@ def _drawing(found: Arrangement) -> Iterator[str]:
         yield from _frame(frame)
     beside: dict[frozenset[str], list[Point]] = {}
     for route in found.routes:
-        points = route.points[::-1] if route.is_upward else route.points
-        yield _path(route.arrow, _curve(points, starts_curved=route.is_upward))
+        yield _path(route.arrow, curve_of(route))
         if route.arrow.label:
-            beside.setdefault(frozenset((route.arrow.before, route.arrow.after)), []).append(_middle(route.points))
+            beside.setdefault(frozenset((route.arrow.before, route.arrow.after)), []).append(middle_of(route.points))
     for route in found.routes:
         if route.arrow.label:
-            x, y = _middle(route.points)
+            x, y = middle_of(route.points)
             others = beside[frozenset((route.arrow.before, route.arrow.after))]
             anchor = "middle" if len(others) == 1 else "end" if x == min(others)[0] else "start"
             yield _label(route.arrow, (x + {"middle": 0, "end": -5, "start": 5}[anchor], y), anchor)
@@ -177,7 +176,7 @@ def _label(arrow: Arrow, at: Point, anchor: str = "middle") -> str:
     return f'<text class="{kind}" text-anchor="{anchor}" x="{_n(at[0])}" y="{_n(at[1])}">{escape(arrow.label)}</text>'
 
 
-def _middle(points: Sequence[Point]) -> Point:
+def middle_of(points: Sequence[Point]) -> Point:
     """Return where the label of a route stands: in the middle of its first change of ranks."""
     (x, y), (other, below) = points[1:3] if len(points) > 2 else points[:2]
     return (x + other) / 2, (y + below) / 2 + 3
@@ -189,6 +188,12 @@ def _path(arrow: Arrow, curve: str) -> str:
     return (
         f'<path class="order{kind}" d="{curve}" marker-end="url(#{head})"><title>{escape(arrow.hover)}</title></path>'
     )
+
+
+def curve_of(route: Route) -> str:
+    """Return the path of an arrow in the syntax of SVG, from its beginning to its end."""
+    points = route.points[::-1] if route.is_upward else route.points
+    return _curve(points, starts_curved=route.is_upward)
 
 
 def _curve(points: Sequence[Point], *, starts_curved: bool = False) -> str:

@@ -1,0 +1,140 @@
+"""Poses over time in a page: of what has moved, ten times a second, as differences of 16-bit numbers."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import field
+from typing import Any
+
+import numpy as np
+
+from executive.belief import Belief
+from executive.pictures.movement import RATE, Movement, is_due
+from planlang.geometry import Array, Pose
+from planlang.records import dataclass
+from sim import PyBulletWorld
+
+FINEST = 1e-4
+"""Smallest unit of positions [m]."""
+BELIEVED = "belief"
+
+
+@dataclass(slots=True)
+class Track:
+    """The poses of a body, limb, link or of what is believed of a body, in a frame: keys where it has moved."""
+
+    kind: str
+    name: str
+    frame: str
+    """The name of a body or link; the map for what stands in it."""
+    steps: list[int] = field(default_factory=list)
+    poses: list[tuple[float, ...]] = field(default_factory=list)
+    """Position [m] and quaternion (x, y, z, w) at each of the steps."""
+    gone: list[tuple[int, bool]] = field(default_factory=list)
+    """From which steps on it is not there, or there again."""
+
+    def add(self, step: int, pose: Pose) -> None:
+        """Add a key."""
+        self.steps.append(step)
+        self.poses.append((*pose.position, *pose.orientation))
+
+    def is_there(self, step: int, there: bool) -> None:
+        """Note whether it is there from a step on."""
+        if (not self.gone[-1][1] if self.gone else True) != there:
+            self.gone.append((step, not there))
+
+
+class Tracks:
+    """Called with the true world after each of its steps: keeps where everything is, and where it is believed to be."""
+
+    def __init__(self, world: PyBulletWorld, belief: Belief) -> None:
+        self._movement, self._belief = Movement(world), belief
+        self._revision = -1
+        self._changed = -1
+        self._believed: dict[str, Pose] = {}
+        self.rate = world.rate
+        self.all: dict[tuple[str, str], Track] = {}
+        """By kind and name, in the order in which they came."""
+
+    def __call__(self, world: PyBulletWorld) -> None:
+        """Look at the world, if it is time to."""
+        if not is_due(world):
+            return
+        for one in self._movement.moved(world):
+            self._track(one.kind, one.name, one.frame).add(world.steps, one.pose)
+        if self._changed != world.changed:
+            self._changed, names = world.changed, set(world.names())
+            for (kind, name), track in self.all.items():
+                if kind == "body":
+                    track.is_there(world.steps, name in names)
+        if self._revision != self._belief.revision:
+            self._revision = self._belief.revision
+            self._believe(world)
+
+    def _believe(self, world: PyBulletWorld) -> None:
+        """Keep what is believed to be elsewhere by now; what a hand holds goes with it, and is not told."""
+        belief, names = self._belief, set(self._belief.names())
+        held = belief.carried()
+        for name in names & {name for kind, name in self.all if kind == "body"}:
+            pose = belief.pose(name)
+            if name not in held and self._believed.get(name) != pose:
+                self._believed[name] = pose
+                self._track(BELIEVED, name, "").add(world.steps, pose)
+        for (kind, name), track in self.all.items():
+            if kind == BELIEVED:
+                track.is_there(world.steps, name in names and name not in held)
+
+    def _track(self, kind: str, name: str, frame: str) -> Track:
+        if (kind, name) not in self.all:
+            self.all[kind, name] = Track(kind, name, frame)
+        return self.all[kind, name]
+
+
+def packed(tracks: Sequence[Track], rate: float, shapes: Mapping[tuple[str, str], Any]) -> tuple[dict[str, Any], bytes]:
+    """Return the entities of the model with their shapes, and their keys, compressed.
+
+    Of all keys first the steps as 32-bit numbers, then x, y, z and qx, qy, qz, qw as 16-bit ones, column by column;
+    each is the difference to the one before of the same entity. A key's pose in the map or in that of its frame's.
+    """
+    index = {(one.kind, one.name): number for number, one in enumerate(tracks)}
+    entities = [_entity(one, index, rate, shapes) for one in tracks]
+    every = [_continuous(np.array(one.poses, float).reshape(-1, 7)) for one in tracks]
+    farthest = max((float(np.abs(poses[:, :3]).max()) for poses in every if len(poses)), default=1.0)
+    scale = max(FINEST, farthest / 32767)
+    numbers = [_differences(np.rint(poses / ([scale] * 3 + [1 / 32767] * 4)).astype(np.int64)) for poses in every]
+    steps = [_differences(np.array(one.steps, np.int64).reshape(-1, 1)) for one in tracks]
+    columns = np.concatenate(numbers or [np.zeros((0, 7))]).T.astype("<i2")
+    data = np.concatenate(steps or [np.zeros((0, 1))]).astype("<i4").tobytes() + np.ascontiguousarray(columns).tobytes()
+    return {"entities": entities, "scale": scale, "period": 1 / RATE}, zlib.compress(data, 9)
+
+
+def _entity(
+    one: Track, index: Mapping[tuple[str, str], int], rate: float, shapes: Mapping[tuple[str, str], Any]
+) -> dict[str, Any]:
+    frames = ((kind, one.frame) for kind in (("body",) if one.kind == "limb" else ("link",)) if one.kind != "body")
+    frame = next((index[key] for key in frames if key in index), -1)
+    found: dict[str, Any] = {"name": one.name, "kind": one.kind, "frame": frame, "keys": len(one.steps)}
+    if one.kind == BELIEVED:
+        found["of"] = index["body", one.name]
+    found["shapes"] = shapes.get((one.kind, one.name), [])
+    return found | ({"gone": [[step / rate, is_gone] for step, is_gone in one.gone]} if one.gone else {})
+
+
+def _continuous(poses: Array) -> Array:
+    """Return poses (n, 7) with quaternions of unit length that turn the short way from one to the next."""
+    turns = poses[:, 3:] / np.linalg.norm(poses[:, 3:], axis=1, keepdims=True)
+    signs = np.where((turns[1:] * turns[:-1]).sum(axis=1) < 0, -1.0, 1.0)
+    if len(turns):
+        turns *= np.concatenate([[1.0 if turns[0, 3] >= 0 else -1.0], signs]).cumprod()[:, None]
+    return np.hstack([poses[:, :3], turns])
+
+
+def _differences(numbers: Any) -> Any:
+    return np.diff(numbers, axis=0, prepend=np.zeros((1, numbers.shape[1]), numbers.dtype))
+
+
+def ordered(tracks: Iterable[Track]) -> list[Track]:
+    """Return tracks with frames before what stands in them: bodies, limbs, links by their depth, what is believed."""
+    kinds = {"body": 0, "limb": 1, "link": 2, BELIEVED: 3}
+    return sorted(tracks, key=lambda one: kinds[one.kind])

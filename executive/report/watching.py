@@ -1,0 +1,75 @@
+"""Looks on while a run goes on, for its page: hears the trace, sees the world, remembers searches for places."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from executive.pictures.drawn import drawn_in
+from executive.pictures.floor_plan import Outline, outlines
+from executive.report.places import Questions
+from executive.report.shapes import Shapes
+from executive.report.tracks import Tracks, ordered, packed
+from planlang.geometry import Pose
+from planlang.report import Told, model_of, page
+from planlang.report.model import Context
+from planlang.report.tree import shown
+from sim import PyBulletWorld
+
+if TYPE_CHECKING:
+    from executive.modules.platform import Platform
+
+
+class Watching:
+    """What a page shows of a run: a listener of its trace, and a watcher of its true world."""
+
+    def __init__(self, platform: Platform, truth: PyBulletWorld) -> None:
+        self.told = Told()
+        self._truth, self._platform = truth, platform
+        self._tracks, self._shapes, self._questions = Tracks(truth, platform.belief), Shapes(), Questions()
+        self._start = truth.configuration().base
+        self._outlines = [_local(one, platform.scene.world.pose(one.name)) for one in outlines(platform.scene)]
+        self._count = -1
+        platform.resolver.witness = self._questions.log
+
+    def listen(self, record: Mapping[str, Any], node: object) -> None:
+        """Read a record of the trace."""
+        self.told.add(record)
+
+    def look(self, world: PyBulletWorld) -> None:
+        """Look at the true world after one of its steps."""
+        self._questions.step = world.steps
+        self._tracks(world)
+        if self._count != world.changed:  # what is new has its shapes from now on
+            self._count = world.changed
+            self._shapes.add(drawn_in(world))
+
+    def world(self) -> tuple[dict[str, Any], dict[str, bytes]]:
+        """Return the parts of the model about the world, and the blobs that belong to them."""
+        shapes, bounds = self._shapes, [round(float(one), 3) for one in self._truth.scene.bounds]
+        tracks, keys = packed(ordered(self._tracks.all.values()), self._tracks.rate, shapes.of)
+        radius = self._platform.scene.base_radius
+        room = {"bounds": bounds, "outlines": self._outlines, "radius": round(radius, 3), "start": list(self._start)}
+        parts = {
+            "scene": {"bounds": bounds, "meshes": shapes.meshes, **tracks},
+            "map": room,
+            "questions": self._questions.model(self.told.tree),
+        }
+        return parts, {"poses": keys, **({"meshes": shapes.data()} if shapes.meshes else {})}
+
+    def save(self, path: Path, context: Context) -> None:
+        """Write the page."""
+        parts, blobs = self.world()
+        path.write_text(page(model_of(self.told, context, **parts), blobs), encoding="utf-8", newline="\n")
+
+
+def _local(one: Outline, pose: Pose) -> dict[str, Any]:
+    """Return the outline of a body in a level frame at its pose, by which it is drawn wherever it is later."""
+    x, y, z, w = pose.orientation
+    yaw = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    corners = [(a - pose.position[0], b - pose.position[1]) for a, b in one.polygon[:, :2].tolist()]
+    polygon = [[round(cos * a + sin * b, 3), round(cos * b - sin * a, 3)] for a, b in corners]
+    return {"name": shown(one.name), "kind": one.kind, "polygon": polygon}

@@ -1,0 +1,123 @@
+"""Why something failed: the failures of a run once each, and a card for each place where one arose."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from planlang.failures import LocationUnresolvable
+from planlang.report.tree import event_text, is_origin, shown
+from planlang.runs.codec import load_failure
+from planlang.runs.run_tree import RunTree, TaskNode
+
+_LINE = re.compile(r"\(([^():]+):(\d+)\)$")
+
+
+class Failures:
+    """The table of the failures that nodes ended with; several nodes through which one passes share an entry."""
+
+    def __init__(self, tree: RunTree, reasons: Mapping[str, Mapping[str, Any]]) -> None:
+        """``reasons`` has what failed searches for a place have measured, as :func:`reason_in` reads it."""
+        self.table: list[dict[str, Any]] = []
+        self.index: dict[int, int] = {}
+        self._reasons = reasons
+        known: dict[str, int] = {}
+        for number, node in tree.numbered.items():
+            if node.failure is not None:
+                key = json.dumps(node.failure, sort_keys=True)
+                if key not in known:
+                    known[key] = len(self.table)
+                    self.table.append(self._entry(node.failure))
+                self.index[number] = known[key]
+
+    def _entry(self, failure: Mapping[str, Any]) -> dict[str, Any]:
+        chain = [self._link(link) for link in _chain(failure)]
+        advice = [link["advice"] for link in chain if "advice" in link]
+        return {"headline": advice[0] if advice else chain[-1]["message"] or chain[-1]["type"], "chain": chain}
+
+    def _link(self, failure: Mapping[str, Any]) -> dict[str, Any]:
+        message, where = str(failure["message"]), str(failure.get("where", ""))
+        found: dict[str, Any] = {"type": str(failure["type"]), "message": shown(message, 1000)}
+        found |= {"where": shown(_LINE.sub("", where).strip())} if where else {}
+        line = _LINE.search(where)
+        found |= {"file": shown(line[1]), "line": int(line[2])} if line else {}
+        found |= self._reasons.get(message, {})
+        beside = {"at the same time": "siblings", "branch": "members", "during cleanup": "cleanup"}
+        others = [
+            [relation, shown(name), shown(text)]
+            for relation, key in beside.items()
+            for name, text in _named(failure.get(key))
+        ]
+        return found | ({"others": others} if others else {})
+
+
+def _chain(failure: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
+    """Yield a failure and what it was raised from; what was raised again with the same words is left out."""
+    link: object = failure
+    stated: set[tuple[str, str]] = set()
+    while isinstance(link, Mapping):
+        key = str(link["type"]), str(link["message"])
+        if key not in stated:
+            yield link
+        stated.add(key)
+        link = link.get("cause")
+
+
+def _named(others: object) -> list[tuple[str, str]]:
+    if isinstance(others, Mapping):
+        return [(str(name), str(text)) for name, text in others.items()]
+    return [("", str(text)) for text in others] if isinstance(others, list) else []
+
+
+def reason_in(record: Mapping[str, Any]) -> tuple[str, dict[str, Any]] | None:
+    """Return a failure's message and what was measured, if a record answers a search for a place that has failed.
+
+    That is a sentence that says what would do (``advice``), and the numbers of candidates by ``counts`` of reasons and
+    of bodies in the way (``blocking``).
+    """
+    try:
+        failure = load_failure(record["failure"])
+    except (ValueError, KeyError, TypeError, AttributeError):
+        return None
+    if not isinstance(failure, LocationUnresolvable):
+        return None
+    said = {"advice": shown(failure.because()), "counts": dict(failure.counts), "blocking": dict(failure.blocking)}
+    return str(failure), {key: value for key, value in said.items() if value}
+
+
+def cards_of(tree: RunTree, failures: Failures) -> list[dict[str, Any]]:
+    """Return a card for each failure where it arose, those that ended the run first, then in order of time.
+
+    A card has the node and its moment, the place of the failure in the table, whether something around it went on
+    (``recovered``), and what was tried: [time s, node, words].
+    """
+    origins = sorted((node for node in tree.numbered.values() if is_origin(node)), key=lambda node: node.last)
+    cards = [_card(node, failures, tree.rate) for node in origins]
+    return sorted(cards, key=lambda card: card["recovered"])
+
+
+def _card(node: TaskNode, failures: Failures, rate: float) -> dict[str, Any]:
+    ended_by = node
+    tried: list[list[Any]] = []
+    step: TaskNode | None = node
+    is_outward = True
+    while step is not None:
+        is_outward = is_outward and step.failure is not None and step.ended == node.ended
+        ended_by = step if is_outward else ended_by
+        for one in step.happened:
+            text = event_text(one)
+            if text is not None and one.event in _TRIES and one.step <= (node.ended or 0):
+                tried.append([round(one.step / rate, 4), step.number, text])
+        step = step.parent
+    return {
+        "node": node.number,
+        "time": node.end,
+        "failure": failures.index[ended_by.number],
+        "recovered": ended_by.parent is not None,
+        "tried": sorted(tried),
+    }
+
+
+_TRIES = frozenset({"attempt", "recovery", "solution", "pose failed", "no more poses", "transition"})

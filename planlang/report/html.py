@@ -1,0 +1,96 @@
+"""The HTML file: template, style and scripts of ``page/``, and what is told by a model, in one text.
+
+What strangers wrote enters as JSON in an element that no browser executes, with ``<`` escaped, and the scripts put it
+into the page as text. The content security policy forbids all requests, and all scripts but the two whose hashes it
+states: the page's own, and three.js, which is compressed in the file.
+"""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import hashlib
+import json
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+PAGE = Path(__file__).parent / "page"
+SCRIPTS = (
+    *("model", "clock", "list", "tree", "details", "failures", "story", "search", "lanes"),
+    *("tracks", "scene", "map", "graph", "keys", "main"),
+)
+"""Files of the page's script, in their order: each uses what those before it define."""
+THREE = PAGE / "three.js.gz"
+
+
+def page(model: Mapping[str, Any], blobs: Mapping[str, bytes] | None = None) -> str:
+    """Return the page of a model; ``blobs`` are compressed (zlib) and binary, by the names that the model has for them.
+
+    three.js is in it only if the model has a scene. Equal models give equal texts.
+    """
+    style, script = _style(), _script()
+    hashes, data = [_hash(script)], ""
+    if model.get("scene"):
+        packed, three = _three()
+        hashes.append(three)
+        data += _blob("three", packed)
+    for name, blob in (blobs or {}).items():
+        data += _blob(name, blob)
+    policy = (
+        f"default-src 'none'; script-src {' '.join(hashes)}; style-src {_hash(style)}; base-uri 'none'; "
+        "form-action 'none'"
+    )
+    parts = {
+        "policy": policy,
+        "style": style,
+        "model": escaped(json.dumps(model, ensure_ascii=False, separators=(",", ":"))),
+        "data": data,
+        "script": script,
+    }
+    before, *rest = _template().split("{{")
+    texts = [before]
+    for part in rest:
+        name, _, text = part.partition("}}")
+        texts += [parts[name], text]
+    return "".join(texts)
+
+
+def escaped(text: str) -> str:
+    """Return JSON that ends no element, whatever is in its texts, and that is UTF-8."""
+    for sign, code in (("<", "\\u003c"), ("\u2028", "\\u2028"), ("\u2029", "\\u2029")):
+        text = text.replace(sign, code)
+    return text.encode("utf-8", "backslashreplace").decode("utf-8")
+
+
+def _blob(name: str, data: bytes) -> str:
+    text = base64.b64encode(data).decode("ascii")
+    return f'<script type="application/octet-stream" id="blob-{name}">{text}</script>\n'
+
+
+def _hash(text: str) -> str:
+    return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode('ascii')}'"
+
+
+@cache
+def _template() -> str:
+    return (PAGE / "index.html").read_text(encoding="utf-8")
+
+
+@cache
+def _style() -> str:
+    return (PAGE / "style.css").read_text(encoding="utf-8")
+
+
+@cache
+def _script() -> str:
+    files = (PAGE / f"{name}.js" for name in SCRIPTS)
+    return "\n".join(['"use strict";', "(() => {", *(file.read_text(encoding="utf-8") for file in files), "})();", ""])
+
+
+@cache
+def _three() -> tuple[bytes, str]:
+    """Return three.js, compressed, and the hash of the script that it is."""
+    packed = THREE.read_bytes()
+    return packed, _hash(gzip.decompress(packed).decode("utf-8"))

@@ -1,0 +1,129 @@
+"""All that a page shows of a run, as one JSON object: docs/report.md says what its keys mean."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import field
+from typing import Any
+
+from planlang.compiler.drawing.task_graph import TaskGraph
+from planlang.designators import local_name
+from planlang.records import dataclass
+from planlang.report.failures import Failures, cards_of, reason_in
+from planlang.report.graph import graph_of
+from planlang.report.sources import Source
+from planlang.report.story import story_of
+from planlang.report.tree import lanes_of, marks_of, nodes_of, shown
+from planlang.runs.run_tree import RunTree
+
+SCHEMA = 1
+"""Version of the model."""
+
+
+@dataclass(slots=True)
+class Told:
+    """The records of a run, added one by one as they are written, and what they belong to."""
+
+    header: Mapping[str, Any] = field(default_factory=dict)
+    tree: RunTree = field(default_factory=RunTree)
+    last: int = 0
+    """Step of the last record."""
+    reasons: dict[str, Mapping[str, Any]] = field(default_factory=dict)
+    """Message of a failure -> why a search for a place has failed."""
+    is_interrupted: bool = False
+
+    def add(self, record: Mapping[str, Any]) -> None:
+        """Read the next record."""
+        self.tree.add(record)
+        self.last = max(self.last, record["step"])
+        match record:
+            case {"event": "header"}:
+                self.header = dict(record)
+            case {"event": "interrupted"}:
+                self.is_interrupted = True
+            case {"event": "answer" | "performed", "failure": _}:
+                if (reason := reason_in(record)) is not None:
+                    self.reasons[reason[0]] = reason[1]
+
+    @staticmethod
+    def of(records: Iterable[Mapping[str, Any]]) -> Told:
+        """Read all records of a trace."""
+        told = Told()
+        for record in records:
+            told.add(record)
+        return told
+
+
+@dataclass(frozen=True, slots=True)
+class Context:
+    """What a page shows beside a trace: texts of plan and recipe, and the recipe's words and graph.
+
+    ``labels`` has the recipe's words for classes of actions (local names), ``missing`` says in sentences what the page
+    lacks and why, ``facts`` are shown beside those of the header.
+    """
+
+    plan: Source | None = None
+    recipe: Source | None = None
+    labels: Mapping[str, str] = field(default_factory=dict)
+    graph: TaskGraph | None = None
+    missing: Sequence[str] = ()
+    facts: Mapping[str, object] = field(default_factory=dict)
+
+
+def model_of(told: Told, context: Context | None = None, **parts: Any) -> dict[str, Any]:
+    """Return the model of a run; ``parts`` are further ones, such as scene, map and questions."""
+    context = context or Context()
+    tree, rate = told.tree, told.tree.rate
+    end = round(told.last / rate, 4)
+    failures = Failures(tree, told.reasons)
+    nodes = nodes_of(tree, context.labels, failures.index)
+    sources = [source for source in (context.plan, context.recipe) if source is not None]
+    for node in nodes:
+        lines = [[k, line] for k, one in enumerate(sources) if (line := _line(one, node)) is not None]
+        node |= {"lines": lines} if lines else {}
+    name = str(told.header.get("plan", tree.roots[0].name if tree.roots else "run"))
+    return {
+        "schema": SCHEMA,
+        "title": shown(name, 120),
+        "outcome": _outcome(told, failures),
+        "facts": {key: shown(value, 200) for key, value in {**_facts(told, end), **context.facts}.items()},
+        "rate": rate,
+        "end": end,
+        "nodes": nodes,
+        "failures": failures.table,
+        "cards": cards_of(tree, failures),
+        "lanes": lanes_of(tree),
+        "marks": marks_of(tree),
+        "story": story_of(tree, context.labels, end),
+        "sources": [{"name": one.name, "text": one.text} for one in sources],
+        "graph": None if context.graph is None else graph_of(context.graph),
+        "missing": list(context.missing),
+        **parts,
+    }
+
+
+def _line(source: Source, node: Mapping[str, Any]) -> int | None:
+    if (line := source.lines.get(node.get("class", ""))) is not None:
+        return line
+    return source.lines.get(node["name"].partition("#")[0]) if node["kind"] in ("plan", "branch") else None
+
+
+def _outcome(told: Told, failures: Failures) -> dict[str, Any]:
+    root = told.tree.roots[0] if told.tree.roots else None
+    status = "interrupted" if told.is_interrupted else "running" if root is None else root.status
+    found = failures.index.get(root.number) if root is not None else None
+    text = {"succeeded": "done", "failed": "failed", "evaporated": "ended", "running": "not ended"}.get(status, status)
+    return {"status": status, "text": text, "failure": found}
+
+
+def _facts(told: Told, end: float) -> dict[str, object]:
+    header = told.header
+    known: dict[str, object] = {"plan time": f"{end:.1f} s"}
+    for key, called in (("robot", "robot"), ("map", "environment"), ("seed", "seed"), ("schedule", "schedule")):
+        value = header.get(key)
+        if value is not None:
+            known[called] = local_name(str(value)).partition(".")[0] if key == "map" else value
+    versions = header.get("versions")
+    if isinstance(versions, dict) and versions.get("planlang"):
+        known["planlang"] = versions["planlang"]
+    return known

@@ -1,0 +1,108 @@
+// The one clock that drives all views, what is selected, and the address of a moment: #t=41.5&node=12.
+
+const clock = {
+  time: 0, node: null, playing: false, speed: 2, end: Math.max(model.end, 0.01),
+  listeners: [], choosers: [],
+  onTime(listener) { this.listeners.push(listener); },
+  onSelect(listener) { this.choosers.push(listener); },
+  seek(time, { quiet = false } = {}) {
+    this.time = Math.max(0, Math.min(this.end, time));
+    for (const listener of this.listeners) listener(this.time);
+    if (!quiet) this.remember();
+  },
+  // Selects a node; the time goes to its moment if it lies outside of the node.
+  select(id, { keep = false } = {}) {
+    const node = nodes.get(id);
+    this.node = node ? id : null;
+    if (node && !keep) {
+      const inside = node.start !== null && node.start <= this.time && this.time <= (node.end ?? this.end);
+      if (!inside || node.status === "failed") this.seek(momentOf(node));
+    }
+    for (const chooser of this.choosers) chooser(node);
+    this.remember();
+  },
+  goTo(time, id) {
+    this.pause();
+    this.seek(time);
+    if (id !== null && id !== undefined) this.select(id, { keep: true });
+  },
+  play() {
+    if (this.time >= this.end) this.seek(0);
+    this.playing = true;
+    let last = performance.now();
+    const frame = (now) => {
+      if (!this.playing) return;
+      const time = this.time + ((now - last) / 1000) * this.speed;
+      last = now;
+      this.seek(time, { quiet: true });
+      if (time >= this.end) this.pause();
+      else requestAnimationFrame(frame);
+    };
+    requestAnimationFrame(frame);
+    this.tell();
+  },
+  pause() {
+    if (!this.playing) return;
+    this.playing = false;
+    this.tell();
+    this.remember();
+  },
+  tell() {
+    byId("play").textContent = this.playing ? "⏸" : "▶";
+    byId("play").setAttribute("aria-label", this.playing ? "Pause" : "Play");
+  },
+  address() {
+    const node = this.node === null ? "" : `&node=${this.node}`;
+    return `#t=${Number(this.time.toFixed(2))}${node}`;
+  },
+  remember() {
+    clearTimeout(this.timer);
+    this.timer = setTimeout(() => {
+      try { history.replaceState(null, "", this.address()); } catch { /* an address that cannot be changed */ }
+    }, 150);
+  },
+  // Goes where the address says; false if it says nothing.
+  recall() {
+    const said = new URLSearchParams(location.hash.slice(1));
+    const time = Number.parseFloat(said.get("t")), id = Number.parseInt(said.get("node"), 10);
+    if (nodes.has(id)) this.select(id, { keep: Number.isFinite(time) });
+    if (Number.isFinite(time)) this.seek(time);
+    return Number.isFinite(time) || nodes.has(id);
+  },
+};
+
+const slider = byId("slider");
+slider.max = clock.end;
+slider.addEventListener("input", () => { clock.pause(); clock.seek(Number(slider.value)); });
+clock.onTime((time) => {
+  slider.value = time;
+  slider.setAttribute("aria-valuetext", `${seconds(time)} of ${seconds(clock.end)}`);
+  byId("now").textContent = `${time.toFixed(2)} of ${seconds(clock.end)}`;
+});
+byId("play").addEventListener("click", () => (clock.playing ? clock.pause() : clock.play()));
+byId("speed").addEventListener("change", (event) => { clock.speed = Number(event.target.value); });
+addEventListener("hashchange", () => clock.recall());
+
+// Moments to step through: where a shown step begins or ends, and what happened.
+let moments = [];
+function findMoments() {
+  const times = model.marks.map((mark) => mark[0]);
+  for (const node of nodes.values()) if (!node.minor) times.push(node.start, node.end);
+  moments = [...new Set(times.filter((time) => time !== null))].sort((a, b) => a - b);
+}
+findMoments();
+function stepMoment(direction) {
+  const near = 0.005;
+  const found = direction > 0 ? moments.find((time) => time > clock.time + near)
+    : moments.findLast((time) => time < clock.time - near);
+  clock.pause();
+  clock.seek(found ?? (direction > 0 ? clock.end : 0));
+}
+byId("previous").addEventListener("click", () => stepMoment(-1));
+byId("next").addEventListener("click", () => stepMoment(1));
+byId("share").addEventListener("click", async () => {
+  const link = location.href.split("#")[0] + clock.address();
+  try { await navigator.clipboard.writeText(link); byId("share").textContent = "copied"; }
+  catch { history.replaceState(null, "", clock.address()); byId("share").textContent = "in the address"; }
+  setTimeout(() => { byId("share").textContent = "link"; }, 1500);
+});

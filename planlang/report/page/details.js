@@ -1,0 +1,79 @@
+// What is known of the selected step: when it ran, what happened in it, why it failed, its lines in plan and recipe.
+
+const AROUND = 3;
+
+function moment(time, id, text = seconds(time)) {
+  return el("button", { class: "moment", type: "button", onclick: () => clock.goTo(time, id) }, text);
+}
+
+function excerpt(source, line, isBad = false) {
+  const lines = source.text.split("\n"), first = Math.max(0, line - 1 - AROUND);
+  const rows = lines.slice(first, line + AROUND).map((text, k) => el("div",
+    { class: `row${first + k + 1 === line ? ` at${isBad ? " bad" : ""}` : ""}` },
+    el("span", { class: "number" }, String(first + k + 1)), text || " "));
+  return el("figure", { class: "source" },
+    el("figcaption", { class: "said" }, `${source.name}, line ${line}`),
+    el("div", { class: "excerpt mono", tabindex: "0", role: "region", "aria-label": `${source.name}, line ${line}` }, ...rows));
+}
+
+function excerptsOf(node, failure) {
+  const found = new Map((node?.lines ?? []).map(([number, line]) => [number, [line, false]]));
+  for (const link of failure?.chain ?? []) {
+    const number = model.sources.findIndex((source) => source.name === link.file);
+    if (number >= 0) found.set(number, [link.line, true]);
+  }
+  for (let above = node?.above; above && found.size === 0; above = above.above) {
+    for (const [number, line] of above.lines ?? []) found.set(number, [line, false]);
+  }
+  return [...found].sort((a, b) => a[0] - b[0])
+    .map(([number, [line, isBad]]) => excerpt(model.sources[number], line, isBad || failure !== undefined));
+}
+
+function chainOf(failure) {
+  return el("ol", { class: "chain" }, ...failure.chain.map((link, k) => el("li", {},
+    k ? "because of " : "", el("span", { class: "type" }, link.type), `: ${link.message}`,
+    link.where ? el("div", { class: "where" }, `in ${link.where}${link.file ? ` (${link.file}:${link.line})` : ""}`) : null,
+    ...(link.others ?? []).map(([relation, name, text]) => el("div", { class: "where" }, `${relation} ${name}: ${text}`)))));
+}
+
+function countsOf(failure) {
+  const link = failure.chain.find((one) => one.counts);
+  if (!link) return [];
+  const table = (title, counts) => {
+    const most = Math.max(...Object.values(counts));
+    return [el("h3", {}, title), el("div", { class: "counts" }, ...Object.entries(counts).flatMap(([name, number]) => {
+      const bar = el("span", { class: "bar", "aria-hidden": "true" });
+      bar.style.width = `${(100 * number) / most}%`;
+      return [el("span", {}, `${name}: ${number}`), bar];
+    }))];
+  };
+  return [...table("Candidates, by why they were rejected", link.counts),
+    ...(link.blocking ? table("In the way", link.blocking) : [])];
+}
+
+const details = byId("details");
+function showDetails(node) {
+  if (!node) {
+    details.replaceChildren(el("p", { class: "said" }, "Select a step to see what it did, and its lines in plan and recipe."));
+    return;
+  }
+  const failure = failureOf(node), at = statusAt(node, clock.time);
+  const when = node.start === null ? "never began" : node.end === null ? `from ${seconds(node.start)} on`
+    : `${seconds(node.start)} to ${seconds(node.end)}`;
+  details.replaceChildren(
+    el("h2", {}, node.name, el("span", { class: `badge ${at}`, id: "details-status" }, CALLED[at])),
+    el("p", { class: "said" }, moment(momentOf(node), node.id, when), ` · ${node.kind}${node.label ? ` · ${node.label}` : ""}`),
+    node.text ? el("p", { class: "mono" }, node.text) : "",
+    ...(failure ? [el("h3", {}, "Why it failed"), el("p", {}, failure.headline), chainOf(failure), ...countsOf(failure)] : []),
+    ...(node.events ? [el("h3", {}, "What happened"), el("ul", { class: "events" },
+      ...node.events.map(([time, , text]) => el("li", {}, moment(time, node.id), el("span", {}, text))))] : []),
+    ...excerptsOf(node, failure));
+}
+clock.onSelect(showDetails);
+clock.onTime((time) => {
+  const badge = byId("details-status"), node = nodes.get(clock.node);
+  if (!badge || !node) return;
+  const at = statusAt(node, time);
+  badge.className = `badge ${at}`;
+  badge.textContent = CALLED[at];
+});

@@ -1,0 +1,39 @@
+// Cards of what failed: first the sentence that says what to change, inside of it causes, tries and lines.
+
+function card(one, isFirst) {
+  const failure = model.failures[one.failure], node = nodes.get(one.node);
+  const inside = el("div", { class: "inside" });
+  const whole = el("details", { class: `card${one.recovered ? " recovered" : ""}`, open: isFirst },
+    el("summary", {}, el("span", { class: "advice" }, sentence(failure.headline)),
+      el("span", { class: "said" }, `${one.recovered ? "recovered · " : ""}${node?.name ?? ""} · ${seconds(one.time ?? 0)}`)),
+    inside);
+  const fill = () => {
+    if (inside.childElementCount) return;
+    inside.append(
+      el("div", {}, el("h3", {}, "Why"), chainOf(failure), ...countsOf(failure),
+        ...(one.tried.length ? [el("h3", {}, "What was tried"), el("ul", { class: "events" },
+          ...one.tried.map(([time, id, text]) => el("li", {}, moment(time, id), el("span", {}, text))))] : [])),
+      el("div", {}, el("p", {}, el("button", { type: "button", class: "show", onclick: () => clock.goTo(one.time ?? 0, one.node) },
+        "Show the moment")), ...excerptsOf(node, failure)));
+  };
+  whole.addEventListener("toggle", fill);
+  if (isFirst) fill();
+  return whole;
+}
+
+const sentence = (text) => `${text[0]?.toUpperCase() ?? ""}${text.slice(1)}${/[.!?]$/.test(text) ? "" : "."}`;
+
+const cards = byId("cards");
+function showCards() {
+  const fatal = model.cards.filter((one) => !one.recovered), others = model.cards.filter((one) => one.recovered);
+  cards.hidden = fatal.length + others.length === 0;
+  const more = others.length === 0 ? [] : [el("details", { class: "card recovered", id: "recovered" },
+    el("summary", {}, el("span", { class: "advice" },
+      `${others.length} failure${others.length > 1 ? "s" : ""} from which the plan recovered${fatal.length ? " before" : ""}`)),
+    el("div", { class: "cards nested" }))];
+  cards.replaceChildren(...fatal.map((one, k) => card(one, k === 0)), ...more);
+  more[0]?.addEventListener("toggle", () => {
+    const nested = more[0].querySelector(".nested");
+    if (!nested.childElementCount) nested.append(...others.slice(0, 200).map((one) => card(one, false)));
+  });
+}

@@ -1,0 +1,137 @@
+// Puts the page together: tabs, colours, what is missing, print; and lets a run grow while it is shown.
+
+class Tabs {
+  constructor(ids, chosen) {
+    this.tabs = ids.map((id) => byId(`tab-${id}`));
+    this.ids = ids;
+    this.chosen = chosen;
+    this.tabs.forEach((tab, k) => {
+      tab.addEventListener("click", () => this.choose(ids[k]));
+      tab.addEventListener("keydown", (event) => {
+        const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
+        if (!step) return;
+        event.preventDefault();
+        event.stopPropagation();
+        const open = this.ids.filter((id) => !byId(`tab-${id}`).disabled && !byId(`tab-${id}`).hidden);
+        const next = open[(open.indexOf(ids[k]) + step + open.length) % open.length];
+        this.choose(next);
+        byId(`tab-${next}`).focus();
+      });
+    });
+  }
+  choose(id) {
+    const tab = byId(`tab-${id}`);
+    if (tab.disabled || tab.hidden) return;
+    this.ids.forEach((one, k) => {
+      byId(one).hidden = one !== id;
+      this.tabs[k].setAttribute("aria-selected", String(one === id));
+      this.tabs[k].tabIndex = one === id ? 0 : -1;
+    });
+    this.chosen(id);
+  }
+}
+
+const worldTabs = new Tabs(["scene", "map", "graph"], (id) => {
+  if (id === "scene" && scene.ready) { scene.resize(); scene.move(clock.time); }
+  if (id === "map" && model.map) { if (floorPlan.ready) floorPlan.move(clock.time); else floorPlan.build(); }
+  if (id === "graph" && model.graph) { if (graph.ready) graph.move(clock.time); else graph.build(); }
+  for (const label of ["ghosts-label", "candidates-label"]) byId(label).hidden = id === "graph";
+});
+const planTabs = new Tabs(["tree-view", "story"], (id) => {
+  if (id === "story" && !story.items.length) story.build();
+});
+
+function head() {
+  document.title = `${model.title}: ${model.outcome.text}`;
+  byId("title").textContent = model.title;
+  byId("outcome").textContent = model.outcome.text;
+  byId("outcome").className = `badge ${model.outcome.status}`;
+  byId("facts").replaceChildren(...Object.entries(model.facts).map(([key, value]) => el("div", {}, el("dt", {}, key), el("dd", {}, String(value)))));
+}
+
+function tellMissing(...more) {
+  const said = [...model.missing, ...more];
+  byId("missing").hidden = said.length === 0;
+  byId("missing").replaceChildren(...said.map((one) => el("p", {}, one)));
+}
+
+const dark = matchMedia("(prefers-color-scheme: dark)");
+let chosenTheme = null;
+function paintTheme() {
+  document.documentElement.classList.toggle("dark", chosenTheme ?? dark.matches);
+  scene.recolour();
+  lanes.paint();
+}
+dark.addEventListener("change", paintTheme);
+byId("theme").addEventListener("click", () => {
+  chosenTheme = !document.documentElement.classList.contains("dark");
+  paintTheme();
+});
+
+function print() {
+  const fatal = model.cards.filter((one) => !one.recovered).slice(0, 5);
+  for (const whole of cards.querySelectorAll(":scope > details")) whole.open = true;
+  byId("printed").replaceChildren(...(fatal.length ? [] : []), el("h2", {}, "What happened"), story.list());
+  lanes.paint();
+}
+addEventListener("beforeprint", print);
+addEventListener("afterprint", () => byId("printed").replaceChildren());
+
+// Reads more of a run: nodes that are new or have changed, and whatever else has. All views show it at once.
+function grow(more) {
+  index(more.nodes ?? []);
+  const { nodes: ignored, end = model.end, ...rest } = more;
+  Object.assign(model, rest, { end });
+  clock.end = Math.max(end, 0.01);
+  slider.max = clock.end;
+  lanes.to = clock.end;
+  findMoments();
+  head();
+  showCards();
+  tree.build();
+  lanes.build();
+  story.items = [];
+  if (!story.box.hidden) story.build();
+  clock.seek(clock.time);
+}
+
+async function begin() {
+  const started = performance.now();
+  head();
+  tellMissing();
+  showCards();
+  tree.build();
+  lanes.build();
+  showDetails(null);
+  planTabs.choose("tree-view");
+  for (const [id, is] of [["scene", model.scene], ["map", model.map], ["graph", model.graph]]) byId(`tab-${id}`).hidden = !is;
+  const first = ["scene", "map", "graph"].find((id) => !byId(`tab-${id}`).hidden);
+  if (first) worldTabs.choose(first);
+  else {
+    document.querySelector(".stage").hidden = true;
+    document.querySelector(".panels").classList.add("alone");
+  }
+  paintTheme();
+  if (!clock.recall()) {
+    const fatal = model.cards.find((one) => !one.recovered);
+    clock.seek(fatal?.time ?? 0, { quiet: true });
+    if (fatal) clock.select(fatal.node, { keep: true });
+  }
+  document.documentElement.dataset.ready = "page";
+  document.documentElement.dataset.took = (performance.now() - started).toFixed(0);
+  if (model.scene) {
+    try { await readTracks(); } catch { tellMissing("The poses in this page cannot be read by this browser, which is too old for DecompressionStream."); }
+    try {
+      if (world.ready) await scene.build();
+    } catch (problem) {
+      tellMissing(`The scene is not shown in three dimensions: ${problem.message || "WebGL is missing"}. The map shows the same from above.`);
+      byId("tab-scene").disabled = true;
+      if (!byId("scene").hidden) worldTabs.choose("map");
+    }
+    floorPlan.move(clock.time);
+  }
+  document.documentElement.dataset.ready = "all";
+  document.documentElement.dataset.scene = performance.now().toFixed(0);
+}
+globalThis.planlang = { model, clock, grow };
+begin();

@@ -1,0 +1,156 @@
+// The room from above at the moment of the clock: bodies, the robot and its way, what it believes, places it looked at.
+
+const MARKERS = ["circle", "square", "triangle", "diamond", "cross", "plus"];
+function marker(shape, x, y, r, attributes) {
+  const points = {
+    square: [[-1, -1], [1, -1], [1, 1], [-1, 1]], triangle: [[0, -1.2], [1.1, 0.9], [-1.1, 0.9]],
+    diamond: [[0, -1.3], [1.3, 0], [0, 1.3], [-1.3, 0]],
+  }[shape];
+  if (points) return svg("polygon", { points: points.map(([a, b]) => `${x + a * r},${y + b * r}`).join(" "), ...attributes });
+  if (shape === "circle") return svg("circle", { cx: x, cy: y, r, ...attributes });
+  const d = shape === "cross" ? `M${x - r},${y - r}L${x + r},${y + r}M${x + r},${y - r}L${x - r},${y + r}` : `M${x - r},${y}H${x + r}M${x},${y - r}V${y + r}`;
+  return svg("path", { d, stroke: attributes.fill, "stroke-width": 1.8, fill: "none" });
+}
+
+const floorPlan = {
+  box: byId("map"), parts: new Map(), scale: 100,
+  build() {
+    const { bounds: [x0, y0, x1, y1], outlines } = model.map, s = this.scale;
+    this.at = (x, y) => [(x - x0) * s, (y1 - y) * s];
+    const border = 0.15 * s;
+    this.view = svg("svg", { class: "map-view", role: "img", "aria-label": "The room from above",
+      viewBox: `${-border} ${-border} ${(x1 - x0) * s + 2 * border} ${(y1 - y0) * s + 2 * border}` });
+    this.view.append(svg("rect", { class: "floor", x: 0, y: 0, width: (x1 - x0) * s, height: (y1 - y0) * s }));
+    for (let x = Math.ceil(x0); x <= x1; x++) this.view.append(this.line(x, y0, x, y1));
+    for (let y = Math.ceil(y0); y <= y1; y++) this.view.append(this.line(x0, y, x1, y));
+    this.places = svg("g");
+    this.view.append(this.places);
+    for (const one of outlines) {
+      const shape = svg("polygon", { class: `body ${one.kind}` }), hover = svg("title");
+      hover.textContent = one.name;
+      shape.append(hover);
+      this.parts.set(one.name, { ...one, shape });
+      this.view.append(shape);
+    }
+    this.ghosts = svg("g");
+    this.way = svg("polyline", { class: "path" });
+    this.chosen = svg("g");
+    this.robot = svg("g");
+    this.names = svg("g");
+    this.view.append(this.way, this.ghosts, this.chosen, this.robot, this.names);
+    this.legend = el("div", { class: "map-legend", tabindex: "0", role: "region", "aria-label": "Places that were looked at" });
+    this.box.append(this.view, this.legend);
+    this.question = undefined;
+    this.ready = true;
+    this.move(clock.time);
+  },
+  line(x, y, to, up) {
+    const [x1, y1] = this.at(x, y), [x2, y2] = this.at(to, up);
+    return svg("line", { class: "grid", x1, y1, x2, y2 });
+  },
+  corners(part, pose) {
+    const yaw = yawOf(pose), c = Math.cos(yaw), s = Math.sin(yaw);
+    return part.polygon.map(([x, y]) => this.at(pose[0] + c * x - s * y, pose[1] + s * x + c * y).map((n) => n.toFixed(1)).join()).join(" ");
+  },
+  poseOf(part, time) {
+    const entity = world.byName.get(part.name);
+    return entity ? poseAt(entity, time) : part.pose;
+  },
+  move(time) {
+    if (!this.ready) return;
+    const labels = [];
+    for (const part of this.parts.values()) {
+      const pose = this.poseOf(part, time);
+      part.shape.classList.toggle("away", pose === null);
+      part.shape.toggleAttribute("hidden", pose === null);
+      part.shape.setAttribute("points", pose ? this.corners(part, pose) : "");
+      if (pose) labels.push([part.name, ...this.at(pose[0], pose[1])]);
+    }
+    const ghosts = [];
+    for (const belief of byId("ghosts").checked ? world.entities.filter((one) => one.kind === "belief") : []) {
+      const pose = ghostAt(belief, time), part = this.parts.get(belief.name);
+      if (pose && part) {
+        const hover = svg("title");
+        hover.textContent = `believed: ${belief.name}`;
+        ghosts.push(svg("polygon", { class: "ghost", points: this.corners(part, pose) }, hover));
+      }
+    }
+    this.ghosts.replaceChildren(...ghosts);
+    this.base(time);
+    this.name(labels);
+    this.show(byId("candidates").checked ? questionAt(time) : null);
+    this.box.dataset.time = time.toFixed(2);
+  },
+  base(time) {
+    const base = world.entities.find((one) => one.kind === "link" && one.frame < 0);
+    const pose = base ? poseAt(base, time) : model.map.start;
+    if (!pose) return;
+    const [x, y] = this.at(pose[0], pose[1]), yaw = base ? yawOf(pose) : pose[2], r = model.map.radius * this.scale;
+    this.robot.replaceChildren(svg("circle", { class: "robot", cx: x, cy: y, r }),
+      svg("line", { class: "heading", x1: x, y1: y, x2: x + r * Math.cos(yaw), y2: y - r * Math.sin(yaw) }));
+    const way = [];
+    if (base) {
+      for (let k = 0; k < base.times.length && base.times[k] <= time; k++) way.push(this.at(base.poses[k * 7], base.poses[k * 7 + 1]));
+      way.push([x, y]);
+    }
+    this.way.setAttribute("points", way.map(([a, b]) => `${a.toFixed(1)},${b.toFixed(1)}`).join(" "));
+  },
+  // Names of bodies, each where it covers no other one.
+  name(labels) {
+    const taken = [], made = [];
+    for (const [name, x, y] of labels) {
+      const half = name.length * 3.3 + 2;
+      let up = y;
+      for (const offset of [0, 14, -14, 28, -28, 42]) {
+        up = y + offset;
+        if (!taken.some(([a, b, w]) => Math.abs(a - x) < w + half && Math.abs(b - up) < 13)) break;
+      }
+      taken.push([x, up, half]);
+      const text = svg("text", { x, y: up + 4, "text-anchor": "middle" });
+      text.textContent = name;
+      made.push(text);
+    }
+    this.names.replaceChildren(...made);
+  },
+  show(question) {
+    if (question === this.question) return;
+    this.question = question;
+    const points = [], chosen = [];
+    for (const [cloud, size] of question ? [[question.hands, 1.5], [question.bases, 2.6]] : []) {
+      for (const [number, x, y] of cloud.points) {
+        const [a, b] = this.at(x, y);
+        points.push(marker(MARKERS[number % MARKERS.length], a, b, size, { fill: cloud.reasons[number].colour }));
+      }
+    }
+    if (question?.chosen) {
+      const [x, y] = this.at(question.chosen[0], question.chosen[1]), yaw = question.chosen[2], r = model.map.radius * this.scale;
+      chosen.push(svg("circle", { class: "chosen", cx: x, cy: y, r }),
+        svg("line", { class: "chosen", x1: x, y1: y, x2: x + r * Math.cos(yaw), y2: y - r * Math.sin(yaw) }));
+    }
+    this.places.replaceChildren(...points);
+    this.chosen.replaceChildren(...chosen);
+    this.explain(question);
+  },
+  explain(question) {
+    this.legend.hidden = !question;
+    if (!question) return;
+    const number = model.questions.indexOf(question);
+    const other = (step) => model.questions[number + step];
+    const go = (step, text, called) => el("button", { type: "button", "aria-label": called, disabled: !other(step),
+      onclick: () => clock.goTo(other(step).time, other(step).node) }, text);
+    const key = (k, reason) => svg("svg", { width: 14, height: 14, "aria-hidden": "true" }, marker(MARKERS[k % MARKERS.length], 7, 7, 4, { fill: reason.colour }));
+    const kinds = (cloud, none) => cloud.reasons.map((reason, k) => el("li", {}, key(k, reason), `${reason.text || none}: ${reason.count}`));
+    this.legend.replaceChildren(
+      el("h3", {}, go(-1, "‹", "Previous search"), go(1, "›", "Next search"),
+        `Where to stand, search ${number + 1} of ${model.questions.length}`, moment(question.time, question.node)),
+      el("p", { class: "said" }, question.location),
+      el("ul", {}, ...(question.chosen ? [el("li", {}, `○ chosen: x ${question.chosen[0].toFixed(2)}, y ${question.chosen[1].toFixed(2)}`)] : [el("li", {}, "no place was found")]),
+        ...kinds(question.bases, "accepted")),
+      ...(question.hands.reasons.length ? [el("h3", {}, "Grasp candidates (small marks)"), el("ul", {}, ...kinds(question.hands, "free"))] : []),
+      question.blocking.length ? el("p", { class: "said" }, `In the way: ${question.blocking.map(([name, count]) => `${name} ${count}`).join(", ")}`) : "");
+  },
+};
+clock.onTime((time) => { if (!floorPlan.box.hidden) floorPlan.move(time); });
+for (const id of ["ghosts", "candidates"]) {
+  byId(id).addEventListener("change", () => { scene.move(clock.time); floorPlan.move(clock.time); });
+}

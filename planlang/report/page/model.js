@@ -1,0 +1,80 @@
+// The model of the run, indexed, and small tools that all views use. Texts enter the page through textContent alone.
+
+const byId = (id) => document.getElementById(id);
+
+function el(name, attributes = {}, ...inside) {
+  const made = document.createElement(name);
+  for (const [key, value] of Object.entries(attributes)) {
+    if (key === "class") made.className = value;
+    else if (key.startsWith("on")) made.addEventListener(key.slice(2), value);
+    else if (value === true) made.setAttribute(key, "");
+    else if (value !== false && value !== undefined && value !== null) made.setAttribute(key, value);
+  }
+  made.append(...inside.filter((one) => one !== null && one !== undefined && one !== false));
+  return made;
+}
+
+function svg(name, attributes = {}, ...inside) {
+  const made = document.createElementNS("http://www.w3.org/2000/svg", name);
+  for (const [key, value] of Object.entries(attributes)) {
+    if (value !== undefined && value !== null) made.setAttribute(key, value);
+  }
+  made.append(...inside.filter(Boolean));
+  return made;
+}
+
+const model = JSON.parse(byId("model").textContent);
+const nodes = new Map();
+const roots = [];
+
+// Reads nodes into the index; those that are known already are replaced, so that a run may grow while it is shown.
+function index(list) {
+  for (const one of list) {
+    const known = nodes.get(one.id);
+    const node = Object.assign(known ?? { children: [] }, one);
+    if (known) continue;
+    nodes.set(node.id, node);
+    const parent = node.parent === null ? undefined : nodes.get(node.parent);
+    node.above = parent;
+    node.depth = parent ? parent.depth + 1 : 0;
+    (parent ? parent.children : roots).push(node);
+  }
+}
+index(model.nodes);
+
+const never = "never";
+function statusAt(node, time) {
+  if (node.start === null) return node.end !== null && time >= node.end ? never : "waiting";
+  if (time < node.start) return "waiting";
+  if (node.end === null || time < node.end) return "running";
+  return node.status;
+}
+const MARKS = { succeeded: "✓", failed: "✕", running: "▸", evaporated: "⊘", waiting: "·", never: "⊘" };
+const CALLED = {
+  succeeded: "succeeded", failed: "failed", running: "running", evaporated: "evaporated", waiting: "not begun",
+  never: "evaporated before it began", interrupted: "interrupted",
+};
+
+const seconds = (time) => `${time.toFixed(2)} s`;
+function spanOf(node) {
+  if (node.start === null) return "";
+  return node.end === null ? `from ${seconds(node.start)}` : `${(node.end - node.start).toFixed(1)} s`;
+}
+const titleOf = (node) => node.label ?? "";
+const failureOf = (node) => (node.failure === undefined ? undefined : model.failures[node.failure]);
+
+// The moment at which a node is best looked at: where it failed, else where it began.
+const momentOf = (node) => (node.status === "failed" ? node.end : node.start) ?? node.end ?? 0;
+
+// Colours of the page's style, for what is drawn on a canvas.
+const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
+
+const tip = byId("tip");
+function showTip(text, x, y) {
+  tip.hidden = !text;
+  if (!text) return;
+  tip.textContent = text;
+  const box = tip.getBoundingClientRect();
+  tip.style.left = `${Math.max(4, Math.min(x + 12, innerWidth - box.width - 8))}px`;
+  tip.style.top = `${y + 18 + box.height > innerHeight ? y - box.height - 8 : y + 14}px`;
+}

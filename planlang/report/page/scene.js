@@ -1,0 +1,199 @@
+// The world in three dimensions, drawn when something has changed. Without WebGL the map takes its place.
+
+const scene = {
+  box: byId("scene"), groups: [], ghosts: [], ready: false,
+  async build() {
+    const script = document.createElement("script");
+    script.textContent = new TextDecoder().decode(await unpacked("three", "gzip"));
+    document.head.append(script);
+    const three = globalThis.THREE;
+    const probe = document.createElement("canvas");
+    if (!(probe.getContext("webgl2"))) throw new Error("this browser has no WebGL");
+    this.three = three;
+    this.renderer = new three.WebGLRenderer({ antialias: true, preserveDrawingBuffer: true });
+    this.renderer.setPixelRatio(Math.min(2, devicePixelRatio || 1));
+    this.renderer.shadowMap.enabled = true;
+    this.renderer.shadowMap.type = three.PCFShadowMap;
+    this.canvas = this.renderer.domElement;
+    this.canvas.setAttribute("role", "img");
+    this.canvas.setAttribute("aria-label", "The world at the moment of the clock; drag to turn it");
+    this.canvas.tabIndex = 0;
+    this.box.prepend(this.canvas);
+    await this.fill(three);
+    this.aim(three);
+    new ResizeObserver(() => this.resize()).observe(this.box);
+    this.canvas.addEventListener("pointermove", (event) => this.point(event));
+    this.canvas.addEventListener("pointerleave", () => showTip(""));
+    this.ready = true;
+    this.recolour();
+    this.resize();
+    this.move(clock.time);
+  },
+  async fill(three) {
+    this.root = new three.Scene();
+    const [x0, y0, x1, y1] = model.scene.bounds, wide = x1 - x0, deep = y1 - y0;
+    this.middle = new three.Vector3((x0 + x1) / 2, (y0 + y1) / 2, 0.5);
+    this.extent = Math.max(wide, deep);
+    this.floor = new three.Mesh(new three.PlaneGeometry(wide, deep), new three.MeshStandardMaterial({ roughness: 0.95 }));
+    this.floor.position.set(this.middle.x, this.middle.y, -0.002);
+    this.floor.receiveShadow = true;
+    this.grid = new three.LineSegments(new three.BufferGeometry(), new three.LineBasicMaterial());
+    const lines = [];
+    for (let x = Math.ceil(x0); x <= x1; x++) lines.push(x, y0, 0, x, y1, 0);
+    for (let y = Math.ceil(y0); y <= y1; y++) lines.push(x0, y, 0, x1, y, 0);
+    this.grid.geometry.setAttribute("position", new three.BufferAttribute(new Float32Array(lines), 3));
+    this.sky = new three.HemisphereLight(0xffffff, 0xb0b4bd, 1.6);
+    this.sky.position.set(0, 0, 1);
+    const sun = new three.DirectionalLight(0xffffff, 2.0);
+    sun.position.set(this.middle.x - this.extent * 0.35, this.middle.y - this.extent * 0.5, this.extent * 0.95);
+    sun.target.position.copy(this.middle);
+    sun.castShadow = true;
+    sun.shadow.mapSize.set(2048, 2048);
+    sun.shadow.bias = -0.0006;
+    sun.shadow.normalBias = 0.012;
+    const half = this.extent * 0.62;
+    Object.assign(sun.shadow.camera, { left: -half, right: half, top: half, bottom: -half, near: 0.1, far: this.extent * 3 });
+    this.root.add(this.floor, this.grid, this.sky, sun, sun.target);
+    await this.bodies(three);
+  },
+  async bodies(three) {
+    const geometries = await this.geometries(three), materials = new Map();
+    const material = ([r, g, b, a], isGhost) => {
+      const key = isGhost ? "ghost" : [r, g, b, a].join();
+      if (!materials.has(key)) {
+        materials.set(key, isGhost ? new three.MeshBasicMaterial({ transparent: true, opacity: 0.38, depthWrite: false })
+          : new three.MeshStandardMaterial({ color: new three.Color().setRGB(r / 255, g / 255, b / 255, three.SRGBColorSpace),
+            roughness: 0.72, metalness: 0.02, transparent: a < 255, opacity: a / 255, depthWrite: a > 127 }));
+      }
+      return materials.get(key);
+    };
+    const made = (one, isGhost) => {
+      const group = new three.Group();
+      group.matrixAutoUpdate = false;
+      for (const shape of one.shapes) {
+        const mesh = new three.Mesh(geometries(shape), material(shape.colour, isGhost));
+        if (shape.at) { mesh.position.set(...shape.at.slice(0, 3)); mesh.quaternion.set(...shape.at.slice(3)); }
+        if (shape.kind !== "mesh") mesh.scale.set(...shape.size.map((one) => Math.max(one, 1e-4)));
+        mesh.castShadow = mesh.receiveShadow = !isGhost;
+        mesh.name = isGhost ? `belief: ${one.name}` : one.label ?? one.name;
+        group.add(mesh);
+      }
+      return group;
+    };
+    this.groups = world.entities.map((one) => made(one.kind === "belief" ? { ...world.entities[one.of], name: one.name } : one, one.kind === "belief"));
+    world.entities.forEach((one, k) => (one.frame >= 0 ? this.groups[one.frame] : this.root).add(this.groups[k]));
+    this.ghostMaterial = materials.get("ghost");
+  },
+  async geometries(three) {
+    const cylinder = new three.CylinderGeometry(0.5, 0.5, 1, 32).rotateX(Math.PI / 2);
+    const plain = { box: new three.BoxGeometry(1, 1, 1), cylinder, sphere: new three.SphereGeometry(0.5, 32, 16) };
+    const meshes = model.scene.meshes.length ? this.meshes(three, await unpacked("meshes", "deflate")) : [];
+    return (shape) => (shape.kind === "mesh" ? meshes[shape.mesh] : plain[shape.kind] ?? plain.box);
+  },
+  meshes(three, buffer) {
+    let at = 0;
+    return model.scene.meshes.map(({ vertices, triangles, low, size }) => {
+      const numbers = new Uint16Array(buffer.slice(at, at + vertices * 6)), points = new Float32Array(vertices * 3);
+      at += vertices * 6;
+      for (let k = 0; k < vertices; k++) for (let axis = 0; axis < 3; axis++) {
+        points[k * 3 + axis] = low[axis] + (size[axis] * numbers[axis * vertices + k]) / 65535;
+      }
+      const wide = vertices > 65535 ? Uint32Array : Uint16Array;
+      const corners = new wide(buffer.slice(at, at + triangles * 3 * wide.BYTES_PER_ELEMENT));
+      at += triangles * 3 * wide.BYTES_PER_ELEMENT;
+      const made = new three.BufferGeometry();
+      made.setAttribute("position", new three.BufferAttribute(points, 3));
+      made.setIndex(new three.BufferAttribute(corners, 1));
+      const flat = made.toNonIndexed();
+      flat.computeVertexNormals();
+      return flat;
+    });
+  },
+  aim(three) {
+    this.camera = new three.PerspectiveCamera(40, 1, 0.05, this.extent * 12);
+    this.camera.up.set(0, 0, 1);
+    const away = this.extent * 1.32 + 0.8;
+    this.camera.position.set(this.middle.x - away * 0.16, this.middle.y - away * 0.72, away * 0.66);
+    this.controls = new three.OrbitControls(this.camera, this.canvas);
+    this.controls.target.copy(this.middle);
+    this.controls.maxPolarAngle = Math.PI * 0.495;
+    this.controls.addEventListener("change", () => this.ask());
+    this.controls.update();
+  },
+  resize() {
+    const { clientWidth: wide, clientHeight: high } = this.box;
+    if (!this.ready || !wide || !high) return;
+    this.renderer.setSize(wide, high, false);
+    this.camera.aspect = wide / high;
+    this.camera.fov = wide / high > 1.35 ? 40 : Math.min(75, 54 / Math.max(0.5, wide / high));
+    this.camera.updateProjectionMatrix();
+    this.ask();
+  },
+  recolour() {
+    if (!this.ready) return;
+    const set = (material, name) => material.color.set(colour(name));
+    this.root.background = new this.three.Color(colour("raised"));
+    set(this.floor.material, "floor");
+    set(this.grid.material, "grid");
+    if (this.ghostMaterial) set(this.ghostMaterial, "ghost");
+    this.sky.intensity = document.documentElement.classList.contains("dark") ? 1.25 : 1.6;
+    this.ask();
+  },
+  move(time) {
+    if (!this.ready) return;
+    const ghosts = byId("ghosts").checked, pose = new Float32Array(7), { Vector3, Quaternion } = this.three;
+    const place = new Vector3(), turn = new Quaternion(), one = new Vector3(1, 1, 1);
+    let differing = 0;
+    world.entities.forEach((entity, k) => {
+      const found = entity.kind === "belief" ? (ghosts ? ghostAt(entity, time) : null) : poseAt(entity, time, pose);
+      const group = this.groups[k];
+      group.visible = found !== null;
+      if (!found) return;
+      differing += entity.kind === "belief";
+      group.matrix.compose(place.set(found[0], found[1], found[2]), turn.set(found[3], found[4], found[5], found[6]), one);
+      group.matrixWorldNeedsUpdate = true;
+    });
+    this.box.dataset.time = time.toFixed(2);
+    this.box.dataset.ghosts = differing;
+    this.places(time);
+    this.ask();
+  },
+  // Discs on the floor: base poses that were looked at, by reason, and the one that was chosen.
+  places(time) {
+    const question = byId("candidates").checked ? questionAt(time, true) : null;
+    if (question === this.question) return;
+    this.question = question;
+    if (this.discs) { this.root.remove(this.discs); this.discs = null; }
+    if (!question) return;
+    const { three } = this, group = new three.Group();
+    const disc = new three.CircleGeometry(0.035, 12), ring = new three.RingGeometry(0.2, 0.24, 40);
+    question.bases.reasons.forEach((reason, number) => {
+      const points = question.bases.points.filter((point) => point[0] === number);
+      const discs = new three.InstancedMesh(disc, new three.MeshBasicMaterial({ color: reason.colour }), points.length);
+      points.forEach(([, x, y], k) => discs.setMatrixAt(k, new three.Matrix4().makeTranslation(x, y, 0.006)));
+      discs.name = reason.text || "accepted";
+      group.add(discs);
+    });
+    if (question.chosen) {
+      const chosen = new three.Mesh(ring, new three.MeshBasicMaterial({ color: colour("done") }));
+      chosen.position.set(question.chosen[0], question.chosen[1], 0.008);
+      chosen.name = "chosen place";
+      group.add(chosen);
+    }
+    this.discs = group;
+    this.root.add(group);
+  },
+  point(event) {
+    if (event.buttons) { showTip(""); return; }
+    const { three } = this, box = this.canvas.getBoundingClientRect(), caster = new three.Raycaster();
+    caster.setFromCamera(new three.Vector2(((event.clientX - box.left) / box.width) * 2 - 1, 1 - ((event.clientY - box.top) / box.height) * 2), this.camera);
+    const hit = caster.intersectObjects(this.root.children).find((one) => one.object.name && one.object.parent.visible);
+    showTip(hit?.object.name, event.clientX, event.clientY);
+  },
+  ask() {
+    if (this.asked || this.box.hidden) return;
+    this.asked = true;
+    requestAnimationFrame(() => { this.asked = false; this.renderer.render(this.root, this.camera); });
+  },
+};
+clock.onTime((time) => { if (!scene.box.hidden) scene.move(time); });

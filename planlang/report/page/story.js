@@ -1,0 +1,29 @@
+// What happened in plain sentences, each a link to its moment.
+
+const story = {
+  box: byId("story"), items: [],
+  build() {
+    this.items = [];
+    this.box.replaceChildren(this.list(this.items));
+    this.move(clock.time);
+  },
+  list(items = []) {
+    return el("ol", { class: "story" }, ...model.story.map(([time, id, text, mood]) => {
+      const item = el("li", { class: mood }, moment(time, id), el("span", { class: "words" }, text));
+      items.push(item);
+      return item;
+    }));
+  },
+  move(time) {
+    let current = -1;
+    model.story.forEach((one, k) => { if (one[0] <= time + 0.004) current = k; });
+    if (current === this.current && this.items.length) return;
+    this.items.forEach((item, k) => {
+      item.classList.toggle("future", k > current);
+      item.classList.toggle("current", k === current);
+    });
+    this.current = current;
+    if (!this.box.hidden && byId("follow").checked) this.items[current]?.scrollIntoView({ block: "nearest" });
+  },
+};
+clock.onTime((time) => { if (story.items.length) story.move(time); });

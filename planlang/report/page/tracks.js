@@ -1,0 +1,84 @@
+// Poses over time, out of the compressed blob: keys where something has moved, as 16-bit differences (docs/report.md).
+
+async function unpacked(name, format) {
+  const bytes = Uint8Array.from(atob(byId(`blob-${name}`).textContent), (sign) => sign.charCodeAt(0));
+  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream(format));
+  return new Response(stream).arrayBuffer();
+}
+
+const world = { entities: [], byName: new Map(), ready: false };
+
+async function readTracks() {
+  const { entities, scale, period } = model.scene, total = entities.reduce((sum, one) => sum + one.keys, 0);
+  const buffer = await unpacked("poses", "deflate");
+  const steps = new Int32Array(buffer, 0, total), numbers = new Int16Array(buffer, total * 4, total * 7);
+  let first = 0;
+  world.entities = entities.map((one) => {
+    const { keys } = one, times = new Float64Array(keys), poses = new Float32Array(keys * 7);
+    let step = 0;
+    for (let k = 0; k < keys; k++) { step += steps[first + k]; times[k] = step / model.rate; }
+    for (let column = 0; column < 7; column++) {
+      let value = 0;
+      for (let k = 0; k < keys; k++) {
+        value = (value + numbers[column * total + first + k]) << 16 >> 16;
+        poses[k * 7 + column] = column < 3 ? value * scale : value / 32767;
+      }
+    }
+    first += keys;
+    return { ...one, times, poses };
+  });
+  world.period = period;
+  for (const one of world.entities) if (one.kind !== "belief") world.byName.set(one.name, one);
+  world.ready = true;
+}
+
+// The pose (x, y, z, qx, qy, qz, qw) of an entity in its frame at a time; null where it is not there.
+function poseAt(entity, time, out = new Float32Array(7)) {
+  const { times, poses } = entity;
+  let low = 0, high = times.length;
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (times[middle] <= time + 1e-6) low = middle + 1; else high = middle;
+  }
+  const now = low - 1;
+  if (now < 0 || isGone(entity, time)) return null;
+  const next = now + 1 < times.length ? now + 1 : now;
+  const begin = Math.max(times[now], times[next] - world.period);
+  const share = next === now || time <= begin ? 0 : (time - begin) / (times[next] - begin);
+  let length = 0;
+  for (let k = 0; k < 7; k++) {
+    out[k] = poses[now * 7 + k] * (1 - share) + poses[next * 7 + k] * share;
+    if (k > 2) length += out[k] * out[k];
+  }
+  length = Math.sqrt(length) || 1;
+  for (let k = 3; k < 7; k++) out[k] /= length;
+  return out;
+}
+
+function isGone(entity, time) {
+  let gone = false;
+  for (const [when, state] of entity.gone ?? []) { if (when > time + 1e-6) break; gone = state; }
+  return gone;
+}
+
+const yawOf = (pose) => Math.atan2(2 * (pose[6] * pose[5] + pose[3] * pose[4]), 1 - 2 * (pose[4] ** 2 + pose[5] ** 2));
+
+// What the robot believes of a body where that is not so: its pose if it is off by 15 mm or 6 degrees, else null.
+function ghostAt(belief, time) {
+  const believed = poseAt(belief, time), real = believed && poseAt(world.entities[belief.of], time, new Float32Array(7));
+  if (!believed) return null;
+  if (!real) return believed;
+  const away = Math.hypot(believed[0] - real[0], believed[1] - real[1], believed[2] - real[2]);
+  const turn = Math.abs(believed[3] * real[3] + believed[4] * real[4] + believed[5] * real[5] + believed[6] * real[6]);
+  return away > 0.015 || turn < 0.9986 ? believed : null;
+}
+
+// The search for a place that a moment is about: that of a construct that runs or has just failed, else the last one.
+function questionAt(time, running = false) {
+  const asked = (model.questions ?? []).filter((one) => one.time <= time + 1e-6);
+  const inside = asked.findLast((one) => {
+    const node = nodes.get(one.node);
+    return node && (statusAt(node, time) === "running" || (node.status === "failed" && Math.abs((node.end ?? 0) - time) < 0.05));
+  });
+  return inside ?? (running ? null : asked.at(-1) ?? null);
+}

@@ -1,0 +1,112 @@
+"""A run as a short story: one sentence for each step that a reader of the plan cares about, each with its moment."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from planlang.report.tree import belief_text, class_of, is_origin, pose_text, shown
+from planlang.runs.run_tree import Happened, RunTree, TaskNode
+
+_WORDS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z0-9]+|[^\sA-Za-z0-9_-]+")
+
+
+def story_of(tree: RunTree, labels: Mapping[str, str], end: float) -> list[list[Any]]:
+    """Return the sentences in order of time: [time s, node or None, words, "done" | "failed" | "recovery" | ...].
+
+    ``labels`` has the words of a recipe for a class of actions. What process modules do inside of an action is left
+    out, unless it fails.
+    """
+    found = [one for root in tree.roots for one in _ends(root, end)]
+    for node in tree.numbered.values():
+        found += _happened(node, tree.rate)
+        if not node.inner and node.start is not None:
+            found += _steps(node, labels)
+    for one in tree.belief:
+        if one.details.get("change") in _LEARNT:
+            time = round(one.step / tree.rate, 4)
+            found.append([time, None, f"The robot now believes: {belief_text(one.details)}.", "belief"])
+    return sorted(found, key=lambda one: one[0])
+
+
+_LEARNT = frozenset({"seen", "found", "felt", "not there", "grasped", "released", "slipped", "dropped"})
+
+
+def _ends(root: TaskNode, end: float) -> Iterator[list[Any]]:
+    name = root.name.partition("#")[0]
+    yield [root.start or 0.0, root.number, f"The plan {shown(name, 80)} begins.", "begin"]
+    time = end if root.end is None else root.end
+    match root.status:
+        case "succeeded":
+            yield [time, root.number, f"The plan is done after {time:.1f} s.", "done"]
+        case "failed":
+            yield [time, root.number, f"The plan fails after {time:.1f} s: {shown(root.reason)}.", "failed"]
+        case "running":
+            yield [time, root.number, "The trace ends here, before the plan does.", "begin"]
+        case _:
+            yield [time, root.number, f"The plan is ended from outside after {time:.1f} s.", "failed"]
+
+
+def _steps(node: TaskNode, labels: Mapping[str, str]) -> Iterator[list[Any]]:
+    if node.kind == "perform":
+        what = labels.get(class_of(node) or "") or words(node.name)
+        where = _target(node)
+        how = {
+            "succeeded": f"done in {_duration(node)}",
+            "running": "not ended when the trace does",
+            "evaporated": f"stopped after {_duration(node)}",
+            "failed": f"fails after {_duration(node)}",
+        }.get(node.status, node.status)
+        mood = "failed" if node.status == "failed" else "done" if node.status == "succeeded" else "begin"
+        yield [node.start, node.number, _sentence(f"{shown(what, 160)}{where}: {how}"), mood]
+    if is_origin(node) and node.parent is not None:
+        yield [node.end, node.number, _sentence(f"It fails because {_lowered(node.failure)}"), "failed"]
+
+
+def _target(node: TaskNode) -> str:
+    match = re.fullmatch(r"[^(]+\(x=([-\d.]+), y=([-\d.]+), yaw=([-\d.]+)\)", str(node.parameters.get("action", "")))
+    return f" (to {pose_text([float(one) for one in match.groups()])})" if match else ""
+
+
+def _happened(node: TaskNode, rate: float) -> Iterator[list[Any]]:
+    for one in node.happened:
+        text = _event(one)
+        if text is not None:
+            yield [round(one.step / rate, 4), node.number, _sentence(text[0]), text[1]]
+
+
+def _event(one: Happened) -> tuple[str, str] | None:
+    match one.event, one.details:
+        case "attempt", {"attempt": int(number)} if number > 1:
+            return f"The plan tries again: attempt {number}", "recovery"
+        case "recovery", {"decision": str(decision)} if decision != "none":
+            return f"A recovery decides: {shown(decision)}", "recovery"
+        case "solution", {"base": list(base), "attempt": int(number)}:
+            ordinal = "a" if number == 1 else "another"
+            return (
+                f"The robot chooses {ordinal} place to stand: {pose_text(base)}",
+                "recovery" if number > 1 else "begin",
+            )
+        case "no more poses", _:
+            return "There is no other place to stand", "failed"
+    return None
+
+
+def _duration(node: TaskNode) -> str:
+    return f"{(node.end or 0.0) - (node.start or 0.0):.1f} s"
+
+
+def _lowered(failure: Mapping[str, Any] | None) -> str:
+    message = shown((failure or {}).get("message") or (failure or {}).get("type", "something failed"))
+    return message[:1].lower() + message[1:] if message[1:2].islower() else message
+
+
+def words(name: str) -> str:
+    """Return a name of a class or function in words: ``MoveBaseToGraspPose#2`` as ``move base to grasp pose``."""
+    parts = _WORDS.findall(name.partition("#")[0])
+    return " ".join(part if part.isupper() and len(part) > 1 else part.lower() for part in parts) or name
+
+
+def _sentence(text: str) -> str:
+    return f"{text[:1].upper()}{text[1:]}{'' if text.endswith(('.', '!', '?')) else '.'}"
