@@ -26,6 +26,7 @@ from executive.cli.arguments import (
     MatchArguments,
     MergeArguments,
     ReplayArguments,
+    ReportArguments,
     RunArguments,
 )
 from executive.cli.console import Answer, ExitCode, answer, give
@@ -70,7 +71,7 @@ def robots_command() -> None:
     """Inspect robots, make robot files."""
 
 
-_RUNNING = ("run", "sweep", "replay", "locate", "enable")
+_RUNNING = ("run", "sweep", "replay", "report", "locate", "enable")
 """Commands that build the simulated world."""
 
 
@@ -115,6 +116,7 @@ for name, arguments, example in (
     ("sweep-table", SweepTableArguments, "drinks.jsonl --csv drinks.csv"),
     ("enable", EnableArguments, "serve_a_drink --robot amigo --from http://localhost:8080 --run"),
     ("replay", ReplayArguments, "run.jsonl"),
+    ("report", ReportArguments, "run.jsonl --output run.html"),
     ("export", ExportArguments, "run.jsonl --to neem -o experience"),
     (
         "locate",

@@ -292,6 +292,25 @@ class RunArguments(SituationArguments, RunSettings):
 
 
 @dataclass(frozen=True, kw_only=True)
+class ReportArguments(SituationArguments):
+    """Write a page that shows the run of a trace: plan, world and causes on one clock.
+
+    Where things were is found by repeating the run; name plan, robot and environment unless they are bundled. What
+    cannot be repeated is shown without the world, and the page says why.
+    """
+
+    trace: Annotated[Path, typer.Argument(metavar="TRACE", help="The trace of a run.")]
+    file: Annotated[
+        str | None,
+        typer.Argument(metavar="RECIPE|PLAN", help="The recipe or plan that was run; needed unless it is bundled."),
+    ] = None
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", metavar="FILE", help="Write the page to this file; default: TRACE.html."),
+    ] = None
+
+
+@dataclass(frozen=True, kw_only=True)
 class EnableArguments(OntologyArguments, VerboseArguments):
     """Find out what a robot lacks for a task, take exactly that from a knowledge base, and run the task.
 

@@ -78,7 +78,7 @@ def _question(one: Asked, node: TaskNode | None, rate: float) -> dict[str, Any] 
         "location": shown(one.location),
         "chosen": None if chosen is None else [round(float(number), 4) for number in chosen.details["base"]],
         "bases": _cloud(bases, {**log.counts, **({"": accepted} if accepted else {})}),
-        "hands": _cloud(hands, {}),
+        "hands": _cloud(hands, {reason: sum(map(len, parts)) for reason, parts in hands.items()}),
         "blocking": [[shown(body), number] for body, number in log.blocking.most_common(8)],
     }
 

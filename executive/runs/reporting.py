@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from executive.runs.plan_files import compiled
 from planlang.diagnostics import BadInput
@@ -12,38 +14,58 @@ from planlang.files import decode, read_file
 from planlang.ontology import load
 from planlang.outputs import LONGEST, header
 from planlang.report import Context
-from planlang.report.sources import Source, labels_of, plan_source, recipe_source
+from planlang.report.sources import labels_of, plan_source, recipe_source
 
 if TYPE_CHECKING:
     from planlang.compiler.compile import CompiledPlan
 
 
 def context_of(
-    plan: Path, made: CompiledPlan | None, recipe: Path | None, performed: frozenset[str], folders: Sequence[Path] = ()
+    plan: Path | None,
+    made: CompiledPlan | None,
+    recipe: Path | None,
+    performed: frozenset[str],
+    folders: Sequence[Path] = (),
+    *,
+    of: Mapping[str, Any] | None = None,
 ) -> Context:
-    """Return the context of a run; of a plan that was compiled before, the recipe that its header names is read.
+    """Return the context of a run by a plan, by what was compiled for it, or by a recipe that is compiled now.
 
-    A recipe that is not there any more, or that cannot be read, is left out.
+    For a plan that was compiled before, the recipe that its header names is read. What is not there any more, or
+    cannot be read, is left out; so is the text of a plan that is not that of the trace with the header ``of``.
     """
-    text = _text(plan)
-    shown = plan_source(plan.name, text) if text is not None else None
-    if made is None and text is not None and (origin := header(text[:LONGEST])) is not None:
+    text = None if plan is None else _text(plan)
+    if plan is not None and text is not None and made is None and (origin := header(text[:LONGEST])) is not None:
         recipe = origin.find_recipe(plan, folders)
-        try:
-            made = None if recipe is None else compiled(load(recipe, folders=folders), origin.task, performed)
-        except BadInput:
-            made = None
+        made = None if recipe is None else _compiled(recipe, origin.task, performed, folders)
+    elif made is None and recipe is not None:
+        made = _compiled(recipe, None, performed, folders)
+    if text is None and made is not None:
+        text = made.source
+    name = f"{made.functions[-1]}.py" if plan is None and made is not None else "plan.py" if plan is None else plan.name
+    if of is not None and text is not None and of.get("plan_sha256") != hashlib.sha256(text.encode()).hexdigest():
+        text = None
+    shown = Context(None if text is None else plan_source(name, text))
     if made is None:
-        return Context(shown)
+        return shown
     from planlang.compiler.drawing import task_graph  # most runs draw none
 
-    graph = task_graph(made.recipes, made.added, made.recoveries)
-    return Context(shown, _recipe(made, recipe), labels_of(made.recipes), graph)
+    source = None if recipe is None else _text(recipe)
+    return replace(
+        shown,
+        recipe=None if recipe is None or source is None else recipe_source(made.recipes, recipe.name, source),
+        labels=labels_of(made.recipes),
+        graph=task_graph(made.recipes, made.added, made.recoveries),
+    )
 
 
-def _recipe(made: CompiledPlan, file: Path | None) -> Source | None:
-    text = None if file is None else _text(file)
-    return None if file is None or text is None else recipe_source(made.recipes, file.name, text)
+def _compiled(
+    recipe: Path, task: str | None, performed: frozenset[str], folders: Sequence[Path]
+) -> CompiledPlan | None:
+    try:
+        return compiled(load(recipe, folders=folders), task, performed)
+    except BadInput:
+        return None
 
 
 def _text(file: Path) -> str | None:

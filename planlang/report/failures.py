@@ -113,7 +113,7 @@ def _card(node: TaskNode, failures: Failures, rate: float) -> dict[str, Any]:
         step = step.parent
     return {
         "node": node.number,
-        "time": node.end,
+        "time": None if node.end is None else round(node.end, 4),
         "failure": failures.index[ended_by.number],
         "recovered": ended_by.parent is not None,
         "tried": sorted(tried),

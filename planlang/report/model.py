@@ -78,8 +78,10 @@ def model_of(told: Told, context: Context | None = None, **parts: Any) -> dict[s
     failures = Failures(tree, told.reasons)
     nodes = nodes_of(tree, context.labels, failures.index)
     sources = [source for source in (context.plan, context.recipe) if source is not None]
+    places = _places(tree, context.plan)
     for node in nodes:
         lines = [[k, line] for k, one in enumerate(sources) if (line := _line(one, node)) is not None]
+        lines += [[0, places[node["id"]]]] if node["id"] in places else []
         node |= {"lines": lines} if lines else {}
     name = str(told.header.get("plan", tree.roots[0].name if tree.roots else "run"))
     return {
@@ -100,6 +102,24 @@ def model_of(told: Told, context: Context | None = None, **parts: Any) -> dict[s
         "missing": list(context.missing),
         **parts,
     }
+
+
+def _places(tree: RunTree, plan: Source | None) -> dict[int, int]:
+    """Return the line of the plan for constructs at a location: a function comes to its places in their order."""
+    found: dict[int, int] = {}
+    known: dict[int, list[object]] = {}
+    for number, node in tree.numbered.items():
+        around = node.parent
+        while around is not None and not any(one.event == "plan" for one in around.happened) and around.kind != "plan":
+            around = around.parent
+        lines = plan.places.get(around.name.partition("#")[0], ()) if plan is not None and around is not None else ()
+        if node.kind != "at_location" or around is None or not lines:
+            continue
+        seen = known.setdefault(around.number, [])
+        if (text := node.parameters.get("location")) not in seen:
+            seen.append(text)
+        found[number] = lines[min(seen.index(text), len(lines) - 1)]
+    return found
 
 
 def _line(source: Source, node: Mapping[str, Any]) -> int | None:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import field
 
 from planlang.designators import local_name
 from planlang.recipe.model import Recipe, RecipeSet, Step
 from planlang.records import dataclass
+from planlang.report.tree import names
 
 LONGEST = 200_000
 """Characters of a text that a page has; a longer one is cut at a line."""
@@ -20,6 +22,8 @@ class Source:
     name: str
     text: str
     lines: Mapping[str, int]
+    places: Mapping[str, Sequence[int]] = field(default_factory=dict)
+    """Of a plan: the lines at which each of its functions names ``at_location``, in their order."""
 
 
 def plan_source(name: str, text: str) -> Source:
@@ -27,10 +31,19 @@ def plan_source(name: str, text: str) -> Source:
 
     A class that is performed at several lines has the first, as a trace does not say at which it was.
     """
+    try:
+        tree = ast.parse(text)
+    except (SyntaxError, ValueError, RecursionError):
+        return Source(name, cut(text), {})
     lines: dict[str, int] = {}
-    for number, cls in _named(text):
+    for number, cls in _named(tree):
         lines.setdefault(cls, number)
-    return Source(name, cut(text), lines)
+    places = {
+        function.name: sorted(node.lineno for node in ast.walk(function) if _is_name(node, "at_location"))
+        for function in ast.walk(tree)
+        if isinstance(function, ast.AsyncFunctionDef)
+    }
+    return Source(name, cut(text), lines, {function: found for function, found in places.items() if found})
 
 
 def cut(text: str) -> str:
@@ -38,26 +51,35 @@ def cut(text: str) -> str:
     return text if len(text) <= LONGEST else text[: text.rfind("\n", 0, LONGEST) + 1] + "...\n"
 
 
-def _named(text: str) -> Iterator[tuple[int, str]]:
-    try:
-        tree = ast.parse(text)
-    except (SyntaxError, ValueError, RecursionError):
-        return
+def _named(tree: ast.Module) -> Iterator[tuple[int, str]]:
+    """Yield lines with the classes of actions that are named there; a constant of the module stands for its value."""
+    constants = {
+        target.id: one.value
+        for one in tree.body
+        if isinstance(one, ast.Assign)
+        for target in one.targets
+        if isinstance(target, ast.Name)
+    }
     for node in ast.walk(tree):
         match node:
-            case ast.Call(func=ast.Name(id="action" | "plan"), args=[first, *_]):
-                strings = [one.value for one in ast.walk(first) if isinstance(one, ast.Constant)]
+            case ast.Call(func=ast.Name(id="action" | "action_class" | "plan"), args=[first, *_]):
+                value = constants.get(first.id, first) if isinstance(first, ast.Name) else first
+                strings = [one.value for one in ast.walk(value) if isinstance(one, ast.Constant)]
                 if strings and isinstance(strings[-1], str):
                     yield node.lineno, local_name(strings[-1])
             case ast.AsyncFunctionDef():
                 yield node.lineno, node.name
 
 
+def _is_name(node: ast.AST, name: str) -> bool:
+    return isinstance(node, ast.Name) and node.id == name
+
+
 def recipe_source(recipes: RecipeSet, name: str, text: str) -> Source:
     """Return a recipe with the lines of its tasks and steps, as far as they are in that file."""
     lines: dict[str, int] = {}
     for one in _described(recipes):
-        if one.span is not None and one.span.file == recipes.source.file:
+        if one.span is not None and names([one.span.file]) == names([recipes.source.file]):
             lines.setdefault(local_name(one.iri), one.span.line)
     return Source(name, cut(text), lines)
 

@@ -13,7 +13,7 @@ _WORDS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z0-9]+|[^\sA-Za-z0-9_-]+")
 
 
 def story_of(tree: RunTree, labels: Mapping[str, str], end: float) -> list[list[Any]]:
-    """Return the sentences in order of time: [time s, node or None, words, "done" | "failed" | "recovery" | ...].
+    """Return the sentences in order of time: [time s, node or None, words, kind].
 
     ``labels`` has the words of a recipe for a class of actions. What process modules do inside of an action is left
     out, unless it fails.
@@ -27,7 +27,11 @@ def story_of(tree: RunTree, labels: Mapping[str, str], end: float) -> list[list[
         if one.details.get("change") in _LEARNT:
             time = round(one.step / tree.rate, 4)
             found.append([time, None, f"The robot now believes: {belief_text(one.details)}.", "belief"])
-    return sorted(found, key=lambda one: one[0])
+    return sorted(found, key=lambda one: (one[0], _RANKS.get(one[3], 3)))
+
+
+_RANKS = {"opening": 0, "cause": 1, "recovery": 2, "closing": 4}
+"""The order of what happens at one moment: why something failed comes before what is done about it."""
 
 
 _LEARNT = frozenset({"seen", "found", "felt", "not there", "grasped", "released", "slipped", "dropped"})
@@ -35,17 +39,17 @@ _LEARNT = frozenset({"seen", "found", "felt", "not there", "grasped", "released"
 
 def _ends(root: TaskNode, end: float) -> Iterator[list[Any]]:
     name = root.name.partition("#")[0]
-    yield [root.start or 0.0, root.number, f"The plan {shown(name, 80)} begins.", "begin"]
+    yield [root.start or 0.0, root.number, f"The plan {shown(name, 80)} begins.", "opening"]
     time = end if root.end is None else root.end
     match root.status:
         case "succeeded":
-            yield [time, root.number, f"The plan is done after {time:.1f} s.", "done"]
+            yield [time, root.number, f"The plan is done after {time:.1f} s.", "closing"]
         case "failed":
-            yield [time, root.number, f"The plan fails after {time:.1f} s: {shown(root.reason)}.", "failed"]
+            yield [time, root.number, f"The plan fails after {time:.1f} s: {shown(root.reason)}.", "closing"]
         case "running":
-            yield [time, root.number, "The trace ends here, before the plan does.", "begin"]
+            yield [time, root.number, "The trace ends here, before the plan does.", "closing"]
         case _:
-            yield [time, root.number, f"The plan is ended from outside after {time:.1f} s.", "failed"]
+            yield [time, root.number, f"The plan is ended from outside after {time:.1f} s.", "closing"]
 
 
 def _steps(node: TaskNode, labels: Mapping[str, str]) -> Iterator[list[Any]]:
@@ -61,7 +65,7 @@ def _steps(node: TaskNode, labels: Mapping[str, str]) -> Iterator[list[Any]]:
         mood = "failed" if node.status == "failed" else "done" if node.status == "succeeded" else "begin"
         yield [node.start, node.number, _sentence(f"{shown(what, 160)}{where}: {how}"), mood]
     if is_origin(node) and node.parent is not None:
-        yield [node.end, node.number, _sentence(f"It fails because {_lowered(node.failure)}"), "failed"]
+        yield [node.end, node.number, _sentence(f"It fails because {_lowered(node.failure)}"), "cause"]
 
 
 def _target(node: TaskNode) -> str:

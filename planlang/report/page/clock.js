@@ -48,7 +48,7 @@ const clock = {
     this.remember();
   },
   tell() {
-    byId("play").textContent = this.playing ? "⏸" : "▶";
+    byId("play-shape").setAttribute("d", this.playing ? "M2 1h3v10H2zM7 1h3v10H7z" : "M2 1l9 5-9 5z");
     byId("play").setAttribute("aria-label", this.playing ? "Pause" : "Play");
   },
   address() {
@@ -79,6 +79,7 @@ clock.onTime((time) => {
   slider.setAttribute("aria-valuetext", `${seconds(time)} of ${seconds(clock.end)}`);
   byId("now").textContent = `${time.toFixed(2)} of ${seconds(clock.end)}`;
 });
+clock.tell();
 byId("play").addEventListener("click", () => (clock.playing ? clock.pause() : clock.play()));
 byId("speed").addEventListener("change", (event) => { clock.speed = Number(event.target.value); });
 addEventListener("hashchange", () => clock.recall());

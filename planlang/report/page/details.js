@@ -22,8 +22,8 @@ function excerptsOf(node, failure) {
     const number = model.sources.findIndex((source) => source.name === link.file);
     if (number >= 0) found.set(number, [link.line, true]);
   }
-  for (let above = node?.above; above && found.size === 0; above = above.above) {
-    for (const [number, line] of above.lines ?? []) found.set(number, [line, false]);
+  for (let above = node?.above; above; above = above.above) {
+    for (const [number, line] of above.lines ?? []) if (!found.has(number)) found.set(number, [line, false]);
   }
   return [...found].sort((a, b) => a[0] - b[0])
     .map(([number, [line, isBad]]) => excerpt(model.sources[number], line, isBad || failure !== undefined));

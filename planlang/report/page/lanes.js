@@ -16,6 +16,11 @@ const lanes = {
       if (depth >= 0 && node.start !== null) add(Math.min(depth, 11), { from: node.start, to: node.end, node, text: node.name, status: node.status });
     }
     depths.forEach((spans, depth) => this.rows.push({ name: depth === 0 ? "steps" : "", spans, isStep: true }));
+    const kinds = [["failures", ["failure"]], ["attempts", ["attempt", "recovery"]], ["belief", ["belief"]]];
+    for (const [name, wanted] of kinds) {
+      const marks = model.marks.filter((mark) => wanted.includes(mark[2]));
+      if (marks.length) this.rows.push({ name, marks: marks.map(([time, id, kind, text]) => ({ time, id, kind, text })) });
+    }
     for (const lane of model.lanes) {
       const deepest = Math.max(0, ...lane.spans.map((span) => span[3]));
       this.rows.push({ name: lane.name, deepest, spans: lane.spans.map(([from, to, id, depth]) => {
@@ -23,15 +28,11 @@ const lanes = {
         return { from, to, node, depth, text: node?.name ?? "", status: node?.status ?? "running" };
       }) });
     }
-    const kinds = [["attempts", ["attempt", "recovery"]], ["failures", ["failure"]], ["belief", ["belief"]]];
-    for (const [name, wanted] of kinds) {
-      const marks = model.marks.filter((mark) => wanted.includes(mark[2]));
-      if (marks.length) this.rows.push({ name, marks: marks.map(([time, id, kind, text]) => ({ time, id, kind, text })) });
-    }
     for (const row of this.rows) row.spans?.sort((a, b) => a.from - b.from);
     this.resize();
   },
   resize() {
+    if (this.wide === this.box.clientWidth && this.high === this.rows.length * this.height + 22) return;
     const wide = Math.max(200, this.box.clientWidth), high = this.rows.length * this.height + 22;
     const ratio = devicePixelRatio || 1;
     this.wide = wide;

@@ -13,14 +13,32 @@ function marker(shape, x, y, r, attributes) {
 }
 
 const floorPlan = {
-  box: byId("map"), parts: new Map(), scale: 100,
+  box: byId("map"), parts: new Map(), zoom: 1, middle: null,
   build() {
-    const { bounds: [x0, y0, x1, y1], outlines } = model.map, s = this.scale;
-    this.at = (x, y) => [(x - x0) * s, (y1 - y) * s];
-    const border = 0.15 * s;
-    this.view = svg("svg", { class: "map-view", role: "img", "aria-label": "The room from above",
-      viewBox: `${-border} ${-border} ${(x1 - x0) * s + 2 * border} ${(y1 - y0) * s + 2 * border}` });
-    this.view.append(svg("rect", { class: "floor", x: 0, y: 0, width: (x1 - x0) * s, height: (y1 - y0) * s }));
+    this.view = svg("svg", { class: "map-view", role: "img", "aria-label": "The room from above" });
+    this.legend = el("div", { class: "map-legend", tabindex: "0", role: "region", "aria-label": "Places that were looked at" });
+    this.box.append(this.view, this.legend);
+    new ResizeObserver(() => this.draw()).observe(this.view);
+    this.view.addEventListener("wheel", (event) => { event.preventDefault(); this.closer(event); }, { passive: false });
+    this.view.addEventListener("pointermove", (event) => { if (event.buttons & 1) this.shift(-event.movementX, event.movementY); });
+    this.view.addEventListener("dblclick", () => { Object.assign(this, { zoom: 1, middle: null }); this.draw(); });
+    this.question = undefined;
+    this.ready = true;
+    this.draw();
+  },
+  // Draws the room as large as it fits, so that texts and marks have the same size in any room.
+  draw() {
+    const { bounds: [x0, y0, x1, y1], outlines } = model.map, border = 14;
+    const wide = this.view.clientWidth, high = this.view.clientHeight;
+    if (!wide || !high) return;
+    const s = this.zoom * Math.max(5, Math.min((wide - 2 * border) / (x1 - x0), (high - 2 * border) / (y1 - y0)));
+    const [middle, centre] = this.middle ?? [(x0 + x1) / 2, (y0 + y1) / 2];
+    const left = wide / 2 - s * (middle - x0), top = high / 2 - s * (y1 - centre);
+    this.scale = s;
+    this.at = (x, y) => [left + (x - x0) * s, top + (y1 - y) * s];
+    this.view.replaceChildren();
+    this.question = undefined;
+    this.view.append(svg("rect", { class: "floor", x: left, y: top, width: (x1 - x0) * s, height: (y1 - y0) * s }));
     for (let x = Math.ceil(x0); x <= x1; x++) this.view.append(this.line(x, y0, x, y1));
     for (let y = Math.ceil(y0); y <= y1; y++) this.view.append(this.line(x0, y, x1, y));
     this.places = svg("g");
@@ -38,11 +56,19 @@ const floorPlan = {
     this.robot = svg("g");
     this.names = svg("g");
     this.view.append(this.way, this.ghosts, this.chosen, this.robot, this.names);
-    this.legend = el("div", { class: "map-legend", tabindex: "0", role: "region", "aria-label": "Places that were looked at" });
-    this.box.append(this.view, this.legend);
-    this.question = undefined;
-    this.ready = true;
     this.move(clock.time);
+  },
+  closer(event) {
+    const box = this.view.getBoundingClientRect(), away = [event.clientX - box.left - box.width / 2, box.height / 2 - event.clientY + box.top];
+    const zoom = Math.max(1, Math.min(20, this.zoom * (event.deltaY > 0 ? 1 / 1.2 : 1.2))), share = 1 - this.zoom / zoom;
+    this.zoom = zoom;
+    this.shift(away[0] * share, away[1] * share);
+    if (zoom === 1) { this.middle = null; this.draw(); }
+  },
+  shift(right, up) {
+    const { bounds: [x0, y0, x1, y1] } = model.map, [x, y] = this.middle ?? [(x0 + x1) / 2, (y0 + y1) / 2];
+    this.middle = [x + right / this.scale, y + up / this.scale];
+    this.draw();
   },
   line(x, y, to, up) {
     const [x1, y1] = this.at(x, y), [x2, y2] = this.at(to, up);
@@ -57,7 +83,7 @@ const floorPlan = {
     return entity ? poseAt(entity, time) : part.pose;
   },
   move(time) {
-    if (!this.ready) return;
+    if (!this.ready || !this.at) return;
     const labels = [];
     for (const part of this.parts.values()) {
       const pose = this.poseOf(part, time);

@@ -24,6 +24,10 @@ const scene = {
     new ResizeObserver(() => this.resize()).observe(this.box);
     this.canvas.addEventListener("pointermove", (event) => this.point(event));
     this.canvas.addEventListener("pointerleave", () => showTip(""));
+    this.canvas.addEventListener("dblclick", (event) => {
+      const hit = this.under(event);
+      if (hit) { this.isTurned = true; this.controls.target.copy(hit.point); this.controls.update(); }
+    });
     this.ready = true;
     this.recolour();
     this.resize();
@@ -110,14 +114,33 @@ const scene = {
     });
   },
   aim(three) {
-    this.camera = new three.PerspectiveCamera(40, 1, 0.05, this.extent * 12);
+    this.camera = new three.PerspectiveCamera(35, 1, 0.05, this.extent * 12);
     this.camera.up.set(0, 0, 1);
-    const away = this.extent * 1.32 + 0.8;
-    this.camera.position.set(this.middle.x - away * 0.16, this.middle.y - away * 0.72, away * 0.66);
     this.controls = new three.OrbitControls(this.camera, this.canvas);
-    this.controls.target.copy(this.middle);
+    this.controls.addEventListener("start", () => { this.isTurned = true; });
     this.controls.maxPolarAngle = Math.PI * 0.495;
     this.controls.addEventListener("change", () => this.ask());
+  },
+  // Moves the camera so far away that the whole room is in view, whatever the shape of the panel.
+  fit() {
+    const { Vector3 } = this.three, [x0, y0, x1, y1] = model.scene.bounds;
+    const corners = [x0, x1].flatMap((x) => [y0, y1].flatMap((y) => [0, 1.5].map((z) => new Vector3(x, y, z))));
+    const target = this.middle.clone(), toward = new Vector3(-0.2, -0.72, 0.66).normalize(), right = new Vector3(), up = new Vector3();
+    let away = this.extent * 1.5;
+    for (let turn = 0; turn < 8; turn++) {
+      this.camera.position.copy(target).addScaledVector(toward, away);
+      this.camera.lookAt(target);
+      this.camera.updateMatrixWorld();
+      const seen = corners.map((corner) => corner.clone().project(this.camera));
+      const [left, most] = [Math.min(...seen.map((one) => one.x)), Math.max(...seen.map((one) => one.x))];
+      const [low, high] = [Math.min(...seen.map((one) => one.y)), Math.max(...seen.map((one) => one.y))];
+      const half = Math.tan((this.camera.fov * Math.PI) / 360) * away;
+      this.camera.matrixWorld.extractBasis(right, up, new Vector3());
+      target.addScaledVector(right, ((left + most) / 2) * half * this.camera.aspect).addScaledVector(up, ((low + high) / 2) * half);
+      away *= Math.max(most - left, high - low) / 2 / 0.95;
+    }
+    this.camera.position.copy(target).addScaledVector(toward, away);
+    this.controls.target.copy(target);
     this.controls.update();
   },
   resize() {
@@ -125,8 +148,8 @@ const scene = {
     if (!this.ready || !wide || !high) return;
     this.renderer.setSize(wide, high, false);
     this.camera.aspect = wide / high;
-    this.camera.fov = wide / high > 1.35 ? 40 : Math.min(75, 54 / Math.max(0.5, wide / high));
     this.camera.updateProjectionMatrix();
+    if (!this.isTurned) this.fit();
     this.ask();
   },
   recolour() {
@@ -184,11 +207,12 @@ const scene = {
     this.root.add(group);
   },
   point(event) {
-    if (event.buttons) { showTip(""); return; }
+    showTip(event.buttons ? "" : this.under(event)?.object.name, event.clientX, event.clientY);
+  },
+  under(event) {
     const { three } = this, box = this.canvas.getBoundingClientRect(), caster = new three.Raycaster();
     caster.setFromCamera(new three.Vector2(((event.clientX - box.left) / box.width) * 2 - 1, 1 - ((event.clientY - box.top) / box.height) * 2), this.camera);
-    const hit = caster.intersectObjects(this.root.children).find((one) => one.object.name && one.object.parent.visible);
-    showTip(hit?.object.name, event.clientX, event.clientY);
+    return caster.intersectObjects(this.root.children).find((one) => one.object.name && one.object.parent.visible);
   },
   ask() {
     if (this.asked || this.box.hidden) return;
