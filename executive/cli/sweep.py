@@ -60,8 +60,14 @@ def swept(
     """Return the rows of a sweep, in the order of its worlds; ``rows`` gets them as they are done. Raises BadInput."""
     words = [arguments.recipe, *words_of(arguments)]
     seeds = range(arguments.first, arguments.first + arguments.worlds)
+    pages = arguments.reports
     worlds: list[World] = [
-        {"world": seed, "repeat": shlex.join(["planlang", "run", *words, "--seed", str(seed)])} for seed in seeds
+        {
+            "world": seed,
+            "repeat": shlex.join(["planlang", "run", *words, "--seed", str(seed)]),
+            **({} if pages is None else {"report": str(pages / f"world-{seed}.html")}),
+        }
+        for seed in seeds
     ]
     options = options_of(parsed([*words, "--json"]))  # what is wrong for all worlds is said before the first
     _check(arguments, options)

@@ -37,6 +37,12 @@ class SweepArguments(SituationArguments):
         typer.Option(metavar="K/N", help="Run every N-th world only, from the K-th on: a part for this machine."),
     ] = None
     csv: Csv = None
+    reports: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FOLDER", help="Write a page of each world in which the plan fails, HTML; that run is made twice."
+        ),
+    ] = None
     seconds: Annotated[int, typer.Option(min=1, metavar="S", help="Most CPU time of one world [s].")] = 120
     memory: Annotated[int, typer.Option(min=100, metavar="MB", help="Most memory of one world [MB].")] = 2000
 

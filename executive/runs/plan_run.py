@@ -411,7 +411,7 @@ class Run:
 
         options = self.options
         found = context_of(self.path, self._compiled, options.recipe, self.registry.actions, options.ontologies)
-        return replace(found, facts={"world": "repeated from the trace"}) if options.repeats else found
+        return replace(found, facts={"world": "repeated"}) if options.repeats else found
 
     def _users_line(self, problem: Exception) -> str | None:
         """Return the line of the plan, or of a user's process module, that raised; None if planlang did, below it."""

@@ -43,7 +43,12 @@ class Failures:
         found |= {"where": shown(_LINE.sub("", where).strip())} if where else {}
         line = _LINE.search(where)
         found |= {"file": shown(line[1]), "line": int(line[2])} if line else {}
-        found |= self._reasons.get(message, {})
+        if (reason := self._reasons.get(message)) is not None:
+            # advice and counts have lines of their own
+            found |= {
+                "message": shown(message.partition(f": {reason['advice']}" if "advice" in reason else " (")[0]),
+                **reason,
+            }
         beside = {"at the same time": "siblings", "branch": "members", "during cleanup": "cleanup"}
         others = [
             [relation, shown(name), shown(text)]

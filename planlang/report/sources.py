@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import ast
+import functools
+import inspect
+import linecache
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import field
 
@@ -36,7 +39,7 @@ def plan_source(name: str, text: str) -> Source:
     except (SyntaxError, ValueError, RecursionError):
         return Source(name, cut(text), {})
     lines: dict[str, int] = {}
-    for number, cls in _named(tree):
+    for _, number, cls in sorted(_named(tree)):
         lines.setdefault(cls, number)
     places = {
         function.name: sorted(node.lineno for node in ast.walk(function) if _is_name(node, "at_location"))
@@ -46,13 +49,25 @@ def plan_source(name: str, text: str) -> Source:
     return Source(name, cut(text), lines, {function: found for function, found in places.items() if found})
 
 
+def source_of(function: object) -> Source | None:
+    """Return the file that a plan function comes from, which need not be on a disk; None if there is no text of it."""
+    while isinstance(function, functools.partial):
+        function = function.func
+    code = getattr(inspect.unwrap(function), "__code__", None) if callable(function) else None
+    text = "".join(linecache.getlines(code.co_filename)) if code is not None else ""
+    return plan_source(names([code.co_filename])[0], text) if code is not None and text else None
+
+
 def cut(text: str) -> str:
     """Return a text up to the last line that fits."""
     return text if len(text) <= LONGEST else text[: text.rfind("\n", 0, LONGEST) + 1] + "...\n"
 
 
-def _named(tree: ast.Module) -> Iterator[tuple[int, str]]:
-    """Yield lines with the classes of actions that are named there; a constant of the module stands for its value."""
+def _named(tree: ast.Module) -> Iterator[tuple[bool, int, str]]:
+    """Yield the lines where classes of actions are named, and whether that only declares them.
+
+    A constant of the module stands for its value.
+    """
     constants = {
         target.id: one.value
         for one in tree.body
@@ -62,13 +77,13 @@ def _named(tree: ast.Module) -> Iterator[tuple[int, str]]:
     }
     for node in ast.walk(tree):
         match node:
-            case ast.Call(func=ast.Name(id="action" | "action_class" | "plan"), args=[first, *_]):
+            case ast.Call(func=ast.Name(id="action" | "action_class" | "plan" as called), args=[first, *_]):
                 value = constants.get(first.id, first) if isinstance(first, ast.Name) else first
                 strings = [one.value for one in ast.walk(value) if isinstance(one, ast.Constant)]
                 if strings and isinstance(strings[-1], str):
-                    yield node.lineno, local_name(strings[-1])
+                    yield called == "action_class", node.lineno, local_name(strings[-1])
             case ast.AsyncFunctionDef():
-                yield node.lineno, node.name
+                yield False, node.lineno, node.name
 
 
 def _is_name(node: ast.AST, name: str) -> bool:

@@ -1,8 +1,13 @@
-"""The pytest plugin: fixtures ``scripted_run`` and ``script``, readable counts, short tracebacks, ``--plan-trace``."""
+"""The pytest plugin: fixtures ``scripted_run`` and ``script``, readable counts, short tracebacks, and its options.
+
+``--plan-trace`` shows the task tree of the plans that a failing test ran, ``--planlang-report`` leaves a page of each.
+"""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Generator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -15,9 +20,12 @@ from planlang.testing.script import Script
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Add ``--plan-trace``."""
+    """Add ``--plan-trace`` and ``--planlang-report``."""
     group = parser.getgroup("planlang")
     group.addoption("--plan-trace", action="store_true", help="show the task tree of the plans that a failing test ran")
+    group.addoption(
+        "--planlang-report", metavar="DIR", type=Path, help="write a page of each plan that a failing test ran, as HTML"
+    )
 
 
 @pytest.fixture
@@ -62,10 +70,22 @@ def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) ->
         call.excinfo.traceback = type(call.excinfo.traceback)(shown)
     outcome = yield
     report: pytest.TestReport = outcome.get_result()
-    if report.when == "call" and report.failed and item.config.getoption("--plan-trace"):
-        for number, ended in enumerate(running.made, 1):
-            title = "plan trace" if len(running.made) == 1 else f"plan trace {number} of {len(running.made)}"
-            report.sections.append((title, f"{ended!r}\n{ended.tree()}"))
+    if report.when != "call" or not report.failed:
+        return
+    for number, ended in enumerate(running.made, 1):
+        which = "" if len(running.made) == 1 else f" {number} of {len(running.made)}"
+        if item.config.getoption("--plan-trace"):
+            report.sections.append((f"plan trace{which}", f"{ended!r}\n{ended.tree()}"))
+        if (folder := item.config.getoption("--planlang-report")) is not None:
+            report.sections.append((f"plan report{which}", str(_page(ended, folder, item.nodeid, number))))
+
+
+def _page(ended: PlanRun[Any], folder: Path, test: str, number: int) -> Path:
+    """Write the page of a run of a test into a folder, and return its file."""
+    folder.mkdir(parents=True, exist_ok=True)
+    file = folder / f"{re.sub(r'[^A-Za-z0-9_.-]+', '-', test)[-150:].strip('-')}-{number}.html"
+    ended.report(file)
+    return file
 
 
 def pytest_assertrepr_compare(config: pytest.Config, op: str, left: object, right: object) -> list[str] | None:

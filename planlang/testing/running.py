@@ -22,6 +22,7 @@ from planlang.language.replaying import Replay
 from planlang.language.replaying import replay as replay_recorded
 from planlang.language.running import run
 from planlang.misuse import Usage, did_you_mean
+from planlang.outputs import write_text
 from planlang.runs import Past, RecordedRun, Trace, restore
 from planlang.testing.faults import Fault, Injector
 from planlang.testing.history import History
@@ -44,9 +45,9 @@ class PlanRun(History, Generic[V]):
     ``failure`` is the plan failure that left the plan, ``error`` what else ended the run; at most one is not None.
     """
 
-    def __init__(self, name: str, trace: Trace, rate: int, schedule: Schedule) -> None:
+    def __init__(self, plan: Callable[[], Awaitable[V]], trace: Trace, rate: int, schedule: Schedule) -> None:
         super().__init__(trace.events, rate)
-        self.name = name
+        self.plan, self.name = plan, name_of(plan)
         self.trace = trace
         self.schedule = schedule
         self.failure: PlanFailure | None = None
@@ -78,6 +79,20 @@ class PlanRun(History, Generic[V]):
     def seconds(self) -> float:
         """Plan time that the run took [s]."""
         return self.events[-1]["step"] / self.rate if self.events else 0.0
+
+    def report(self, path: str | os.PathLike[str]) -> None:
+        """Write a page that shows the run, HTML: tree, lanes, failures and story; there is no world."""
+        from planlang.report import Context, Told, model_of, page
+        from planlang.report.sources import source_of
+
+        function = self.plan.function if isinstance(self.plan, Plan) else self.plan
+        schedule = "first come, first served" if self.schedule is None else str(self.schedule)
+        context = Context(
+            source_of(function),
+            facts={"schedule": schedule},
+            missing=("The run was scripted: it had no world that could be shown.",),
+        )
+        write_text(Path(path), page(model_of(Told.of(self.events), context)))
 
     def tree(self) -> str:
         """Return the task tree as indented text, and what of the script never applied."""
@@ -167,7 +182,7 @@ def attempt(
         faults = (*script.faults, *faults)
     injector = Injector(faults)
     trace = Trace()
-    ended: PlanRun[V] = PlanRun(name_of(plan), trace, rate, schedule)
+    ended: PlanRun[V] = PlanRun(plan, trace, rate, schedule)
     host = VirtualHost(rate)
     past = None if resume is None else Past(recorded_run(resume))
     if past is not None:

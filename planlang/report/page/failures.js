@@ -1,7 +1,9 @@
 // Cards of what failed: first the sentence that says what to change, inside of it causes, tries and lines.
 
 function card(one, isFirst) {
-  const failure = model.failures[one.failure], node = nodes.get(one.node);
+  const failure = model.failures[one.failure];
+  let node = nodes.get(one.node);
+  while (node?.minor && node.above) node = node.above;
   const inside = el("div", { class: "inside" });
   const whole = el("details", { class: `card${one.recovered ? " recovered" : ""}`, open: isFirst },
     el("summary", {}, el("span", { class: "advice" }, sentence(failure.headline)),

@@ -23,7 +23,10 @@ const story = {
       item.classList.toggle("current", k === current);
     });
     this.current = current;
-    if (!this.box.hidden && byId("follow").checked) this.items[current]?.scrollIntoView({ block: "nearest" });
+    const item = this.items[current], { scrollTop, clientHeight } = this.box;
+    if (this.box.hidden || !item || !byId("follow").checked) return;
+    const top = item.offsetTop - this.box.offsetTop;
+    if (top < scrollTop || top + item.offsetHeight > scrollTop + clientHeight) this.box.scrollTop = top - clientHeight / 3;
   },
 };
 clock.onTime((time) => { if (story.items.length) story.move(time); });
