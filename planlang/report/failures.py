@@ -35,7 +35,8 @@ class Failures:
     def _entry(self, failure: Mapping[str, Any]) -> dict[str, Any]:
         chain = [self._link(link) for link in _chain(failure)]
         advice = [link["advice"] for link in chain if "advice" in link]
-        return {"headline": advice[0] if advice else chain[-1]["message"] or chain[-1]["type"], "chain": chain}
+        plain = [link for link in chain if "counts" not in link] or chain
+        return {"headline": advice[0] if advice else plain[-1]["message"] or plain[-1]["type"], "chain": chain}
 
     def _link(self, failure: Mapping[str, Any]) -> dict[str, Any]:
         message, where = str(failure["message"]), str(failure.get("where", ""))

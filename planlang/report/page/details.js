@@ -13,7 +13,7 @@ function excerpt(source, line, isBad = false) {
     el("span", { class: "number" }, String(first + k + 1)), text || " "));
   return el("figure", { class: "source" },
     el("figcaption", { class: "said" }, `${source.name}, line ${line}`),
-    el("div", { class: "excerpt mono", tabindex: "0", role: "region", "aria-label": `${source.name}, line ${line}` }, ...rows));
+    el("div", { class: "excerpt mono", tabindex: "0", role: "group", "aria-label": `${source.name}, line ${line}` }, ...rows));
 }
 
 function excerptsOf(node, failure) {

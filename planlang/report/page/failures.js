@@ -6,7 +6,7 @@ function card(one, isFirst) {
   while (node?.minor && node.above) node = node.above;
   const inside = el("div", { class: "inside" });
   const whole = el("details", { class: `card${one.recovered ? " recovered" : ""}`, open: isFirst },
-    el("summary", {}, el("span", { class: "advice" }, sentence(failure.headline)),
+    el("summary", {}, el("h2", { class: "advice" }, sentence(failure.headline)),
       el("span", { class: "said" }, `${one.recovered ? "recovered · " : ""}${node?.name ?? ""} · ${seconds(one.time ?? 0)}`)),
     inside);
   const fill = () => {
@@ -30,7 +30,7 @@ function showCards() {
   const fatal = model.cards.filter((one) => !one.recovered), others = model.cards.filter((one) => one.recovered);
   cards.hidden = fatal.length + others.length === 0;
   const more = others.length === 0 ? [] : [el("details", { class: "card recovered", id: "recovered" },
-    el("summary", {}, el("span", { class: "advice" },
+    el("summary", {}, el("h2", { class: "advice" },
       `${others.length} failure${others.length > 1 ? "s" : ""} from which the plan recovered${fatal.length ? " before" : ""}`)),
     el("div", { class: "cards nested" }))];
   cards.replaceChildren(...fatal.map((one, k) => card(one, k === 0)), ...more);

@@ -21,7 +21,6 @@ addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.metaKey || event.altKey || byId("keys").open) return;
   const inside = event.target, step = event.shiftKey ? 0.1 : 1;
   if (inside.matches("input[type=search], select, textarea")) return;
-  const isControl = inside.matches("button, summary, a, input");
   const actions = {
     " ": () => (clock.playing ? clock.pause() : clock.play()),
     ArrowLeft: () => { clock.pause(); clock.seek(clock.time - step); },
@@ -32,7 +31,8 @@ addEventListener("keydown", (event) => {
     1: () => worldTabs.choose("scene"), 2: () => worldTabs.choose("map"), 3: () => worldTabs.choose("graph"),
     4: () => planTabs.choose("tree-view"), 5: () => planTabs.choose("story"),
   };
-  if (isControl && (event.key === " " || event.key.startsWith("Arrow") || event.key === "Home" || event.key === "End")) return;
+  if (event.key === " " && inside.matches("button, summary, a, input")) return;
+  if (inside.matches("input") && /^(Arrow|Home|End)/.test(event.key)) return;
   const action = actions[event.key];
   if (!action) return;
   event.preventDefault();

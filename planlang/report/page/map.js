@@ -167,7 +167,7 @@ const floorPlan = {
     const key = (k, reason) => svg("svg", { width: 14, height: 14, "aria-hidden": "true" }, marker(MARKERS[k % MARKERS.length], 7, 7, 4, { fill: reason.colour }));
     const kinds = (cloud, none) => cloud.reasons.map((reason, k) => el("li", {}, key(k, reason), `${reason.text || none}: ${reason.count}`));
     this.legend.replaceChildren(
-      el("h3", {}, go(-1, "‹", "Previous search"), go(1, "›", "Next search"),
+      el("h2", {}, go(-1, "‹", "Previous search"), go(1, "›", "Next search"),
         `Where to stand, search ${number + 1} of ${model.questions.length}`, moment(question.time, question.node)),
       el("p", { class: "said" }, question.location),
       el("ul", {}, ...(question.chosen ? [el("li", {}, `○ chosen: x ${question.chosen[0].toFixed(2)}, y ${question.chosen[1].toFixed(2)}`)] : [el("li", {}, "no place was found")]),

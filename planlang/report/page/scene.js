@@ -124,7 +124,7 @@ const scene = {
   // Moves the camera so far away that the whole room is in view, whatever the shape of the panel.
   fit() {
     const { Vector3 } = this.three, [x0, y0, x1, y1] = model.scene.bounds;
-    const corners = [x0, x1].flatMap((x) => [y0, y1].flatMap((y) => [0, 1.5].map((z) => new Vector3(x, y, z))));
+    const corners = [x0, x1].flatMap((x) => [y0, y1].flatMap((y) => [-0.1, 1.6].map((z) => new Vector3(x, y, z))));
     const target = this.middle.clone(), toward = new Vector3(-0.2, -0.72, 0.66).normalize(), right = new Vector3(), up = new Vector3();
     let away = this.extent * 1.5;
     for (let turn = 0; turn < 8; turn++) {
@@ -137,7 +137,7 @@ const scene = {
       const half = Math.tan((this.camera.fov * Math.PI) / 360) * away;
       this.camera.matrixWorld.extractBasis(right, up, new Vector3());
       target.addScaledVector(right, ((left + most) / 2) * half * this.camera.aspect).addScaledVector(up, ((low + high) / 2) * half);
-      away *= Math.max(most - left, high - low) / 2 / 0.95;
+      away *= Math.max(most - left, high - low) / 2 / 0.93;
     }
     this.camera.position.copy(target).addScaledVector(toward, away);
     this.controls.target.copy(target);

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
-from extras import chromium
+from browsers import Watched, started_browser
 from servers import RunningServer, running_server
 
 from planlang.files import Bundled
@@ -23,38 +22,14 @@ SCRIPT = "<script>document.title = 'run'</script><img src=x onerror=\"document.t
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
-    path = chromium()
-    from playwright.sync_api import sync_playwright
-
-    sandbox = ["--no-sandbox"] if os.geteuid() == 0 else []  # Chromium refuses its sandbox to root
-    with sync_playwright() as driver:
-        started = driver.chromium.launch(executable_path=path, args=sandbox)
+    with started_browser() as started:
         yield started
-        started.close()
 
 
 @pytest.fixture
 def server(tmp_path: Path) -> Iterator[RunningServer]:
     with running_server(tmp_path / "kb.sqlite") as running:
         yield running
-
-
-class Watched:
-    """A page of a browser, and everything that its console said."""
-
-    def __init__(self, browser: Any, url: str, **options: Any) -> None:
-        self.said: list[str] = []
-        self.page = browser.new_context(base_url=url, **options).new_page()
-        self.page.set_default_timeout(60_000)  # what is waited for comes, also on a busy machine
-        self.page.on("console", lambda message: self.said.append(message.text))
-        self.page.on("pageerror", lambda problem: self.said.append(str(problem)))
-
-    def findings(self) -> list[str]:
-        """Return what axe-core finds wrong with what is shown."""
-        from axe_playwright_python.sync_playwright import Axe
-
-        violations = Axe().run(self.page).response["violations"]
-        return [f"{one['impact']} {one['id']}: {node['html']}" for one in violations for node in one["nodes"]]
 
 
 def test_a_recipe_is_uploaded_mended_found_and_rated(browser: Any, server: RunningServer, tmp_path: Path) -> None:
