@@ -13,6 +13,7 @@ from executive.runs.settings import RunSettings
 from planlang.diagnostics import Diagnostic
 from planlang.records import dataclass
 from planlang.runs import RecordedRun
+from planlang.runs.trace import Listener
 from sim import PyBulletWorld
 
 if TYPE_CHECKING:
@@ -60,6 +61,8 @@ class RunOptions(RunSettings):
     """Given the diagnostics once, before the plan runs."""
     watchers: tuple[Callable[[PyBulletWorld], None], ...] = ()
     """Called with the true world before the plan runs and after every step of the world."""
+    listeners: tuple[Listener, ...] = ()
+    """Given each record of the trace as it is written."""
     around: Callable[[RobotExecutive], None] = lambda executive: None
     """Given the executive before the plan runs: it may wrap its process modules, to let requests fail, for example."""
 

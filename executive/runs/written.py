@@ -37,7 +37,10 @@ class Written:
         self._is_new = False
         """True once what happens was not written before."""
         self.watchers: list[Callable[[PyBulletWorld], None]] = [tilts, *options.watchers]
-        self.listeners: list[Listener] = [lines_of(self._progress, inner=options.inner_actions)]
+        self.listeners: list[Listener] = [
+            lines_of(self._progress, inner=options.inner_actions),
+            *options.listeners,
+        ]
 
     def _progress(self, step: int, line: str) -> None:
         if self._is_new:

@@ -1,0 +1,91 @@
+"""The tree of a run in the terminal, drawn anew while the run goes on."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Mapping
+from typing import Any, TextIO
+
+from rich.console import Console
+from rich.live import Live
+from rich.text import Text
+from rich.tree import Tree
+
+from planlang.kernel.tree import Node
+from planlang.runs.run_tree import RunTree, TaskNode
+
+PERIOD = 0.125
+"""Shortest time between two drawings [s]: people see no more, and each takes milliseconds of the run."""
+OPEN = 2
+"""The plan and its steps are drawn however they ended; what is below them, while it runs or if it failed."""
+_STYLES = {"running": "bold cyan", "succeeded": "green", "failed": "bold red", "evaporated": "dim"}
+_MARKS = {"running": "▶", "succeeded": "✓", "failed": "✗", "evaporated": "–"}
+
+
+class TerminalTree:
+    """Draws the steps of a plan as they begin and end: those that run open, those that have ended in one line.
+
+    A listener of the trace, used in a ``with`` statement. What does not go to a terminal gets the last tree only.
+    """
+
+    def __init__(self, out: TextIO | None = None, *, inner: bool = False) -> None:
+        """``inner`` shows what process modules do inside of the actions of the plan, too."""
+        self._console = Console(file=out, highlight=False)
+        self._run = RunTree()
+        self._inner = inner
+        self._live = Live(console=self._console, get_renderable=self.tree, auto_refresh=False)
+        self._drawn = 0.0
+
+    def __enter__(self) -> TerminalTree:
+        self._live.start()
+        return self
+
+    def __exit__(self, *failure: object) -> None:
+        self._live.refresh()
+        self._live.stop()
+
+    def heard(self, record: Mapping[str, Any], node: Node | None) -> None:
+        """Take the next record."""
+        self._run.add(record)
+        if self._console.is_terminal and time.monotonic() - self._drawn > PERIOD:
+            self._live.refresh()
+            self._drawn = time.monotonic()
+
+    def tree(self) -> Tree:
+        """Return what is drawn, as high as the terminal at most: ended steps at the top are left out first."""
+        room = max(3, self._console.size.height - 2)
+        shown = Tree(Text(f"plan time {self._time():.2f} s", "bold"), guide_style="dim")
+        rows = list(self._rows(self._run.roots, 0))
+        left_out = max(0, len(rows) - room)
+        places: dict[int, Tree] = {-1: shown}
+        if left_out:
+            shown.add(Text(f"{left_out} earlier lines", "dim"))
+        for depth, node in rows[left_out:]:
+            above = next(places[one] for one in range(depth - 1, -2, -1) if one in places)
+            places = {one: place for one, place in places.items() if one < depth}
+            places[depth] = above.add(_line(node))
+        return shown
+
+    def _time(self) -> float:
+        ends = (time for node in self._run.numbered.values() for time in (node.start, node.end) if time is not None)
+        return max(ends, default=0.0)
+
+    def _rows(self, nodes: Iterable[TaskNode], depth: int) -> Iterable[tuple[int, TaskNode]]:
+        """Yield the nodes to draw with their depths: actions and plans, and what runs or failed below them."""
+        for node in list(nodes):
+            is_drawn = node.kind in ("perform", "plan") and (self._inner or not node.inner)
+            if is_drawn:
+                yield depth, node
+            if node.status in ("running", "failed") or depth + is_drawn < OPEN:
+                yield from self._rows(node.children, depth + is_drawn)
+
+
+def _line(node: TaskNode) -> Text:
+    style = _STYLES.get(node.status, "")
+    line = Text(f"{_MARKS.get(node.status, ' ')} {node.action or node.name}", style)
+    if node.start is not None:
+        end = f"{node.end - node.start:.2f} s" if node.end is not None else "..."
+        line.append(f"  {end}", "dim")
+    if node.failure is not None:
+        line.append(f"  {node.failure['type']}: {node.failure['message']}", "red")
+    return line
