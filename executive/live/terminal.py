@@ -19,7 +19,7 @@ PERIOD = 0.125
 OPEN = 2
 """The plan and its steps are drawn however they ended; what is below them, while it runs or if it failed."""
 _STYLES = {"running": "bold cyan", "succeeded": "green", "failed": "bold red", "evaporated": "dim"}
-_MARKS = {"running": "▶", "succeeded": "✓", "failed": "✗", "evaporated": "–"}
+_MARKS = {"running": "▶", "succeeded": "✓", "failed": "✗", "evaporated": "-"}
 
 
 class TerminalTree:

@@ -1,0 +1,169 @@
+"""The page of a run that goes on, for browsers on this computer only: the standard library's server in a thread.
+
+Only who knows the token in the address is answered. The Host header is checked, so that no other page reaches this one
+by a name that it lets point here (DNS rebinding), and the Origin of commands, which are taken by POST only.
+"""
+
+from __future__ import annotations
+
+import json
+import secrets
+from collections.abc import Callable, Iterator, Mapping
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from threading import Thread
+from types import TracebackType
+from typing import Any, Self
+from urllib.parse import parse_qs, urlsplit
+
+HERE = "127.0.0.1"
+LONGEST_COMMAND = 1000
+"""Bytes of a command."""
+NEVER_KEPT = {
+    "Cache-Control": "no-store",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+    "Cross-Origin-Resource-Policy": "same-origin",
+}
+
+
+class Served:
+    """What the server has for browsers."""
+
+    page: Callable[[], bytes]
+    """The page as it is now, complete."""
+    news: Callable[[int], Iterator[Mapping[str, Any]]]
+    """What has come since a number of news, and what comes from now on, as it comes; ends with the run."""
+    command: Callable[[Mapping[str, Any]], str | None]
+    """Does what a command says; why not, if it cannot."""
+
+    def __init__(
+        self,
+        page: Callable[[], bytes],
+        news: Callable[[int], Iterator[Mapping[str, Any]]],
+        command: Callable[[Mapping[str, Any]], str | None],
+    ) -> None:
+        self.page, self.news, self.command = page, news, command
+
+
+class LiveServer:
+    """Serves in a ``with`` statement; ``address`` is what a browser is given."""
+
+    def __init__(self, served: Served, *, port: int = 0) -> None:
+        """Take a port of this computer, any that is free for 0. Raises OSError."""
+        token = secrets.token_urlsafe(16)  # nothing of the run depends on it
+        self._server = _Server((HERE, port), served, token)
+        self.address = f"http://{HERE}:{self._server.server_port}/{token}/"
+        self._thread = Thread(target=self._server.serve_forever, name="planlang page", daemon=True)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, problem: BaseException | None, where: TracebackType | None
+    ) -> None:
+        self._server.shutdown()
+        self._server.server_close()
+
+
+class _Server(ThreadingHTTPServer):
+    daemon_threads = True
+    block_on_close = False  # a page that follows the news keeps its thread
+
+    def __init__(self, place: tuple[str, int], served: Served, token: str) -> None:
+        super().__init__(place, _Request)
+        self.served, self.token = served, token
+        self.hosts = {f"{name}:{self.server_port}" for name in (HERE, "localhost")}
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Say nothing of a browser that has gone."""
+
+
+class _Request(BaseHTTPRequestHandler):
+    server: _Server
+    protocol_version = "HTTP/1.1"
+    server_version, sys_version = "planlang", ""
+
+    def log_message(self, format: str, *arguments: Any) -> None:
+        """Say nothing: the terminal belongs to the run."""
+
+    def do_GET(self) -> None:
+        """Answer with the page, or with the news."""
+        path = self._path()
+        if path is None:
+            return
+        match path.path:
+            case "":
+                self._answer(HTTPStatus.OK, "text/html; charset=utf-8", self.server.served.page())
+            case "news":
+                self._follow(parse_qs(path.query))
+            case _:
+                self._refuse(HTTPStatus.NOT_FOUND, "there is nothing here")
+
+    def do_POST(self) -> None:
+        """Take a command."""
+        path = self._path()
+        if path is None:
+            return
+        if self.headers.get("Origin") not in {f"http://{host}" for host in self.server.hosts}:
+            self._refuse(HTTPStatus.FORBIDDEN, "commands are taken from the page of this run only")
+            return
+        if path.path != "command":
+            self._refuse(HTTPStatus.NOT_FOUND, "commands go to command")
+            return
+        command = self._command()
+        problem = "a command is a JSON object" if command is None else self.server.served.command(command)
+        if problem is not None:
+            self._refuse(HTTPStatus.BAD_REQUEST, problem)
+            return
+        self._answer(HTTPStatus.OK, "application/json", b"{}")
+
+    def _path(self) -> Any:
+        """Return what is asked for below the token; refuse what comes from elsewhere, and return None."""
+        if self.headers.get("Host") not in self.server.hosts:
+            self._refuse(HTTPStatus.FORBIDDEN, "this page is for browsers on this computer")
+            return None
+        path = urlsplit(self.path)
+        token, slash, rest = path.path.removeprefix("/").partition("/")
+        if not slash or not secrets.compare_digest(token.encode(), self.server.token.encode()):
+            self._refuse(HTTPStatus.FORBIDDEN, "use the address that planlang run --watch has printed")
+            return None
+        return path._replace(path=rest)
+
+    def _command(self) -> Mapping[str, Any] | None:
+        try:
+            size = int(self.headers.get("Content-Length", ""))
+            found = json.loads(self.rfile.read(size)) if 0 <= size <= LONGEST_COMMAND else None
+        except ValueError:
+            return None
+        return found if isinstance(found, dict) else None
+
+    def _follow(self, query: Mapping[str, list[str]]) -> None:
+        """Send news as they come (server-sent events, HTML standard 9.2), until the run ends or the browser goes."""
+        last = self.headers.get("Last-Event-ID") or query.get("after", ["0"])[0]
+        number = int(last) if last.isdecimal() else 0
+        self.send_response(HTTPStatus.OK)
+        self._headers("text/event-stream")
+        self.send_header("Connection", "close")
+        self.end_headers()
+        self.close_connection = True
+        for place, news in enumerate(self.server.served.news(number), number + 1):
+            self.wfile.write(f"id: {place}\ndata: {json.dumps(news)}\n\n".encode())
+            self.wfile.flush()
+
+    def _refuse(self, status: HTTPStatus, why: str) -> None:
+        self.close_connection = True
+        self._answer(status, "text/plain; charset=utf-8", f"{why}\n".encode())
+
+    def _answer(self, status: HTTPStatus, kind: str, body: bytes) -> None:
+        self.send_response(status)
+        self._headers(kind)
+        self.send_header("Content-Length", str(len(body)))
+        self.end_headers()
+        self.wfile.write(body)
+
+    def _headers(self, kind: str) -> None:
+        self.send_header("Content-Type", kind)
+        for name, value in NEVER_KEPT.items():
+            self.send_header(name, value)
