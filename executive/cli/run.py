@@ -55,6 +55,8 @@ def options_of(arguments: RunArguments) -> RunOptions:
         raise typer.BadParameter("--poses needs the whole run, of which --world-as-left leaves the beginning out")
     if arguments.world_as_left and arguments.report is not None:
         raise typer.BadParameter("--report needs the whole run, of which --world-as-left leaves the beginning out")
+    if arguments.watch and arguments.watch_tree:
+        raise typer.BadParameter("--watch shows the tree of the plan, too: leave out --watch-tree")
     start, bindings = planar(arguments.start), _bindings(arguments.set_ or [])
     recorded, header = None, TraceHeader()
     if arguments.resume is not None:
@@ -99,7 +101,7 @@ def options_of(arguments: RunArguments) -> RunOptions:
         resume=recorded,
         notes=tuple(notes),
         inner_actions=arguments.verbose,
-        progress=silent if arguments.json else say,
+        progress=silent if arguments.json or arguments.watch_tree else say,
         announce=silent if arguments.json else partial(show, all_notes=arguments.verbose),
     )
 

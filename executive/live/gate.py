@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from enum import StrEnum
 from typing import Any
 
-from planlang.kernel.runner import unwatched
+from planlang.kernel.runner import is_interrupted, unwatched
 from planlang.kernel.tree import Node
 from planlang.language.performing import is_inner
 from planlang.runs.recorded_run import SPANS
@@ -33,22 +33,37 @@ class Command(StrEnum):
     """End the run as Ctrl-C does."""
 
 
+def interrupted() -> None:
+    """Raise KeyboardInterrupt."""
+    raise KeyboardInterrupt
+
+
 class Gate:
     """Holds and paces a run; any thread may send commands, the run's own passes."""
 
-    def __init__(self, rate: int, *, paused: bool = False, speed: float | None = None) -> None:
+    def __init__(
+        self,
+        rate: int,
+        *,
+        paused: bool = False,
+        speed: float | None = None,
+        stop: Callable[[], object] = interrupted,
+    ) -> None:
         """Begin with nothing behind it. ``rate`` is in world steps per second, ``speed`` in plan time per time of the
-        clock, None for as fast as the computer can.
+        clock, None for as fast as the computer can. ``stop`` is called in the run's thread to end the run.
         """
         self._rate = rate
+        self._stop = stop
         self._changed = threading.Condition()
         self._paused = paused
         self._stepping = False
-        self._stopped = False
+        self._stopped: bool | None = None
+        """False when somebody wants the run to end, True when it has been told."""
         self._speed = speed
+        self.changes = 0
+        """Counts commands, and steps that have ended: the state may be another one when it has changed."""
         self._mark: tuple[int, float] | None = None
         """A step, and when it was passed; plan time is paced from there on."""
-        self.ended = False
         self.step = 0
         """Steps that the run has taken."""
 
@@ -73,8 +88,9 @@ class Gate:
                 case Command.STEP:
                     self._paused, self._stepping = True, True
                 case Command.STOP:
-                    self._stopped = True
+                    self._stopped = False if self._stopped is None else self._stopped
             self._mark = None
+            self.changes += 1
             self._changed.notify_all()
 
     def pace(self, speed: float | None) -> None:
@@ -90,19 +106,21 @@ class Gate:
         if record["kind"] == "perform" and node is not None and not is_inner(node):
             with self._changed:
                 self._stepping = False
+                self.changes += 1
 
     def passed(self, step: int) -> None:
-        """Wait here as long as the run is held or ahead of the clock; raises KeyboardInterrupt when it is stopped."""
+        """Wait here as long as the run is held or ahead of the clock; end it here if somebody wants it."""
         self.step = step
-        if self._stopped:
-            raise KeyboardInterrupt
-        if self.is_held or self._speed is not None:
+        if self._stopped is None and not is_interrupted() and (self.is_held or self._speed is not None):
             with unwatched():
                 self._wait(step)
+        if self._stopped is False:  # once: what a plan does when it is ended passes here, too
+            self._stopped = True
+            self._stop()
 
     def _wait(self, step: int) -> None:
         with self._changed:
-            while not self._stopped:
+            while self._stopped is None and not is_interrupted():
                 if self.is_held:
                     self._mark = None
                     self._changed.wait(PATIENCE)
@@ -111,7 +129,6 @@ class Gate:
                 if ahead <= AHEAD:
                     return
                 self._changed.wait(min(ahead, PATIENCE))
-        raise KeyboardInterrupt
 
     def _ahead(self, step: int) -> float:
         """Return how far the run is ahead of the clock [s]; one that is late does not hurry to catch up."""

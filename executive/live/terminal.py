@@ -43,6 +43,8 @@ class TerminalTree:
     def __exit__(self, *failure: object) -> None:
         self._live.refresh()
         self._live.stop()
+        if not self._console.is_terminal:
+            self._console.line()
 
     def heard(self, record: Mapping[str, Any], node: Node | None) -> None:
         """Take the next record."""

@@ -359,12 +359,11 @@ class Run:
 
         trace = RepeatedTrace(earlier, trace_after) if isinstance(earlier, Repetition) else trace_after(earlier)
         trace.listeners = tuple(written.listeners)
-        world = WatchedWorld(truth, written.watchers)
         outcome, message, failures = Outcome.DONE, "done", tuple[str, ...]()
         try:
             run(
                 body,
-                host=SimulationHost(world),
+                host=SimulationHost(WatchedWorld(truth, written.watchers)),
                 executive=executive,
                 seed=options.seed,
                 schedule=options.schedule,

@@ -102,6 +102,15 @@ class RunSettings(SituationSettings):
             metavar="FILE", help="Write a page that shows the run: plan, world and causes on one clock, HTML."
         ),
     ] = None
+    watch: Annotated[
+        bool,
+        typer.Option(
+            "--watch", help="Show the run in a browser on this computer while it goes on, and hold or step it."
+        ),
+    ] = False
+    watch_tree: Annotated[
+        bool, typer.Option("--watch-tree", help="Show the steps of the plan in the terminal while it runs, as a tree.")
+    ] = False
     poses: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Log where things and links are, as JSON Lines, for export.")
     ] = None

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -21,6 +23,7 @@ from sim import PyBulletWorld
 if TYPE_CHECKING:
     from executive.belief import Belief
     from executive.modules.platform import Platform
+    from executive.report.watching import Watching
     from executive.runs.pose_log import PoseLog
     from planlang.report import Context
 
@@ -34,6 +37,8 @@ class Written:
         self._belief = platform.belief
         self._files: list[tuple[Path, Callable[[Path], object]]] = []
         self._poses: PoseLog | None = None
+        self._shown = ExitStack()
+        """What shows the run to people while it goes on."""
         self._is_new = False
         """True once what happens was not written before."""
         self.watchers: list[Callable[[PyBulletWorld], None]] = [tilts, *options.watchers]
@@ -69,8 +74,18 @@ class Written:
             self.listeners.append(lines_of(film.event))
             self.watchers.append(lambda world: film.frame(world.steps))
             self._files.append((options.record, film.save))
-        if options.report is not None:
-            self._report(options.report, context)
+        if options.report is not None or options.watch:
+            watching, beside = self._watch(), context()
+            if options.report is not None:
+                self._files.append((options.report, lambda temporary: watching.save(temporary, beside)))
+            if options.watch:
+                self._show(watching, beside)
+        if options.watch_tree:
+            from executive.live.terminal import TerminalTree
+
+            self.listeners.append(
+                self._shown.enter_context(TerminalTree(sys.stderr, inner=options.inner_actions)).heard
+            )
         if options.poses is not None:
             from executive.runs.pose_log import PoseLog
 
@@ -84,7 +99,8 @@ class Written:
             self.listeners.append(update)
             self._files.append((options.update_map, update.save))
 
-    def _report(self, path: Path, context: Callable[[], Context]) -> None:
+    def _watch(self) -> Watching:
+        """Look on for a page."""
         from executive.report.watching import Watching  # most runs write no page
 
         options = self._options
@@ -96,7 +112,15 @@ class Written:
         else:
             self.listeners.append(watching.listen)
         self.watchers.append(watching.look)
-        self._files.append((path, lambda temporary: watching.save(temporary, context())))
+        return watching
+
+    def _show(self, watching: Watching, context: Context) -> None:
+        from executive.live.live_run import LiveRun
+
+        live = LiveRun(watching, context, self._truth.rate, partial(print, file=sys.stderr, flush=True))
+        self.listeners.append(live.heard)
+        self.watchers.append(live.passed)
+        self._shown.enter_context(live)
 
     def begin(self) -> None:
         """Hear that what comes was not written before, by the run that this one repeats."""
@@ -105,7 +129,8 @@ class Written:
             self._poses.begin()
 
     def save(self) -> None:
-        """Write the files, each whole or not at all; the log of poses is written already."""
+        """Write the files, each whole or not at all; the log of poses is written already. The run has ended."""
+        self._shown.close()
         if self._poses is not None:
             self._poses.close()
         for path, save in self._files if self._is_new else ():

@@ -252,6 +252,11 @@ def unwatched() -> Iterator[None]:
         scheduler.idle = False
 
 
+def is_interrupted() -> bool:
+    """Return whether Ctrl-C has asked the run that goes on in this thread to end."""
+    return running.scheduler is not None and running.scheduler.interrupts > 0
+
+
 def _debugged(frame: FrameType | None) -> bool:
     """Return whether the code stands in a debugger."""
     while frame is not None:

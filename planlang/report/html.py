@@ -19,9 +19,11 @@ from typing import Any
 PAGE = Path(__file__).parent / "page"
 SCRIPTS = (
     *("model", "clock", "list", "tree", "details", "failures", "story", "search", "lanes"),
-    *("tracks", "scene", "map", "graph", "keys", "main"),
+    *("tracks", "scene", "map", "graph", "keys", "live", "main"),
 )
 """Files of the page's script, in their order: each uses what those before it define."""
+SERVED = "; connect-src 'self'"
+"""Added to the content security policy of a page that is served while its run goes on: it asks its server for news."""
 THREE = PAGE / "three.js.gz"
 
 
@@ -40,7 +42,7 @@ def page(model: Mapping[str, Any], blobs: Mapping[str, bytes] | None = None) -> 
         data += _blob(name, blob)
     policy = (
         f"default-src 'none'; script-src {' '.join(hashes)}; style-src {_hash(style)}; base-uri 'none'; "
-        "form-action 'none'"
+        f"form-action 'none'{SERVED if model.get('live') else ''}"
     )
     parts = {
         "policy": policy,

@@ -120,7 +120,7 @@ async function begin() {
   document.documentElement.dataset.ready = "page";
   document.documentElement.dataset.took = (performance.now() - started).toFixed(0);
   if (model.scene) {
-    try { await readTracks(); } catch { tellMissing("The poses in this page cannot be read by this browser, which is too old for DecompressionStream."); }
+    try { readTracks(await unpacked("poses", "deflate")); } catch { tellMissing("The poses in this page cannot be read by this browser, which is too old for DecompressionStream."); }
     try {
       if (world.ready) await scene.build();
     } catch (problem) {
@@ -130,6 +130,7 @@ async function begin() {
     }
     floorPlan.move(clock.time);
   }
+  if (model.live) live.begin();
   document.documentElement.dataset.ready = "all";
   document.documentElement.dataset.scene = performance.now().toFixed(0);
 }

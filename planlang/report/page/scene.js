@@ -88,6 +88,12 @@ const scene = {
     world.entities.forEach((one, k) => (one.frame >= 0 ? this.groups[one.frame] : this.root).add(this.groups[k]));
     this.ghostMaterial = materials.get("ghost");
   },
+  // Makes the bodies anew when there are others: things appear, and are believed to be elsewhere.
+  async again() {
+    for (const group of this.groups) group.removeFromParent();
+    await this.bodies(this.three);
+    this.recolour();
+  },
   async geometries(three) {
     const cylinder = new three.CylinderGeometry(0.5, 0.5, 1, 32).rotateX(Math.PI / 2);
     const plain = { box: new three.BoxGeometry(1, 1, 1), cylinder, sphere: new three.SphereGeometry(0.5, 32, 16) };

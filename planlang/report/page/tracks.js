@@ -1,16 +1,17 @@
 // Poses over time, out of the compressed blob: keys where something has moved, as 16-bit differences (docs/report.md).
 
-async function unpacked(name, format) {
-  const bytes = Uint8Array.from(atob(byId(`blob-${name}`).textContent), (sign) => sign.charCodeAt(0));
+const unpacked = (name, format) => inflated(byId(`blob-${name}`).textContent, format);
+
+async function inflated(text, format) {
+  const bytes = Uint8Array.from(atob(text), (sign) => sign.charCodeAt(0));
   const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream(format));
   return new Response(stream).arrayBuffer();
 }
 
 const world = { entities: [], byName: new Map(), ready: false };
 
-async function readTracks() {
+function readTracks(buffer) {
   const { entities, scale, period } = model.scene, total = entities.reduce((sum, one) => sum + one.keys, 0);
-  const buffer = await unpacked("poses", "deflate");
   const steps = new Int32Array(buffer, 0, total), numbers = new Int16Array(buffer, total * 4, total * 7);
   let first = 0;
   world.entities = entities.map((one) => {
@@ -28,6 +29,7 @@ async function readTracks() {
     return { ...one, times, poses };
   });
   world.period = period;
+  world.byName.clear();
   for (const one of world.entities) if (one.kind !== "belief") world.byName.set(one.name, one);
   world.ready = true;
 }

@@ -83,7 +83,8 @@ def test_no_plan_time_passes_while_a_run_is_held() -> None:
     watched = Watched(gate)
     until(lambda: gate.step == 1)
     time.sleep(0.05)
-    assert gate.step == 1 and watched.ended() == []
+    assert gate.step == 1
+    assert watched.ended() == []
     gate.command(Command.RESUME)
     watched.wait()
     assert watched.ended() == ["First", "Second", "Third"]

@@ -1,0 +1,142 @@
+"""A run in a page that grows with it: what the page shows is made in the run's thread, and handed to browsers."""
+
+from __future__ import annotations
+
+import base64
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
+from typing import Any
+
+from executive.live.gate import Command, Gate
+from executive.live.server import LiveServer, Served
+from executive.report.watching import Watching
+from planlang.kernel.tree import Node
+from planlang.report import model_of, page
+from planlang.report.model import Context
+from sim import PyBulletWorld
+
+PERIOD = 0.25
+"""Shortest time between two news [s]."""
+SHARE = 0.1
+"""Of the time of a run, what making news may take at most."""
+PACE = 4.0
+"""Plan time per time of the clock at which a watched run begins."""
+FASTEST = 1000.0
+LAST_NEWS = 3.0
+"""The time that browsers have for reading the last news [s]."""
+
+
+class LiveRun:
+    """Shows a run that is about to begin, in a ``with`` statement. Its methods are called in the run's thread.
+
+    The run is held until the first browser asks for its news. Browsers come and go; the run does not depend on them.
+    """
+
+    def __init__(self, watching: Watching, context: Context, rate: int, announce: Callable[[str], object]) -> None:
+        """Begin to serve. ``announce`` is told the address."""
+        self._watching, self._context = watching, context
+        self.gate = Gate(rate, paused=True, speed=PACE, stop=partial(signal.raise_signal, signal.SIGINT))
+        self._changed = threading.Condition()
+        self._news: dict[str, Any] = {}
+        self._count = 0
+        self._page = b""
+        self._is_met = False
+        self._has_ended = False
+        self._due = 0.0
+        self._stated = -1
+        self._asked = False
+        self._read = 0
+        """Number of the newest news that a browser has been sent."""
+        self._server = LiveServer(Served(self.page, self.news, self.command))
+        announce(f"watch the run at {self._server.address}: it begins when a browser opens the page; Ctrl-C ends it")
+
+    def __enter__(self) -> LiveRun:
+        self._server.__enter__()
+        return self
+
+    def __exit__(self, *failure: object) -> None:
+        self._has_ended = True
+        self._publish()
+        with self._changed:
+            self._changed.wait_for(lambda: self._read >= self._count or not self._is_met, LAST_NEWS)
+        self._server.__exit__(None, None, None)
+
+    # In the run's thread
+
+    def heard(self, record: Mapping[str, Any], node: Node | None) -> None:
+        """Listen to the trace."""
+        self.gate.heard(record, node)
+
+    def passed(self, world: PyBulletWorld) -> None:
+        """Let browsers know, and wait at the gate."""
+        if self._stated != self.gate.changes or self._asked or time.monotonic() >= self._due:
+            self._publish()
+        self.gate.passed(world.steps)
+
+    def _publish(self) -> None:
+        began = time.monotonic()
+        self._stated, self._asked = self.gate.changes, False
+        parts, blobs = self._watching.world()
+        model = model_of(self._watching.told, self._context, live=True, **parts)
+        if not self._has_ended:
+            model["outcome"]["text"] = "held" if self.gate.is_held else "running"
+        whole = page(model, blobs).encode()
+        scene = {key: value for key, value in model["scene"].items() if key != "meshes"}
+        growing = {key: value for key, value in model.items() if key not in ("sources", "graph")} | {"scene": scene}
+        news = {
+            "model": growing,
+            "meshes": len(model["scene"]["meshes"]),
+            "poses": base64.b64encode(blobs["poses"]).decode(),
+            "state": {"held": self.gate.is_held and not self._has_ended, "ended": self._has_ended},
+        }
+        with self._changed:
+            self._page, self._news = whole, news
+            self._count += 1
+            self._changed.notify_all()
+        took = time.monotonic() - began
+        self._due = began + max(PERIOD, took / SHARE)
+
+    # In threads of the server
+
+    def page(self) -> bytes:
+        """Return the page as it was last."""
+        with self._changed:
+            self._changed.wait_for(lambda: bool(self._page))
+            return self._page
+
+    def news(self, after: int) -> Iterator[Mapping[str, Any]]:
+        """Yield the newest news as often as there are others; a browser that comes lets the run begin."""
+        with self._changed:
+            is_first, self._is_met = not self._is_met, True
+        if is_first:
+            self.gate.command(Command.RESUME)
+        sent = 0
+        while True:
+            with self._changed:
+                while self._count == sent:
+                    self._changed.wait()
+                sent, news = self._count, self._news
+            yield news
+            with self._changed:
+                self._read = max(self._read, sent)
+                self._changed.notify_all()
+            if news["state"]["ended"]:
+                return
+
+    def command(self, said: Mapping[str, Any]) -> str | None:
+        """Do what a browser asks for."""
+        speed = said.get("speed")
+        match said.get("command"):
+            case "pace" if speed is None or (isinstance(speed, int | float) and 0 < speed <= FASTEST):
+                self.gate.pace(None if speed is None else float(speed))
+            case "pace":
+                return f"a pace is a number from 0 to {FASTEST:g}, or null"
+            case "pause" | "resume" | "step" | "stop" as name:
+                self.gate.command(Command(name))
+            case _:
+                return "there are the commands pause, resume, step, stop and pace"
+        self._asked = True
+        return None
