@@ -48,20 +48,22 @@ class Gate:
         paused: bool = False,
         speed: float | None = None,
         stop: Callable[[], object] = interrupted,
+        tell: Callable[[], object] = lambda: None,
     ) -> None:
         """Begin with nothing behind it. ``rate`` is in world steps per second, ``speed`` in plan time per time of the
-        clock, None for as fast as the computer can. ``stop`` is called in the run's thread to end the run.
+        clock, None for as fast as the computer can. ``stop`` is called in the run's thread to end the run,
+        ``tell`` there when it may be held now, or not any more.
         """
         self._rate = rate
-        self._stop = stop
+        self._stop, self._tell = stop, tell
         self._changed = threading.Condition()
         self._paused = paused
         self._stepping = False
         self._stopped: bool | None = None
         """False when somebody wants the run to end, True when it has been told."""
         self._speed = speed
-        self.changes = 0
-        """Counts commands, and steps that have ended: the state may be another one when it has changed."""
+        self._changes, self._told = 0, -1
+        """Commands and steps that have ended, and how many of them were told: the state may be another one since."""
         self._mark: tuple[int, float] | None = None
         """A step, and when it was passed; plan time is paced from there on."""
         self.step = 0
@@ -90,7 +92,7 @@ class Gate:
                 case Command.STOP:
                     self._stopped = False if self._stopped is None else self._stopped
             self._mark = None
-            self.changes += 1
+            self._changes += 1
             self._changed.notify_all()
 
     def pace(self, speed: float | None) -> None:
@@ -106,29 +108,38 @@ class Gate:
         if record["kind"] == "perform" and node is not None and not is_inner(node):
             with self._changed:
                 self._stepping = False
-                self.changes += 1
+                self._changes += 1
 
     def passed(self, step: int) -> None:
         """Wait here as long as the run is held or ahead of the clock; end it here if somebody wants it."""
         self.step = step
+        self._tell_changes()
         if self._stopped is None and not is_interrupted() and (self.is_held or self._speed is not None):
             with unwatched():
-                self._wait(step)
+                while self._waits(step):
+                    self._tell_changes()
         if self._stopped is False:  # once: what a plan does when it is ended passes here, too
             self._stopped = True
             self._stop()
 
-    def _wait(self, step: int) -> None:
+    def _tell_changes(self) -> None:
+        if self._told != self._changes:
+            self._told = self._changes
+            self._tell()
+
+    def _waits(self, step: int) -> bool:
+        """Wait for a while if the run has to; return whether it had to."""
         with self._changed:
-            while self._stopped is None and not is_interrupted():
-                if self.is_held:
-                    self._mark = None
-                    self._changed.wait(PATIENCE)
-                    continue
-                ahead = self._ahead(step)
-                if ahead <= AHEAD:
-                    return
+            if self._stopped is not None or is_interrupted():
+                return False
+            if self.is_held:
+                self._mark = None
+                self._changed.wait_for(lambda: self._told != self._changes, PATIENCE)
+                return True
+            ahead = self._ahead(step)
+            if ahead > AHEAD:
                 self._changed.wait(min(ahead, PATIENCE))
+            return ahead > AHEAD
 
     def _ahead(self, step: int) -> float:
         """Return how far the run is ahead of the clock [s]; one that is late does not hurry to catch up."""

@@ -38,7 +38,9 @@ class LiveRun:
     def __init__(self, watching: Watching, context: Context, rate: int, announce: Callable[[str], object]) -> None:
         """Begin to serve. ``announce`` is told the address."""
         self._watching, self._context = watching, context
-        self.gate = Gate(rate, paused=True, speed=PACE, stop=partial(signal.raise_signal, signal.SIGINT))
+        self.gate = Gate(
+            rate, paused=True, speed=PACE, stop=partial(signal.raise_signal, signal.SIGINT), tell=self._publish
+        )
         self._changed = threading.Condition()
         self._news: dict[str, Any] = {}
         self._count = 0
@@ -46,8 +48,6 @@ class LiveRun:
         self._is_met = False
         self._has_ended = False
         self._due = 0.0
-        self._stated = -1
-        self._asked = False
         self._read = 0
         """Number of the newest news that a browser has been sent."""
         self._server = LiveServer(Served(self.page, self.news, self.command))
@@ -72,13 +72,12 @@ class LiveRun:
 
     def passed(self, world: PyBulletWorld) -> None:
         """Let browsers know, and wait at the gate."""
-        if self._stated != self.gate.changes or self._asked or time.monotonic() >= self._due:
+        if time.monotonic() >= self._due:
             self._publish()
         self.gate.passed(world.steps)
 
     def _publish(self) -> None:
         began = time.monotonic()
-        self._stated, self._asked = self.gate.changes, False
         parts, blobs = self._watching.world()
         model = model_of(self._watching.told, self._context, live=True, **parts)
         if not self._has_ended:
@@ -138,5 +137,4 @@ class LiveRun:
                 self.gate.command(Command(name))
             case _:
                 return "there are the commands pause, resume, step, stop and pace"
-        self._asked = True
         return None
