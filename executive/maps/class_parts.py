@@ -112,8 +112,8 @@ class _Reader:
 
     def _resolved(self, place: str, frames: dict[str, Pose], within: tuple[str, ...]) -> Pose | None:
         matrix = None if place in within or len(within) > DEEPEST else read_transform(self.ontology, place, self.found)
-        parents = (one for one in self.ontology.values(place, expand("relativeTo")) if isinstance(one, str))
-        parent = next(parents, None)
+        parents = self.ontology.iris(place, "relativeTo")
+        parent = next(iter(parents), None)
         if matrix is None or parent is None:
             return None
         frame = frames.get(parent)

@@ -103,10 +103,10 @@ def read_map(ontology: Ontology) -> SemanticMap:
                 (*types, *vessels),
                 poses.pose(iri),
                 size,
-                parts=_individuals(ontology, iri, "properPhysicalParts"),
-                hinged_to=_individuals(ontology, iri, "hingedTo"),
-                inside=_individuals(ontology, iri, "in-ContGeneric"),
-                on=_individuals(ontology, iri, "on-Physical"),
+                parts=ontology.iris(iri, "properPhysicalParts"),
+                hinged_to=ontology.iris(iri, "hingedTo"),
+                inside=ontology.iris(iri, "in-ContGeneric"),
+                on=ontology.iris(iri, "on-Physical"),
                 open_sides=_texts(ontology, iri, "openSide"),
                 walls=_wall(ontology, iri, found),
                 span=ontology.span(iri),
@@ -189,7 +189,7 @@ def _things(ontology: Ontology) -> tuple[str, ...]:
     things: dict[str, None] = {}
     others = {iri for name in ("UrdfLink", "UrdfJoint") for iri in ontology.individuals(expand(name))}
     for event in _perceptions(ontology):
-        things.update(dict.fromkeys(_individuals(ontology, event, "objectActedOn")))
+        things.update(dict.fromkeys(ontology.iris(event, "objectActedOn")))
     for name in _MARKS:
         for triple in ontology.triples(None, expand(name)):
             if isinstance(triple.subject, str):
@@ -208,7 +208,7 @@ def _things(ontology: Ontology) -> tuple[str, ...]:
 
 def _vessels(ontology: Ontology, iri: str) -> tuple[str, ...]:
     """Return what a thing is by its parts: a bottle if it has a cap, whatever is in it."""
-    parts = _individuals(ontology, iri, "properPhysicalParts")
+    parts = ontology.iris(iri, "properPhysicalParts")
     return (expand("Bottle"),) if any(ontology.is_a(part, expand("BottleCap")) for part in parts) else ()
 
 
@@ -218,9 +218,9 @@ def _is_feature(ontology: Ontology, iri: str) -> bool:
         return True
     if any(stated(ontology, iri, name) for name in (*EXTENTS, *TRIPLES)):
         return False
-    places = _individuals(ontology, iri, "orientation")
-    wholes = (whole for place in places for whole in _individuals(ontology, place, "relativeTo"))
-    return any(iri in _individuals(ontology, whole, "properPhysicalParts") for whole in wholes)
+    places = ontology.iris(iri, "orientation")
+    wholes = (whole for place in places for whole in ontology.iris(place, "relativeTo"))
+    return any(iri in ontology.iris(whole, "properPhysicalParts") for whole in wholes)
 
 
 def _typed(ontology: Ontology) -> tuple[str, ...]:
@@ -236,10 +236,6 @@ def _perceptions(ontology: Ontology) -> Iterator[str]:
     for triple in ontology.triples(None, expand("eventOccursAt")):
         if isinstance(triple.subject, str) and triple.subject not in own:
             yield triple.subject
-
-
-def _individuals(ontology: Ontology, iri: str, prop: str) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(v for v in ontology.values(iri, expand(prop)) if isinstance(v, str)))
 
 
 def _texts(ontology: Ontology, iri: str, prop: str) -> tuple[str, ...]:
@@ -283,8 +279,8 @@ class PosesOfThings:
         self.places: dict[str, list[Seen]] = {}
         for rank, event in enumerate(_perceptions(ontology)):
             when = self._time(event)
-            for thing in _individuals(ontology, event, "objectActedOn"):
-                for place in _individuals(ontology, event, "eventOccursAt"):
+            for thing in ontology.iris(event, "objectActedOn"):
+                for place in ontology.iris(event, "eventOccursAt"):
                     self.places.setdefault(thing, []).append(Seen(when, rank, place, event))
         self.known: dict[str, Array | None] = {}
         self.open: list[str] = []
@@ -304,7 +300,7 @@ class PosesOfThings:
 
     def _places_of(self, thing: str) -> list[str]:
         """Return the poses of a thing, the one that counts first: an earlier one stands in for one that is no pose."""
-        own = [*_individuals(self.ontology, thing, "orientation"), *_individuals(self.ontology, thing, "pose")]
+        own = [*self.ontology.iris(thing, "orientation"), *self.ontology.iris(thing, "pose")]
         return [seen.place for seen in sorted(self.places.get(thing, ()), reverse=True)] or own[::-1]
 
     def newest(self, thing: str) -> Seen | None:
@@ -326,7 +322,7 @@ class PosesOfThings:
             return None
         self.open.append(place)
         matrix = read_transform(self.ontology, place, self.found)
-        for parent in _individuals(self.ontology, place, "relativeTo"):
+        for parent in self.ontology.iris(place, "relativeTo"):
             frame = self._frame(parent, place)
             matrix = None if frame is None or matrix is None else product(frame, matrix)
         self.open.pop()

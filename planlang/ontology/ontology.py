@@ -216,6 +216,10 @@ class Ontology:
         """Return the first value of a property, or None."""
         return next(iter(self.values(s, p, subproperties=subproperties)), None)
 
+    def iris(self, s: str | BNode, p: str) -> tuple[str, ...]:
+        """Return the IRIs among the values of a property, in document order, each once."""
+        return tuple(value for value in self.values(s, p) if isinstance(value, str))
+
     # what there is
 
     def types(self, individual: str | BNode) -> tuple[str, ...]:
