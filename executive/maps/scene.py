@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from executive.maps.articulation import articulated
 from executive.maps.contents import is_content, rules_of, with_contents
 from executive.maps.controls import controls_of
+from executive.maps.doorways import with_doorways
 from executive.maps.hollow import WALL, hollowed, open_at
 from executive.maps.in_hand import STOWED, is_in_hand
 from executive.maps.object_models import Blade
@@ -154,8 +155,6 @@ def scene_of(semantic_map: SemanticMap, found: list[Diagnostic] | None = None) -
     bodies = _opened(bodies, joints, semantic_map, found)
     bodies = with_contents(bodies, semantic_map, found)
     if sum(body.shape is BodyShape.ROOM for body in bodies) > 1:
-        from executive.maps.doorways import with_doorways  # most maps are of one room
-
         bodies = with_doorways(bodies, semantic_map, found)
     if semantic_map.has_files:
         from executive.maps.files import with_obstacles  # most maps are what they state
