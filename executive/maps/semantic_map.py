@@ -73,6 +73,10 @@ class SemanticMap:
         """Return the thing with this IRI, or else of this name."""
         return self._known.get(name)
 
+    def is_a(self, thing: MapObject, *classes: str) -> bool:
+        """Return True for a thing of one of some classes."""
+        return self.ontology.any_is_a(thing.types, classes)
+
     def holder(self, thing: MapObject) -> MapObject | None:
         """Return what the thing is a proper physical part of, if the map says so."""
         return self._holders.get(thing.iri)
@@ -152,10 +156,9 @@ def _with_parts_of_classes(objects: list[MapObject], ontology: Ontology, found: 
 
 def _with_places_turned(objects: list[MapObject], ontology: Ontology, found: list[Diagnostic]) -> list[MapObject]:
     """Return the things with larger places having the smaller ones as parts, where a file states the inverse."""
-    room, city = expand("RoomInAConstruction"), expand("City")
     parts = {part for thing in objects for part in thing.parts}
-    if not any(ontology.is_a(thing.iri, room) and thing.parts for thing in objects) and not any(
-        ontology.is_a(part, city) for part in parts
+    if not any(thing.parts and ontology.is_a(thing.iri, "RoomInAConstruction") for thing in objects) and not (
+        ontology.any_is_a(parts, ("City",))
     ):
         return objects
     things, parts_of = {thing.iri: thing for thing in objects}, dict[str, dict[str, None]]()
@@ -209,7 +212,7 @@ def _things(ontology: Ontology) -> tuple[str, ...]:
 def _vessels(ontology: Ontology, iri: str) -> tuple[str, ...]:
     """Return what a thing is by its parts: a bottle if it has a cap, whatever is in it."""
     parts = ontology.iris(iri, "properPhysicalParts")
-    return (expand("Bottle"),) if any(ontology.is_a(part, expand("BottleCap")) for part in parts) else ()
+    return (expand("Bottle"),) if ontology.any_is_a(parts, ("BottleCap",)) else ()
 
 
 def _is_feature(ontology: Ontology, iri: str) -> bool:

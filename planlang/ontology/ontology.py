@@ -354,6 +354,11 @@ class Ontology:
             self.taxonomy.is_below(kind, wanted) for kind in self.types(iri)
         )
 
+    def any_is_a(self, names: Iterable[str], classes: Iterable[str]) -> bool:
+        """Return True if one of several classes or individuals is of one of some classes; see :meth:`is_a`."""
+        wanted = tuple(map(expand, classes))
+        return any(self.is_a(name, cls) for name in names for cls in wanted)
+
     def subproperties(self, p: str) -> tuple[str, ...]:
         """Return the property itself, then those below it, nearest first."""
         return by_distance(expand(p), self._property_children)

@@ -72,7 +72,7 @@ class Actions:
 
     def is_a(self, step: Step | Recipe, *classes: str) -> bool:
         """Return True if the step's class is below one of the classes (local names of the vocabulary)."""
-        return any(self.ontology.is_a(step.action_class, expand(name)) for name in classes)
+        return self.ontology.any_is_a((step.action_class,), classes)
 
     def is_any(self, cls: str) -> bool:
         """Return True for a class (IRI, or local name of the vocabulary) that means no more than some action."""

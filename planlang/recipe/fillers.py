@@ -64,13 +64,12 @@ def kind_of(ontology: Ontology, cls: str) -> Kind:
 
 def is_device(ontology: Ontology, cls: str) -> bool:
     """Return True for classes of robot parts that can be used to do something, such as grippers and arms."""
-    return any(ontology.is_a(cls, expand(name)) for name in ("HolderGripper", "RobotPart", "ComponentComposition"))
+    return ontology.any_is_a((cls,), ("HolderGripper", "RobotPart", "ComponentComposition"))
 
 
 def is_place(ontology: Ontology, iri: str) -> bool:
     """Return True for a location designator, written as an individual or as a class."""
-    is_point = any(ontology.is_a(iri, expand(place)) for place in PLACES)
-    return is_point or _is_just_a_place(ontology, iri) or _pose(ontology, iri) is not None
+    return ontology.any_is_a((iri,), PLACES) or _is_just_a_place(ontology, iri) or _pose(ontology, iri) is not None
 
 
 def _is_just_a_place(ontology: Ontology, iri: str) -> bool:
