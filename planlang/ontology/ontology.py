@@ -26,7 +26,6 @@ from planlang.ontology.classes import (
     twin,
 )
 from planlang.ontology.documents import Document, Reading, read_all
-from planlang.ontology.nested_writers import ntriples
 from planlang.ontology.terms import ABSOLUTE, KNOWROB, OWL, RDF, RDFS, ROBOEARTH, BNode, Literal, Term, Triple, expand
 from planlang.ontology.triples import Triples
 
@@ -102,6 +101,8 @@ class Ontology:
         Nameless nodes keep their statements, not their labels. Raises ImportError without owlready2.
         """
         from owlready2 import World  # needs an extra
+
+        from planlang.ontology.nested_writers import ntriples
 
         statements = (triple for triple in self.triples() if triple.predicate != OWL.imports)
         world = World()

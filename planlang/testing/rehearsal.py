@@ -38,7 +38,7 @@ from planlang.recipe.preconditions import Unmet
 from planlang.testing.running import attempt
 from planlang.testing.script import Base, Script
 from planlang.testing.scripted import ScriptedExecutive
-from planlang.testing.vocabulary import Vocabulary
+from planlang.testing.vocabulary import ActionVocabulary
 
 LONGEST = 3600.0
 """Plan time after which a rehearsed plan counts as one that does not end [s]."""
@@ -51,7 +51,7 @@ def rehearse(path: Path, task: str | None = None, folders: Sequence[Path] = ()) 
         compiled = compile_ontology(ontology, task=task)
     except BadInput:
         return None
-    robot = _Robot(_script(compiled), Vocabulary(ontology))
+    robot = _Robot(_script(compiled), ActionVocabulary(ontology))
     run = attempt(_plan(compiled), executive=robot, within=LONGEST)
     ended = run.failure or run.error
     failure = "" if ended is None else f"{type(ended).__name__}: {str(ended).partition(chr(10))[0]}"
@@ -91,7 +91,7 @@ def _made_up(parameter: Parameter) -> object:
 class _Robot(ScriptedExecutive):
     """A scripted robot that notes which actions it begins too early."""
 
-    def __init__(self, script: Script, vocabulary: Vocabulary) -> None:
+    def __init__(self, script: Script, vocabulary: ActionVocabulary) -> None:
         super().__init__(script, vocabulary)
         self._declared = vocabulary.declared
         self._holding: list[Condition] = []

@@ -20,7 +20,7 @@ from planlang.roles import meant_role
 from planlang.runs.codec import dump, load
 from planlang.testing.faults import made
 from planlang.testing.script import Belief, Rule, Script
-from planlang.testing.vocabulary import Vocabulary, bundled_vocabulary
+from planlang.testing.vocabulary import ActionVocabulary, bundled_vocabulary
 
 
 @dataclass(eq=False)
@@ -69,7 +69,7 @@ class ScriptedExecutive:
     It performs what has a primitive in the ontology, and what the script names besides.
     """
 
-    def __init__(self, script: Script, vocabulary: Vocabulary | None = None) -> None:
+    def __init__(self, script: Script, vocabulary: ActionVocabulary | None = None) -> None:
         self.script = script
         self.vocabulary = vocabulary or bundled_vocabulary()
         self.belief: Belief = script.belief()

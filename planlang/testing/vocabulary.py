@@ -20,7 +20,7 @@ _OF_THE_HAND = ("in_center_of", "in_front_of")
 
 
 @dataclass(frozen=True, slots=True)
-class Change:
+class ActionChange:
     """What actions of some classes change. Properties of patterns are roles (``object_acted_on``)."""
 
     brought: tuple[tuple[Pattern, tuple[str, ...]], ...]
@@ -30,7 +30,7 @@ class Change:
     """What devices are afterwards: "on", "off"."""
 
 
-class Vocabulary:
+class ActionVocabulary:
     """The classes of actions of an ontology."""
 
     def __init__(self, ontology: Ontology) -> None:
@@ -40,7 +40,7 @@ class Vocabulary:
         self._letting_go = frozenset(map(shorten, self.declared.ending("holding")))
         self._facts = frozenset(goal.predicate for goal in self.declared.goals.values()) - {"holding"}
         """Predicates that the belief has no other place for."""
-        self._changes: dict[tuple[str, ...], Change] = {}
+        self._changes: dict[tuple[str, ...], ActionChange] = {}
 
     def modules(self) -> dict[str, tuple[str, ...]]:
         """Return the names of process modules, each with the classes of actions that it performs."""
@@ -97,12 +97,12 @@ class Vocabulary:
             case Pattern(predicate=predicate) if predicate in self._facts:
                 belief.facts |= {f"{predicate}({what})": True for what in _things(action, pattern)}
 
-    def _change(self, classes: tuple[str, ...]) -> Change:
+    def _change(self, classes: tuple[str, ...]) -> ActionChange:
         if classes not in self._changes:
             iris = tuple(dict.fromkeys(map(expand, classes)))
             effects = [one for cls in iris for one in self.declared.effects.get(cls, ())]
             states = map(state_word, effects_of(self.ontology, iris[0], iris).states)
-            self._changes[classes] = Change(
+            self._changes[classes] = ActionChange(
                 tuple((_of_roles(pattern), tuple(one.predicate for one in given)) for pattern, given in effects),
                 tuple(_of_roles(pattern) for cls in iris for pattern in self.declared.ends.get(cls, ())),
                 next((state for state in states if state in ("on", "off")), None),
@@ -146,6 +146,6 @@ def _place(filler: object, what: str) -> str | None:
 
 
 @cache
-def bundled_vocabulary() -> Vocabulary:
+def bundled_vocabulary() -> ActionVocabulary:
     """Return the vocabulary that comes with planlang."""
-    return Vocabulary(load(bundled("ontologies") / "primitives.omn"))
+    return ActionVocabulary(load(bundled("ontologies") / "primitives.omn"))
