@@ -13,7 +13,7 @@ from executive.maps.hollow import room_behind
 from planlang.designators import Object
 from planlang.failures import LocationUnresolvable, ObjectUnresolvable
 from planlang.geometry import Array, Pose
-from planlang.ontology import expand, shorten
+from planlang.ontology import shorten
 from planlang.protocols import Touch
 from planlang.records import dataclass
 from sim import Body, ComfortZone, PlanningWorld
@@ -417,8 +417,7 @@ class BelievedBodies:
         return [self._door(thing.name, name) for thing in things if thing.name in self._belief.names()]
 
     def _is_door(self, types: Sequence[str]) -> bool:
-        ontology = self._belief.map.ontology
-        return any(ontology.is_a(one, expand(cls)) for one in types for cls in ("Door", "DoorwayCovering"))
+        return self._belief.map.ontology.any_is_a(types, ("Door", "DoorwayCovering"))
 
     def _door(self, name: str, owner: str) -> Door:
         """Return a closed leaf: at its hinge, else at the edge nearer to a side of its owner, else at its left edge."""

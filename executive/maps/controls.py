@@ -15,7 +15,6 @@ from executive.maps.articulation import DEVICES
 from executive.maps.semantic_map import MapObject, SemanticMap
 from planlang.effects import number_of_class
 from planlang.geometry.matrices import rotated
-from planlang.ontology import expand
 from sim import Body
 from sim.controls import Control
 from sim.joints import Articulation
@@ -37,11 +36,11 @@ def controls_of(
     leaves = {joint.leaf for joint in joints}
     moving = {name for joint in joints for name in joint.parts}
     found: dict[str, list[Control]] = {
-        thing.iri: [] for thing in semantic_map.objects if thing.iri in by_iri and _is_a(thing, semantic_map, DEVICES)
+        thing.iri: [] for thing in semantic_map.objects if thing.iri in by_iri and semantic_map.is_a(thing, *DEVICES)
     }
     for thing in semantic_map.objects:
         body = by_iri.get(thing.iri)
-        if body is None or body.name in moving or not _is_a(thing, semantic_map, CONTROLS):
+        if body is None or body.name in moving or not semantic_map.is_a(thing, *CONTROLS):
             continue
         device = next((one.iri for one in _around(thing, semantic_map) if one.iri in found), None)
         if device is not None:
@@ -78,7 +77,3 @@ def _around(thing: MapObject, semantic_map: SemanticMap) -> Iterator[MapObject]:
         seen.add(holder.iri)
         yield holder
         thing = holder
-
-
-def _is_a(thing: MapObject, semantic_map: SemanticMap, classes: Iterable[str]) -> bool:
-    return any(semantic_map.ontology.is_a(cls, expand(name)) for cls in thing.types for name in classes)

@@ -17,6 +17,7 @@ from executive.belief.scene_collisions import BasePose
 from executive.locations import HandSolution, Reach, ReachKind, Resolver
 from executive.locations.demands import asks_for
 from executive.locations.grasp_candidates import HandPoses
+from executive.locations.likely_places import Searches
 from executive.modules.carrying import is_near, upright_postures
 from executive.modules.commanding import Control, Hands, Sensing
 from executive.modules.drive import Drive
@@ -37,7 +38,6 @@ from planlang.records import dataclass
 from planlang.relations import Sense
 
 if TYPE_CHECKING:
-    from executive.locations.likely_places import Searches
     from executive.locations.next_view import Exploration
 
 ALONE = ""
@@ -371,8 +371,6 @@ class Platform(Control):
     @property
     def searches(self) -> Searches:
         """The searches of this run."""
-        from executive.locations.likely_places import Searches  # most runs look for nothing in several places
-
         if self._searches is None:
             self._searches = Searches(self.scene, self.drive.seconds)
         return self._searches

@@ -128,22 +128,18 @@ def _compositions(ontology: Ontology, robot: str) -> Iterator[Composition]:
                 subjects[triple.subject] = None
     for iri in subjects:
         bases, tools = (
-            _links(ontology, iri, "srdl2-comp:baseLinkOfComposition"),
-            _links(ontology, iri, "srdl2-comp:toolFrame"),
+            ontology.iris(iri, "srdl2-comp:baseLinkOfComposition"),
+            ontology.iris(iri, "srdl2-comp:toolFrame"),
         )
         yield Composition(
             iri,
             ontology.types(iri),
             bases[0] if bases else None,
-            _links(ontology, iri, "srdl2-comp:endLinkOfComposition"),
+            ontology.iris(iri, "srdl2-comp:endLinkOfComposition"),
             tools[0] if tools else None,
             ontology.label(iri),
             ontology.span(iri),
         )
-
-
-def _links(ontology: Ontology, iri: str, prop: str) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(v for v in ontology.values(iri, expand(prop)) if isinstance(v, str)))
 
 
 def _closure(ontology: Ontology, robot: str) -> tuple[str, ...]:
@@ -153,7 +149,7 @@ def _closure(ontology: Ontology, robot: str) -> tuple[str, ...]:
     while queue:
         iri = queue.pop(0)
         for name in ("srdl2-comp:subComponent", "srdl2-comp:succeedingLink", "srdl2-comp:succeedingJoint"):
-            for part in _links(ontology, iri, name):
+            for part in ontology.iris(iri, name):
                 if part not in found:
                     found[part] = None
                     queue.append(part)

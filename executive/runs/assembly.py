@@ -32,6 +32,7 @@ from executive.robots.arms import arm_models, gaze_of
 from executive.runs.final_state import Tilts
 from executive.runs.in_hands import InHand
 from planlang.action_classes import ancestors_of
+from planlang.action_conditions import declared
 from planlang.designators import Action, Condition, Device, FixedPose, Location, Object, a_posture, action
 from planlang.diagnostics import BadInput, Span, error
 from planlang.failures import LocationUnresolvable, ObjectNotFound, ObjectUnresolvable
@@ -140,16 +141,15 @@ def platform_of(
         planning_scene,
         Resolver(planning_scene, say),
         lambda cls: ancestors_of(cls, vocabulary),
-        performed_with(ontology, "releases"),
+        frozenset(map(shorten, declared(ontology).ending("holding"))),
         np.random.default_rng(seed),
     )
 
 
-def performed_with(ontology: Ontology, word: str) -> frozenset[str]:
-    """Return the action classes whose primitive says something by a property, such as that it releases a filler."""
-    primitives = [iri for iri in ontology.individuals(expand("Primitive")) if ontology.values(iri, expand(word))]
-    performed = (cls for iri in primitives for cls in ontology.values(iri, expand("performsAction")))
-    return frozenset(shorten(cls) for cls in performed if isinstance(cls, str))
+def _finding(ontology: Ontology) -> frozenset[str]:
+    """Return the action classes that look for things: it need not be known before where these are."""
+    primitives = [iri for iri in ontology.individuals("Primitive") if ontology.values(iri, "finds")]
+    return frozenset(shorten(cls) for iri in primitives for cls in ontology.iris(iri, "performsAction"))
 
 
 class RobotExecutive:
@@ -161,7 +161,7 @@ class RobotExecutive:
         self.tilts = Tilts(platform.leaning)
         """The largest tilts of what was carried, which are measured where the true world is watched."""
         self._effects = ActionEffects(platform)
-        self.finding = performed_with(platform.belief.map.ontology, "finds")
+        self.finding = _finding(platform.belief.map.ontology)
         """Action classes that look for things."""
         self.modules: Sequence[ProcessModule] = tuple(
             ModuleWithEffects(LookingFirst(ModuleOnce(create(platform)), platform, self.finding), self._effects)
@@ -288,7 +288,7 @@ class RobotExecutive:
         return tuple(self.platform.belief.held)
 
     def releases(self, action: Action) -> bool:
-        """Return whether the action lets go of something, by the vocabulary's primitives."""
+        """Return whether the action lets go of something, by the effects that the vocabulary declares."""
         return any(cls in self.platform.releasing for cls in self.ancestors(action.type))
 
     def snapshot(self) -> dict[str, Any]:

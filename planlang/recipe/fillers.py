@@ -64,13 +64,12 @@ def kind_of(ontology: Ontology, cls: str) -> Kind:
 
 def is_device(ontology: Ontology, cls: str) -> bool:
     """Return True for classes of robot parts that can be used to do something, such as grippers and arms."""
-    return any(ontology.is_a(cls, expand(name)) for name in ("HolderGripper", "RobotPart", "ComponentComposition"))
+    return ontology.any_is_a((cls,), ("HolderGripper", "RobotPart", "ComponentComposition"))
 
 
 def is_place(ontology: Ontology, iri: str) -> bool:
     """Return True for a location designator, written as an individual or as a class."""
-    is_point = any(ontology.is_a(iri, expand(place)) for place in PLACES)
-    return is_point or _is_just_a_place(ontology, iri) or _pose(ontology, iri) is not None
+    return ontology.any_is_a((iri,), PLACES) or _is_just_a_place(ontology, iri) or _pose(ontology, iri) is not None
 
 
 def _is_just_a_place(ontology: Ontology, iri: str) -> bool:
@@ -139,7 +138,7 @@ def is_vocabulary_class(cls: str) -> bool:
 
 def takes_things(ontology: Ontology, property_name: str) -> bool:
     """Return True for a property whose range is one of localised things."""
-    ranges = (range_ for range_ in ontology.values(property_name, RDFS.range) if isinstance(range_, str))
+    ranges = ontology.iris(property_name, RDFS.range)
     return any(is_localised(ontology, cls) for cls in ranges)
 
 
@@ -152,7 +151,7 @@ def takes_numbers(ontology: Ontology, property_name: str) -> bool:
     key = ("takes numbers", property_name)
     if key not in ontology.kept:
         above = ontology.superproperties(property_name)
-        ranges = [range_ for one in above for range_ in ontology.values(one, RDFS.range) if isinstance(range_, str)]
+        ranges = [range_ for one in above for range_ in ontology.iris(one, RDFS.range)]
         is_ranged = any(range_.startswith(XSD) and range_.removeprefix(XSD) in NUMERIC for range_ in ranges)
         ontology.kept[key] = is_ranged or any(
             dimension_of(local_name(one)) is not None and not _is_declared_otherwise(ontology, one) for one in above

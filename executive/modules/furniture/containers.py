@@ -14,6 +14,7 @@ import numpy as np
 
 from executive.locations.taking_out import way_out
 from executive.modules.arm.hand_work import HandWork
+from executive.modules.furniture import leaf_failures, leaf_paths
 from executive.modules.tries import Tries
 from executive.motion import time_curve, time_path
 from executive.robots.arms import ArmModel
@@ -103,8 +104,6 @@ class LeafWork(HandWork):
 
         ``wanted``: the value up to which it is to go, if not until it counts as open or closed.
         """
-        from executive.modules.furniture import leaf_failures, leaf_paths  # most runs open nothing
-
         arms = self.free_hands()
         if joint.handle is None or not arms:
             missing = f"{joint.leaf} has no handle, which is a part of it (properPhysicalParts) of the class Handle"

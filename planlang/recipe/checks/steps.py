@@ -56,9 +56,7 @@ def undefined_sub_actions(checked: CheckedRecipe) -> Iterator[Diagnostic]:
 
 def _is_action(checked: CheckedRecipe, iri: str) -> bool:
     ontology = checked.ontology
-    return any(ontology.is_a(iri, expand(name)) for name in ("Action", "Event")) or (
-        checked.actions.statements(iri) is not None
-    )
+    return ontology.any_is_a((iri,), ("Action", "Event")) or checked.actions.statements(iri) is not None
 
 
 @check("R024")
