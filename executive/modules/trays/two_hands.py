@@ -19,6 +19,7 @@ from executive.belief.scene_collisions import BasePose
 from executive.modules.arm.hand_work import HandWork
 from executive.modules.stances import stances
 from executive.modules.trays.pair_paths import LIFT, PairGrasp, PairPaths
+from executive.modules.tries import Tries
 from executive.motion import MotionError
 from executive.robots.arm_pair import ArmPair
 from planlang import checkpoint
@@ -226,18 +227,14 @@ class TwoHands(HandWork):
     async def _arms_to(self, paths: PairPaths, q: Array, name: str) -> None:
         """Bring the arms, one after the other, to joint values (n,); one may have to make room for the other."""
         waiting = list(zip(paths.pair.arms, paths.pair.group.columns, strict=True))
-        problem: ManipulationPoseUnreachable | None = None
+        tries = Tries(ManipulationPoseUnreachable)
         for _ in range(len(waiting)):
             for arm, columns in tuple(waiting):
-                try:
-                    trajectory = self.planned(arm, q[columns], None)
-                except ManipulationPoseUnreachable as failure:
-                    problem = failure
-                    continue
-                await self.follow(arm, trajectory, name)
-                waiting = [one for one in waiting if one[0] is not arm]
-        if waiting and problem is not None:
-            raise problem
+                with tries:
+                    await self.follow_to_end(arm.name, self.planned(arm, q[columns], None), name)
+                    waiting = [one for one in waiting if one[0] is not arm]
+        if waiting and tries.problem is not None:
+            raise tries.problem
 
     async def _go(self, paths: PairPaths, rows: Array, name: str, *, held: bool = False) -> None:
         """Move both arms on a way (k, n)."""
@@ -276,15 +273,13 @@ class TwoHands(HandWork):
         if not isinstance(where, (Object, Location)):
             raise ActionUnresolvable("it needs to_location", designator=str(action))
         location, tried = resting_on(where), list[BasePose]()
-        problem: ManipulationFailure | NavigationFailure | None = None
+        tries = Tries(ManipulationPoseUnreachable, NavigationFailure)
         for number in range(PLACES + 1):
             spots = self._spots(what, location)
             if self._is_near(np.array(spots[0].position)):
-                try:
+                with tries:
                     if await self._lowered(paths, name, spots, lowers=lowers):
                         return
-                except ManipulationPoseUnreachable as failure:
-                    problem = problem or failure
             await self._rise(paths, name, max(spot.position[2] for spot in spots))
             if number == PLACES:
                 break
@@ -292,27 +287,23 @@ class TwoHands(HandWork):
             if place is None:
                 break
             tried.append(place.base)
-            try:
+            with tries:
                 await self.drive(place.base)
-            except NavigationFailure as failure:
-                problem = problem or failure
             await self._look_at_support(place.pose)
-        raise self._nowhere(name, [paths], "put down") from problem
+        raise self._nowhere(name, [paths], "put down") from tries.problem
 
     async def _lowered(self, paths: PairPaths, name: str, spots: Sequence[Pose], *, lowers: bool) -> bool:
         """Lower what is held from where the base is; False without a way, a failure if none that there is was gone."""
-        problem, tried, here = None, 0, partial(_only, self.platform.base())
+        tries, tried, here = Tries(ManipulationPoseUnreachable), 0, partial(_only, self.platform.base())
         async for place in _found(paths.places(name, spots, here)):
-            try:
+            with tries:
                 if lowers:
                     await self._go(paths, place.lower, name, held=True)
                 return True
-            except ManipulationPoseUnreachable as failure:
-                problem = problem or failure
             if (tried := tried + 1) == WAYS:
                 break
-        if problem is not None:
-            raise problem
+        if tries.problem is not None:
+            raise tries.problem
         return False
 
     def _before(self, paths: PairPaths, name: str, tried: Sequence[BasePose], pose: Pose) -> Iterator[BasePose]:
