@@ -6,11 +6,12 @@ import math
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
-from itertools import product
+from itertools import chain
 
 import numpy as np
 
 from executive.belief.scene_collisions import BasePose
+from executive.locations.base_poses import BasePoses
 from executive.modules.commanding import Control
 from executive.motion import Grid, MotionError, NoPath, clearance_at, clearance_field, plan_base_path, time_path
 from executive.motion.drivable import SPARE, free_poses
@@ -27,8 +28,6 @@ ROOMY = 0.01
 """A pose with this much room around the robot's outline, taken for round, touches nothing and is not checked [m]."""
 BACK_OFF = (0.1, 0.2, 0.3, 0.45, 0.6)
 """Distances at which room for the carrying posture is looked for [m]; the base is to stay near its work."""
-AWAY = tuple(share * math.pi for share in (1.0, 0.75, -0.75, 0.5, -0.5, 0.25, -0.25, 0.0))
-"""Directions in which the base backs off, relative to its heading [rad]: straight back first; arms work at any side."""
 LEVEL = 0.5
 """Level share of the direction of a hand from which on that is a heading."""
 STRIDE, HAIR = 0.025, 1e-6
@@ -107,27 +106,16 @@ class Drive:
         It is at least so far from here [m]. Poses to which the robot can go straight, as its arms are now, come first,
         and those opposite of where the first arm's hand shows: it gets out of a cabinet, and off a handle, as it came.
         """
-        x, y, yaw = self._control.base()
-        contacts = self._control.scene.collisions.contacts
-        work = self._heading(postures[0][0]) if postures else yaw
-        around = [] if self._control.robot.base.fixed else product(BACK_OFF, AWAY)
-        bent, free = None, dict.fromkeys(AWAY, 0.0)
-
-        def at(step: float, turn: float) -> BasePose:
-            return (x + step * math.cos(work + turn), y + step * math.sin(work + turn), yaw)
-
-        def is_straight(step: float, turn: float) -> bool:
-            while free[turn] < step and not contacts(at(free[turn] + STRIDE, turn)):
-                free[turn] += STRIDE
-            return free[turn] >= step
-
-        for step, turn in [(0.0, math.pi), *around]:
-            pose = at(step, turn)
-            if step < least or (step and contacts(pose)):
+        here, contacts, bent = self._control.base(), self._control.scene.collisions.contacts, None
+        poses = BasePoses(self._control.scene)
+        work = self._heading(postures[0][0]) if postures else here[2]
+        around = () if self._control.robot.base.fixed else poses.beside(work, BACK_OFF)
+        for pose in chain((here,), around):
+            if math.dist(pose[:2], here[:2]) < least - HAIR or (pose != here and not poses.has_room(pose)):
                 continue
             if any(contacts(pose, arm, posture) for arm, posture in postures):
                 continue
-            if is_straight(step - HAIR, turn):
+            if all(map(poses.has_room, poses.between(here, pose, STRIDE))):
                 return pose
             bent = bent or pose
         return bent

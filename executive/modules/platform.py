@@ -15,6 +15,7 @@ import numpy as np
 
 from executive.belief.scene_collisions import BasePose
 from executive.locations import HandSolution, Reach, ReachKind, Resolver
+from executive.locations.base_poses import BasePoses
 from executive.locations.demands import asks_for
 from executive.locations.grasp_candidates import HandPoses
 from executive.modules.carrying import is_near, upright_postures
@@ -376,6 +377,11 @@ class Platform(Control):
         if self._searches is None:
             self._searches = Searches(self.scene, self.drive.seconds)
         return self._searches
+
+    def base_poses(self) -> BasePoses:
+        """Return the base poses in the believed world as it is now."""
+        self.sync()
+        return BasePoses(self.scene)
 
     @property
     def exploration(self) -> Exploration:

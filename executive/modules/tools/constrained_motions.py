@@ -19,7 +19,6 @@ from executive.belief.scene_collisions import BasePose
 from executive.modules.arm.hand_work import HandWork
 from executive.modules.phases import Phase
 from executive.modules.platform import PlatformModule
-from executive.modules.stances import is_at_ease, stances
 from executive.modules.tools.motion_failures import out_of_reach
 from executive.modules.tools.motion_grounding import UP, GroundedMotion, Grounding
 from executive.modules.tools.pouring import Pouring
@@ -99,7 +98,7 @@ class ConstrainedWork(PlatformModule):
         now = self.platform.base()
         here = phase.before or not self._is_mobile()
         if here or (
-            is_at_ease(self.platform, _middle(motion), motion.arms)
+            self.platform.base_poses().is_at_ease(_middle(motion), motion.arms)
             and await compute_in_thread(partial(self._end, grounding, motion, now)) is not None
         ):
             with tries:
@@ -214,7 +213,7 @@ class ConstrainedWork(PlatformModule):
 
     def _places(self, motion: GroundedMotion) -> Iterator[BasePose]:
         """Yield free places of the base before what the constraints are about, near ones first."""
-        return stances(self.platform, _middle(motion), motion.arms, arms_first=True)
+        return self.platform.base_poses().before(_middle(motion), motion.arms, arms_first=True)
 
     def _end(self, grounding: Grounding, motion: GroundedMotion, base: BasePose) -> Array | None:
         """Return joint values (n,) at which constraints hold, from a base, and nothing is touched; None without.
