@@ -204,12 +204,6 @@ class BasePoses:
             for turn in AWAY:
                 yield x + away * math.cos(heading + turn), y + away * math.sin(heading + turn), yaw
 
-    @staticmethod
-    def between(start: BasePose, end: BasePose, spacing: float) -> list[BasePose]:
-        """Return base poses on the straight way from one to another, at most so far apart [m]; neither of the two."""
-        count = math.ceil(math.dist(start[:2], end[:2]) / spacing - HAIR)
-        return [(x, y, yaw) for x, y, yaw in np.linspace(start, end, count + 1)[1:-1].tolist()]
-
 
 def floor_near(block: Block, floor: Floor) -> Array:
     """Return places (n, 2) about a body where the base somehow has room to stand, whether or not it gets there."""

@@ -14,6 +14,7 @@ from executive.belief.scene_collisions import BasePose
 from executive.locations.base_poses import BasePoses
 from executive.modules.commanding import Control
 from executive.motion import Grid, MotionError, NoPath, clearance_at, clearance_field, plan_base_path, time_path
+from executive.motion.base_path import poses_along
 from executive.motion.drivable import SPARE, free_poses
 from executive.motion.tight_path import plan_tight_path
 from executive.robots.arms import ArmModel
@@ -76,22 +77,27 @@ class Drive:
 
     def _timed(self, goal: BasePose, plan: Callable[[float], Array]) -> Trajectory:
         """Return a path, planned with checks at a distance [m], with times: it touches nothing between them either."""
-        control, scene, limits = self._control, self._control.scene, self._control.robot.base
+        control, scene = self._control, self._control.scene
         obstacles, silhouette = scene.collisions.obstacles(), scene.collisions.silhouette()
         for factor in FINER:
-            trajectory = time_path(
-                ("x", "y", "yaw"),
-                plan(CHECKS * factor),
-                velocity=(limits.speed, limits.speed, limits.turn_speed),
-                acceleration=(limits.acceleration, limits.acceleration, limits.turn_acceleration),
-                jerk=limits.jerk,
-                rate=control.world.rate,
-            )
+            trajectory = self.timed(plan(CHECKS * factor))
             rows = trajectory.positions[1:]
             doubtful = rows[clearance_at(rows[:, :2], obstacles, silhouette) < ROOMY]
             if not any(self._touching(*row) for row in doubtful.tolist()):
                 return trajectory
         raise NoPath(control.base(), goal, {"finer checks": len(FINER)})
+
+    def timed(self, poses: Array) -> Trajectory:
+        """Return a path of the base (n, 3) with times, within its limits of speed, acceleration and jerk."""
+        limits = self._control.robot.base
+        return time_path(
+            ("x", "y", "yaw"),
+            poses,
+            velocity=(limits.speed, limits.speed, limits.turn_speed),
+            acceleration=(limits.acceleration, limits.acceleration, limits.turn_acceleration),
+            jerk=limits.jerk,
+            rate=self._control.world.rate,
+        )
 
     def seconds(self, goal: BasePose) -> float | None:
         """Return the time to drive to a base pose [s], None if no path is found."""
@@ -115,7 +121,7 @@ class Drive:
                 continue
             if any(contacts(pose, arm, posture) for arm, posture in postures):
                 continue
-            if all(map(poses.has_room, poses.between(here, pose, STRIDE))):
+            if all(map(poses.has_room, poses_along(np.array([here, pose]), STRIDE + HAIR))):
                 return pose
             bent = bent or pose
         return bent

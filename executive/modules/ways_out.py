@@ -14,7 +14,6 @@ import numpy as np
 
 from executive.locations.base_poses import BasePoses
 from executive.modules.platform import Platform
-from executive.motion import time_path
 from executive.robots.arms import ArmModel
 from planlang.geometry import Array
 from planlang.protocols import Contact, Trajectory
@@ -56,8 +55,8 @@ def way_out_of_arm(platform: Platform, arm: ArmModel, touches: str | None) -> Tr
 
 def way_out_of_base(platform: Platform) -> Trajectory | None:
     """Return a short motion by which the base gets out of what the robot is in; None as for an arm."""
-    start, limits, poses = np.array(platform.base()), platform.robot.base, BasePoses(platform.scene)
-    if limits.fixed:
+    start, poses = np.array(platform.base()), BasePoses(platform.scene)
+    if platform.robot.base.fixed:
         return None
 
     def contacts(pose: Array) -> tuple[Contact, ...]:
@@ -66,16 +65,7 @@ def way_out_of_base(platform: Platform) -> Trajectory | None:
 
     ends = map(np.array, poses.beside(float(start[2]), DISTANCES))
     end = _first_free(start, ends, contacts, lambda a, b: int(np.ceil(math.dist(a[:2], b[:2]) / CHECKS)))
-    if end is None:
-        return None
-    return time_path(
-        ("x", "y", "yaw"),
-        np.stack([start, end]),
-        velocity=(limits.speed, limits.speed, limits.turn_speed),
-        acceleration=(limits.acceleration, limits.acceleration, limits.turn_acceleration),
-        jerk=limits.jerk,
-        rate=platform.world.rate,
-    )
+    return None if end is None else platform.drive.timed(np.stack([start, end]))
 
 
 def _first_free(

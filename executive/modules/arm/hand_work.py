@@ -67,12 +67,10 @@ class HandWork(PlatformModule):
         platform = self.platform
         tip = platform.scene.arms.tip(arm)
         back = rotated(tip[:3, :3] @ poses[0][:3, :3].T, poses[0][:3, 3] - poses[1][:3, 3])
-        for share in SHARES:
-            away = tip.copy()
-            away[:3, 3] += share * back
-            with suppress(ManipulationPoseUnreachable, ManipulationGoalInCollision):
-                await self.straight(arm, away, platform.arm_joints(arm), what)
-                break
+        path = platform.arms.drawn(arm, (share * back for share in SHARES), what)
+        with suppress(ManipulationGoalInCollision):
+            if path is not None:
+                await self.follow_to_end(arm.name, path, what)
         room = platform.drive.room_for(platform.arms.untucked(), least=BACK)
         if room is not None:
             with suppress(NavigationFailure):
