@@ -182,6 +182,7 @@ class BasePoses:
         spans = (np.arange(low - far, high + far, GRID) for low, high in zip(every.min(0), every.max(0), strict=True))
         turns = np.linspace(-np.pi, np.pi, TURNS, endpoint=False)
         bases = np.stack(np.meshgrid(*spans, turns), axis=-1).reshape(-1, 3)
+        bases = bases[self._driven_to(bases)]  # takes less than room, of which there are many to look at here
         bases = bases[self.free(bases)]
         c, s = np.cos(bases[:, 2:]), np.sin(bases[:, 2:])
         shoulders = bases[:, :2] + c * shoulder + s * [-shoulder[1], shoulder[0]]
