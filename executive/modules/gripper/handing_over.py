@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
-
-import numpy as np
-
 from executive.modules.platform import PlatformModule
-from executive.motion import MotionError
 from executive.robots.arms import ArmModel
 from planlang.designators import (
     Action,
@@ -22,7 +17,6 @@ from planlang.failures import (
     HandoverNotTaken,
     ObjectLost,
 )
-from planlang.geometry.matrices import rotated
 from planlang.language.process_module import process_module
 
 DRAWN_BACK = (0.12, 0.06)
@@ -68,15 +62,9 @@ class Handover(PlatformModule):
 
     async def _draw_back(self, arm: ArmModel, name: str) -> None:
         """Take the hand straight back from what the person has now, as far as there is room: an arm turns off there."""
-        platform, tip = self.platform, self.platform.scene.arms.tip(arm)
-        back = -rotated(tip[:3, :3], np.asarray(arm.frame.approach))
-        for far in DRAWN_BACK:
-            pose = tip.copy()
-            pose[:3, 3] += far * back
-            with suppress(MotionError):
-                path = platform.arms.straight_path(arm, pose, platform.arm_joints(arm), name)
-                await platform.sensing.bump(await platform.follow(arm.name, path))
-                return
+        path = self.platform.arms.drawn(arm, (far * self.back_of(arm) for far in DRAWN_BACK), name)
+        if path is not None:
+            await self.platform.sensing.bump(await self.platform.follow(arm.name, path))
 
     def _arm(self, action: Action) -> list[ArmModel]:
         platform = self.platform
