@@ -9,7 +9,7 @@ from planlang.geometry import Pose
 from planlang.protocols import Configuration
 from sim import Body, PyBulletWorld
 from sim.people import arm_parts, figure_of, reach_from
-from sim.world import at_rest_on, held_by
+from sim.truth import at_rest_on, held_by
 from tests.sim.conftest import MakeWorld, grasp, play
 
 OPEN = {"finger1_joint_right": 0.4, "finger2_joint_right": -0.4}

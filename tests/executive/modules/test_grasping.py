@@ -28,7 +28,7 @@ from planlang.failures import (
 from planlang.geometry import Array, Pose
 from planlang.protocols import Detection, Trajectory
 from sim import Body, PyBulletWorld
-from sim.world import at_rest_on, held_by
+from sim.truth import at_rest_on, held_by
 from tests.executive.conftest import BED, BOTTLE, CABINET, THE_BOTTLE, MakeStage, Stage, hold_bottle, stand
 from tests.support.examples import some
 
