@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
@@ -38,7 +37,7 @@ from planlang.failures import (
 from planlang.geometry import Array, Pose, matrices
 from planlang.protocols import Motion, MotionState, RobotInterface, Touch, Trajectory
 from planlang.records import dataclass
-from sim.falling import GRAVITY
+from sim.falling import falling_time
 
 T = TypeVar("T")
 
@@ -268,7 +267,7 @@ class Hands:
         control = self._control
         place = control.below(name)
         fall = control.scene.world.pose(name).position[2] - place.position[2]
-        self._at_rest[name] = now() + math.sqrt(2 * max(fall, 0.0) / GRAVITY)
+        self._at_rest[name] = now() + falling_time(fall)
         for hand in control.belief.held[name].hands:
             control.world.loosen(hand.link)
         control.belief.released(name, place, to=to)
