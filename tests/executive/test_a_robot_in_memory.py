@@ -141,11 +141,6 @@ class MemoryRobot:
         return link == self.holding and self.link_pose(link).distance(self.patient) < PULLS
 
 
-def _touch(there: Pose, across: Array, link: str, side: float) -> Touch:
-    (x, y, z), (nx, ny, nz) = (there.position + side * 0.03 * across).tolist(), (side * across).tolist()
-    return Touch(link, (x, y, z), (nx, ny, nz))
-
-
 @pytest.fixture
 def stack() -> Iterator[ExitStack]:
     """Ends the believed world."""

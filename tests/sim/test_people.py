@@ -29,6 +29,7 @@ def _steps_until_taken(world: PyBulletWorld, most: int) -> int | None:
     for k in range(most):
         world.step()
         if world.taken("bottle"):
+            assert world.pulled("grippoint_right")
             return k + 1
     return None
 
@@ -108,6 +109,7 @@ def test_robot_that_withdraws_the_object_has_it_again(offering: PyBulletWorld) -
     _steps_until_taken(offering, 150)
     play(offering, "base", {"y": -0.8})
     assert offering.taken("bottle") is None
+    assert not offering.pulled("grippoint_right")
     assert held_by(offering, "bottle") == "robot"
 
 
