@@ -134,7 +134,10 @@ class RobotInterface(Protocol):
         """Press the closed fingers of the hand at a link on what is between them: what can move goes with the hand."""
 
     def loosen(self, link: str) -> None:
-        """Take the force off the fingers of the hand at a link: they hold nothing any more. They open by a motion."""
+        """Take the force off the fingers of the hand at a link: they hold nothing any more. They open by a motion.
+
+        Fingers that open without it hold nothing either, once they are off what they held.
+        """
 
     def feels(self, link: str) -> bool:
         """Return whether something still keeps the fingers apart that grip; False if they do not grip."""

@@ -206,6 +206,7 @@ class PyBulletWorld(KinematicScene):
             self._here()
             self._contacts.part()
             self._slip(self._robot)
+            self._open(self._robot, moving)
         self._people.step({name: self._bodies.poses[name] for name, held in self._held.items() if held.on is None})
         self._falling.step()
         self._controls.turned(self._leaves.values, self._leaves.joints)
@@ -253,6 +254,15 @@ class PyBulletWorld(KinematicScene):
                 if strayed or not self._contacts.pinches(link, name):
                     self.release(name)
                     break
+
+    def _open(self, robot: Robot, moving: Sequence[Playback]) -> None:
+        """Let hands hold nothing any more the fingers of which have moved off it."""
+        fingers = [one.query.links for playback in moving for one in playback.strands if one.query.grip]
+        moved = frozenset[int]().union(*(links for links in fingers if links is not None))
+        holding = (*self.led().values(), *(link for name in self._held for link in self.holders(name)))
+        for link in dict.fromkeys(holding) if moved else ():
+            if moved & robot.hand_of(link) and not self._contacts.between(link):
+                self.loosen(link)
 
     def start(self, group: str, trajectory: Trajectory, *, pushes: str | None = None) -> None:
         """Begin a motion. A joint obeys the newest motion: another group that moves one of these joints is halted.

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from planlang.geometry import Pose
 from planlang.protocols import Configuration
 from sim import Body
+from sim.truth import at_rest_on
 from tests.sim.conftest import CLOSED, GRASPING, ROOM, AskableWorld, MakeWorld, grasp, play
 
 RIGHT, LEFT = "grippoint_right", "grippoint_left"
@@ -28,6 +30,16 @@ def test_a_hand_grips_what_is_between_its_closed_fingers_and_feels_it_until_it_i
     world.loosen(RIGHT)
     assert not world.feels(RIGHT)
     assert world.falling("bottle")
+
+
+def test_fingers_that_open_hold_what_they_are_on_until_they_are_off_it(world: AskableWorld) -> None:
+    grasp(world)
+    now = world.configuration().joints
+    play(world, "right_gripper", {name: now[name] + 0.01 * np.sign(value) for name, value in OPEN.items()})
+    assert world.feels(RIGHT)
+    play(world, "right_gripper", OPEN)
+    assert not world.feels(RIGHT)
+    assert at_rest_on(world, "bottle") == "cabinet"
 
 
 def test_open_fingers_grip_nothing(world: AskableWorld) -> None:

@@ -49,7 +49,6 @@ def test_released_after_taking_it_stays_in_the_persons_hand(offering: PyBulletWo
     _steps_until_taken(offering, 150)
     place = offering.pose("bottle")
     assert play(offering, "right_gripper", OPEN) is None
-    offering.release("bottle")
     assert play(offering, "base", {"y": -0.8}) is None
     assert held_by(offering, "bottle") == "patient"
     assert offering.pose("bottle").distance(place) < 1e-5
