@@ -45,8 +45,8 @@ PARTED = 0.003
 SKIN = 0.01
 """Distance up to which a link feels what is at it [m]: that soft, or that far from the last step, is its skin."""
 
-AT_IT, OPPOSITE = 0.005, -0.5
-"""Distance within which a finger is at what it holds [m], and the cosine between normals of opposite sides, at most."""
+OPPOSITE = -0.5
+"""Cosine between the normals of opposite sides, at most."""
 
 FOLD = 0.05
 """Distance up to which two fingers on something soft have a fold of it between them [m]."""
@@ -308,13 +308,6 @@ class Contacts:
                 found.append((self.bodies.pieces[index].body, self._touch(number, [index], SKIN)))
         felt = [(name, touch) for name, touch in found if touch is not None]
         return [*felt, *self._folds(felt)]
-
-    def pinches(self, link: str, name: str) -> bool:
-        """Return whether a body is between two links of the hand at a link: both are at it, on opposite sides."""
-        pieces = self.bodies.of[name]
-        felt = [self._touch(number, pieces, AT_IT) for number in sorted(self.robot.hand_of(link))]
-        sides = [np.array(touch.normal) for touch in felt if touch is not None]
-        return any(float(one @ other) < OPPOSITE for one, other in combinations(sides, 2))
 
     def _folds(self, felt: list[tuple[str, Touch]]) -> Iterator[tuple[str, Touch]]:
         """Yield what two links feel that are close together on something soft: the fold that it makes between them."""

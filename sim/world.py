@@ -251,7 +251,7 @@ class PyBulletWorld(KinematicScene):
             for link, offset in self._held[name].links.items():
                 there, here = self._bodies.poses[name], robot.link_pose(link) @ offset
                 strayed = here.distance(there) > STRAYED or here.turn(there) > TWISTED
-                if strayed or not self._contacts.pinches(link, name):
+                if strayed or name not in self._contacts.between(link):
                     self.release(name)
                     break
 
