@@ -287,6 +287,20 @@ class BelievedBodies:
         """Return where the person takes things."""
         return self._world.person(name)
 
+    def taker(self, name: str, meant: str | None = None) -> str | None:
+        """Return who pulls at a held thing, as far as is believed: of those who take things there, whoever is meant.
+
+        Else the nearest of them, else the nearest person; None if no person is known.
+        """
+        point = np.array(self._world.pose(name).position)
+
+        def unlikely(person: str) -> tuple[bool, bool, float]:
+            zone = self.zone(person)
+            away = np.linalg.norm(point - zone.shoulders, axis=1).min()
+            return not zone.contains(point), person != meant, float(away)
+
+        return min(filter(self.is_person, self.names()), key=unlikely, default=None)
+
     def support(self, name: str) -> str | None:
         """Return what a body is believed to rest on."""
         found = self._world.support(name)

@@ -38,7 +38,7 @@ from planlang.diagnostics import BadInput, Span, error
 from planlang.failures import LocationUnresolvable, ObjectNotFound, ObjectUnresolvable
 from planlang.language.process_module import ModuleOnce, ProcessModule
 from planlang.ontology import Ontology, expand, shorten
-from planlang.protocols import Solution, World
+from planlang.protocols import RobotInterface, Solution
 from sim import PlanningWorld, Scene, perturb
 
 MOST_STARTS = 5000
@@ -108,7 +108,7 @@ def _check_start(world: PlanningWorld) -> None:
 def platform_of(
     robot: Robot,
     semantic_map: SemanticMap,
-    truth: World,
+    interface: RobotInterface,
     believed: PlanningWorld,
     seed: int,
     say: Callable[[str], None] = lambda line: None,
@@ -117,7 +117,7 @@ def platform_of(
     unknown: Iterable[str] = (),
     models: Iterable[str] | None = None,
 ) -> Platform:
-    """Return a robot in a true and a believed world; ``say`` is told of reachability maps that have to be built.
+    """Return a robot, by its interface, and what it believes; ``say`` hears of reachability maps that have to be built.
 
     With ``trusts_map`` the poses of the map count as seen; of things that are ``unknown`` they are not known.
     ``models``: classes of which there are recognition models beside those of the robot file; None: of all.
@@ -126,7 +126,7 @@ def platform_of(
     own = robot.camera.recognises if robot.camera else None
     classes = own if models is None else (*(own or ()), *models)
     belief.recognition = Recognition(semantic_map.ontology, classes)
-    belief.sync(believed, truth.configuration())
+    belief.sync(believed, interface.configuration())
     planning_scene = PlanningScene(believed, robot, belief, arm_models(robot, believed), gaze_of(robot))
     ontology = semantic_map.ontology
 
@@ -135,7 +135,7 @@ def platform_of(
         return tuple(map(shorten, ontology.ancestors(expand(cls))))
 
     return Platform(
-        truth,
+        interface,
         robot,
         belief,
         planning_scene,

@@ -13,7 +13,7 @@ from executive.runs.settings import RunSettings
 from planlang.diagnostics import Diagnostic
 from planlang.records import dataclass
 from planlang.runs import RecordedRun
-from sim import PyBulletWorld
+from sim.truth import Truth
 
 if TYPE_CHECKING:
     from executive.runs.assembly import RobotExecutive
@@ -56,7 +56,7 @@ class RunOptions(RunSettings):
     progress: Callable[[str], None] = lambda line: None
     announce: Callable[[Sequence[Diagnostic]], None] = lambda found: None
     """Given the diagnostics once, before the plan runs."""
-    watchers: tuple[Callable[[PyBulletWorld], None], ...] = ()
+    watchers: tuple[Callable[[Truth], None], ...] = ()
     """Called with the true world before the plan runs and after every step of the world."""
     around: Callable[[RobotExecutive], None] = lambda executive: None
     """Given the executive before the plan runs: it may wrap its process modules, to let requests fail, for example."""

@@ -12,7 +12,7 @@ from planlang.diagnostics import BadInput, error
 from planlang.experience.poses import IDENTITY, MAP, Transform, pose_lines, transform_lines
 from planlang.geometry import Pose
 from planlang.outputs import write_text
-from sim import PyBulletWorld
+from sim.truth import Truth
 
 RATE = 10
 """Times a second that poses are noted, of what has moved; NEEMs have about as many."""
@@ -29,11 +29,9 @@ class PoseLog:
     base; the root link and bodies in the map, limbs of people in the frames of their bodies.
     """
 
-    def __init__(self, world: PyBulletWorld, path: Path, header: Mapping[str, object]) -> None:
+    def __init__(self, world: Truth, path: Path, header: Mapping[str, object]) -> None:
         self._rate = world.rate
-        links = world.robot.links
-        names = {index: name for name, index in links.items()}
-        self._above = {name: names.get(world.robot.parent[index]) for name, index in links.items()}
+        self._above = world.links()
         self._last: dict[str, tuple[float, ...]] = {}
         self._count = 0
         known = {key: header.get(key) for key in IDENTITY}
@@ -48,7 +46,7 @@ class PoseLog:
             self._coming.replace(self._path)
             self._coming = self._path
 
-    def __call__(self, world: PyBulletWorld) -> None:
+    def __call__(self, world: Truth) -> None:
         """Write what has moved; raises BadInput if that cannot be written."""
         if world.steps % max(1, world.rate // RATE):
             return
@@ -68,7 +66,7 @@ class PoseLog:
         except OSError as problem:
             raise BadInput([error("C004", f"{self._path} cannot be written: {problem.strerror}")]) from None
 
-    def _placed(self, world: PyBulletWorld) -> Iterator[tuple[str, str, Pose]]:
+    def _placed(self, world: Truth) -> Iterator[tuple[str, str, Pose]]:
         for name in world.names():
             yield MAP, name, world.pose(name)
             for number, (part, pose) in enumerate(world.pieces(name)):

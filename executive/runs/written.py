@@ -18,6 +18,7 @@ from planlang.diagnostics import Diagnostic
 from planlang.outputs import replace as write_complete
 from planlang.runs.trace import Listener
 from sim import PyBulletWorld
+from sim.truth import Truth
 
 if TYPE_CHECKING:
     from executive.runs.pose_log import PoseLog
@@ -26,14 +27,14 @@ if TYPE_CHECKING:
 class Written:
     """Files that the options of a run ask for; ``listeners`` hear its events, ``watchers`` see the true world."""
 
-    def __init__(self, options: RunOptions, belief: Belief, tilts: Tilts, truth: PyBulletWorld) -> None:
+    def __init__(self, options: RunOptions, belief: Belief, tilts: Tilts, truth: Truth) -> None:
         """Tell the progress and measure tilts; nothing is written yet."""
         self._options, self._belief, self._truth = options, belief, truth
         self._files: list[tuple[Path, Callable[[Path], object]]] = []
         self._poses: PoseLog | None = None
         self._is_new = False
         """True once what happens was not written before."""
-        self.watchers: list[Callable[[PyBulletWorld], None]] = [tilts, *options.watchers]
+        self.watchers: list[Callable[[Truth], None]] = [tilts, *options.watchers]
         self.listeners: list[Listener] = [lines_of(self._progress, inner=options.inner_actions)]
 
     def _progress(self, step: int, line: str) -> None:
@@ -89,7 +90,7 @@ class Written:
 class WatchedWorld:
     """A world that others look at before the first step and after every one."""
 
-    def __init__(self, world: PyBulletWorld, watchers: Sequence[Callable[[PyBulletWorld], None]]) -> None:
+    def __init__(self, world: PyBulletWorld, watchers: Sequence[Callable[[Truth], None]]) -> None:
         self.world, self.watchers, self.rate = world, watchers, world.rate
         self._show()
 
@@ -102,7 +103,7 @@ class WatchedWorld:
             watcher(self.world)
 
 
-def bodies_of(bound: Mapping[str, Bound], belief: Belief, truth: PyBulletWorld) -> Iterator[str]:
+def bodies_of(bound: Mapping[str, Bound], belief: Belief, truth: Truth) -> Iterator[str]:
     """Yield the bodies that the plan's parameters mean, as far as there are any."""
     for what in (one for value in bound.values() for one in things_of(value)):
         try:

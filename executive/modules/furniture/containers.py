@@ -160,7 +160,7 @@ class LeafWork(HandWork):
         platform, arm = self.platform, path.arm
         platform.hands.lead(arm, joint.leaf)
         motion = await platform.follow(arm.name, self._timed(path, joint))
-        if joint.leaf not in platform.world.led():
+        if joint.leaf not in platform.belief.led:  # the fingers feel it no more
             raise GraspSlipped(arm=arm.name, what=joint.handle)
         if motion.state is not MotionState.DONE:
             await platform.sensing.bump(motion)

@@ -47,11 +47,13 @@ class Handover(PlatformModule):
         assert held is not None
         recipient = action.get("recipient")
         wanted = str(recipient) if isinstance(recipient, Person) else None
-        person = await platform.hands.offer(arm, held.name, PATIENCE)
-        if person is None:
+        if not await platform.hands.offer(arm, held.name, PATIENCE):
             raise HandoverNotTaken(what=held.name, recipient=wanted)
-        if isinstance(recipient, Person) and platform.scene.bodies.bind(recipient) != person:
-            raise HandoverNotTaken(f"{person} takes {held.name} instead of {wanted}", what=held.name, recipient=wanted)
+        meant = platform.scene.bodies.bind(recipient) if isinstance(recipient, Person) else None
+        person = platform.scene.bodies.taker(held.name, meant)
+        if person is None or meant not in (None, person):
+            said = f"{person or 'somebody unknown'} takes {held.name} instead of {wanted}"
+            raise HandoverNotTaken(said, what=held.name, recipient=wanted)
         mates = platform.scene.arms.mates(arm.name)
         platform.hands.let_go(held.name, to=person)
         for one in (arm, *mates):
