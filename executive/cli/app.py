@@ -27,6 +27,9 @@ from executive.cli.arguments import (
     MergeArguments,
     ReplayArguments,
     RunArguments,
+    SweepArguments,
+    SweepMergeArguments,
+    SweepTableArguments,
 )
 from executive.cli.console import Answer, ExitCode, answer, give
 from executive.cli.resources import check_memory
@@ -39,7 +42,6 @@ from executive.cli.server_arguments import (
     ServeArguments,
     WatchArguments,
 )
-from executive.cli.sweep_arguments import SweepArguments, SweepMergeArguments, SweepTableArguments
 
 app = typer.Typer(
     no_args_is_help=True,
