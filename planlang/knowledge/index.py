@@ -10,7 +10,7 @@ from __future__ import annotations
 import threading
 from array import array
 from bisect import bisect_left
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import reduce
 from itertools import compress
@@ -19,6 +19,7 @@ from operator import and_, or_
 import numpy as np
 from numpy.typing import NDArray
 
+from planlang.closure import reached
 from planlang.knowledge.axioms import THING, Axioms, Concept, One
 from planlang.knowledge.completion import Completion
 from planlang.knowledge.descriptions import Description, Label, label_of
@@ -168,18 +169,16 @@ class Index:
         """Return the row of a class or individual of the vocabulary; makes all rows that it is linked to."""
         completion, shared = self._completion, self._shared
         wanted = completion.number(_concept(label))
-        new = {} if wanted in shared else {wanted: None}
-        queue = list(new)
-        for number in queue:
-            ends = (end for _, end in completion.nodes[number].links)
-            fresh = dict.fromkeys(end for end in ends if end not in shared and end not in new)
-            new |= fresh
-            queue += fresh
-        for number in queue:
+
+        def linked(number: int) -> Iterator[int]:
+            return (end for _, end in completion.nodes[number].links if end not in shared)
+
+        new = [] if wanted in shared else list(reached((wanted,), linked))
+        for number in new:
             shared[number], self._rows = self._rows, self._rows + 1
             labels = [self._number(label) for label in _labels(completion, number)]
             self._labels.add(np.array(labels, dtype=np.int32), np.full(len(labels), shared[number], dtype=np.int32))
-        for number in queue:
+        for number in new:
             for prop, end in completion.nodes[number].links:
                 self._link(prop, np.array([shared[number]], np.int32), np.array([shared[end]], np.int32))
         return shared[wanted]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
+from planlang.closure import reached
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, error
 from planlang.ontology import Literal, Ontology, Term, expand
@@ -197,13 +198,7 @@ def gone_to(filler: Filler) -> Iterator[Thing]:
 
 def _with_callers(recipes: Iterable[str], callers: Mapping[str, Sequence[str]]) -> frozenset[str]:
     """Return recipes with all that call them, directly or not."""
-    waiting = list(recipes)
-    found = set(waiting)
-    while waiting:
-        above = [caller for caller in callers.get(waiting.pop(), ()) if caller not in found]
-        found.update(above)
-        waiting += above
-    return frozenset(found)
+    return frozenset(reached(recipes, lambda one: callers.get(one, ())))
 
 
 @dataclass(frozen=True, slots=True)
