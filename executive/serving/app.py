@@ -32,7 +32,7 @@ from executive.serving.problems import RESPONSES, add_handlers
 from executive.serving.rates import Paced, Rates
 from executive.serving.serving import Served, Serving
 from executive.serving.workers import Staff
-from planlang.knowledge.stores import Store
+from planlang.knowledge.entries import Store
 
 MOST_THREADS = 200
 """Requests that are worked on at a time, those among them that wait for their turn at what takes long."""

@@ -20,9 +20,8 @@ from executive.serving.searching import Question, answered
 from executive.serving.serving import Bounds, Served, Serving
 from planlang.diagnostics import BadInput
 from planlang.files import decode
-from planlang.knowledge.entries import Entry, Kind
+from planlang.knowledge.entries import Entry, Kind, NoSuchEntry
 from planlang.knowledge.places import LEVELS
-from planlang.knowledge.stores import NoSuchEntry
 
 MOST_ROBOTS = 20
 """Robots of the store that are offered for a search, and that an entry is compared with unasked."""

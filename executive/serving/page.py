@@ -29,8 +29,7 @@ from executive.serving.sources import LARGEST_SHOWN, MOST_SHOWN, lines_of, text_
 from executive.serving.workers import Busy, Failed
 from planlang.diagnostics import BadInput, Diagnostic
 from planlang.files import decode
-from planlang.knowledge.entries import HIGHEST_RATING, LOWEST_RATING, Entry, Kind
-from planlang.knowledge.stores import NoSuchEntry
+from planlang.knowledge.entries import HIGHEST_RATING, LOWEST_RATING, Entry, Kind, NoSuchEntry
 from planlang.records import dataclass
 
 MOST_NAMES, MOST_NEWS = 12, 8

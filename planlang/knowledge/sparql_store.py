@@ -22,28 +22,26 @@ from obstore.store import ObjectStore, from_url
 
 from planlang.knowledge.entries import (
     REVISIONS_KEPT,
+    SCHEME,
     Attachment,
     Change,
+    Changed,
     Content,
+    Described,
     Entry,
+    EntryExists,
     File,
     Kind,
     News,
-    Revision,
-    Syntax,
-    rating_of,
-    uid_of,
-)
-from planlang.knowledge.stores import (
-    SCHEME,
-    Changed,
-    Described,
-    EntryExists,
     NoSuchEntry,
     NotTheAuthor,
     Request,
+    Revision,
+    Syntax,
     Unreachable,
     check_rating,
+    rating_of,
+    uid_of,
 )
 from planlang.records import dataclass
 
@@ -75,7 +73,7 @@ def _storage(address: str) -> ObjectStore:
 
 
 class SparqlStore:
-    """A :class:`~planlang.knowledge.stores.Store` over an endpoint and an object storage; threads may share it.
+    """A :class:`~planlang.knowledge.entries.Store` over an endpoint and an object storage; threads may share it.
 
     Every method raises Unreachable if one of them does not answer.
     """

@@ -19,25 +19,23 @@ from planlang.knowledge.entries import (
     REVISIONS_KEPT,
     Attachment,
     Change,
+    Changed,
     Content,
+    Described,
     Entry,
+    EntryExists,
     File,
+    Full,
     Kind,
     News,
-    Revision,
-    Syntax,
-    rating_of,
-    uid_of,
-)
-from planlang.knowledge.stores import (
-    Changed,
-    Described,
-    EntryExists,
-    Full,
     NoSuchEntry,
     NotTheAuthor,
     Request,
+    Revision,
+    Syntax,
     check_rating,
+    rating_of,
+    uid_of,
 )
 
 VERSION = 2
@@ -94,7 +92,7 @@ def _no_base(path: Path, problem: sqlite3.DatabaseError) -> Diagnostic:
 
 
 class SqliteStore:
-    """A :class:`~planlang.knowledge.stores.Store` in one file; threads and processes may share it.
+    """A :class:`~planlang.knowledge.entries.Store` in one file; threads and processes may share it.
 
     Raises BadInput with K001 for a file that is no knowledge base.
     """
