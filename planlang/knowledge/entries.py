@@ -249,6 +249,18 @@ def check_rating(entry: Entry, author: str, rating: int) -> None:
         raise OwnEntry(f"{entry.uid} is your own: others rate it")
 
 
+def own(entry: Entry, author: str | None, expected: str | None = None) -> Entry:
+    """Return an entry that ``author`` (None: anybody) may change, if its tag is ``expected``.
+
+    Raises NotTheAuthor, Changed.
+    """
+    if author is not None and entry.author != author:
+        raise NotTheAuthor(f"{entry.uid} is {entry.author}'s")
+    if expected is not None and entry.etag != expected:
+        raise Changed(f"{entry.uid} is now {entry.etag}, not {expected}")
+    return entry
+
+
 @dataclass(frozen=True, slots=True)
 class Request:
     """A request that may reach a server twice: the asker's key for it (Idempotency-Key), and its digest."""

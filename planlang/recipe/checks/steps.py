@@ -15,11 +15,10 @@ from planlang.designators import local_name, told_apart
 from planlang.diagnostics import Diagnostic, Rename, Span, error, note, warning
 from planlang.ontology import BNode, Ontology, Restriction, expand, shorten
 from planlang.recipe import graphs as nx
-from planlang.recipe.actions import Actions
+from planlang.recipe.actions import Actions, recipes_for
 from planlang.recipe.checks import CheckedFile, CheckedRecipe, check, listing
 from planlang.recipe.checks.misspellings import SURE, guess
 from planlang.recipe.model import Ending, Recipe, RecipeSet, Step, Transition
-from planlang.recipe.performers import recipes_for
 from planlang.recipe.statements import Statements, SubAction, is_word
 from planlang.spelling import similar
 
