@@ -184,10 +184,6 @@ def _tell(data: bytes, before: Callable[[], object] = bool) -> None:
         data = data[os.write(1, data) :]
 
 
-if __name__ == "__main__":
-    main()
-
-
 DEEPEST = 200
 """Brackets inside each other, and signs such as ``!`` in a row; the engine's stack ends at some thousand."""
 
@@ -216,3 +212,7 @@ def is_too_deep(question: str) -> bool:
         if max(depth, signs) > DEEPEST:
             return True
     return False
+
+
+if __name__ == "__main__":
+    main()

@@ -9,10 +9,11 @@ from pathlib import Path
 import pytest
 
 from planlang.compiler import compile_recipe
-from planlang.diagnostics import CODES, BadInput
+from planlang.diagnostics import BadInput
 from planlang.ontology.convert import Target, convert
 from planlang.recipe.fixes import ACCEPTABLE, SAFE, WITHOUT
 from planlang.recipe.fixes.fixing import Fixed, fix_recipe
+from tests.support.codes import CODES
 from tests.support.examples import some
 
 MANCHESTER = """\
