@@ -13,6 +13,7 @@ from dataclasses import field, replace
 from itertools import combinations
 from pathlib import Path
 
+from planlang.closure import reached
 from planlang.designators import Device, Object, local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error
 from planlang.ontology import Literal, Ontology, expand
@@ -144,16 +145,8 @@ def _compositions(ontology: Ontology, robot: str) -> Iterator[Composition]:
 
 def _closure(ontology: Ontology, robot: str) -> tuple[str, ...]:
     """Return the robot and everything reached from it by chain and part relations, breadth first."""
-    found = {robot: None}
-    queue = [robot]
-    while queue:
-        iri = queue.pop(0)
-        for name in ("srdl2-comp:subComponent", "srdl2-comp:succeedingLink", "srdl2-comp:succeedingJoint"):
-            for part in ontology.iris(iri, name):
-                if part not in found:
-                    found[part] = None
-                    queue.append(part)
-    return tuple(found)
+    names = ("srdl2-comp:subComponent", "srdl2-comp:succeedingLink", "srdl2-comp:succeedingJoint")
+    return tuple(reached((robot,), lambda iri: (part for name in names for part in ontology.iris(iri, name))))
 
 
 @dataclass(frozen=True, slots=True)

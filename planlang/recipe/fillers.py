@@ -5,13 +5,13 @@ Numbers with units are converted to SI units (:mod:`planlang.units`).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 from planlang.designators import local_name
 from planlang.ontology import BNode, Literal, Ontology, Term, expand, shorten
 from planlang.ontology.terms import OWL, RDF, RDFS, XSD, is_vocabulary
 from planlang.recipe.model import Filler, Kind, Name, Parameter, Place, Thing
-from planlang.recipe.poses import stated_pose
 from planlang.recipe.statements import ON_ACTIONS, ON_INDIVIDUALS, REGISTERED_WORDS, Filling, filled, is_word
 from planlang.relations import of_owl_property
 from planlang.units import dimension_of, stated_number, unit_of, unit_of_property
@@ -415,3 +415,28 @@ def _is_device_term(ontology: Ontology, term: Term) -> bool:
         and not isinstance(term, BNode)
         and any(is_device(ontology, cls) for cls in (ontology.types(term) or (term,)))
     )
+
+
+UPRIGHT = 1e-3
+"""The distance of the last number of a matrix from 1 up to which its z axis points up."""
+
+
+def stated_pose(ontology: Ontology, iri: str) -> tuple[float, float, float, float] | None:
+    """Return x, y, z [m] and heading [rad] of a matrix in the frame of the map; None if a number is missing.
+
+    The z axis of the pose has to point up, as that of a base does.
+    """
+    numbers = {name: _number(ontology, iri, name) for name in ("m03", "m13", "m23", "m00", "m10", "m22")}
+    x, y, z, cosine, sine, up = (numbers[name] for name in numbers)
+    if None in (x, y, z, cosine, sine, up) or abs((up or 0.0) - 1) > UPRIGHT:
+        return None
+    return x or 0.0, y or 0.0, z or 0.0, math.atan2(sine or 0.0, cosine or 0.0)
+
+
+def _number(ontology: Ontology, iri: str, name: str) -> float | None:
+    """Return the number that an individual states last by a property; None if there is none, or it is not finite."""
+    try:
+        values = [one for one in ontology.values(iri, expand(name)) if isinstance(one, Literal)]
+        return stated_number(values[-1], unit_of_property(name)) if values else None
+    except ValueError:
+        return None
