@@ -14,6 +14,7 @@ from dataclasses import field, replace
 from itertools import chain, count
 from numbers import Real
 
+from planlang.lengths import metres
 from planlang.misuse import Usage, WrongType, WrongValue, amount, contrast, written
 from planlang.records import dataclass
 from planlang.relations import RELATIONS, measured, named
@@ -378,8 +379,6 @@ def _length(bound: str, length: float | str | None) -> float | None:
         known = None if isinstance(length, str) else amount(length)
         if length is None or known is not None:
             return known
-        from planlang.lengths import metres  # most plans state no lengths
-
         return metres(length)
     except ValueError as problem:
         wrong, right = (f"a_location(near=table, {bound}={code})" for code in (written(length), '"30 cm"'))

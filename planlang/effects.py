@@ -84,9 +84,9 @@ def heat_effects(ontology: Ontology) -> tuple[HeatEffect, ...]:
     """Return what heat changes, in the order of the files; raises BadInput for a number that is none."""
     found = []
     for individual in ontology.individuals(expand("HeatChange")):
-        inputs, devices = (_iris(ontology, individual, name) for name in ("inputsDestroyed", "deviceUsed"))
+        inputs, devices = (ontology.iris(individual, name) for name in ("inputsDestroyed", "deviceUsed"))
         duration = number_of_individual(ontology, individual, "duration")
-        outputs = _iris(ontology, individual, "outputsCreated")
+        outputs = ontology.iris(individual, "outputsCreated")
         if duration is not None:
             found += [HeatEffect(inputs, output, devices, duration) for output in outputs]
     return tuple(found)
@@ -122,24 +122,20 @@ def _declared(ontology: Ontology) -> dict[str, list[Effects]]:
         table: dict[str, list[Effects]] = {}
         for individual in ontology.individuals(expand("ObjectChange")):
             effects = Effects(
-                _iris(ontology, individual, "inputsDestroyed"),
-                _iris(ontology, individual, "outputsCreated"),
-                _iris(ontology, individual, "turnedOver"),
-                _iris(ontology, individual, "toState"),
+                ontology.iris(individual, "inputsDestroyed"),
+                ontology.iris(individual, "outputsCreated"),
+                ontology.iris(individual, "turnedOver"),
+                ontology.iris(individual, "toState"),
                 number_of_individual(ontology, individual, "flowRate"),
                 number_of_individual(ontology, individual, "amount"),
-                _iris(ontology, individual, "deviceUsed"),
-                _iris(ontology, individual, "completes"),
+                ontology.iris(individual, "deviceUsed"),
+                ontology.iris(individual, "completes"),
             )
-            for action in _iris(ontology, individual, "byAction"):
+            for action in ontology.iris(individual, "byAction"):
                 table.setdefault(action, []).append(effects)
         ontology.kept[key] = table
     declared: dict[str, list[Effects]] = ontology.kept[key]
     return declared
-
-
-def _iris(ontology: Ontology, subject: str, name: str) -> Classes:
-    return tuple(term for term in ontology.values(subject, expand(name)) if isinstance(term, str))
 
 
 def _each(several: Iterable[Classes]) -> Classes:

@@ -6,35 +6,12 @@ import math
 import re
 from decimal import Decimal
 
-UNITS: dict[str, str] = {
-    "mm": "0.001",
-    "cm": "0.01",
-    "dm": "0.1",
-    "m": "1",
-    "in": "0.0254",
-    "ft": "0.3048",
-    "millimetre": "0.001",
-    "centimetre": "0.01",
-    "decimetre": "0.1",
-    "metre": "1",
-    "millimeter": "0.001",
-    "centimeter": "0.01",
-    "decimeter": "0.1",
-    "meter": "1",
-    "inch": "0.0254",
-    "foot": "0.3048",
-    "millimetres": "0.001",
-    "centimetres": "0.01",
-    "decimetres": "0.1",
-    "metres": "1",
-    "millimeters": "0.001",
-    "centimeters": "0.01",
-    "decimeters": "0.1",
-    "meters": "1",
-    "inches": "0.0254",
-    "feet": "0.3048",
-}
+UNITS: dict[str, str] = {"mm": "0.001", "cm": "0.01", "dm": "0.1", "m": "1", "in": "0.0254", "ft": "0.3048"}
 """Unit -> metres, as decimal fractions: a float of them would make 35 cm another number than 0.35 m."""
+_PREFIXES = {"milli": "0.001", "centi": "0.01", "deci": "0.1", "": "1"}
+for _end, _inch, _foot in (("", "inch", "foot"), ("s", "inches", "feet")):
+    UNITS |= {f"{prefix}{word}{_end}": value for word in ("metre", "meter") for prefix, value in _PREFIXES.items()}
+    UNITS |= {_inch: UNITS["in"], _foot: UNITS["ft"]}
 
 _LENGTH = re.compile(r"\s*([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:e[+-]?\d{1,3})?)\s*([A-Za-z]+)\s*", re.ASCII)
 

@@ -1,4 +1,4 @@
-"""Interface of a world for the layers above it, and the value types that cross the borders between layers.
+"""Interface of a robot for the layers above it, and the value types that cross the borders between layers.
 
 What the language asks of an executive and its process modules is :mod:`planlang.language.executive`.
 
@@ -92,15 +92,16 @@ class Detection:
     visible: float
 
 
-class World(Protocol):
-    """Commands and senses of a robot: motions, grippers, camera, time. A real robot can implement it as well.
+class RobotInterface(Protocol):
+    """Commands and senses of a robot: motions, grippers, camera, time: what a real robot has, and no more.
 
-    Nothing here asks about what is not: contacts elsewhere, lines of sight and room for the base are questions to the
-    world that planning has for itself (``sim.PlanningWorld``), which is another object.
+    Only the camera names things, those that it recognises. Contacts elsewhere, lines of sight and room for the base are
+    questions to the world that planning has for itself (``sim.PlanningWorld``), which is another object. The link of a
+    hand is the one whose frame is its grip point.
     """
 
     rate: int
-    """World steps per second."""
+    """Steps per second in which motions are given."""
 
     def configuration(self) -> Configuration:
         """Return where the robot is."""
@@ -129,29 +130,20 @@ class World(Protocol):
     def touches(self, links: Collection[str]) -> tuple[Touch, ...]:
         """Return what links of a hand feel on their skins, or by the currents of their motors."""
 
-    def attach(self, link: str, name: str) -> None:
-        """Fix a body to a link of the robot, beside links that hold it already."""
+    def grip(self, link: str) -> None:
+        """Press the closed fingers of the hand at a link on what is between them: what can move goes with the hand."""
 
-    def release(self, name: str) -> None:
-        """Let a body go; it sinks to the first surface below."""
+    def loosen(self, link: str) -> None:
+        """Take the force off the fingers of the hand at a link: they hold nothing any more. They open by a motion.
 
-    def lead(self, link: str, leaf: str) -> None:
-        """Let a door or drawer follow a link whose fingers are closed on its handle, as far as its joint lets it."""
+        Fingers that open without it hold nothing either, once they are off what they held.
+        """
 
-    def let_go(self, leaf: str) -> None:
-        """Let a door or drawer stay where it is."""
+    def feels(self, link: str) -> bool:
+        """Return whether something still keeps the fingers apart that grip; False if they do not grip."""
 
-    def led(self) -> Mapping[str, str]:
-        """Return door or drawer -> link of the robot that moves it; one that the hand has slipped off is none."""
-
-    def attached(self) -> Mapping[str, str]:
-        """Return body -> link of the robot that holds it."""
-
-    def falling(self, name: str) -> bool:
-        """Return whether a body that was let go is still on its way down."""
-
-    def taken(self, name: str) -> str | None:
-        """Return the person who pulls at a body or has it, None if nobody does."""
+    def pulled(self, link: str) -> bool:
+        """Return whether somebody pulls at what the hand at a link grips, by the forces at its wrist."""
 
 
 @dataclass(frozen=True, slots=True)

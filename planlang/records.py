@@ -8,9 +8,11 @@ run that takes a tenth of its time. Here closures serve instead, and ``__init__`
 from __future__ import annotations
 
 import dataclasses
+import inspect
 import reprlib
 from collections.abc import Callable, Sequence
 from dataclasses import MISSING, Field, FrozenInstanceError
+from functools import partial
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -32,7 +34,7 @@ def _made(cls: Any, *, eq: bool = True, repr: bool = True, frozen: bool = False,
     own -= {"__hash__"} if "__eq__" in own and vars(cls)["__hash__"] is None else set()
     made: Any = dataclasses.dataclass(init=False, repr=False, eq=False, **options)(cls)
     fields = dataclasses.fields(made)
-    methods: dict[str, Any] = {"__init__": _first_init(made, frozen)}
+    methods: dict[str, Any] = {"__init__": _FirstInit(made, frozen)}
     if repr:
         methods["__repr__"] = _repr([one.name for one in fields if one.repr])
     if eq:
@@ -49,12 +51,25 @@ def _made(cls: Any, *, eq: bool = True, repr: bool = True, frozen: bool = False,
     return made
 
 
-def _first_init(made: Any, frozen: bool) -> Callable[..., None]:
-    def first(self: object, /, *values: object, **named: object) -> None:
-        made.__init__ = _compiled_init(made, frozen)
-        made.__init__(self, *values, **named)
+class _FirstInit:
+    """Stands for a constructor until the first instance is made, or somebody asks for its signature."""
 
-    return first
+    def __init__(self, made: Any, frozen: bool) -> None:
+        self._made, self._frozen = made, frozen
+
+    def __get__(self, instance: object, owner: type | None = None) -> Callable[..., None]:
+        return self if instance is None else partial(self, instance)
+
+    def __call__(self, instance: object, /, *values: object, **named: object) -> None:
+        self._compile()(instance, *values, **named)
+
+    @property
+    def __signature__(self) -> inspect.Signature:
+        return inspect.signature(self._compile())
+
+    def _compile(self) -> Any:
+        init = self._made.__init__ = _compiled_init(self._made, self._frozen)
+        return init
 
 
 def _compiled_init(made: Any, frozen: bool) -> Any:

@@ -219,8 +219,14 @@ def _imported(path: Path) -> ModuleType:
 
 
 def _renamed(problem: BaseException) -> str | None:
-    """Return what to import in place of a module that has another name now."""
-    is_old = isinstance(problem, ModuleNotFoundError) and problem.name == "planlang.modules"
+    """Return what to import in place of what has another name now."""
+    if not isinstance(problem, ImportError):
+        return None
+    if problem.name == "planlang.protocols" and "'World'" in problem.msg:
+        return (
+            "from planlang.protocols import RobotInterface    # it was World; holding and falling are the simulator's"
+        )
+    is_old = problem.name == "planlang.modules"
     return "from planlang import process_module    # planlang.modules is planlang.registry now" if is_old else None
 
 

@@ -45,14 +45,6 @@ class Unit:
     factor: Fraction = Fraction(1)
     offset: Fraction = Fraction(0)
 
-    def to_si(self, value: float) -> float:
-        """Convert a value in this unit to the SI unit of its dimension. Raises OverflowError beyond a float."""
-        return self.to(Unit(self.dimension), value)
-
-    def from_si(self, value: float) -> float:
-        """Convert a value in the SI unit of this unit's dimension to this unit. Raises OverflowError beyond a float."""
-        return Unit(self.dimension).to(self, value)
-
     def to(self, other: Unit, value: float) -> float:
         """Convert a value in this unit to another unit of its dimension; only the result is rounded: 35 cm are 0.35 m.
 

@@ -1,7 +1,7 @@
 """A simulated world: rooms of simple shapes, one robot, people who take what is offered.
 
-:class:`PyBulletWorld` (``world.py``) is the true world, which is commanded and sensed; planning asks
-:class:`PlanningWorld`. ``kinematic.py`` is what both have, ``scene.py`` their contents. Inside,
+:class:`PyBulletWorld` (``world.py``) is the true world, which is commanded and sensed, and read by its ``truth.py``;
+planning asks :class:`PlanningWorld`. ``kinematic.py`` is what both have, ``scene.py`` their contents. Inside,
 ``bodies.py``, ``description.py`` and ``robot.py`` own what is in the physics client, ``contact.py`` and ``camera.py``
 answer questions, ``falling.py`` and ``people.py`` move things, ``snapshots.py`` keeps their state. Only ``engine.py``
 imports PyBullet.

@@ -42,8 +42,11 @@ SUPPORT_DEPTH = 0.02
 PARTED = 0.003
 """A held object has parted from what it touched when it is farther from it than this [m]."""
 
-AT_IT, OPPOSITE = 0.005, -0.5
-"""Distance within which a finger is at what it holds [m], and the cosine between normals of opposite sides, at most."""
+SKIN = 0.01
+"""Distance up to which a link feels what is at it [m]: that soft, or that far from the last step, is its skin."""
+
+OPPOSITE = -0.5
+"""Cosine between the normals of opposite sides, at most."""
 
 FOLD = 0.05
 """Distance up to which two fingers on something soft have a fold of it between them [m]."""
@@ -119,6 +122,7 @@ class Contacts:
             self.watched[pair] = True
         hands = [robot.hand_of(link) for link in robot.body.hands]
         self.hands = frozenset().union(*hands)
+        self.fingers = frozenset(link for links in robot.body.hands.values() for link in links)
 
     def find(self, query: Query) -> tuple[Contact, ...]:
         """Return all contacts: links first, in the order of the URDF, then held objects in the order of grasping."""
@@ -272,29 +276,40 @@ class Contacts:
             if held.touched:
                 held.touched &= self.touching(name, PARTED)
 
-    def touches(self, links: Collection[str], reach: float = 0.01) -> tuple[Touch, ...]:
-        """Return where links are touched: the nearest point of each body that is within ``reach`` of a link [m].
+    def touches(self, links: Collection[str]) -> tuple[Touch, ...]:
+        """Return where links are touched: the nearest point of each body that is within :data:`SKIN` of a link.
 
         Of a dish it is that of its floor, and of each part of its rim: a finger between both feels both.
         """
+        return tuple(touch for _, touch in self._touches(links))
+
+    def between(self, link: str) -> tuple[str, ...]:
+        """Return the body that two fingers of the hand at a link touch from opposite sides; none if they do not.
+
+        Where no body is touched by both of them, those are returned that are pressed between the two together.
+        """
+        fingers = [name for name in self.robot.hand_links(link) if name in self.fingers]
+        pairs = [
+            (one != other, float(np.dot(here.normal, there.normal)), one, other)
+            for (one, here), (other, there) in combinations(self._touches(fingers), 2)
+            if here.link != there.link
+        ]
+        opposed = min((pair for pair in pairs if pair[1] < OPPOSITE), default=None)
+        return () if opposed is None else tuple(dict.fromkeys(opposed[2:]))
+
+    def _touches(self, links: Collection[str]) -> list[tuple[str, Touch]]:
+        """Return the touches of links, each with the body that touches."""
         numbers = sorted(self.robot.number[link] for link in links if link in self.robot.number)
         lower, upper = self.robot.boxes_of(numbers)
-        near = self.bodies.near(lower - reach, upper + reach)
+        near = self.bodies.near(lower - SKIN, upper + SKIN)
         found = []
         for number, row in zip(numbers, near, strict=True):
             for index in np.flatnonzero(row).tolist():
-                found.append((self.bodies.pieces[index].body, self._touch(number, [index], reach)))
+                found.append((self.bodies.pieces[index].body, self._touch(number, [index], SKIN)))
         felt = [(name, touch) for name, touch in found if touch is not None]
-        return (*(touch for _, touch in felt), *self._folds(felt))
+        return [*felt, *self._folds(felt)]
 
-    def pinches(self, link: str, name: str) -> bool:
-        """Return whether a body is between two links of the hand at a link: both are at it, on opposite sides."""
-        pieces = self.bodies.of[name]
-        felt = [self._touch(number, pieces, AT_IT) for number in sorted(self.robot.hand_of(link))]
-        sides = [np.array(touch.normal) for touch in felt if touch is not None]
-        return any(float(one @ other) < OPPOSITE for one, other in combinations(sides, 2))
-
-    def _folds(self, felt: list[tuple[str, Touch]]) -> Iterator[Touch]:
+    def _folds(self, felt: list[tuple[str, Touch]]) -> Iterator[tuple[str, Touch]]:
         """Yield what two links feel that are close together on something soft: the fold that it makes between them."""
         soft = [(name, touch) for name, touch in felt if self.bodies.bodies[name].soft]
         for (name, one), (other, two) in combinations(soft, 2):
@@ -302,8 +317,8 @@ class Contacts:
             away = float(np.linalg.norm(apart))
             if name == other and one.link != two.link and 0 < away <= FOLD:
                 x, y, z = (apart / away).tolist()
-                yield Touch(one.link, one.point, (x, y, z))
-                yield Touch(two.link, two.point, (-x, -y, -z))
+                yield name, Touch(one.link, one.point, (x, y, z))
+                yield name, Touch(two.link, two.point, (-x, -y, -z))
 
     def felt(self, contact: Contact) -> Touch | None:
         """Return where a link, or a held object, is touched by a body; None when the robot touches itself."""

@@ -21,6 +21,7 @@ from planlang.geometry import Array
 from planlang.geometry.matrices import angles_of, product, rotation_of
 from planlang.geometry.urdf import Element, Joint, extents_of, numbers, read_urdf, tree_of
 from planlang.records import dataclass
+from sim.meshes import Meshes
 
 MOST_JOINTS = 127
 """PyBullet gives the poses of this many links."""
@@ -103,8 +104,6 @@ def read_description(path: Path) -> Description:
         found.append(_looks_touched(path, robot))
     files: Mapping[str, bytes] = {}
     if not meshless:
-        from sim.meshes import Meshes  # robots that are made of simple shapes have none
-
         meshes = Meshes(path)
         bare = _replace_meshes(robot, meshes.replace)
         files = meshes.files

@@ -159,6 +159,11 @@ def resting(pose: Pose, size: Sequence[float], rays: Cast, *, cylinder: bool = F
     return pose, None
 
 
+def falling_time(height: float) -> float:
+    """Return how long a body takes to fall by a height [s]; 0 if that is none."""
+    return math.sqrt(2 * max(height, 0.0) / GRAVITY)
+
+
 def fall(height: float, speed: float, rate: int) -> tuple[float, float]:
     """Return the new height [m] and speed [m/s] after one step of free fall."""
     speed += GRAVITY / rate

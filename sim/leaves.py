@@ -89,6 +89,11 @@ class Leaves:
         there = moved(self.joints[leaf].motion(self.values[leaf]).matrix(), led.closed)
         return float(np.linalg.norm(there - moved(hand.matrix(), led.grip))) > SLIPPED
 
+    def leaf_of(self, body: str) -> str | None:
+        """Return the leaf that a body is, or is a part of."""
+        whole = (leaf for leaf, joint in self.joints.items() if body in joint.bodies)
+        return body if body in self.joints else next(whole, None)
+
     def handle(self, leaf: str) -> Array:
         """Return the middle of a leaf's handle, of the leaf itself if it has none, (3,) in the map when it is shut."""
         return np.array(self._bodies.bodies[self.joints[leaf].handle or leaf].pose.position)

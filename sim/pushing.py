@@ -82,18 +82,15 @@ class Pushing:
         if not any(contact.part in links for links in self.hands.values()) or contact.body not in self.bodies.bodies:
             return False
         is_held = contact.body in self.contacts.held or self.leaves.leader(contact.body) is not None
-        return not is_held and (self.bodies.bodies[contact.body].movable or self._leaf(contact.body) is not None)
-
-    def _leaf(self, body: str) -> str | None:
-        """Return the leaf that a body is, or is a part of."""
-        return next((leaf for leaf, joint in self.leaves.joints.items() if body in joint.bodies), None)
+        can_move = self.bodies.bodies[contact.body].movable or self.leaves.leaf_of(contact.body) is not None
+        return can_move and not is_held
 
     def _gives_way(self, contact: Contact) -> bool:
         """Move what a hand meets out of its way; return False if something stops it."""
         touch = self.contacts.felt(contact)
         if touch is None:
             return False
-        leaf = self._leaf(contact.body)
+        leaf = self.leaves.leaf_of(contact.body)
         moving = (contact.body, *self._on(contact.body)) if leaf is None else self.leaves.joints[leaf].bodies
         for name in moving:
             self.touched.setdefault(name, self.contacts.touching(name, REST))
@@ -146,7 +143,7 @@ class Pushing:
         """Let fall what was pushed over an edge, with what stands on it."""
         falling = self.changes.falling
         for name in self.touched:
-            if self.bodies.poses[name] is before.get(name) or self._leaf(name) is not None:
+            if self.bodies.poses[name] is before.get(name) or self.leaves.leaf_of(name) is not None:
                 continue
             rest, support = falling.rest(name)
             if support is None or self.bodies.poses[name].position[2] - rest.position[2] > REST:

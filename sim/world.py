@@ -163,18 +163,12 @@ def _obstacle(contacts: Sequence[Contact], before: Mapping[tuple[str, str], floa
     return None
 
 
-ROBOT = "robot"
-"""The name by which :func:`held_by` calls the robot."""
-
 STRAYED, TWISTED = 0.01, 0.1
 """What several hands hold slips off when one is farther [m, rad] from where it took it than this."""
 
-_RESTS = 0.005
-"""Height above its support at which a body still rests on it [m]."""
-
 
 class PyBulletWorld(KinematicScene):
-    """Implements :class:`planlang.protocols.World`; planning asks a :class:`sim.PlanningWorld` instead.
+    """Implements :class:`planlang.protocols.RobotInterface` for the robot, and :class:`sim.truth.Truth` for all else.
 
     Motions are played back (:class:`Playback`): a step that would make the robot touch something is taken back.
     """
@@ -212,6 +206,7 @@ class PyBulletWorld(KinematicScene):
             self._here()
             self._contacts.part()
             self._slip(self._robot)
+            self._open(self._robot, moving)
         self._people.step({name: self._bodies.poses[name] for name, held in self._held.items() if held.on is None})
         self._falling.step()
         self._controls.turned(self._leaves.values, self._leaves.joints)
@@ -256,9 +251,18 @@ class PyBulletWorld(KinematicScene):
             for link, offset in self._held[name].links.items():
                 there, here = self._bodies.poses[name], robot.link_pose(link) @ offset
                 strayed = here.distance(there) > STRAYED or here.turn(there) > TWISTED
-                if strayed or not self._contacts.pinches(link, name):
+                if strayed or name not in self._contacts.between(link):
                     self.release(name)
                     break
+
+    def _open(self, robot: Robot, moving: Sequence[Playback]) -> None:
+        """Let hands hold nothing any more the fingers of which have moved off it."""
+        fingers = [one.query.links for playback in moving for one in playback.strands if one.query.grip]
+        moved = frozenset[int]().union(*(links for links in fingers if links is not None))
+        holding = (*self.led().values(), *(link for name in self._held for link in self.holders(name)))
+        for link in dict.fromkeys(holding) if moved else ():
+            if moved & robot.hand_of(link) and not self._contacts.between(link):
+                self.loosen(link)
 
     def start(self, group: str, trajectory: Trajectory, *, pushes: str | None = None) -> None:
         """Begin a motion. A joint obeys the newest motion: another group that moves one of these joints is halted.
@@ -293,12 +297,61 @@ class PyBulletWorld(KinematicScene):
         for group in self._motions:
             self.halt(group)
 
+    # Grippers
+
+    def grip(self, link: str) -> None:
+        """Hold, or lead, what is between the fingers of the hand at a link, whatever the robot believes that to be."""
+        self._here()
+        for name in self._contacts.between(link):
+            leaf = self._leaves.leaf_of(name)
+            if leaf is not None:
+                self.lead(link, leaf)
+            elif self._bodies.bodies[name].graspable:
+                self.attach(link, name)
+
+    def loosen(self, link: str) -> None:
+        """Let go what the hand at a link holds; what fewer hands still hold than it takes slips off them, too."""
+        for leaf in [leaf for leaf, leader in self.led().items() if leader == link]:
+            self.let_go(leaf)
+        for name in [name for name in self._held if link in self.holders(name)]:
+            held = self._held[name]
+            links = {other: offset for other, offset in held.links.items() if other != link}
+            if len(links) < held.needs:
+                self.release(name)
+                continue
+            held.link, held.offset = next(iter(links.items()))
+            del links[held.link]
+            held.others, held.hand, held.placed = links, frozenset().union(*map(self.robot.hand_of, held.links)), None
+
+    def feels(self, link: str) -> bool:
+        """Return whether the hand at a link holds or leads something."""
+        return link in self.led().values() or any(link in self.holders(name) for name in self._held)
+
+    def pulled(self, link: str) -> bool:
+        """Return whether a person has hold of what the hand at a link holds."""
+        return any(link in self.holders(name) and self.taken(name) is not None for name in self._held)
+
     def release(self, name: str) -> None:
         """Let a body go: it sinks in free fall unless a person has taken it. ``KeyError`` when it is not held."""
         riders = self.riders(name)
         super().release(name)
         if self._people.holder(name) is None:
             self._falling.begin(name, riders)
+
+    # What is so: implements sim.truth.Truth
+
+    def links(self) -> Mapping[str, str | None]:
+        """Return link of the robot -> the link that it hangs on, None for the root."""
+        names = {index: name for name, index in self.robot.links.items()}
+        return {name: names.get(self.robot.parent[index]) for name, index in self.robot.links.items()}
+
+    def contents(self, name: str) -> Mapping[str, float]:
+        """Return class of substance -> amount of it in a body [ml]."""
+        return {one.type: one.amount for one in self._matter.contents.get(name, {}).values()}
+
+    def condition(self, name: str) -> str | None:
+        """Return the state of a body, such as on or clean; None if it has none."""
+        return self._matter.states.get(name)
 
     def falling(self, name: str) -> bool:
         """Return whether a body is on its way down."""
@@ -314,7 +367,7 @@ class PyBulletWorld(KinematicScene):
         return (x, y, z)
 
     def touches(self, links: Collection[str]) -> tuple[Touch, ...]:
-        """Return what links feel of bodies within 1 cm of them: that soft, or that far from the last step, is skin."""
+        """Return where links are touched."""
         self._here()
         return self._contacts.touches(links)
 
@@ -337,15 +390,3 @@ class PyBulletWorld(KinematicScene):
         motions = tuple((group, playback.row, playback.state()) for group, playback in self._motions.items())
         *things, people = super().state()
         return (self.steps, *things, motions, people)
-
-
-def held_by(world: PyBulletWorld, name: str) -> str | None:
-    """Return who holds a body: "robot" as long as it does, else the person who has taken it, else None."""
-    return ROBOT if name in world.attached() else world.taken(name)
-
-
-def at_rest_on(world: PyBulletWorld, name: str) -> str | None:
-    """Return the body that a body stands on; None while it is held, falls, or has nothing below it within 5 mm."""
-    if held_by(world, name) or world.falling(name):
-        return None
-    return world.support(name) if world.height_above_support(name) <= _RESTS else None

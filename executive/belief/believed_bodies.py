@@ -13,7 +13,7 @@ from executive.maps.hollow import room_behind
 from planlang.designators import Object
 from planlang.failures import LocationUnresolvable, ObjectUnresolvable
 from planlang.geometry import Array, Pose
-from planlang.ontology import expand, shorten
+from planlang.ontology import shorten
 from planlang.protocols import Touch
 from planlang.records import dataclass
 from sim import Body, ComfortZone, PlanningWorld
@@ -287,6 +287,20 @@ class BelievedBodies:
         """Return where the person takes things."""
         return self._world.person(name)
 
+    def taker(self, name: str, meant: str | None = None) -> str | None:
+        """Return who pulls at a held thing, as far as is believed: of those who take things there, whoever is meant.
+
+        Else the nearest of them, else the nearest person; None if no person is known.
+        """
+        point = np.array(self._world.pose(name).position)
+
+        def unlikely(person: str) -> tuple[bool, bool, float]:
+            zone = self.zone(person)
+            away = np.linalg.norm(point - zone.shoulders, axis=1).min()
+            return not zone.contains(point), person != meant, float(away)
+
+        return min(filter(self.is_person, self.names()), key=unlikely, default=None)
+
     def support(self, name: str) -> str | None:
         """Return what a body is believed to rest on."""
         found = self._world.support(name)
@@ -417,8 +431,7 @@ class BelievedBodies:
         return [self._door(thing.name, name) for thing in things if thing.name in self._belief.names()]
 
     def _is_door(self, types: Sequence[str]) -> bool:
-        ontology = self._belief.map.ontology
-        return any(ontology.is_a(one, expand(cls)) for one in types for cls in ("Door", "DoorwayCovering"))
+        return self._belief.map.ontology.any_is_a(types, ("Door", "DoorwayCovering"))
 
     def _door(self, name: str, owner: str) -> Door:
         """Return a closed leaf: at its hinge, else at the edge nearer to a side of its owner, else at its left edge."""

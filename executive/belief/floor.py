@@ -85,6 +85,10 @@ class Floor:
         least = clearance_at(points, self.boxes, cores(self.outlines))
         return np.asarray(least > -TOUCHING - within)
 
+    def fits(self, points: Array) -> NDArray[np.bool_]:
+        """Return whether the robot may fit, somehow turned, at points (m, 2) of the map (m,)."""
+        return np.asarray(self.nearly(points, 0.0) & self._on_map(points))
+
     def _on_map(self, points: Array) -> NDArray[np.bool_]:
         x_min, y_min, x_max, y_max = self.bounds
         x, y = points[:, 0], points[:, 1]

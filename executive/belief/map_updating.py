@@ -171,8 +171,7 @@ def _linked(thing: MapObject, ontology: Ontology) -> Iterator[str]:
 
 
 def _is_joint(iri: str, belief: Belief) -> bool:
-    ontology = belief.map.ontology
-    return any(ontology.is_a(cls, expand(kind)) for cls in ontology.types(iri) for kind in _JOINTS.values())
+    return belief.map.ontology.any_is_a((iri,), _JOINTS.values())
 
 
 def _opening_radius(joint: Articulation, belief: Belief) -> float:

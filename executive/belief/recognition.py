@@ -40,7 +40,7 @@ class Recognition:
         """Return whether a thing would be recognised in a picture."""
         if not self.runs(VISION):
             return False
-        return self.classes is None or any(self._ontology.is_a(one, cls) for one in thing.types for cls in self.classes)
+        return self.classes is None or self._ontology.any_is_a(thing.types, self.classes)
 
     def may_recognise(self, classes: Iterable[str]) -> bool:
         """Return whether there is a model of one of some classes (IRIs), or of one above or below it."""

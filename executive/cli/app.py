@@ -13,34 +13,11 @@ from typing import Annotated, Any, NoReturn, get_type_hints
 
 import typer
 
-from executive.cli.arguments import (
-    Arguments,
-    CheckArguments,
-    CompileArguments,
-    ConvertArguments,
-    EnableArguments,
-    ExportArguments,
-    InspectArguments,
-    LocateArguments,
-    MakeArguments,
-    MatchArguments,
-    MergeArguments,
-    ReplayArguments,
-    ReportArguments,
-    RunArguments,
-)
+from executive.cli import arguments as local
+from executive.cli import server_arguments as server
+from executive.cli.arguments import Arguments
 from executive.cli.console import Answer, ExitCode, answer, give
 from executive.cli.resources import check_memory
-from executive.cli.server_arguments import (
-    DeleteArguments,
-    PullArguments,
-    PushArguments,
-    RateArguments,
-    SearchArguments,
-    ServeArguments,
-    WatchArguments,
-)
-from executive.cli.sweep_arguments import SweepArguments, SweepMergeArguments, SweepTableArguments
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -105,33 +82,37 @@ def _command(name: str, arguments: type[Arguments]) -> Callable[..., None]:
 
 
 for name, arguments, example in (
-    ("compile", CompileArguments, "serve_a_drink -o serve_a_drink.py --graph serve_a_drink.svg"),
-    ("check", CheckArguments, "my_recipe.owl --ontologies ../ontologies --fix"),
-    ("convert", ConvertArguments, "my_recipe.owl --to manchester -o my_recipe.omn"),
-    ("merge", MergeArguments, "hospital_room seen_today.omn -o room.omn"),
-    ("match", MatchArguments, "serve_a_drink --robot amigo"),
-    ("run", RunArguments, "serve_a_drink --seed 3 --trace run.jsonl --picture scene.png"),
-    ("sweep", SweepArguments, "serve_a_drink --worlds 100 --out drinks.jsonl"),
-    ("sweep-merge", SweepMergeArguments, "shard1.jsonl shard2.jsonl --out drinks.jsonl"),
-    ("sweep-table", SweepTableArguments, "drinks.jsonl --csv drinks.csv"),
-    ("enable", EnableArguments, "serve_a_drink --robot amigo --from http://localhost:8080 --run"),
-    ("replay", ReplayArguments, "run.jsonl"),
-    ("report", ReportArguments, "run.jsonl --output run.html"),
-    ("export", ExportArguments, "run.jsonl --to neem -o experience"),
+    ("compile", local.CompileArguments, "serve_a_drink -o serve_a_drink.py --graph serve_a_drink.svg"),
+    ("check", local.CheckArguments, "my_recipe.owl --ontologies ../ontologies --fix"),
+    ("convert", local.ConvertArguments, "my_recipe.owl --to manchester -o my_recipe.omn"),
+    ("merge", local.MergeArguments, "hospital_room seen_today.omn -o room.omn"),
+    ("match", local.MatchArguments, "serve_a_drink --robot amigo"),
+    ("run", local.RunArguments, "serve_a_drink --seed 3 --trace run.jsonl --picture scene.png"),
+    ("sweep", local.SweepArguments, "serve_a_drink --worlds 100 --out drinks.jsonl"),
+    ("sweep-merge", local.SweepMergeArguments, "shard1.jsonl shard2.jsonl --out drinks.jsonl"),
+    ("sweep-table", local.SweepTableArguments, "drinks.jsonl --csv drinks.csv"),
+    ("enable", local.EnableArguments, "serve_a_drink --robot amigo --from http://localhost:8080 --run"),
+    ("replay", local.ReplayArguments, "run.jsonl"),
+    ("report", local.ReportArguments, "run.jsonl --output run.html"),
+    ("export", local.ExportArguments, "run.jsonl --to neem -o experience"),
     (
         "locate",
-        LocateArguments,
+        local.LocateArguments,
         '"in reach of the patient with the right arm" --robot amigo --environment hospital_room --explain where.png',
     ),
-    ("serve", ServeArguments, "--store kb.sqlite --port 8080"),
-    ("search", SearchArguments, '"ServingFoodOrDrink and objectActedOn some DrinkingBottle" --robot amigo --from URL'),
-    ("pull", PullArguments, "serveadrink.ward -o pulled --from URL"),
-    ("push", PushArguments, "my_recipe.owl --kind recipe --name ward --to URL --key-file my.key"),
-    ("rate", RateArguments, "serveadrink.ward 8 --to URL --key-file my.key"),
-    ("delete", DeleteArguments, "serveadrink.ward --file pouring.py --from URL --key-file my.key"),
-    ("watch", WatchArguments, "serveadrink.ward --from URL --key-file my.key"),
-    ("robot inspect", InspectArguments, "amigo --picture reach.png"),
-    ("robot make", MakeArguments, "my_arm.urdf -o my_arm.toml"),
+    ("serve", server.ServeArguments, "--store kb.sqlite --port 8080"),
+    (
+        "search",
+        server.SearchArguments,
+        '"ServingFoodOrDrink and objectActedOn some DrinkingBottle" --robot amigo --from URL',
+    ),
+    ("pull", server.PullArguments, "serveadrink.ward -o pulled --from URL"),
+    ("push", server.PushArguments, "my_recipe.owl --kind recipe --name ward --to URL --key-file my.key"),
+    ("rate", server.RateArguments, "serveadrink.ward 8 --to URL --key-file my.key"),
+    ("delete", server.DeleteArguments, "serveadrink.ward --file pouring.py --from URL --key-file my.key"),
+    ("watch", server.WatchArguments, "serveadrink.ward --from URL --key-file my.key"),
+    ("robot inspect", local.InspectArguments, "amigo --picture reach.png"),
+    ("robot make", local.MakeArguments, "my_arm.urdf -o my_arm.toml"),
 ):
     # without a short help, click cuts the first sentence off after 45 characters
     summary = (arguments.__doc__ or "").partition(".")[0] + "."

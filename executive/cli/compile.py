@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ from executive.cli.arguments import CompileArguments
 from executive.cli.console import Answer, ExitCode
 from executive.cli.inputs import read_recipe_file, refuse
 from executive.cli.performed import performed_by_modules
-from planlang.compiler import compile_recipe
+from planlang.compiler import CompiledPlan, compile_recipe
 from planlang.diagnostics import Diagnostic, Span, error
 from planlang.outputs import LONGEST, NO_DATA_FLOW, NO_SCOPES, PlanHeader, check_outputs, header, write_text
 from planlang.plan_versions import backup_path, merge_plan, write_versions
@@ -23,7 +24,8 @@ def command(arguments: CompileArguments) -> Answer:
     inputs = {"the recipe": file.path}
     problems = check_outputs({"--output": output}, inputs, force=True)  # write_plan looks at an old plan more closely
     problems += check_outputs({"--graph": graph}, {**inputs, "--output": output}, force=force)
-    refuse([*problems, *_check_graph(graph)])
+    draw = _drawer(graph, problems)
+    refuse(problems)
     before = _merged_header(arguments)
     found: list[Diagnostic] = []
     left_out = before.options if before is not None else ()
@@ -42,11 +44,8 @@ def command(arguments: CompileArguments) -> Answer:
         code = ExitCode.FAILED if conflicts else code
     elif output is not None:
         write_versions(output, plan.source, force=force)
-    if graph is not None:
-        from planlang.compiler import drawing  # most plans are not drawn
-
-        drawn = drawing.task_graph(plan.recipes, plan.added, plan.recoveries)
-        write_text(graph, drawing.FORMATS[graph.suffix.lower()](drawn))
+    if graph is not None and draw is not None:
+        write_text(graph, draw(plan))
     data: dict[str, Any] = {"task": plan.task, "functions": list(plan.functions)}
     data |= {"graph": str(graph)} if graph is not None else {}
     data |= {"plan": str(output)} if output is not None else {"source": plan.source}
@@ -77,12 +76,15 @@ def _merged_header(arguments: CompileArguments) -> PlanHeader | None:
         return header(file.read(LONGEST))
 
 
-def _check_graph(path: Path | None) -> list[Diagnostic]:
+def _drawer(path: Path | None, problems: list[Diagnostic]) -> Callable[[CompiledPlan], str] | None:
+    """Return what draws plans in the format of a file; None, with an error in ``problems``, for an unknown format."""
     if path is None:
-        return []
-    from planlang.compiler.drawing import FORMATS
+        return None
+    from planlang.compiler import drawing  # most plans are not drawn
 
-    if path.suffix.lower() in FORMATS:
-        return []
-    message = f"unknown graph format {path.suffix or path.name}; known: {', '.join(FORMATS)}"
-    return [error("C014", message, help=f"name a file such as {path.stem or 'graph'}.svg")]
+    write = drawing.FORMATS.get(path.suffix.lower())
+    if write is None:
+        message = f"unknown graph format {path.suffix or path.name}; known: {', '.join(drawing.FORMATS)}"
+        problems.append(error("C014", message, help=f"name a file such as {path.stem or 'graph'}.svg"))
+        return None
+    return lambda plan: write(drawing.task_graph(plan.recipes, plan.added, plan.recoveries))

@@ -45,8 +45,8 @@ def command(arguments: RunArguments, *, recipes: tuple[Path, ...] = ()) -> Answe
     return _answer(run_plan_file(options), is_announced=not arguments.json)
 
 
-def options_of(arguments: RunArguments) -> RunOptions:
-    """Return the options of the run that the arguments ask for; raises BadInput."""
+def _check_together(arguments: RunArguments) -> None:
+    """Raise a usage error for options of which one needs another, or excludes it."""
     if arguments.file is None and arguments.resume is None:
         raise typer.BadParameter("name a recipe or plan, or --resume TRACE")
     if arguments.world_as_left and arguments.resume is None:
@@ -57,6 +57,11 @@ def options_of(arguments: RunArguments) -> RunOptions:
         raise typer.BadParameter("--report needs the whole run, of which --world-as-left leaves the beginning out")
     if arguments.watch and arguments.watch_tree:
         raise typer.BadParameter("--watch shows the tree of the plan, too: leave out --watch-tree")
+
+
+def options_of(arguments: RunArguments) -> RunOptions:
+    """Return the options of the run that the arguments ask for; raises BadInput."""
+    _check_together(arguments)
     start, bindings = planar(arguments.start), _bindings(arguments.set_ or [])
     recorded, header = None, TraceHeader()
     if arguments.resume is not None:

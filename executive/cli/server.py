@@ -14,9 +14,8 @@ from planlang.diagnostics import BadInput, error, warning
 from planlang.files import read_file
 from planlang.knowledge.answers import NoAnswer, NotAsAgreed
 from planlang.knowledge.client import Client
-from planlang.knowledge.entries import Kind
+from planlang.knowledge.entries import Kind, Refused
 from planlang.knowledge.refusals import HOW_TO_MAKE_A_KEY, KEY, client_of, diagnostics_of, kept_warning
-from planlang.knowledge.stores import Refused
 
 SERVER = "PLANLANG_SERVER"
 """Environment variable of the server's address."""

@@ -17,8 +17,8 @@ from executive.serving.running import run
 from executive.serving.serving import now
 from executive.serving.workers import Staff
 from planlang.diagnostics import BadInput, error
+from planlang.knowledge.entries import SCHEME, Full, Store, Unreachable
 from planlang.knowledge.sqlite_store import SqliteStore
-from planlang.knowledge.stores import SCHEME, Full, Store, Unreachable
 
 LONGEST_AUTHOR = 100
 

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
+from executive.cli.arguments import SweepMergeArguments
 from executive.cli.console import Answer
 from executive.cli.inputs import refuse
-from executive.cli.sweep_arguments import SweepMergeArguments
-from executive.cli.sweep_results import counted, exit_code, write_csv
-from executive.sweeps.files import Sweep, merged, read_sweep, write_sweep
-from planlang.diagnostics import Diagnostic, warning
+from executive.cli.sweep_table import answered, write_csv
+from executive.sweeps.files import merged, read_sweep, write_sweep
 from planlang.outputs import check_outputs
-
-MOST_NAMED = 10
-"""Missing worlds that are named."""
 
 
 def command(arguments: SweepMergeArguments) -> Answer:
@@ -23,18 +19,3 @@ def command(arguments: SweepMergeArguments) -> Answer:
     if arguments.csv is not None:
         write_csv(arguments.csv, whole.rows)
     return answered(whole)
-
-
-def answered(sweep: Sweep) -> Answer:
-    """Return the table of a sweep, with a warning if worlds are missing."""
-    total = len(sweep.header["worlds"])
-    return counted(sweep.rows, total, exit_code(sweep.rows, total), _incomplete(sweep))
-
-
-def _incomplete(sweep: Sweep) -> list[Diagnostic]:
-    missing = sweep.missing
-    if not missing:
-        return []
-    named = ", ".join(map(str, missing[:MOST_NAMED])) + (", ..." if len(missing) > MOST_NAMED else "")
-    message = f"{len(missing)} of {len(sweep.header['worlds'])} worlds are missing: {named}"
-    return [warning("C033", message, help="planlang sweep does them: name the file of their shard as --out")]

@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
-from executive.cli.console import Answer
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+from executive.cli.arguments import SweepTableArguments
+from executive.cli.console import Answer, ExitCode
 from executive.cli.inputs import refuse
-from executive.cli.sweep_arguments import SweepTableArguments
-from executive.cli.sweep_merge import answered
-from executive.cli.sweep_results import write_csv
-from executive.sweeps.files import read_sweep
-from planlang.outputs import check_outputs
+from executive.runs.options import Outcome
+from executive.sweeps import Row
+from executive.sweeps.files import Sweep, read_sweep
+from executive.sweeps.records import is_reached
+from executive.sweeps.table import causes, csv_text, shares, table
+from planlang.diagnostics import Diagnostic, warning
+from planlang.outputs import check_outputs, write_text
+
+MOST_NAMED = 10
+"""Missing worlds that are named."""
 
 
 def command(arguments: SweepTableArguments) -> Answer:
@@ -18,3 +28,42 @@ def command(arguments: SweepTableArguments) -> Answer:
     if arguments.csv is not None:
         write_csv(arguments.csv, sweep.rows)
     return answered(sweep)
+
+
+def answered(sweep: Sweep) -> Answer:
+    """Return the table of a sweep, with a warning if worlds are missing."""
+    total = len(sweep.header["worlds"])
+    return counted(sweep.rows, total, exit_code(sweep.rows, total), _incomplete(sweep))
+
+
+def _incomplete(sweep: Sweep) -> list[Diagnostic]:
+    missing = sweep.missing
+    if not missing:
+        return []
+    named = ", ".join(map(str, missing[:MOST_NAMED])) + (", ..." if len(missing) > MOST_NAMED else "")
+    message = f"{len(missing)} of {len(sweep.header['worlds'])} worlds are missing: {named}"
+    return [warning("C033", message, help="planlang sweep does them: name the file of their shard as --out")]
+
+
+def counted(rows: Sequence[Row], total: int, code: ExitCode, found: Sequence[Diagnostic] = ()) -> Answer:
+    """Return the table of the rows; ``total``: how many there should be."""
+    data = {
+        "worlds": total,
+        "outcomes": [asdict(one) for one in shares(rows)],
+        "causes": [asdict(one) for one in causes(rows)],
+        "rows": list(rows),
+    }
+    return Answer(code, tuple(found), table(rows, total), data)
+
+
+def exit_code(rows: Sequence[Row], total: int) -> ExitCode:
+    """Return DONE if all worlds were reached; MISSING_CAPABILITY if no run began; else FAILED."""
+    if len(rows) == total and all(map(is_reached, rows)):
+        return ExitCode.DONE
+    refused = rows and all(row.get("outcome") == Outcome.LACKS_CAPABILITY.value for row in rows)
+    return ExitCode.MISSING_CAPABILITY if refused else ExitCode.FAILED
+
+
+def write_csv(path: Path, rows: Sequence[Row]) -> None:
+    """Write rows as CSV, at once or not at all. Raises BadInput."""
+    write_text(path, csv_text(rows))

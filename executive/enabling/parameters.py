@@ -65,7 +65,7 @@ def _classes_made(ontology: Ontology, steps: Iterable[Step]) -> frozenset[str]:
         if effects.flow_rate:
             poured.update(class_of(one) for one in step.fillers("objectActedOn") if isinstance(one, Thing))
     for heat in heat_effects(ontology):
-        if any(ontology.is_a(cls, one) for cls in made | poured for one in heat.inputs):
+        if ontology.any_is_a(made | poured, heat.inputs):
             made.add(heat.output)
     return frozenset(made)
 

@@ -12,6 +12,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import field
 
+from planlang.closure import reached
 from planlang.records import dataclass
 
 Need = str
@@ -163,14 +164,12 @@ class _Graph:
             free = (one for one in self.offers[need] if all(self._order(n) < self.met[need] for n in one.needs))
             if need not in self.had:
                 self.taken[need] = next(free)
-        queue = [need for need in dict.fromkeys(wanted) if need in self.taken]
-        seen = set(queue)
-        for need in queue:
+
+        def below(need: Need) -> Iterator[Need]:
             self._improve(need)
-            below = [one for one in dict.fromkeys(self.taken[need].needs) if one in self.taken and one not in seen]
-            seen.update(below)
-            queue.extend(below)
-        self._share(queue)
+            return (one for one in self.taken[need].needs if one in self.taken)
+
+        self._share(list(reached((need for need in wanted if need in self.taken), below)))
 
     def _share(self, needs: Sequence[Need]) -> None:
         """Let one offer meet several needs where it can, so that fewer are taken."""
@@ -199,16 +198,7 @@ class _Graph:
 
     def _leads(self, needs: Iterable[Need], goal: Need) -> bool:
         """Return whether needs, met as chosen so far, depend on another one."""
-        queue = list(needs)
-        seen = set(queue)
-        for need in queue:
-            if need == goal:
-                return True
-            if need in self.taken:
-                below = [one for one in self.taken[need].needs if one not in seen]
-                seen.update(below)
-                queue.extend(below)
-        return False
+        return goal in reached(needs, lambda need: self.taken[need].needs if need in self.taken else ())
 
     def answer(self, need: Need) -> Answer:
         """Return the answer to a need."""

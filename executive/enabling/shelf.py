@@ -15,11 +15,10 @@ from executive.serving.workers import Staff
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
 from planlang.knowledge.answers import Found, NoAnswer, NotAsAgreed, RefusedByChecks
 from planlang.knowledge.client import Client
-from planlang.knowledge.entries import Attachment, Entry, Kind, Revision
+from planlang.knowledge.entries import Attachment, Entry, Full, Kind, Refused, Revision
 from planlang.knowledge.index import CannotAnswer
 from planlang.knowledge.refusals import client_of, diagnostics_of, kept_warning
 from planlang.knowledge.sqlite_store import SqliteStore
-from planlang.knowledge.stores import Full, Refused
 
 MOST_FOUND = 10_000
 """Entries that a server is asked for by one question."""

@@ -16,7 +16,7 @@ from executive.report.watching import Watching
 from planlang.kernel.tree import Node
 from planlang.report import model_of, page
 from planlang.report.model import Context
-from sim import PyBulletWorld
+from sim.truth import Truth
 
 PERIOD = 0.25
 """Shortest time between two news [s]."""
@@ -70,7 +70,7 @@ class LiveRun:
         """Listen to the trace."""
         self.gate.heard(record, node)
 
-    def passed(self, world: PyBulletWorld) -> None:
+    def passed(self, world: Truth) -> None:
         """Let browsers know, and wait at the gate."""
         if time.monotonic() >= self._due:
             self._publish()

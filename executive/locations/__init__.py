@@ -5,7 +5,8 @@ General layout, in the order of a query: ``resolver`` takes a location; ``demand
 ``hand_predicates`` chooses them and tells whether a hand is somewhere, and where things can be; ``reachability`` maps
 what arms reach, ``reachability_maps`` makes such maps, ``base_candidates`` turns them into base poses, ``search`` goes
 through them within its budgets, ``floor_search`` through those that need no reach, ``hand_solutions`` finds joint
-values, and ``validation`` checks each pose exactly. ``rejections`` count why there is nothing.
+values, and ``validation`` checks each pose exactly. Of all base poses, those of process modules among them,
+``base_poses`` knows which have room and a way. ``rejections`` count why there is nothing.
 The believed world is asked through ``executive.belief.planning_scene``.
 """
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from executive.belief.scene_collisions import BasePose
 from executive.locations.base_candidates import BaseCandidates, Misses
+from executive.locations.base_poses import BasePoses
 from executive.locations.budgets import BETWEEN, SearchBudget
 from executive.locations.demands import BaseDemand, Reach
 from executive.locations.grasp_candidates import CLASSES, Hand
@@ -26,7 +27,7 @@ from executive.locations.hand_solutions import (
     base_matrices,
     solve,
 )
-from executive.locations.looking_once import LookedAt, Numbered, as_keys, numbered
+from executive.locations.looking_once import LookedAt, as_keys, numbered
 from executive.locations.questions import Findings, Question
 from executive.locations.rejections import COLLISION, NO_HOLD, NO_ROOM, NOT_LOOKED_AT, NOT_VISIBLE, Reason, Rejections
 from executive.locations.validation import PLACES, BaseValidator, SelfOcclusion
@@ -67,10 +68,10 @@ class Sought:
         """What was found out before."""
         return self.question.known
 
-    def rooms(self, bases: Numbered) -> LookedAt[bool]:
-        """Return at which bases there is room for the base, each looked at once for a location."""
-        floor = self.validator.scene.collisions.floor()
-        return LookedAt(bases, self.known.rooms, lambda new: floor.holds(new).tolist())
+    @property
+    def poses(self) -> BasePoses:
+        """The base poses of the scene, for this question."""
+        return BasePoses(self.validator.scene, self.question)
 
 
 class CandidateSearch:
@@ -93,7 +94,8 @@ class CandidateSearch:
         self._found = found.chosen(order)
         self._bases = as_told(self._found.bases)
         each = numbered(self._bases)
-        self._rooms = sought.rooms(each)
+        self._poses = sought.poses
+        self._rooms = self._poses.rooms(each)
         self._stances = LookedAt(each, sought.known.stances, lambda new: stance.hit(base_matrices(new)))
         self._undecided = np.ones(len(self._found), bool)
         self._validated = self._tried_blind = 0
@@ -292,7 +294,7 @@ class CandidateSearch:
 
     def _have_way(self, rows: NDArray[np.intp]) -> NDArray[np.bool_]:
         """Return which candidates the base can drive to; asked again, as what is known of ways grows meanwhile."""
-        return self._sought.validator.has_way(self._bases[rows], self._sought.question)
+        return self._poses.have_way(self._bases[rows])
 
     def _known(self, rows: NDArray[np.intp]) -> list[bytes]:
         """Return what candidates are known by when the same is looked at again."""

@@ -11,6 +11,7 @@ import numpy as np
 
 from executive.belief.believed_bodies import Block
 from executive.belief.planning_scene import PlanningScene
+from executive.locations.base_poses import floor_near
 from executive.locations.reachability import CELL
 from executive.locations.rejections import Rejections
 from executive.motion import clearance_at
@@ -24,8 +25,6 @@ TABLE = 0.75
 """Height of a table [m]: a thing is supposed to stand higher or lower by shares of its difference to this."""
 HEIGHTS = (0.5, 1.0)
 """These shares."""
-AROUND = 2.5
-"""Distance from a thing within which the nearest place for the base is looked for [m]."""
 FROM_EDGE = 0.02
 """A thing is not supposed to stand nearer to an edge than this [m]."""
 BEFORE = np.arange(0.1, 1.0, CELL)
@@ -105,14 +104,12 @@ class Changes:
             side, half = np.array([math.cos(heading), math.sin(heading)]), (block.half_x, block.half_y)[quarter % 2]
             room = half - float(side @ [thing.x - block.x, thing.y - block.y])
             before = np.array([thing.x, thing.y]) + np.outer(room + BEFORE, side)
-            if (floor.nearly(before, 0.0) & (floor.at(before) > -np.inf)).any():
+            if floor.fits(before).any():
                 ways.append((room, side, room - thing.support(heading) - FROM_EDGE))
         return [(side, most) for _, side, most in sorted(ways, key=lambda way: way[0])]
 
     def _ways_to_corners(self, block: Block, thing: Block) -> Iterator[tuple[Array, float]]:
-        floor, steps = self.scene.collisions.floor(), np.arange(-AROUND, AROUND, CELL)
-        points = np.stack(np.meshgrid(block.x + steps, block.y + steps), axis=-1).reshape(-1, 2)
-        points = points[floor.nearly(points, 0.0) & (floor.at(points) > -np.inf)]
+        points = floor_near(block, self.scene.collisions.floor())
         c, s = math.cos(block.yaw), math.sin(block.yaw)
         axes = np.array([[c, s], [-s, c]])
         most = [block.half_x, block.half_y] - (np.hypot(thing.half_x, thing.half_y) + FROM_EDGE)

@@ -11,7 +11,8 @@ import numpy as np
 from executive.belief.floor import Floor
 from executive.belief.planning_scene import PlanningScene
 from executive.locations.base_candidates import InverseMaps
-from executive.locations.changes import AROUND, MOST_TRIED, Changes, WouldDo
+from executive.locations.base_poses import AROUND, floor_near
+from executive.locations.changes import MOST_TRIED, Changes, WouldDo
 from executive.locations.demands import Reach, ReachKind
 from executive.locations.grasp_candidates import CLASSES, GraspCandidates
 from executive.locations.hand_predicates import Stage, candidates_of, narrowest
@@ -212,10 +213,7 @@ class _Explanation:
     def _gap(self, floor: Floor) -> float:
         """Return the distance of the thing to the nearest place where the base has room to stand, inf if none [m]."""
         block = self.scene.bodies.block(self.reach.body)
-        steps = np.arange(-AROUND, AROUND, CELL)
-        points = np.stack(np.meshgrid(block.x + steps, block.y + steps), axis=-1).reshape(-1, 2)
-        away = np.hypot(points[:, 0] - block.x, points[:, 1] - block.y)
-        return float(away[floor.nearly(points, 0.0) & (floor.at(points) > -np.inf)].min(initial=np.inf))
+        return float(np.hypot(*(floor_near(block, floor) - block.centre[:2]).T).min(initial=np.inf))
 
     def no_hold(self) -> str:
         """Return how wide the thing is, and how wide hands open."""

@@ -20,11 +20,12 @@ from executive.belief.believed_bodies import Block
 from executive.belief.floor import CELL
 from executive.belief.planning_scene import PlanningScene, Unseen
 from executive.locations.areas import FACING, HAIR, Clear, Facing
+from executive.locations.base_poses import MOST_CROWDED, BasePoses
 from executive.locations.candidate_search import TRAVEL
 from executive.locations.demands import BaseDemand
 from executive.locations.questions import Question
 from executive.locations.rejections import NO_ROOM, NOT_VISIBLE
-from executive.locations.validation import MOST_CROWDED, PLACES, BaseValidator, scored, unmet
+from executive.locations.validation import PLACES, BaseValidator, scored, unmet
 from planlang.geometry import Array
 from planlang.protocols import Solution
 
@@ -43,6 +44,7 @@ class FloorSearch:
 
     def __init__(self, validator: BaseValidator, demand: BaseDemand, question: Question) -> None:
         self.validator, self.scene, self.demand, self.question = validator, validator.scene, demand, question
+        self.poses = BasePoses(self.scene, question)
 
     def places(self) -> Iterator[Solution]:
         """Yield base poses: around what they are about, and when there are no more of these, anywhere."""
@@ -79,8 +81,8 @@ class FloorSearch:
         crowded = np.flatnonzero(~roomy & (score > 0))
         good = np.flatnonzero(roomy & (score > 0))
         if not named and not len(good):
-            promising = crowded[np.argsort(-score[crowded].round(9), kind="stable")][:MOST_CROWDED]
-            validator.name_crowding([(float(score[index]), bases[index]) for index in promising], log)
+            self.poses.crowded = list(zip(score[crowded].tolist(), bases[crowded], strict=True))
+            self.poses.name_crowding()
         log.weigh(bases[good], total[good])
         order = good[np.argsort(-total[good].round(9), kind="stable")]
         found, hidden = False, 0
@@ -92,10 +94,11 @@ class FloorSearch:
             place = bases[row].round(PLACES)
             base = (float(place[0]), float(place[1]), math.remainder(float(place[2]), 2 * math.pi))
             worth = float(total[row])
-            if not validator.has_way(place[None], self.question)[0]:
+            if not self.poses.have_way(place[None])[0]:
                 continue
             # there is room by the field: what is seen decides more often
-            if not validator.sees(base, worth, demand, log) or not validator.stands(base, worth, demand, log):
+            asked = base, worth, demand, self.question
+            if not validator.sees(*asked) or not validator.stands(*asked):
                 continue
             if (answer := validator.answer(base, worth, {}, demand, self.question)) is not None:
                 found = True

@@ -340,20 +340,10 @@ def from_base(
         )
 
 
-def _from_base(
-    reach: Reach,
-    base: BasePose,
-    arm: ArmModel,
-    candidates: GraspCandidates,
-    check: QuickCheck,
-    scene: PlanningScene,
-    inverse: InverseMaps,
-    rejections: Rejections,
-    *,
-    seed: Array | None,
-    generous: bool,
-) -> Iterator[HandSolution]:
-    there = np.array(base)
+def _passes(
+    there: Array, arm: ArmModel, candidates: GraspCandidates, inverse: InverseMaps, seed: Array | None, generous: bool
+) -> list[tuple[NDArray[np.intp], Array]]:
+    """Return candidates (k,) with postures to begin from (k, n, joints), in the order in which they are tried."""
     placed = base_matrices(there[None])[0]
     index, scores, seeds = _looked_up(candidates, there, arm, inverse)
     order = np.argsort(-(scores * candidates.weights[index]).round(6), kind="stable")
@@ -371,6 +361,24 @@ def _from_base(
         own_seeds = arm.seeds if seed is None else np.vstack([seed, arm.seeds])
         rest = rest[within_reach(candidates, rest, placed, arm)]
         passes.append((rest, np.broadcast_to(own_seeds, (len(rest), *own_seeds.shape))))
+    return passes
+
+
+def _from_base(
+    reach: Reach,
+    base: BasePose,
+    arm: ArmModel,
+    candidates: GraspCandidates,
+    check: QuickCheck,
+    scene: PlanningScene,
+    inverse: InverseMaps,
+    rejections: Rejections,
+    *,
+    seed: Array | None,
+    generous: bool,
+) -> Iterator[HandSolution]:
+    there = np.array(base)
+    passes = _passes(there, arm, candidates, inverse, seed, generous)
     tried = np.concatenate([chosen for chosen, _ in passes]) if passes else np.zeros(0, np.intp)
     rejections.add(OUT_OF_REACH.text, len(candidates) - len(np.unique(tried)))
     done, counted = set[int](), set[int]()

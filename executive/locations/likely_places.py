@@ -17,6 +17,7 @@ import numpy as np
 from executive.belief.believed_bodies import Block
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
+from executive.locations.base_poses import BasePoses
 from executive.locations.views import NO_SCREENS, Size, Views
 from executive.maps.hollow import room_behind
 from executive.maps.semantic_map import MapObject
@@ -34,6 +35,8 @@ LOOKING = 1.0
 """Time for which the robot looks at a place, whatever the way to it takes [s]."""
 AROUND = 2.5
 """Distance from a place up to which base poses are compared [m]: small things are seen from there."""
+SPACING = 0.25
+"""Distance of the base poses that are compared [m]."""
 MOST = 60
 """Base poses that are compared for one place, the nearest to the robot."""
 LEAST = 0.1
@@ -152,7 +155,7 @@ class Searches:
     def __init__(self, scene: PlanningScene, seconds: Callable[[BasePose], float | None]) -> None:
         """``seconds`` gives the time to drive to a base pose, None if there is no way."""
         self.scene, self._seconds = scene, seconds
-        self.views = Views(scene)
+        self.views, self._poses = Views(scene), BasePoses(scene)
         self._usual = UsualPlaces(scene.belief.map.ontology)
         self.begun: dict[str, Search] = {}
 
@@ -181,7 +184,7 @@ class Searches:
 
         ``screens`` (k, 3) hide what is behind them. None if hardly any of the points is seen from anywhere.
         """
-        place = self._place(search, name, 0.0, self.views.places(), unseen, screens) if len(unseen) else None
+        place = self._place(search, name, 0.0, self._poses.all_over(SPACING), unseen, screens) if len(unseen) else None
         seen = len(self.points_of(name)) - len(unseen)
         return place if place is not None and len(place.points) >= LEAST * seen else None
 
@@ -235,7 +238,7 @@ class Searches:
             least = max(0.0, float(away) - AROUND) / limits.speed + (OPENING if self._is_shut(name) else 0.0)
             bounds.append((likelihood / (least + LOOKING), name, likelihood, least))
         best: LikelyPlace | None = None
-        floor = self.views.places() if bounds else np.zeros((0, 2))
+        floor = self._poses.all_over(SPACING) if bounds else np.zeros((0, 2))
         for bound, name, likelihood, least in sorted(bounds, key=lambda one: -one[0]):
             if best is not None and bound <= best.worth:
                 break
@@ -334,7 +337,7 @@ class Searches:
             for row in np.flatnonzero(counts >= ENOUGH * counts.max()).tolist():
                 x, y, yaw = bases[row].tolist()
                 counts[row] = 0
-                if row and self.scene.collisions.contacts((x, y, yaw)):
+                if row and not self._poses.has_room((x, y, yaw)):
                     continue
                 seconds = self._seconds((x, y, yaw)) if row else 0.0
                 if seconds is not None:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from executive.belief.explored_space import CELL, SURFACE, ExploredSpace
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
+from executive.locations.base_poses import BasePoses
 from executive.locations.likely_places import UsualPlaces, points_of
 from executive.locations.views import Views
 from planlang.geometry import Array
@@ -73,6 +74,7 @@ class Exploration:
         self.close: list[str] = []
         """Places at which the robot has looked from near, the last one last, or could not."""
         self._usual, self._views = UsualPlaces(scene.belief.map.ontology), Views(scene)
+        self._poses = BasePoses(scene)
 
     @cached_property
     def neck(self) -> Neck:
@@ -191,7 +193,7 @@ class Exploration:
             counts = self._views.seen(bases, points_of(block)).sum(axis=1)
             for row in np.argsort(-counts, kind="stable").tolist():
                 base = (float(bases[row, 0]), float(bases[row, 1]), float(bases[row, 2]))
-                if counts[row] > 0 and not self.scene.collisions.contacts(base):
+                if counts[row] > 0 and self._poses.has_room(base):
                     return base
         return None
 
@@ -234,7 +236,7 @@ class Exploration:
                 break
             base = (float(places[row, 0]), float(places[row, 1]), yaw)
             is_better = gain * stride >= self._least() and (best is None or worth > best[0])
-            if is_better and not self.scene.collisions.contacts(base):
+            if is_better and self._poses.has_room(base):
                 best = worth, base
         return None if best is None else best[1]
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import field, replace
+from typing import Literal
 
 from executive.belief.scene_collisions import BasePose
 from planlang.failures import LocationUnresolvable
@@ -141,6 +142,12 @@ class Rejections:
         if self.keeps and self._shown[reason] < MOST_PLACES:
             self._shown[reason] += 1
             self.places.append(Validated(base, score, reason, body))
+
+    def reject(self, base: BasePose, score: float, reason: str) -> Literal[False]:
+        """Count and remember a place that is rejected for a reason."""
+        self.add(reason)
+        self.remember(base, score, reason)
+        return False
 
     def ordered(self) -> Mapping[str, int]:
         """Return the counts of reasons, most frequent first."""

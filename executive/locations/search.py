@@ -16,6 +16,7 @@ import numpy as np
 from executive.belief.scene_collisions import BasePose
 from executive.locations.areas import Facing
 from executive.locations.base_candidates import BaseCandidates, Conjunct, Inversion, Misses, moved_to_room
+from executive.locations.base_poses import BasePoses
 from executive.locations.budgets import ALL, BUDGETS, SearchBudget
 from executive.locations.candidate_search import CandidateSearch, Sought, as_told
 from executive.locations.demands import BaseDemand, Reach, ReachKind
@@ -90,7 +91,7 @@ def searched(
             nothing = None if search.inverted else (budget.stage, budget.least, budget.rows)
             again = bool(found)  # what was found is found again: it need not be validated once more
         if search is not None and not log.explained:
-            validator.name_crowding(search.crowded, log)
+            search.poses.name_crowding()
 
     for solution in chain.from_iterable(searches()):
         if not is_taken(solution.base):
@@ -117,8 +118,8 @@ class ReachSearch:
         self.wanted, self.demand, self.arms, self.budget, self.question = wanted, demand, arms, budget, question
         self.log, self.known = question.log, question.known
         self.sought = Sought(validator, wanted, demand, budget, question, is_taken, validator.blind(demand))
-        self.crowded: list[tuple[float, Array]] = []
-        """Scores and base poses of grasp candidates without any that has room: named if nothing is found at last."""
+        self.poses = BasePoses(self.scene, question)
+        """With those of grasp candidates without any that has room: what takes it is named if nothing is found."""
         self.inverted = False
         """True once maps have given a base pose."""
 
@@ -146,7 +147,7 @@ class ReachSearch:
                 some = True
                 yield solution
             if budget.then is not None and not some and self.sought.is_taken is None:
-                roomy = self.sought.rooms(numbered(as_told(found.bases)))(np.arange(len(found)))
+                roomy = self.poses.rooms(numbered(as_told(found.bases)))(np.arange(len(found)))
                 crowded = found.chosen(~np.array(roomy, bool))
                 floor, yaw = scene.collisions.floor(), scene.bodies.block(self.wanted[0].body).yaw
                 moved = moved_to_room(crowded, floor, middle[:2], yaw, budget.most)
@@ -185,9 +186,9 @@ class ReachSearch:
             log.add(OUT_OF_REACH.text, sum(len(hand.candidates) for hand in hands))
             for hand in hands:
                 log.show_hands(OUT_OF_REACH.text, hand.candidates.points)
-        self.crowded = inversion.crowded()
+        self.poses.crowded = inversion.crowded()
         if log.explained:
-            self.validator.name_crowding(self.crowded, log)
+            self.poses.name_crowding()
         return found
 
     def _free_hands(self) -> FreeHands:

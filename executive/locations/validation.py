@@ -7,28 +7,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
 from executive.locations.areas import Area, Clear, Facing
 from executive.locations.base_candidates import InverseMaps
+from executive.locations.base_poses import BasePoses
 from executive.locations.demands import ORDER, BaseDemand, Reach, ReachKind, sides
 from executive.locations.hand_predicates import Stage
 from executive.locations.hand_solutions import HandSolution, Trial, from_base
 from executive.locations.later_uses import LaterUses
 from executive.locations.questions import Question
-from executive.locations.rejections import (
-    COLLISION,
-    NO_HOLD,
-    NO_ROOM,
-    NO_WAY,
-    NOT_VISIBLE,
-    OUT_OF_REACH,
-    Reason,
-    Rejections,
-    first_body,
-)
+from executive.locations.rejections import COLLISION, NO_HOLD, NOT_VISIBLE, OUT_OF_REACH, Reason, Rejections
 from executive.motion import QuickCheck
 from executive.robots.arms import ArmModel
 from planlang.designators import Location
@@ -40,8 +30,6 @@ PLACES = 6
 """Decimals of base poses [m, rad]: few enough that two machines agree, enough that the map's origin does not matter."""
 ANOTHER_PLACE = 0.4
 """Whatever was not seen from one base pose is looked for from base poses at least this far away [m]."""
-MOST_CROWDED = 48
-"""Number of promising base poses whose obstacles are named when there is no room."""
 MOST_REMEMBERED = 64
 """Base poses of which it is remembered how arms reach from them."""
 
@@ -165,25 +153,25 @@ class BaseValidator:
         self, base: BasePose, score: float, demand: BaseDemand, arms: Sequence[ArmModel], question: Question
     ) -> Solution | None:
         """Return the solution at ``base`` with any of the arms, or None with the reason counted."""
-        wanted, log = self.wanted(demand), question.log
+        wanted = self.wanted(demand)
         if any(
             math.dist(base[:2], centre) > most or math.dist(base[:2], centre) < least
             for centre, least, most in (self.band(reach, arms) for reach in wanted)
         ):
             return None
-        if not self.stands(base, score, demand, log) or not self.sees(base, score, demand, log):
+        if not self.stands(base, score, demand, question) or not self.sees(base, score, demand, question):
             return None
         if not wanted:
             return self.answer(base, score, {}, demand, question)
         for arm in arms:
             reached: dict[Reach, HandSolution] = {}
             for reach in wanted:
-                if (candidate := self._first(reach, base, self.arms_for(reach, [arm]), log)) is None:
+                if (candidate := self._first(reach, base, self.arms_for(reach, [arm]), question.log)) is None:
                     break
                 reached[reach] = candidate
             else:
                 return self.answer(base, score, reached, demand, question)
-        log.remember(base, score, OUT_OF_REACH.text)
+        question.log.remember(base, score, OUT_OF_REACH.text)
         return None
 
     def complete(
@@ -208,7 +196,9 @@ class BaseValidator:
         body = Trial(solution, base, self.scene).touched(np.roll(solution.joints, -1, axis=0))
         reason = None if body is None else Reason(COLLISION, body)
         if reason is None:
-            if not self.stands(base, score, demand, log) or not self.sees(base, score, demand, log, occlusion):
+            if not self.stands(base, score, demand, question):
+                return None
+            if not self.sees(base, score, demand, question, occlusion):
                 return None
             reason = trial.stopped_on_the_way()
         if reason is not None:
@@ -224,28 +214,26 @@ class BaseValidator:
             reached[reach] = candidate
         return self.answer(base, score, reached, demand, question)
 
-    def stands(self, base: BasePose, score: float, demand: BaseDemand, log: Rejections) -> bool:
+    def stands(self, base: BasePose, score: float, demand: BaseDemand, question: Question) -> bool:
         """Return whether the base can stand there, by all conjuncts that do not concern a hand, cheapest first."""
-        scene = self.scene
-        place = np.array([base])
         for term in demand.areas:
-            if scored(term, place)[0] <= 0:
-                return _reject(log, base, score, unmet(term))
-        if contacts := scene.collisions.contacts(base):
-            body = first_body(contacts)
-            log.crowded(body)
-            log.remember(base, score, NO_ROOM, body)
-            return False
-        return True
+            if scored(term, np.array([base]))[0] <= 0:
+                return question.log.reject(base, score, unmet(term))
+        return BasePoses(self.scene, question).has_room(base, score)
 
     def sees(
-        self, base: BasePose, score: float, demand: BaseDemand, log: Rejections, occlusion: SelfOcclusion | None = None
+        self,
+        base: BasePose,
+        score: float,
+        demand: BaseDemand,
+        question: Question,
+        occlusion: SelfOcclusion | None = None,
     ) -> bool:
         """Return whether what has to be seen from the base is: what is asked for, and what is going to be handled."""
-        scene = self.scene
+        scene, log = self.scene, question.log
         for name in demand.seen:
             if any(math.dist(base[:2], other[:2]) < ANOTHER_PLACE for other in scene.visibility.looked_in_vain(name)):
-                return _reject(log, base, score, "looked from there in vain")
+                return log.reject(base, score, "looked from there in vain")
         for name in self.to_see(demand):
             occluder = scene.visibility.hidden(base, name)
             if occluder is not None:
@@ -258,7 +246,7 @@ class BaseValidator:
                 return False
         for name in demand.unseen:
             if scene.visibility.hidden(base, name) is None:
-                return _reject(log, base, score, f"{name} is visible")
+                return log.reject(base, score, f"{name} is visible")
         return True
 
     def to_see(self, demand: BaseDemand) -> tuple[str, ...]:
@@ -277,13 +265,11 @@ class BaseValidator:
     ) -> Solution | None:
         """Return a base pose that all else accepts, unless something is in reach that must not be."""
         log = question.log
-        if not self.scene.collisions.has_way(base):
-            question.known.walled = True
-            _reject(log, base, score, NO_WAY)
+        if not BasePoses(self.scene, question).is_driven_to(base, score):
             return None
         for reach in demand.unreached:
             if self._first(reach, base, self.arms_for(reach, self.scene.arms.all), Rejections()) is not None:
-                _reject(log, base, score, f"{reach.body} is in reach")
+                log.reject(base, score, f"{reach.body} is in reach")
                 return None
         log.remember(base, score)
         if not reached:
@@ -299,14 +285,6 @@ class BaseValidator:
             **self._sides(demand),
         }
         return Solution(base, self.scene.revision(), detail)
-
-    def has_way(self, bases: Array, question: Question) -> NDArray[np.bool_]:
-        """Return which base poses (n, 3) the base may drive to, (n,); all as long as none was rejected for that."""
-        if not question.known.walled:
-            return np.ones(len(bases), bool)
-        good = self.scene.collisions.drivable()(bases)
-        question.log.add(NO_WAY, int((~good).sum()))
-        return good
 
     def _sides(self, demand: BaseDemand) -> dict[str, object]:
         """Return whose left and right was meant, where a location names sides."""
@@ -354,16 +332,6 @@ class BaseValidator:
             stage = max(math.dist((one.x, one.y), (block.x, block.y)) for one in scene.bodies.grips(reach.body))
         return (block.x, block.y), 0.0, longest + stage + 0.2
 
-    def name_crowding(self, crowded: Sequence[tuple[float, Array]], log: Rejections) -> None:
-        """Count which bodies take the room of promising base poses, with their scores; of the best of them."""
-        best = sorted(crowded, key=lambda place: -round(place[0], 6))[:MOST_CROWDED]
-        for score, place in best:
-            base = (float(place[0]), float(place[1]), math.remainder(float(place[2]), 2 * math.pi))
-            body = first_body(contacts) if (contacts := self.scene.collisions.contacts(base)) else None
-            if body is not None:
-                log.blocking[body] += 1
-            log.remember(base, score, NO_ROOM, body)
-
     def reached_from(self, base: BasePose) -> Mapping[tuple[str, BasePose], Mapping[Reach, HandSolution]]:
         """Return how arms reach from the last base pose that was found what it was found for."""
         return {key: candidates for key, candidates in self._reached.items() if key[1] == rounded(base)}
@@ -377,12 +345,6 @@ def unmet(term: Area | Facing | Clear) -> str:
 def scored(term: object, bases: Array) -> Array:
     """Return the score (n,) of a conjunct about the floor for bases (n, 3)."""
     return term.score(bases if isinstance(term, Facing) else bases[:, :2])  # type: ignore[attr-defined,no-any-return]
-
-
-def _reject(log: Rejections, base: BasePose, score: float, reason: str) -> bool:
-    log.add(reason)
-    log.remember(base, score, reason)
-    return False
 
 
 def rounded(base: BasePose) -> BasePose:

@@ -12,8 +12,6 @@ from executive.belief.scene_collisions import BasePose
 from planlang.geometry import Array, Pose, matrices
 from sim import CameraModel
 
-SPACING = 0.25
-"""Distance of places of the base that are compared [m]."""
 NEARLY = 0.02
 """Lines of sight end this far before a point, which may lie on a surface [m]."""
 PIXELS = 12.0
@@ -38,15 +36,6 @@ class Views:
 
     def __init__(self, scene: PlanningScene) -> None:
         self.scene = scene
-
-    def places(self, spacing: float = SPACING) -> Array:
-        """Return places (n, 2) [m] on the floor where the base has room to turn and to which it can drive."""
-        floor = self.scene.collisions.floor()
-        x_min, y_min, x_max, y_max = floor.bounds
-        xs, ys = (np.arange(low + spacing / 2, high, spacing) for low, high in ((x_min, x_max), (y_min, y_max)))
-        points = np.stack(np.meshgrid(xs, ys), axis=-1).reshape(-1, 2)
-        points = points[floor.at(points) > 0.0]
-        return points[self.scene.collisions.drivable()(np.column_stack([points, np.zeros(len(points))]))]
 
     def seen(
         self, bases: Array, points: Array, size: Size | None = None, screens: Array = NO_SCREENS

@@ -7,7 +7,7 @@ opposite of its handle, without one on the edge nearer to the side of its furnit
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -94,26 +94,22 @@ class _Reader:
             body = self.bodies.get(thing.iri)
             if body is None or body.shape is not BodyShape.BOX:
                 continue
-            if self.is_a(thing, DOORS):
+            if self.map.is_a(thing, *DOORS):
                 joint = self._door(thing, body)
-            elif self.is_a(thing, ("Drawer",)):
+            elif self.map.is_a(thing, "Drawer"):
                 joint = self._drawer(thing, body)
             else:
-                joint = self._knob(thing, body) if self.is_a(thing, KNOBS) else None
+                joint = self._knob(thing, body) if self.map.is_a(thing, *KNOBS) else None
             if joint is not None:
                 joints.append(joint if joint.is_knob else replace(joint, first=self._position(thing, joint)))
         moved = {name for joint in joints for name in joint.parts}  # a knob on a door goes with the door
         return list(self.bodies.values()), tuple(joint for joint in joints if joint.leaf not in moved)
 
-    def is_a(self, thing: MapObject, classes: Iterable[str]) -> bool:
-        """Return whether a thing is of one of some classes."""
-        return any(self.map.ontology.is_a(cls, expand(name)) for cls in thing.types for name in classes)
-
     # Kinds
 
     def _door(self, thing: MapObject, body: Body) -> Articulation | None:
         holder = self._holder(thing)
-        if holder is None or self.is_a(self.things[holder.iri], ("Drawer",)):
+        if holder is None or self.map.is_a(self.things[holder.iri], "Drawer"):
             return None  # a door between rooms has no furniture, and the front of a drawer slides with it
         leaf = self._leaf(thing, body, holder)
         if not any(self._is_placed(iri) for iri in self._hinges(thing)):
@@ -123,7 +119,7 @@ class _Reader:
 
     def _drawer(self, thing: MapObject, body: Body) -> Articulation:
         parts = self._parts(thing)
-        fronts = [part for part in parts if self.is_a(part, DOORS) and part.iri in self.bodies]
+        fronts = [part for part in parts if self.map.is_a(part, *DOORS) and part.iri in self.bodies]
         handle = self._handle(parts)
         there = self.bodies[fronts[0].iri] if fronts else handle
         holder = self._holder(thing)
@@ -139,7 +135,7 @@ class _Reader:
         if leaf is None or holder is None:
             return None
         joint = self._stated(leaf)
-        if joint is None and self.is_a(self.things[holder.iri], DEVICES):
+        if joint is None and self.map.is_a(self.things[holder.iri], *DEVICES):
             joint = self._joint(leaf, JointKind.HINGED, body.pose.position, leaf.outwards, 0.0, OPENED)
         return None if joint is None else replace(joint, handle=body.name)
 
@@ -149,7 +145,7 @@ class _Reader:
         if abs(leaf.outwards[2]) > LEVEL:
             to_hinge = self._back_of_lid(leaf, away)
         elif self._turns_level(leaf):
-            below = self.is_a(self.things[leaf.holder.iri], BELOW) or away is None or float(away @ leaf.up) > 0
+            below = self.map.is_a(self.things[leaf.holder.iri], *BELOW) or away is None or float(away @ leaf.up) > 0
             to_hinge = -leaf.up if below else leaf.up
         else:
             to_hinge = self._hinge_side(leaf, away) * leaf.across
@@ -165,7 +161,7 @@ class _Reader:
 
     def _turns_level(self, leaf: _Leaf) -> bool:
         """Return whether a door turns about a level axis."""
-        if self.is_a(self.things[leaf.holder.iri], BELOW):
+        if self.map.is_a(self.things[leaf.holder.iri], *BELOW):
             return True
         handle = leaf.handle
         if handle is not None and self._is_handle(handle):
@@ -265,8 +261,7 @@ class _Reader:
         return [iri for iri in dict.fromkeys(named) if self._is_joint(iri, "HingedJoint", "PrismaticJoint")]
 
     def _is_joint(self, iri: str, *classes: str) -> bool:
-        ontology = self.map.ontology
-        return any(ontology.is_a(cls, expand(name)) for cls in ontology.types(iri) for name in classes)
+        return self.map.ontology.any_is_a((iri,), classes)
 
     # Furniture and parts
 
@@ -302,12 +297,12 @@ class _Reader:
     def _handle(self, parts: Sequence[MapObject]) -> Body | None:
         for cls in GRIPS:
             for part in parts:
-                if self.is_a(part, (cls,)) and self.bodies[part.iri].shape is not BodyShape.MARKER:
+                if self.map.is_a(part, cls) and self.bodies[part.iri].shape is not BodyShape.MARKER:
                     return self.bodies[part.iri]
         return None
 
     def _is_handle(self, body: Body) -> bool:
-        return self.is_a(self.things[body.iri], GRIPS[:1])
+        return self.map.is_a(self.things[body.iri], *GRIPS[:1])
 
     # Where it is
 

@@ -75,7 +75,7 @@ class _Reader:
             if depth == 0 or len(self.parts) >= MOST_PARTS:
                 return
             stated = (self.things[iri] for iri in self.things[whole.iri].parts if iri in self.things)
-            part = next((one for one in stated if any(self.ontology.is_a(own, cls) for own in one.types)), None)
+            part = next((one for one in stated if self.ontology.any_is_a(one.types, (cls,))), None)
             pose = self._pose(cls, frames) if part is None or part.pose is None else part.pose
             if pose is None:
                 continue
@@ -112,8 +112,8 @@ class _Reader:
 
     def _resolved(self, place: str, frames: dict[str, Pose], within: tuple[str, ...]) -> Pose | None:
         matrix = None if place in within or len(within) > DEEPEST else read_transform(self.ontology, place, self.found)
-        parents = (one for one in self.ontology.values(place, expand("relativeTo")) if isinstance(one, str))
-        parent = next(parents, None)
+        parents = self.ontology.iris(place, "relativeTo")
+        parent = next(iter(parents), None)
         if matrix is None or parent is None:
             return None
         frame = frames.get(parent)

@@ -124,10 +124,10 @@ def _with_content(body: Body, portions: Sequence[Portion], types: tuple[str, ...
         body = replace(body, hands=max(1, round(hands)))
     if body.movable:
         body = replace(body, mass=_mass(body, portions, types, numbers))
-    states = [shorten(one) for one in ontology.values(body.iri, expand("stateOfObject")) if isinstance(one, str)]
+    states = [shorten(one) for one in ontology.iris(body.iri, "stateOfObject")]
     if not (capacity or blade or states or portions):
         return body
-    if capacity and not portions and any(ontology.is_a(cls, expand("FoodOrDrinkOrIngredient")) for cls in types):
+    if capacity and not portions and ontology.any_is_a(types, ("FoodOrDrinkOrIngredient",)):
         amount = numbers.of_thing(body.iri, "amount")
         portions = (Portion(body.type, capacity if amount is None else amount, (body.name,)),)
     room = max(capacity or 0.0, sum(portion.amount for portion in portions))

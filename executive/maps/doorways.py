@@ -49,11 +49,11 @@ def with_doorways(bodies: Sequence[Body], semantic_map: SemanticMap, found: list
 
 def is_doorway(thing: MapObject, semantic_map: SemanticMap) -> bool:
     """Return whether a thing is an opening in a wall, and no body."""
-    return any(_is_opening(cls, semantic_map.ontology) for cls in thing.types)
+    return semantic_map.is_a(thing, *OPENINGS)
 
 
 def _is_opening(iri: str, ontology: Ontology) -> bool:
-    return any(ontology.is_a(iri, expand(name)) for name in OPENINGS)
+    return ontology.any_is_a((iri,), OPENINGS)
 
 
 def _connected(ontology: Ontology, rooms: Sequence[str]) -> Iterator[tuple[str, str]]:

@@ -9,7 +9,7 @@ from pathlib import Path
 from executive.maps.semantic_map import SemanticMap, read_map
 from planlang.diagnostics import Diagnostic, note
 from planlang.files import Bundled
-from planlang.ontology import expand, load
+from planlang.ontology import load
 
 DEFAULT_ENVIRONMENT = "hospital_room"
 """The environment in which bundled recipes are run without ``--environment`` if they name things of no other one."""
@@ -53,5 +53,4 @@ def _has(semantic_map: SemanticMap, name: str) -> bool:
 
 
 def _has_room(semantic_map: SemanticMap) -> bool:
-    types = (cls for thing in semantic_map.objects for cls in thing.types)
-    return any(semantic_map.ontology.is_a(cls, expand("RoomInAConstruction")) for cls in types)
+    return any(semantic_map.is_a(thing, "RoomInAConstruction") for thing in semantic_map.objects)

@@ -108,8 +108,8 @@ def _frames(ontology: Ontology) -> Iterator[tuple[str, str | None, Pose]]:
         place = poses.place_of(iri) if ontology.main(iri) else None
         matrix = None if place is None else read_transform(ontology, place, [])
         if place is not None and matrix is not None:
-            parents = (one for one in ontology.values(place, expand("relativeTo")) if isinstance(one, str))
-            yield iri, next(parents, None), Pose.from_matrix(matrix)
+            parents = ontology.iris(place, "relativeTo")
+            yield iri, next(iter(parents), None), Pose.from_matrix(matrix)
 
 
 def _anchors(source: MapSource) -> dict[str, Pose]:

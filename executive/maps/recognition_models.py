@@ -94,7 +94,7 @@ def needs_model(ontology: Ontology, types: Iterable[str]) -> bool:
 
     Nor is anything, of which no class says more: whatever there is a model of will do.
     """
-    return not any(is_anything(ontology, cls) or any(ontology.is_a(cls, one) for one in _UNRECOGNISED) for cls in types)
+    return not any(is_anything(ontology, cls) or ontology.any_is_a((cls,), _UNRECOGNISED) for cls in types)
 
 
 def is_anything(ontology: Ontology, cls: str) -> bool:

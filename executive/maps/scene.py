@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.maps.articulation import articulated
+from executive.maps.articulation import DEVICES, articulated
 from executive.maps.contents import is_content, rules_of, with_contents
-from executive.maps.controls import controls_of
+from executive.maps.doorways import with_doorways
 from executive.maps.hollow import WALL, hollowed, open_at
 from executive.maps.in_hand import STOWED, is_in_hand
 from executive.maps.object_models import Blade
@@ -21,8 +21,9 @@ from planlang.effects import number_of_class
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import moved, rotated
 from planlang.geometry.shapes import corners, footprint, inside
-from planlang.ontology import expand, shorten
+from planlang.ontology import shorten
 from sim import Body, Scene
+from sim.controls import Control
 from sim.joints import Articulation
 from sim.scene import GRASPABLE_WIDTH, LONGEST, THIN, BodyShape, Cavity, Handle
 
@@ -154,8 +155,6 @@ def scene_of(semantic_map: SemanticMap, found: list[Diagnostic] | None = None) -
     bodies = _opened(bodies, joints, semantic_map, found)
     bodies = with_contents(bodies, semantic_map, found)
     if sum(body.shape is BodyShape.ROOM for body in bodies) > 1:
-        from executive.maps.doorways import with_doorways  # most maps are of one room
-
         bodies = with_doorways(bodies, semantic_map, found)
     if semantic_map.has_files:
         from executive.maps.files import with_obstacles  # most maps are what they state
@@ -192,7 +191,7 @@ def _presumed_rooms(semantic_map: SemanticMap, found: list[Diagnostic]) -> Itera
 def _body(thing: MapObject, pose: Pose, semantic_map: SemanticMap) -> Body:
     shape = _shape(thing, semantic_map)
     cls = next((cls for cls in thing.types if not cls.endswith(NAMED)), "")
-    size, soft = thing.size or (0.0, 0.0, 0.0), _is_a(thing, semantic_map, SOFT)
+    size, soft = thing.size or (0.0, 0.0, 0.0), semantic_map.is_a(thing, *SOFT)
     wall = number_of_class(semantic_map.ontology, thing.types, "wallThickness") or 0.0
     wall = wall if 4 * wall < min(size[:2]) and 2 * wall < size[2] else 0.0
     handled = shape in (BodyShape.BOX, BodyShape.CYLINDER)
@@ -207,26 +206,22 @@ def _body(thing: MapObject, pose: Pose, semantic_map: SemanticMap) -> Body:
 
 def _handles(thing: MapObject, semantic_map: SemanticMap) -> Iterator[tuple[str, Handle]]:
     """Yield the parts, by IRI, by which hands take a thing, however wide that is; no furniture and no leaf is."""
-    if not thing.parts or thing.pose is None or _is_a(thing, semantic_map, LIGHT_FURNITURE):
+    if not thing.parts or thing.pose is None or semantic_map.is_a(thing, *LIGHT_FURNITURE):
         return
     if _movable(thing, semantic_map, wide=True) and _shape(thing, semantic_map) in (BodyShape.BOX, BodyShape.CYLINDER):
         for part in filter(None, map(semantic_map.find, thing.parts)):
-            if part.pose is not None and part.size is not None and _is_a(part, semantic_map, ("Handle",)):
+            if part.pose is not None and part.size is not None and semantic_map.is_a(part, "Handle"):
                 yield part.iri, Handle(thing.pose.inverse() @ part.pose, part.size)
 
 
-def _is_a(thing: MapObject, semantic_map: SemanticMap, classes: Iterable[str]) -> bool:
-    return any(semantic_map.ontology.is_a(cls, expand(name)) for cls in thing.types for name in classes)
-
-
 def _shape(thing: MapObject, semantic_map: SemanticMap) -> BodyShape:
-    if thing.size is None or _is_a(thing, semantic_map, OPENINGS):
+    if thing.size is None or semantic_map.is_a(thing, *OPENINGS):
         return BodyShape.MARKER
-    if _is_a(thing, semantic_map, ("RoomInAConstruction",)):
+    if semantic_map.is_a(thing, "RoomInAConstruction"):
         return BodyShape.ROOM
-    if _is_a(thing, semantic_map, ("Person",)):
+    if semantic_map.is_a(thing, "Person"):
         return BodyShape.PERSON
-    if _is_a(thing, semantic_map, ROUND) and 0.8 < thing.size[0] / thing.size[1] < 1.25:
+    if semantic_map.is_a(thing, *ROUND) and 0.8 < thing.size[0] / thing.size[1] < 1.25:
         return BodyShape.CYLINDER
     return BodyShape.BOX
 
@@ -235,9 +230,9 @@ def _movable(thing: MapObject, semantic_map: SemanticMap, *, wide: bool) -> bool
     """Return whether a thing is moved by people; ``wide``: it can be taken though it is."""
     if thing.size is None or thing.hinged_to or semantic_map.holder(thing):
         return False
-    if _is_a(thing, semantic_map, LIGHT_FURNITURE):
+    if semantic_map.is_a(thing, *LIGHT_FURNITURE):
         return True
-    if _is_a(thing, semantic_map, FIXED) and not _is_a(thing, semantic_map, CARRIED):
+    if semantic_map.is_a(thing, *FIXED) and not semantic_map.is_a(thing, *CARRIED):
         return False
     narrow = min(thing.size[:2]) <= GRASPABLE_WIDTH or thing.size[2] <= THIN
     return (wide or narrow) and max(thing.size) <= LONGEST
@@ -256,7 +251,7 @@ def _opened(
     def compartments(body: Body) -> list[Body]:
         thing = semantic_map.find(body.iri)
         parts = (semantic_map.find(iri) for iri in (() if thing is None else thing.parts))
-        kept = (part for part in parts if part is not None and _is_a(part, semantic_map, CONTAINERS))
+        kept = (part for part in parts if part is not None and semantic_map.is_a(part, *CONTAINERS))
         return [by_iri[part.iri] for part in kept if part.iri in by_iri]
 
     def report(body: Body, content: Sequence[Body], openings: Sequence[str]) -> None:
@@ -391,3 +386,62 @@ def _signed_distance(polygon: Array, points: Array) -> Array:
     side = (edges[:, 0] * arrows[..., 1] - edges[:, 1] * arrows[..., 0]) / lengths
     signed: Array = np.where(np.all(side >= 0, axis=1), -away, away)
     return signed
+
+
+CONTROLS = ("PushButton", "ControlKnob")
+"""Classes of parts by which they are."""
+LOW = 0.15
+"""Height below which the front of a device is too low for a hand [m]."""
+FROM_EDGE = 0.03
+"""Distance of a button that no map has from the edge [m]."""
+
+
+def controls_of(
+    bodies: Iterable[Body], joints: Iterable[Articulation], semantic_map: SemanticMap
+) -> tuple[Control, ...]:
+    """Return the controls of all devices, in the order of the map; of several the first is that of a device."""
+    by_iri = {body.iri: body for body in bodies if body.shape in (BodyShape.BOX, BodyShape.CYLINDER)}
+    leaves = {joint.leaf for joint in joints}
+    moving = {name for joint in joints for name in joint.parts}
+    found: dict[str, list[Control]] = {
+        thing.iri: [] for thing in semantic_map.objects if thing.iri in by_iri and semantic_map.is_a(thing, *DEVICES)
+    }
+    for thing in semantic_map.objects:
+        body = by_iri.get(thing.iri)
+        if body is None or body.name in moving or not semantic_map.is_a(thing, *CONTROLS):
+            continue
+        device = next((one.iri for one in _around(thing, semantic_map) if one.iri in found), None)
+        if device is not None:
+            found[device].append(_on(by_iri[device], body, turns=body.name in leaves))
+    for thing in semantic_map.objects:
+        if thing.iri not in found or found[thing.iri]:
+            continue
+        if number_of_class(semantic_map.ontology, thing.types, "presumedButtons") != 0:
+            found[thing.iri].append(_derived(by_iri[thing.iri]))
+    return tuple(one for controls in found.values() for one in controls)
+
+
+def _on(device: Body, body: Body, *, turns: bool) -> Control:
+    """Return a button or knob: it shows away from its device, along its shortest extent."""
+    axis = int(np.argmin(body.size))
+    away = rotated(body.pose.rotation.T, np.array(body.pose.position) - device.pose.position)
+    normal, point = [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
+    normal[axis] = 1.0 if away[axis] >= 0 else -1.0
+    point[axis] = normal[axis] * body.size[axis] / 2
+    return Control(device.name, body.name, (point[0], point[1], point[2]), (normal[0], normal[1], normal[2]), turns)
+
+
+def _derived(device: Body) -> Control:
+    depth, _, height = device.size
+    if height < LOW:
+        return Control(device.name, device.name, (depth / 2 - FROM_EDGE, 0.0, height / 2), (0.0, 0.0, 1.0))
+    return Control(device.name, device.name, (depth / 2, 0.0, height / 2 - FROM_EDGE), (1.0, 0.0, 0.0))
+
+
+def _around(thing: MapObject, semantic_map: SemanticMap) -> Iterator[MapObject]:
+    """Yield what a thing is a part of, and what that is a part of."""
+    seen = {thing.iri}
+    while (holder := semantic_map.holder(thing)) is not None and holder.iri not in seen:
+        seen.add(holder.iri)
+        yield holder
+        thing = holder

@@ -73,6 +73,10 @@ class SemanticMap:
         """Return the thing with this IRI, or else of this name."""
         return self._known.get(name)
 
+    def is_a(self, thing: MapObject, *classes: str) -> bool:
+        """Return True for a thing of one of some classes."""
+        return self.ontology.any_is_a(thing.types, classes)
+
     def holder(self, thing: MapObject) -> MapObject | None:
         """Return what the thing is a proper physical part of, if the map says so."""
         return self._holders.get(thing.iri)
@@ -103,10 +107,10 @@ def read_map(ontology: Ontology) -> SemanticMap:
                 (*types, *vessels),
                 poses.pose(iri),
                 size,
-                parts=_individuals(ontology, iri, "properPhysicalParts"),
-                hinged_to=_individuals(ontology, iri, "hingedTo"),
-                inside=_individuals(ontology, iri, "in-ContGeneric"),
-                on=_individuals(ontology, iri, "on-Physical"),
+                parts=ontology.iris(iri, "properPhysicalParts"),
+                hinged_to=ontology.iris(iri, "hingedTo"),
+                inside=ontology.iris(iri, "in-ContGeneric"),
+                on=ontology.iris(iri, "on-Physical"),
                 open_sides=_texts(ontology, iri, "openSide"),
                 walls=_wall(ontology, iri, found),
                 span=ontology.span(iri),
@@ -152,10 +156,9 @@ def _with_parts_of_classes(objects: list[MapObject], ontology: Ontology, found: 
 
 def _with_places_turned(objects: list[MapObject], ontology: Ontology, found: list[Diagnostic]) -> list[MapObject]:
     """Return the things with larger places having the smaller ones as parts, where a file states the inverse."""
-    room, city = expand("RoomInAConstruction"), expand("City")
     parts = {part for thing in objects for part in thing.parts}
-    if not any(ontology.is_a(thing.iri, room) and thing.parts for thing in objects) and not any(
-        ontology.is_a(part, city) for part in parts
+    if not any(thing.parts and ontology.is_a(thing.iri, "RoomInAConstruction") for thing in objects) and not (
+        ontology.any_is_a(parts, ("City",))
     ):
         return objects
     things, parts_of = {thing.iri: thing for thing in objects}, dict[str, dict[str, None]]()
@@ -189,7 +192,7 @@ def _things(ontology: Ontology) -> tuple[str, ...]:
     things: dict[str, None] = {}
     others = {iri for name in ("UrdfLink", "UrdfJoint") for iri in ontology.individuals(expand(name))}
     for event in _perceptions(ontology):
-        things.update(dict.fromkeys(_individuals(ontology, event, "objectActedOn")))
+        things.update(dict.fromkeys(ontology.iris(event, "objectActedOn")))
     for name in _MARKS:
         for triple in ontology.triples(None, expand(name)):
             if isinstance(triple.subject, str):
@@ -208,8 +211,8 @@ def _things(ontology: Ontology) -> tuple[str, ...]:
 
 def _vessels(ontology: Ontology, iri: str) -> tuple[str, ...]:
     """Return what a thing is by its parts: a bottle if it has a cap, whatever is in it."""
-    parts = _individuals(ontology, iri, "properPhysicalParts")
-    return (expand("Bottle"),) if any(ontology.is_a(part, expand("BottleCap")) for part in parts) else ()
+    parts = ontology.iris(iri, "properPhysicalParts")
+    return (expand("Bottle"),) if ontology.any_is_a(parts, ("BottleCap",)) else ()
 
 
 def _is_feature(ontology: Ontology, iri: str) -> bool:
@@ -218,9 +221,9 @@ def _is_feature(ontology: Ontology, iri: str) -> bool:
         return True
     if any(stated(ontology, iri, name) for name in (*EXTENTS, *TRIPLES)):
         return False
-    places = _individuals(ontology, iri, "orientation")
-    wholes = (whole for place in places for whole in _individuals(ontology, place, "relativeTo"))
-    return any(iri in _individuals(ontology, whole, "properPhysicalParts") for whole in wholes)
+    places = ontology.iris(iri, "orientation")
+    wholes = (whole for place in places for whole in ontology.iris(place, "relativeTo"))
+    return any(iri in ontology.iris(whole, "properPhysicalParts") for whole in wholes)
 
 
 def _typed(ontology: Ontology) -> tuple[str, ...]:
@@ -236,10 +239,6 @@ def _perceptions(ontology: Ontology) -> Iterator[str]:
     for triple in ontology.triples(None, expand("eventOccursAt")):
         if isinstance(triple.subject, str) and triple.subject not in own:
             yield triple.subject
-
-
-def _individuals(ontology: Ontology, iri: str, prop: str) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(v for v in ontology.values(iri, expand(prop)) if isinstance(v, str)))
 
 
 def _texts(ontology: Ontology, iri: str, prop: str) -> tuple[str, ...]:
@@ -283,8 +282,8 @@ class PosesOfThings:
         self.places: dict[str, list[Seen]] = {}
         for rank, event in enumerate(_perceptions(ontology)):
             when = self._time(event)
-            for thing in _individuals(ontology, event, "objectActedOn"):
-                for place in _individuals(ontology, event, "eventOccursAt"):
+            for thing in ontology.iris(event, "objectActedOn"):
+                for place in ontology.iris(event, "eventOccursAt"):
                     self.places.setdefault(thing, []).append(Seen(when, rank, place, event))
         self.known: dict[str, Array | None] = {}
         self.open: list[str] = []
@@ -304,7 +303,7 @@ class PosesOfThings:
 
     def _places_of(self, thing: str) -> list[str]:
         """Return the poses of a thing, the one that counts first: an earlier one stands in for one that is no pose."""
-        own = [*_individuals(self.ontology, thing, "orientation"), *_individuals(self.ontology, thing, "pose")]
+        own = [*self.ontology.iris(thing, "orientation"), *self.ontology.iris(thing, "pose")]
         return [seen.place for seen in sorted(self.places.get(thing, ()), reverse=True)] or own[::-1]
 
     def newest(self, thing: str) -> Seen | None:
@@ -326,7 +325,7 @@ class PosesOfThings:
             return None
         self.open.append(place)
         matrix = read_transform(self.ontology, place, self.found)
-        for parent in _individuals(self.ontology, place, "relativeTo"):
+        for parent in self.ontology.iris(place, "relativeTo"):
             frame = self._frame(parent, place)
             matrix = None if frame is None or matrix is None else product(frame, matrix)
         self.open.pop()

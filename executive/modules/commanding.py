@@ -21,7 +21,7 @@ from executive.motion import time_path
 from executive.robots import Gripper, Robot
 from executive.robots.arms import ArmModel
 from executive.robots.openings import Fingers
-from planlang import Fluent, checkpoint, using, wait_for
+from planlang import Fluent, checkpoint, now, sleep, using, wait_for
 from planlang.designators import Object
 from planlang.failures import (
     GraspSlipped,
@@ -35,8 +35,9 @@ from planlang.failures import (
     PlanFailure,
 )
 from planlang.geometry import Array, Pose, matrices
-from planlang.protocols import Motion, MotionState, Touch, Trajectory, World
+from planlang.protocols import Motion, MotionState, RobotInterface, Touch, Trajectory
 from planlang.records import dataclass
+from sim.falling import falling_time
 
 T = TypeVar("T")
 
@@ -53,8 +54,8 @@ ASIDE, FARTHER = 0.01, 8
 class Control:
     """A robot in a true world, with a belief about it and the scene in which its motions are planned."""
 
-    world: World
-    """The true one: commanded, and known only by what can be sensed of it."""
+    world: RobotInterface
+    """The robot among what is really there: commanded, and known only by what it senses."""
     robot: Robot
     belief: Belief
     scene: PlanningScene
@@ -74,7 +75,7 @@ class Control:
 
     def sync(self) -> None:
         """Make the planning scene equal to what is believed; from what a hand has slipped off it holds no more."""
-        for leaf in [leaf for leaf in self.belief.led if leaf not in self.world.led()]:
+        for leaf in [leaf for leaf, link in self.belief.led.items() if not self.world.feels(link)]:
             self.belief.let_go(leaf)
         self.belief.sync(self.scene.world, self.world.configuration())
 
@@ -136,8 +137,8 @@ class Control:
         raise ObjectLost(what=what) from GraspSlipped(arm=arm, what=what)
 
     def _emptied(self, arms: Sequence[str]) -> str | None:
-        holding = [arm for grip in self.belief.held.values() for arm in grip.arms if arm in arms]
-        return next((arm for arm in holding if self.between_fingers(arm) is None), None)
+        holding = [hand for grip in self.belief.held.values() for hand in grip.hands if hand.arm in arms]
+        return next((hand.arm for hand in holding if not self.world.feels(hand.link)), None)
 
     def between_fingers(self, arm: str) -> Array | None:
         """Return the point (3,) of the map about which fingers of an arm feel something; None if they feel nothing."""
@@ -184,6 +185,8 @@ class Hands:
 
     def __init__(self, control: Control) -> None:
         self._control = control
+        self._at_rest: dict[str, float] = {}
+        """Thing that was let go -> plan time at which it has come down as far as it was believed to [s]."""
 
     def gripper(self, arm: ArmModel) -> Gripper | None:
         """Return the gripper of an arm."""
@@ -228,14 +231,14 @@ class Hands:
     def lead(self, arm: ArmModel, leaf: str) -> None:
         """Let a door or drawer, on the handle of which the fingers have closed, move with the hand from now on."""
         control, link = self._control, self._control.robot.arm(arm.name).tip
-        control.world.lead(link, leaf)
+        control.world.grip(link)
         control.belief.leads(leaf, link)
         control.sync()
 
     def _leave(self, arm: ArmModel) -> None:
         control, link = self._control, self._control.robot.arm(arm.name).tip
+        control.world.loosen(link)
         for leaf in [leaf for leaf, leader in control.belief.led.items() if leader == link]:
-            control.world.let_go(leaf)
             control.belief.let_go(leaf)
         control.sync()
 
@@ -250,9 +253,9 @@ class Hands:
         return None if point is None else self._control.scene.bodies.graspable_at(point)
 
     def grasp(self, arm: ArmModel, name: str) -> None:
-        """Attach a body on which the fingers have closed: it moves with the hand from now on."""
+        """Grip what the fingers have closed on; what that is believed to be moves with the hand from now on."""
         control, link = self._control, self._control.robot.arm(arm.name).tip
-        control.world.attach(link, name)
+        control.world.grip(link)
         offset = control.world.link_pose(link).inverse() @ control.belief.pose(name)
         control.belief.grasped(name, arm.name, link, offset)
         control.sync()
@@ -263,22 +266,24 @@ class Hands:
         """Let a held body go: it comes down on what is below, or a person has it."""
         control = self._control
         place = control.below(name)
-        if name in control.world.attached():  # it may have slipped in this very moment
-            control.world.release(name)
+        fall = control.scene.world.pose(name).position[2] - place.position[2]
+        self._at_rest[name] = now() + falling_time(fall)
+        for hand in control.belief.held[name].hands:
+            control.world.loosen(hand.link)
         control.belief.released(name, place, to=to)
         control.sync()
 
     async def settled(self, name: str) -> None:
-        """Wait until a body that was let go has come to rest."""
-        await wait_for(Fluent(read=lambda: not self._control.world.falling(name), name=f"{name} at rest"))
+        """Wait until a body that was let go has had the time to fall as far as it is believed to."""
+        await sleep(max(0.0, self._at_rest.pop(name) - now()))
 
-    async def offer(self, arm: ArmModel, name: str, patience: float) -> str | None:
-        """Wait until a person pulls at a held body, which the wrist feels; None if nobody does within ``patience`` [s].
+    async def offer(self, arm: ArmModel, name: str, patience: float) -> bool:
+        """Wait until somebody pulls at a held body, which the wrist feels; False if nobody does in ``patience`` [s].
 
         Raises ObjectLost when it leaves the hand otherwise.
         """
-        taken = partial(self._control.world.taken, name)
-        return await self._control.wait_holding([arm.name], taken, f"{name} taken", patience)
+        pulled = partial(self._control.world.pulled, self._control.robot.arm(arm.name).tip)
+        return bool(await self._control.wait_holding([arm.name], pulled, f"{name} taken", patience))
 
 
 class Sensing:

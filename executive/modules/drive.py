@@ -6,13 +6,15 @@ import math
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
-from itertools import product
+from itertools import chain
 
 import numpy as np
 
 from executive.belief.scene_collisions import BasePose
+from executive.locations.base_poses import BasePoses
 from executive.modules.commanding import Control
 from executive.motion import Grid, MotionError, NoPath, clearance_at, clearance_field, plan_base_path, time_path
+from executive.motion.base_path import poses_along
 from executive.motion.drivable import SPARE, free_poses
 from executive.motion.tight_path import plan_tight_path
 from executive.robots.arms import ArmModel
@@ -27,8 +29,6 @@ ROOMY = 0.01
 """A pose with this much room around the robot's outline, taken for round, touches nothing and is not checked [m]."""
 BACK_OFF = (0.1, 0.2, 0.3, 0.45, 0.6)
 """Distances at which room for the carrying posture is looked for [m]; the base is to stay near its work."""
-AWAY = tuple(share * math.pi for share in (1.0, 0.75, -0.75, 0.5, -0.5, 0.25, -0.25, 0.0))
-"""Directions in which the base backs off, relative to its heading [rad]: straight back first; arms work at any side."""
 LEVEL = 0.5
 """Level share of the direction of a hand from which on that is a heading."""
 STRIDE, HAIR = 0.025, 1e-6
@@ -77,22 +77,27 @@ class Drive:
 
     def _timed(self, goal: BasePose, plan: Callable[[float], Array]) -> Trajectory:
         """Return a path, planned with checks at a distance [m], with times: it touches nothing between them either."""
-        control, scene, limits = self._control, self._control.scene, self._control.robot.base
+        control, scene = self._control, self._control.scene
         obstacles, silhouette = scene.collisions.obstacles(), scene.collisions.silhouette()
         for factor in FINER:
-            trajectory = time_path(
-                ("x", "y", "yaw"),
-                plan(CHECKS * factor),
-                velocity=(limits.speed, limits.speed, limits.turn_speed),
-                acceleration=(limits.acceleration, limits.acceleration, limits.turn_acceleration),
-                jerk=limits.jerk,
-                rate=control.world.rate,
-            )
+            trajectory = self.timed(plan(CHECKS * factor))
             rows = trajectory.positions[1:]
             doubtful = rows[clearance_at(rows[:, :2], obstacles, silhouette) < ROOMY]
             if not any(self._touching(*row) for row in doubtful.tolist()):
                 return trajectory
         raise NoPath(control.base(), goal, {"finer checks": len(FINER)})
+
+    def timed(self, poses: Array) -> Trajectory:
+        """Return a path of the base (n, 3) with times, within its limits of speed, acceleration and jerk."""
+        limits = self._control.robot.base
+        return time_path(
+            ("x", "y", "yaw"),
+            poses,
+            velocity=(limits.speed, limits.speed, limits.turn_speed),
+            acceleration=(limits.acceleration, limits.acceleration, limits.turn_acceleration),
+            jerk=limits.jerk,
+            rate=self._control.world.rate,
+        )
 
     def seconds(self, goal: BasePose) -> float | None:
         """Return the time to drive to a base pose [s], None if no path is found."""
@@ -107,27 +112,16 @@ class Drive:
         It is at least so far from here [m]. Poses to which the robot can go straight, as its arms are now, come first,
         and those opposite of where the first arm's hand shows: it gets out of a cabinet, and off a handle, as it came.
         """
-        x, y, yaw = self._control.base()
-        contacts = self._control.scene.collisions.contacts
-        work = self._heading(postures[0][0]) if postures else yaw
-        around = [] if self._control.robot.base.fixed else product(BACK_OFF, AWAY)
-        bent, free = None, dict.fromkeys(AWAY, 0.0)
-
-        def at(step: float, turn: float) -> BasePose:
-            return (x + step * math.cos(work + turn), y + step * math.sin(work + turn), yaw)
-
-        def is_straight(step: float, turn: float) -> bool:
-            while free[turn] < step and not contacts(at(free[turn] + STRIDE, turn)):
-                free[turn] += STRIDE
-            return free[turn] >= step
-
-        for step, turn in [(0.0, math.pi), *around]:
-            pose = at(step, turn)
-            if step < least or (step and contacts(pose)):
+        here, contacts, bent = self._control.base(), self._control.scene.collisions.contacts, None
+        poses = BasePoses(self._control.scene)
+        work = self._heading(postures[0][0]) if postures else here[2]
+        around = () if self._control.robot.base.fixed else poses.beside(work, BACK_OFF)
+        for pose in chain((here,), around):
+            if math.dist(pose[:2], here[:2]) < least - HAIR or (pose != here and not poses.has_room(pose)):
                 continue
             if any(contacts(pose, arm, posture) for arm, posture in postures):
                 continue
-            if is_straight(step - HAIR, turn):
+            if all(map(poses.has_room, poses_along(np.array([here, pose]), STRIDE + HAIR))):
                 return pose
             bent = bent or pose
         return bent

@@ -6,7 +6,8 @@ made once in each strand of the run, and kept there.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,8 +16,10 @@ import numpy as np
 
 from executive.belief.scene_collisions import BasePose
 from executive.locations import HandSolution, Reach, ReachKind, Resolver
+from executive.locations.base_poses import BasePoses
 from executive.locations.demands import asks_for
 from executive.locations.grasp_candidates import HandPoses
+from executive.locations.likely_places import Searches
 from executive.modules.carrying import is_near, upright_postures
 from executive.modules.commanding import Control, Hands, Sensing
 from executive.modules.drive import Drive
@@ -37,7 +40,6 @@ from planlang.records import dataclass
 from planlang.relations import Sense
 
 if TYPE_CHECKING:
-    from executive.locations.likely_places import Searches
     from executive.locations.next_view import Exploration
 
 ALONE = ""
@@ -311,6 +313,15 @@ class Arms:
         ends = usual.tilts(np.stack([self._control.arm_joints(arm), goal]))
         return replace(usual, limit=max(usual.limit, float(ends.max()) + HAIR))
 
+    def drawn(self, arm: ArmModel, ways: Iterable[Array], touches: str | None) -> Trajectory | None:
+        """Return the first straight line of the tip along one of some ways (3,) [m]; None if none is free."""
+        for way in ways:
+            pose = self._control.scene.arms.tip(arm).copy()
+            pose[:3, 3] += way
+            with suppress(MotionError):
+                return self.straight_path(arm, pose, self._control.arm_joints(arm), touches)
+        return None
+
     def straight_path(self, arm: ArmModel, pose: Array, q: Array, touches: str | None) -> Trajectory:
         """Return a timed straight line of the tip to a map pose (4, 4) at joint positions q (d,).
 
@@ -371,11 +382,14 @@ class Platform(Control):
     @property
     def searches(self) -> Searches:
         """The searches of this run."""
-        from executive.locations.likely_places import Searches  # most runs look for nothing in several places
-
         if self._searches is None:
             self._searches = Searches(self.scene, self.drive.seconds)
         return self._searches
+
+    def base_poses(self) -> BasePoses:
+        """Return the base poses in the believed world as it is now."""
+        self.sync()
+        return BasePoses(self.scene)
 
     @property
     def exploration(self) -> Exploration:
@@ -449,6 +463,10 @@ class PlatformModule:
         """Return base, head, torso and all arms: what of them is needed is found out on the way."""
         torso = [] if self.platform.robot.torso is None else ["torso"]
         return ("base", "head", *torso, *(arm.name for arm in self.platform.scene.arms.all))
+
+    def back_of(self, arm: ArmModel) -> Array:
+        """Return the direction in the map (3,) in which a hand draws back from what it has come to."""
+        return -matrices.rotated(self.platform.scene.arms.tip(arm)[:3, :3], np.asarray(arm.frame.approach))
 
     async def follow_to_end(
         self, arms: str, trajectory: Trajectory, what: str | None = None, *, pushes: str | None = None

@@ -12,8 +12,8 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from executive.locations.base_poses import BasePoses
 from executive.modules.platform import Platform
-from executive.motion import time_path
 from executive.robots.arms import ArmModel
 from planlang.geometry import Array
 from planlang.protocols import Contact, Trajectory
@@ -26,8 +26,6 @@ DIRECTIONS = 24
 """Directions of an arm's joints that are tried at each length, besides those of single joints."""
 DISTANCES = (0.02, 0.04, 0.08, 0.12)
 """Lengths of the base's ways [m]."""
-HEADINGS = 8
-"""Directions in which the base is driven."""
 CHECKS = 0.01
 """Distance of the poses of the base that are checked [m]."""
 
@@ -57,31 +55,17 @@ def way_out_of_arm(platform: Platform, arm: ArmModel, touches: str | None) -> Tr
 
 def way_out_of_base(platform: Platform) -> Trajectory | None:
     """Return a short motion by which the base gets out of what the robot is in; None as for an arm."""
-    start, limits = np.array(platform.base()), platform.robot.base
-    if limits.fixed:
+    start, poses = np.array(platform.base()), BasePoses(platform.scene)
+    if platform.robot.base.fixed:
         return None
 
     def contacts(pose: Array) -> tuple[Contact, ...]:
         x, y, yaw = map(float, pose)
         return platform.scene.collisions.contacts((x, y, yaw))
 
-    def ends() -> Iterator[Array]:
-        for distance in DISTANCES:
-            for heading in range(HEADINGS):
-                angle = start[2] + math.pi + 2 * math.pi * heading / HEADINGS  # backwards first
-                yield start + distance * np.array([math.cos(angle), math.sin(angle), 0.0])
-
-    end = _first_free(start, ends(), contacts, lambda a, b: int(np.ceil(math.dist(a[:2], b[:2]) / CHECKS)))
-    if end is None:
-        return None
-    return time_path(
-        ("x", "y", "yaw"),
-        np.stack([start, end]),
-        velocity=(limits.speed, limits.speed, limits.turn_speed),
-        acceleration=(limits.acceleration, limits.acceleration, limits.turn_acceleration),
-        jerk=limits.jerk,
-        rate=platform.world.rate,
-    )
+    ends = map(np.array, poses.beside(float(start[2]), DISTANCES))
+    end = _first_free(start, ends, contacts, lambda a, b: int(np.ceil(math.dist(a[:2], b[:2]) / CHECKS)))
+    return None if end is None else platform.drive.timed(np.stack([start, end]))
 
 
 def _first_free(

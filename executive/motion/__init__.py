@@ -15,15 +15,9 @@ from executive.motion.arm_path import JointSpace, plan_path
 from executive.motion.base_path import plan_base_path
 from executive.motion.clearance import Boxes, Grid, clearance_at, clearance_field
 from executive.motion.collision import QuickCheck
-from executive.motion.errors import (
-    GoalInCollision,
-    MotionError,
-    NoPath,
-    OutsideLimits,
-    StartInCollision,
-)
+from executive.motion.errors import GoalInCollision, MotionError, NoPath, StartInCollision
 from executive.motion.kinematics import Chain, Gaze, InverseKinematics
-from executive.motion.trajectories import TipLine, cartesian_path, keeps_line, time_curve, time_path
+from executive.motion.trajectories import cartesian_path, keeps_line, time_curve, time_path
 
 __all__ = [
     "Boxes",
@@ -35,10 +29,8 @@ __all__ = [
     "JointSpace",
     "MotionError",
     "NoPath",
-    "OutsideLimits",
     "QuickCheck",
     "StartInCollision",
-    "TipLine",
     "cartesian_path",
     "clearance_at",
     "clearance_field",

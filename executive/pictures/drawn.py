@@ -16,8 +16,9 @@ from planlang.geometry.shapes import SolidKind
 from planlang.records import dataclass
 
 if TYPE_CHECKING:
+    from sim import PlanningWorld
     from sim.bodies import Color, Part
-    from sim.kinematic import KinematicScene
+    from sim.truth import Truth
 
 HERE = Pose((0.0, 0.0, 0.0))
 GREY = (150, 150, 155, 255)
@@ -58,7 +59,7 @@ class Drawn:
     """Their current pose, in the map or in the frame of the path that theirs continues."""
 
 
-def drawn_in(world: KinematicScene) -> tuple[Drawn, ...]:
+def drawn_in(world: Truth | PlanningWorld) -> tuple[Drawn, ...]:
     """Return all bodies of a world, limbs of people one by one, and the links of its robot. Walls are left out."""
     drawn: list[Drawn] = []
     for name in world.names():
@@ -71,13 +72,13 @@ def drawn_in(world: KinematicScene) -> tuple[Drawn, ...]:
                 drawn.append(
                     Drawn(("bodies", name, f"limb{k}"), (_piece(part, color, HERE),), partial(_limb, world, name, k))
                 )
-    for link, looks in world.robot.looks().items():
+    for link, looks in world.looks().items():
         shapes = tuple(_link(*look) for look in looks)
         drawn.append(Drawn(("robot", link), shapes, partial(world.link_pose, link)))
     return tuple(drawn)
 
 
-def _limb(world: KinematicScene, name: str, k: int) -> Pose:
+def _limb(world: Truth | PlanningWorld, name: str, k: int) -> Pose:
     return world.pieces(name)[k][1]
 
 

@@ -10,9 +10,8 @@ from collections.abc import Iterator
 from planlang.experience.poses import MAP
 from planlang.geometry import Pose
 from planlang.records import dataclass
-from sim.kinematic import KinematicScene
 from sim.scene import BodyShape
-from sim.world import PyBulletWorld
+from sim.truth import Truth
 
 RATE = 10
 """Times a second that poses are noted, of what has moved; NEEMs have about as many."""
@@ -20,7 +19,7 @@ MOVED = 1e-6
 """Less than this [m, or of a quaternion] is no movement: links in their parents' frames are computed."""
 
 
-def is_due(world: PyBulletWorld) -> bool:
+def is_due(world: Truth) -> bool:
     """Return whether a world is at a step at which poses are noted."""
     return world.steps % max(1, world.rate // RATE) == 0
 
@@ -44,7 +43,7 @@ class Movement:
     still are not asked for: that is most of what looking at a robot costs.
     """
 
-    def __init__(self, world: KinematicScene) -> None:
+    def __init__(self, world: Truth) -> None:
         robot = world.robot
         self._names = robot.link_names
         self._above = {index: robot.parent[index] for index in sorted(self._names)}
@@ -58,7 +57,7 @@ class Movement:
         self._joints: dict[str, float] = {}
         self._base: tuple[float, ...] | None = None
 
-    def moved(self, world: KinematicScene) -> Iterator[Placed]:
+    def moved(self, world: Truth) -> Iterator[Placed]:
         """Yield what has moved, bodies before links."""
         for one in (*self._bodies(world), *self._links(world)):
             now, last = (*one.pose.position, *one.pose.orientation), self._last.get((one.kind, one.name))
@@ -66,7 +65,7 @@ class Movement:
                 self._last[one.kind, one.name] = now
                 yield one
 
-    def _bodies(self, world: KinematicScene) -> Iterator[Placed]:
+    def _bodies(self, world: Truth) -> Iterator[Placed]:
         for name in world.names():
             pose = world.pose(name)
             if self._seen.get(name) is not pose:
@@ -77,7 +76,7 @@ class Movement:
                     if part.limb:
                         yield Placed("limb", name, f"{name}/limb{number}", offset)
 
-    def _links(self, world: KinematicScene) -> Iterator[Placed]:
+    def _links(self, world: Truth) -> Iterator[Placed]:
         now = world.configuration()
         last, self._joints = self._joints, dict(now.joints)
         if self._base is None:

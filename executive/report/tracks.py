@@ -13,7 +13,7 @@ from executive.belief import Belief
 from executive.pictures.movement import RATE, Movement, is_due
 from planlang.geometry import Array, Pose
 from planlang.records import dataclass
-from sim import PyBulletWorld
+from sim.truth import Truth
 
 FINEST = 1e-4
 """Smallest unit of positions [m]."""
@@ -48,7 +48,7 @@ class Track:
 class Tracks:
     """Called with the true world after each of its steps: keeps where everything is, and where it is believed to be."""
 
-    def __init__(self, world: PyBulletWorld, belief: Belief) -> None:
+    def __init__(self, world: Truth, belief: Belief) -> None:
         self._movement, self._belief = Movement(world), belief
         self._revision = -1
         self._changed = -1
@@ -57,7 +57,7 @@ class Tracks:
         self.all: dict[tuple[str, str], Track] = {}
         """By kind and name, in the order in which they came."""
 
-    def __call__(self, world: PyBulletWorld) -> None:
+    def __call__(self, world: Truth) -> None:
         """Look at the world, if it is time to."""
         if not is_due(world):
             return
@@ -72,7 +72,7 @@ class Tracks:
             self._revision = self._belief.revision
             self._believe(world)
 
-    def _believe(self, world: PyBulletWorld) -> None:
+    def _believe(self, world: Truth) -> None:
         """Keep what is believed to be elsewhere by now; what a hand holds goes with it, and is not told."""
         belief, names = self._belief, set(self._belief.names())
         held = belief.carried()

@@ -16,7 +16,7 @@ from planlang.geometry import Pose
 from planlang.report import Told, model_of, page
 from planlang.report.model import Context
 from planlang.report.tree import shown
-from sim import PyBulletWorld
+from sim.truth import Truth
 
 if TYPE_CHECKING:
     from executive.modules.platform import Platform
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 class Watching:
     """What a page shows of a run: a listener of its trace, and a watcher of its true world."""
 
-    def __init__(self, platform: Platform, truth: PyBulletWorld) -> None:
+    def __init__(self, platform: Platform, truth: Truth) -> None:
         self.told = Told()
         self._truth, self._platform = truth, platform
         self._tracks, self._shapes, self._questions = Tracks(truth, platform.belief), Shapes(), Questions()
@@ -38,7 +38,7 @@ class Watching:
         """Read a record of the trace."""
         self.told.add(record)
 
-    def look(self, world: PyBulletWorld) -> None:
+    def look(self, world: Truth) -> None:
         """Look at the true world after one of its steps."""
         self._questions.step = world.steps
         self._tracks(world)

@@ -9,18 +9,15 @@ URDF: ``anatomy`` finds arms and hands in its tree, ``hand_shape`` measures hand
 
 from executive.robots.binding import bind_draft, bind_robot, robots
 from executive.robots.matching import Missing, missing_capabilities, possessions_of
-from executive.robots.requirements import Availability, Finding, FindingKind, Semantics, requirements
-from executive.robots.robot import CARRYING, Arm, BaseDrive, Gripper, JointLimits, Robot, trusting_map
+from executive.robots.requirements import Availability, FindingKind, Semantics, requirements
+from executive.robots.robot import CARRYING, Arm, Gripper, Robot, trusting_map
 
 __all__ = [
     "CARRYING",
     "Arm",
     "Availability",
-    "BaseDrive",
-    "Finding",
     "FindingKind",
     "Gripper",
-    "JointLimits",
     "Missing",
     "Robot",
     "Semantics",

@@ -187,6 +187,16 @@ def _same_arm(one: Mechanism, other: Mechanism, tip: str) -> bool:
     return bool(np.allclose(mine, others, atol=0.002))
 
 
+def _assumed(model: SelfModel | None, numbers: RobotFile | None, urdf: Path) -> Iterator[Diagnostic]:
+    """Yield notes about what neither the self-model nor a robot file of this robot says."""
+    if numbers is None:
+        help = f"a robot file {urdf.stem}.toml beside the URDF says them in [base], [joints.*] and [postures.*]"
+        yield note("B010", "speeds, postures and the size of the base are assumed", None, help)
+    elif model is not None and numbers.path.parent != urdf.parent and numbers.urdf.resolve() != urdf.resolve():
+        help = f"a robot file {urdf.stem}.toml beside the URDF says others"
+        yield note("B010", f"speeds, postures and hands are those of the bundled robot {numbers.name}", None, help)
+
+
 def _bind(model: SelfModel | None, numbers: RobotFile | None, urdf: Path) -> Robot:
     mechanism = Mechanism(urdf)
     found = list(read_description(urdf).diagnostics)
@@ -207,14 +217,7 @@ def _bind(model: SelfModel | None, numbers: RobotFile | None, urdf: Path) -> Rob
     neck = _neck(numbers, mechanism, camera, arms, torso)
     if has_errors(found):
         raise BadInput(found)
-    if numbers is None:
-        help = f"a robot file {urdf.stem}.toml beside the URDF says them in [base], [joints.*] and [postures.*]"
-        found.append(note("B010", "speeds, postures and the size of the base are assumed", None, help))
-    elif model is not None and numbers.path.parent != urdf.parent and numbers.urdf.resolve() != urdf.resolve():
-        help = f"a robot file {urdf.stem}.toml beside the URDF says others"
-        found.append(
-            note("B010", f"speeds, postures and hands are those of the bundled robot {numbers.name}", None, help)
-        )
+    found.extend(_assumed(model, numbers, urdf))
     if model is not None:
         parts: tuple[Part, ...] = parts_of(model)
         claims: Mapping[str, Span | None] = claims_of(model)

@@ -2,13 +2,17 @@
 
 Every value has its reason. As text it is a file for a user to complete, in which what is missing stands as a comment;
 the same text is the robot when a URDF is all that there is of it.
+
+The SRDF (https://wiki.ros.org/srdf) says which joints are an arm, where hands are, and named states. It comes from a
+stranger, as the URDF does, and is read in the same bounds; what it names and the URDF does not have is left out.
 """
 
 from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator, Mapping, Sequence
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import field
 from enum import Enum
 from pathlib import Path
@@ -22,10 +26,9 @@ from executive.robots.hand_shape import HandShape, shape_of
 from executive.robots.mechanism import Mechanism
 from executive.robots.robot import CARRYING
 from executive.robots.robot_file import DEFAULT_BASE, DEFAULT_LIMITS
-from executive.robots.srdf import Srdf, read_srdf
-from planlang.diagnostics import Diagnostic, Span, note, warning
+from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
 from planlang.geometry import Array
-from planlang.geometry.urdf import read_urdf
+from planlang.geometry.urdf import BadXml, Element, numbers, read_tree, read_urdf
 from planlang.records import dataclass
 from sim import CameraModel, PlanningWorld, RobotBody, Scene
 from sim.description import read_description
@@ -351,3 +354,73 @@ class _Maker:
         table = self.draft.table("postures", name)
         for number, (joint, value) in enumerate(state.items()):
             table.add(joint, value, why if number == 0 else "")
+
+
+HARMLESS = ("Never", "Adjacent")
+"""Reasons why a pair is not checked that say nothing: it cannot touch, or is left out anyhow."""
+
+
+@dataclass(frozen=True, slots=True)
+class EndEffector:
+    """A hand: the link of the arm that it hangs from or is."""
+
+    name: str
+    parent_link: str
+    parent_group: str
+
+
+@dataclass(frozen=True, slots=True)
+class Srdf:
+    """The contents of an SRDF."""
+
+    path: Path
+    end_effectors: tuple[EndEffector, ...]
+    states: Mapping[str, Mapping[str, float]]
+    """Name -> joint positions; states of several groups by one name are one."""
+    base_joint: str | None
+    """Type of the virtual joint that holds the robot in the world: "fixed", "planar" or "floating"."""
+    touching: tuple[tuple[str, str], ...]
+    """Pairs of links that may touch."""
+
+
+def read_srdf(path: Path, joints: Iterable[str], links: Iterable[str]) -> Srdf:
+    """Read a SRDF about a URDF with these joints and links; raises BadInput (B009)."""
+    try:
+        robot = read_tree(path)
+    except BadXml as problem:
+        raise BadInput([error("B009", problem.problem, Span(str(path), problem.line))]) from None
+    if robot.tag != "robot":
+        message = f"is not SRDF: its root element is <{robot.tag}>, not <robot>"
+        raise BadInput([error("B009", message, Span(str(path), robot.line))])
+    known_joints, known_links = frozenset(joints), frozenset(links)
+    states: dict[str, dict[str, float]] = {}
+    for state in robot.iterfind("group_state"):
+        positions = states.setdefault(state.get("name", ""), {})
+        positions |= {name: value for name, value in _positions(state) if name in known_joints}
+    base = robot.find("virtual_joint")
+    return Srdf(
+        path,
+        tuple(one for one in _end_effectors(robot) if one.parent_link in known_links),
+        {name: positions for name, positions in states.items() if name and positions},
+        base.get("type") if base is not None else None,
+        tuple(pair for pair in _touching(robot) if known_links.issuperset(pair)),
+    )
+
+
+def _end_effectors(robot: Element) -> Iterator[EndEffector]:
+    for one in robot.iterfind("end_effector"):
+        yield EndEffector(one.get("name", ""), one.get("parent_link", ""), one.get("parent_group", ""))
+
+
+def _positions(state: ElementTree.Element) -> Iterator[tuple[str, float]]:
+    """Yield joints with one position; a joint with several axes has more."""
+    for joint in state.iterfind("joint"):
+        values = numbers(joint.get("value", ""))
+        if len(values) == 1:
+            yield joint.get("name", ""), values[0]
+
+
+def _touching(robot: Element) -> Iterator[tuple[str, str]]:
+    for pair in robot.iterfind("disable_collisions"):
+        if pair.get("reason") not in HARMLESS:
+            yield pair.get("link1", ""), pair.get("link2", "")

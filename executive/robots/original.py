@@ -15,12 +15,13 @@ capabilities are there that it depends on, which may be none. There are two answ
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from functools import cache, cached_property
 
 from executive.robots.closed_world import ClosedWorld
 from executive.robots.matching import Possessions
 from executive.robots.requirements import NEEDED, PROPERTIES, Availability, Finding, FindingKind, together
+from planlang.closure import reached
 from planlang.designators import local_name
 from planlang.diagnostics import Span
 from planlang.ontology import BNode, Literal, Ontology, Term, expand
@@ -53,7 +54,7 @@ class ClassProperties:
 
     def _above(self, cls: Node) -> dict[Node, None]:
         """Return a class and everything above it."""
-        return _reached(cls, self._next)
+        return dict.fromkeys(reached((cls,), self._next))
 
     def _directly_above(self, cls: Node) -> Iterator[Node]:
         for number, ontology in enumerate(self.ontologies):
@@ -101,17 +102,6 @@ class ClassProperties:
         return "an expression" if expression is None else text_of(expression)
 
 
-def _reached(start: Node, following: Callable[[Node], Iterable[Node]]) -> dict[Node, None]:
-    """Return a node and everything that is reached from it, nearest first."""
-    found = {start: None}
-    queue = [start]
-    for one in queue:  # grows while it is walked
-        new = dict.fromkeys(other for other in following(one) if other not in found)
-        found |= new
-        queue += new
-    return found
-
-
 def _node(number: int, term: Term) -> Node:
     return (number, term) if isinstance(term, BNode) else str(term)
 
@@ -134,7 +124,8 @@ class OriginalMatcher:
         """Return what a class of actions requires, itself and by its sub-actions, and whether it is there."""
         stated = self.classes.values(cls, PROPERTIES[CAPABILITY])
         own = (*(self._capability(one, span, deeper=True) for one, span in stated.items()), *self._components(cls))
-        subs = _reached(cls, lambda action: self.classes.values(action, _SUB_ACTION))
+        start: Node = cls
+        subs = reached((start,), lambda action: self.classes.values(action, _SUB_ACTION))
         below = (*own, *(self._action(sub) for sub in subs if sub != cls))
         span = next(filter(None, (ontology.span(cls) for ontology in self.classes.ontologies)), None)
         return Finding(FindingKind.TASK, local_name(cls), cls, _all_there(below), "", span, below)
@@ -183,11 +174,11 @@ class OriginalMatcher:
     def _is_derived(self, capability: Node) -> bool:
         """Return whether all is there that a capability depends on; not by way of itself."""
         if capability not in self._derived:
-            reached = _reached(capability, lambda one: self._takes(one)[1])
-            there = {one for one in reached if one in self._claimed}
-            while new := [one for one in reached if one not in there and self._follows(one, there)]:
+            taken = tuple(reached((capability,), lambda one: self._takes(one)[1]))
+            there = {one for one in taken if one in self._claimed}
+            while new := [one for one in taken if one not in there and self._follows(one, there)]:
                 there.update(new)
-            self._derived |= {one: self._follows(one, there) for one in reached}
+            self._derived |= {one: self._follows(one, there) for one in taken}
         return self._derived[capability]
 
     def _follows(self, capability: Node, there: set[Node]) -> bool:

@@ -13,6 +13,7 @@ from dataclasses import field, replace
 from itertools import combinations
 from pathlib import Path
 
+from planlang.closure import reached
 from planlang.designators import Device, Object, local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error
 from planlang.ontology import Literal, Ontology, expand
@@ -128,36 +129,24 @@ def _compositions(ontology: Ontology, robot: str) -> Iterator[Composition]:
                 subjects[triple.subject] = None
     for iri in subjects:
         bases, tools = (
-            _links(ontology, iri, "srdl2-comp:baseLinkOfComposition"),
-            _links(ontology, iri, "srdl2-comp:toolFrame"),
+            ontology.iris(iri, "srdl2-comp:baseLinkOfComposition"),
+            ontology.iris(iri, "srdl2-comp:toolFrame"),
         )
         yield Composition(
             iri,
             ontology.types(iri),
             bases[0] if bases else None,
-            _links(ontology, iri, "srdl2-comp:endLinkOfComposition"),
+            ontology.iris(iri, "srdl2-comp:endLinkOfComposition"),
             tools[0] if tools else None,
             ontology.label(iri),
             ontology.span(iri),
         )
 
 
-def _links(ontology: Ontology, iri: str, prop: str) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(v for v in ontology.values(iri, expand(prop)) if isinstance(v, str)))
-
-
 def _closure(ontology: Ontology, robot: str) -> tuple[str, ...]:
     """Return the robot and everything reached from it by chain and part relations, breadth first."""
-    found = {robot: None}
-    queue = [robot]
-    while queue:
-        iri = queue.pop(0)
-        for name in ("srdl2-comp:subComponent", "srdl2-comp:succeedingLink", "srdl2-comp:succeedingJoint"):
-            for part in _links(ontology, iri, name):
-                if part not in found:
-                    found[part] = None
-                    queue.append(part)
-    return tuple(found)
+    names = ("srdl2-comp:subComponent", "srdl2-comp:succeedingLink", "srdl2-comp:succeedingJoint")
+    return tuple(reached((robot,), lambda iri: (part for name in names for part in ontology.iris(iri, name))))
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from executive.robots.matching import Matcher, Missing, Possessions, lacking_in, missing_in
+from executive.robots.original import OriginalMatcher
 from executive.robots.requirements import (
     NEEDED,
     Availability,
@@ -104,8 +105,6 @@ def match(
     perform. The original semantics read the ontology itself.
     """
     if semantics is Semantics.ORIGINAL:
-        from executive.robots.original import OriginalMatcher  # rarely asked for
-
         iri = task if isinstance(task, str) else task.main.iri
         return Match(robot.robot, semantics, OriginalMatcher(ontology, robot).task(iri))
     matcher = Matcher(ontology, robot)

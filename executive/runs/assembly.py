@@ -32,12 +32,13 @@ from executive.robots.arms import arm_models, gaze_of
 from executive.runs.final_state import Tilts
 from executive.runs.in_hands import InHand
 from planlang.action_classes import ancestors_of
+from planlang.action_conditions import declared
 from planlang.designators import Action, Condition, Device, FixedPose, Location, Object, a_posture, action
 from planlang.diagnostics import BadInput, Span, error
 from planlang.failures import LocationUnresolvable, ObjectNotFound, ObjectUnresolvable
 from planlang.language.process_module import ModuleOnce, ProcessModule
 from planlang.ontology import Ontology, expand, shorten
-from planlang.protocols import Solution, World
+from planlang.protocols import RobotInterface, Solution
 from sim import PlanningWorld, Scene, perturb
 
 MOST_STARTS = 5000
@@ -107,7 +108,7 @@ def _check_start(world: PlanningWorld) -> None:
 def platform_of(
     robot: Robot,
     semantic_map: SemanticMap,
-    truth: World,
+    interface: RobotInterface,
     believed: PlanningWorld,
     seed: int,
     say: Callable[[str], None] = lambda line: None,
@@ -116,7 +117,7 @@ def platform_of(
     unknown: Iterable[str] = (),
     models: Iterable[str] | None = None,
 ) -> Platform:
-    """Return a robot in a true and a believed world; ``say`` is told of reachability maps that have to be built.
+    """Return a robot, by its interface, and what it believes; ``say`` hears of reachability maps that have to be built.
 
     With ``trusts_map`` the poses of the map count as seen; of things that are ``unknown`` they are not known.
     ``models``: classes of which there are recognition models beside those of the robot file; None: of all.
@@ -125,7 +126,7 @@ def platform_of(
     own = robot.camera.recognises if robot.camera else None
     classes = own if models is None else (*(own or ()), *models)
     belief.recognition = Recognition(semantic_map.ontology, classes)
-    belief.sync(believed, truth.configuration())
+    belief.sync(believed, interface.configuration())
     planning_scene = PlanningScene(believed, robot, belief, arm_models(robot, believed), gaze_of(robot))
     ontology = semantic_map.ontology
 
@@ -134,22 +135,21 @@ def platform_of(
         return tuple(map(shorten, ontology.ancestors(expand(cls))))
 
     return Platform(
-        truth,
+        interface,
         robot,
         belief,
         planning_scene,
         Resolver(planning_scene, say),
         lambda cls: ancestors_of(cls, vocabulary),
-        performed_with(ontology, "releases"),
+        frozenset(map(shorten, declared(ontology).ending("holding"))),
         np.random.default_rng(seed),
     )
 
 
-def performed_with(ontology: Ontology, word: str) -> frozenset[str]:
-    """Return the action classes whose primitive says something by a property, such as that it releases a filler."""
-    primitives = [iri for iri in ontology.individuals(expand("Primitive")) if ontology.values(iri, expand(word))]
-    performed = (cls for iri in primitives for cls in ontology.values(iri, expand("performsAction")))
-    return frozenset(shorten(cls) for cls in performed if isinstance(cls, str))
+def _finding(ontology: Ontology) -> frozenset[str]:
+    """Return the action classes that look for things: it need not be known before where these are."""
+    primitives = [iri for iri in ontology.individuals("Primitive") if ontology.values(iri, "finds")]
+    return frozenset(shorten(cls) for iri in primitives for cls in ontology.iris(iri, "performsAction"))
 
 
 class RobotExecutive:
@@ -161,7 +161,7 @@ class RobotExecutive:
         self.tilts = Tilts(platform.leaning)
         """The largest tilts of what was carried, which are measured where the true world is watched."""
         self._effects = ActionEffects(platform)
-        self.finding = performed_with(platform.belief.map.ontology, "finds")
+        self.finding = _finding(platform.belief.map.ontology)
         """Action classes that look for things."""
         self.modules: Sequence[ProcessModule] = tuple(
             ModuleWithEffects(LookingFirst(ModuleOnce(create(platform)), platform, self.finding), self._effects)
@@ -288,7 +288,7 @@ class RobotExecutive:
         return tuple(self.platform.belief.held)
 
     def releases(self, action: Action) -> bool:
-        """Return whether the action lets go of something, by the vocabulary's primitives."""
+        """Return whether the action lets go of something, by the effects that the vocabulary declares."""
         return any(cls in self.platform.releasing for cls in self.ancestors(action.type))
 
     def snapshot(self) -> dict[str, Any]:

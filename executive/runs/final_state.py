@@ -7,12 +7,11 @@ from collections.abc import Iterable, Iterator, MutableSet
 
 from planlang.designators import local_name
 from planlang.object_changes import state_word
-from sim import PyBulletWorld
 from sim.joints import Articulation, JointKind
-from sim.world import at_rest_on, held_by
+from sim.truth import Truth, at_rest_on, held_by
 
 
-def state_lines(truth: PyBulletWorld, names: Iterable[str]) -> Iterator[str]:
+def state_lines(truth: Truth, names: Iterable[str]) -> Iterator[str]:
     """Yield lines for each thing of the plan: where it is, whether it is open, its state (on, Clean), what is in it.
 
     Then for each other door and drawer that the run has left open.
@@ -29,11 +28,11 @@ def state_lines(truth: PyBulletWorld, names: Iterable[str]) -> Iterator[str]:
             if not joint.is_knob and name in (joint.leaf, joint.holder):
                 leaves.add(joint.leaf)
                 yield f"{joint.leaf}: {_opening(truth.joint(joint.leaf), joint)}"
-        if (state := truth.changes.matter.states.get(name)) is not None:
+        if (state := truth.condition(name)) is not None:
             yield f"{name}: {state_word(state)}"
-        content = truth.changes.matter.contents.get(name, {}).values()
-        if content:
-            yield f"{name}: holds {', '.join(f'{one.amount:.0f} ml of {local_name(one.type)}' for one in content)}"
+        if content := truth.contents(name):
+            listed = (f"{amount:.0f} ml of {local_name(cls)}" for cls, amount in content.items())
+            yield f"{name}: holds {', '.join(listed)}"
     for joint in scene.joints:
         value = truth.joint(joint.leaf)
         if not (joint.is_knob or joint.leaf in leaves or joint.is_shut(value)) and joint.is_shut(joint.first):
@@ -60,7 +59,7 @@ class Tilts:
         self._held: dict[str, bool] = {}
         """The things that are held, and whether each stood upright when it was grasped."""
 
-    def __call__(self, world: PyBulletWorld) -> None:
+    def __call__(self, world: Truth) -> None:
         """Take note of the world after a step."""
         before, self._held = self._held, {}
         for name in world.attached():

@@ -14,7 +14,7 @@ from planlang.diagnostics import Diagnostic
 from planlang.records import dataclass
 from planlang.runs import RecordedRun
 from planlang.runs.trace import Listener
-from sim import PyBulletWorld
+from sim.truth import Truth
 
 if TYPE_CHECKING:
     from executive.runs.assembly import RobotExecutive
@@ -59,7 +59,7 @@ class RunOptions(RunSettings):
     progress: Callable[[str], None] = lambda line: None
     announce: Callable[[Sequence[Diagnostic]], None] = lambda found: None
     """Given the diagnostics once, before the plan runs."""
-    watchers: tuple[Callable[[PyBulletWorld], None], ...] = ()
+    watchers: tuple[Callable[[Truth], None], ...] = ()
     """Called with the true world before the plan runs and after every step of the world."""
     listeners: tuple[Listener, ...] = ()
     """Given each record of the trace as it is written."""

@@ -70,8 +70,8 @@ class PlanParameter:
         """Return True if a thing of a map is of the class of the default, or without one of the parameter's types."""
         if self.default is not None:
             cls = expand(self.default.type)
-            return _is(semantic_map, thing, cls) or _is_alike(semantic_map, thing, self.default)
-        return (Person if _is(semantic_map, thing, expand("Person")) else Object) in self.types
+            return semantic_map.is_a(thing, cls) or _is_alike(semantic_map, thing, self.default)
+        return (Person if semantic_map.is_a(thing, "Person") else Object) in self.types
 
 
 def plan_parameters(plan: Plan[Any, Any]) -> dict[str, PlanParameter]:
@@ -234,9 +234,9 @@ def _bound(parameter: PlanParameter, text: str, semantic_map: SemanticMap, found
         raise BadInput([error("X005", f"{text!r} {what}", help=_fitting(parameter, semantic_map, text))])
     classes = ", ".join(shorten(cls) for cls in thing.types)
     if default is None and parameter.fits(semantic_map, thing):
-        kind = Person if _is(semantic_map, thing, expand("Person")) else Object
+        kind = Person if semantic_map.is_a(thing, "Person") else Object
         return kind(shorten(thing.types[0]), thing.iri)
-    if default is not None and _is(semantic_map, thing, expand(default.type)):
+    if default is not None and semantic_map.is_a(thing, default.type):
         return replace(default, iri=thing.iri)
     if default is not None and _is_alike(semantic_map, thing, default):
         message = f"{text} is a {classes}, where the recipe speaks of a {default.type}"
@@ -255,11 +255,11 @@ def unknown_things(semantic_map: SemanticMap, words: Sequence[str]) -> tuple[str
 
     Raises BadInput for a word that means nothing in the map.
     """
-    rooms = [one for one in semantic_map.objects if _is(semantic_map, one, expand("RoomInAConstruction"))]
+    rooms = [one for one in semantic_map.objects if semantic_map.is_a(one, "RoomInAConstruction")]
     things = [one for one in semantic_map.objects if one not in rooms and one.pose is not None]
     found: dict[str, None] = {}
     for word in words:
-        meant = [one.name for one in things if word in (ALL, one.name, one.iri) or _is(semantic_map, one, expand(word))]
+        meant = [one.name for one in things if word in (ALL, one.name, one.iri) or semantic_map.is_a(one, word)]
         if not meant:
             known = _listed([one.name for one in things])
             raise BadInput([error("X005", f"{word!r} is not in the map", help=f"--unknown may be all, or {known}")])
@@ -285,15 +285,11 @@ def _wanted(parameter: PlanParameter) -> str:
     return " or ".join(cls.__name__.lower() for cls in parameter.types)
 
 
-def _is(semantic_map: SemanticMap, thing: MapObject, cls: str) -> bool:
-    return any(semantic_map.ontology.is_a(own, cls) for own in thing.types)
-
-
 def _is_alike(semantic_map: SemanticMap, thing: MapObject, default: Object) -> bool:
     """Return True if a class directly above that of the recipe's individual is also above that of the thing."""
     if default.iri is None:
         return False
-    return any(_is(semantic_map, thing, cls) for cls in semantic_map.ontology.parents(expand(default.type)))
+    return any(semantic_map.is_a(thing, cls) for cls in semantic_map.ontology.parents(default.type))
 
 
 def _fitting(parameter: PlanParameter, semantic_map: SemanticMap, absent: str | None = None) -> str:
@@ -302,7 +298,7 @@ def _fitting(parameter: PlanParameter, semantic_map: SemanticMap, absent: str | 
     ``absent``, a thing that the map lacks: also what may have been meant by it, and where there is such a thing.
     """
     joint = expand("Joint-Physical")
-    things = (one for one in semantic_map.objects if one.pose is not None and not _is(semantic_map, one, joint))
+    things = (one for one in semantic_map.objects if one.pose is not None and not semantic_map.is_a(one, joint))
     placed = {thing.name: thing for thing in things}
     right = [name for name, one in placed.items() if parameter.fits(semantic_map, one)]
     fitting = parameter.likely(semantic_map, right)

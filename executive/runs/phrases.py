@@ -5,7 +5,7 @@ from __future__ import annotations
 from executive.maps import SemanticMap
 from planlang.designators import Location, Object, Person
 from planlang.diagnostics import BadInput, Span, error
-from planlang.ontology import expand, shorten
+from planlang.ontology import shorten
 from planlang.phrases import Lexicon, read_location, write_thing
 
 
@@ -16,7 +16,7 @@ def lexicon_of(semantic_map: SemanticMap) -> Lexicon:
     for thing in semantic_map.objects:
         if thing.pose is not None:
             cls = next((cls for cls in thing.types if not cls.endswith("#NamedIndividual")), "Thing")
-            kind = Person if any(ontology.is_a(cls, expand("Person")) for cls in thing.types) else Object
+            kind = Person if semantic_map.is_a(thing, "Person") else Object
             things[thing.name] = kind(shorten(cls), thing.iri)
     return Lexicon.of(ontology, things)
 
@@ -31,8 +31,7 @@ def read_phrase(phrase: str, semantic_map: SemanticMap, file: str) -> Location:
     placed = [thing for thing in semantic_map.objects if thing.pose is not None]
     problems = []
     for what in location.things():
-        cls = expand(what.type)
-        if what.iri is None and not any(semantic_map.ontology.is_a(own, cls) for one in placed for own in one.types):
+        if what.iri is None and not any(semantic_map.is_a(one, what.type) for one in placed):
             message = f"the map has no {write_thing(what, lexicon).removeprefix('the ')}"
             problems.append(error("P008", message, Span(file), f"it has {', '.join(one.name for one in placed)}"))
     if problems:

@@ -12,7 +12,7 @@ from executive.pictures.movement import Movement, is_due
 from planlang.diagnostics import BadInput, error
 from planlang.experience.poses import IDENTITY, Transform, pose_lines, transform_lines
 from planlang.outputs import write_text
-from sim import PyBulletWorld
+from sim.truth import Truth
 
 
 class PoseLog:
@@ -21,7 +21,7 @@ class PoseLog:
     It is a hidden file until :meth:`begin`: a run that repeats another one destroys nothing if it does something else.
     """
 
-    def __init__(self, world: PyBulletWorld, path: Path, header: Mapping[str, object]) -> None:
+    def __init__(self, world: Truth, path: Path, header: Mapping[str, object]) -> None:
         self._rate, self._movement, self._count = world.rate, Movement(world), 0
         known = {key: header.get(key) for key in IDENTITY}
         self._path = path
@@ -35,7 +35,7 @@ class PoseLog:
             self._coming.replace(self._path)
             self._coming = self._path
 
-    def __call__(self, world: PyBulletWorld) -> None:
+    def __call__(self, world: Truth) -> None:
         """Write what has moved; raises BadInput if that cannot be written."""
         if not is_due(world):
             return

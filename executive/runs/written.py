@@ -19,6 +19,7 @@ from planlang.diagnostics import Diagnostic
 from planlang.outputs import replace as write_complete
 from planlang.runs.trace import Listener
 from sim import PyBulletWorld
+from sim.truth import Truth
 
 if TYPE_CHECKING:
     from executive.belief import Belief
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
 class Written:
     """Files that the options of a run ask for; ``listeners`` hear its events, ``watchers`` see the true world."""
 
-    def __init__(self, options: RunOptions, platform: Platform, tilts: Tilts, truth: PyBulletWorld) -> None:
+    def __init__(self, options: RunOptions, platform: Platform, tilts: Tilts, truth: Truth) -> None:
         """Tell the progress and measure tilts; nothing is written yet."""
         self._options, self._platform, self._truth = options, platform, truth
         self._belief = platform.belief
@@ -41,7 +42,7 @@ class Written:
         """What shows the run to people while it goes on."""
         self._is_new = False
         """True once what happens was not written before."""
-        self.watchers: list[Callable[[PyBulletWorld], None]] = [tilts, *options.watchers]
+        self.watchers: list[Callable[[Truth], None]] = [tilts, *options.watchers]
         self.listeners: list[Listener] = [
             lines_of(self._progress, inner=options.inner_actions),
             *options.listeners,
@@ -140,7 +141,7 @@ class Written:
 class WatchedWorld:
     """A world that others look at before the first step and after every one."""
 
-    def __init__(self, world: PyBulletWorld, watchers: Sequence[Callable[[PyBulletWorld], None]]) -> None:
+    def __init__(self, world: PyBulletWorld, watchers: Sequence[Callable[[Truth], None]]) -> None:
         self.world, self.watchers, self.rate = world, watchers, world.rate
         self._show()
 
@@ -153,7 +154,7 @@ class WatchedWorld:
             watcher(self.world)
 
 
-def bodies_of(bound: Mapping[str, Bound], belief: Belief, truth: PyBulletWorld) -> Iterator[str]:
+def bodies_of(bound: Mapping[str, Bound], belief: Belief, truth: Truth) -> Iterator[str]:
     """Yield the bodies that the plan's parameters mean, as far as there are any."""
     for what in (one for value in bound.values() for one in things_of(value)):
         try:

@@ -3,11 +3,11 @@
 General layout: ``serving`` is what routes work with. ``vocabulary`` is what the server knows beforehand; ``uploads``
 checks and describes what it is given, with ``places`` of maps; ``catalogue`` finds it again for ``searching``,
 ``mirror`` for ``sparql``, and ``abilities`` compares it with robots. ``entries``, ``binaries`` and ``feed`` are routes;
-``problems`` and ``records`` write answers, ``bodies`` bounds requests.
-``page``, ``asking``, ``uploading`` and ``watching`` are the web page: ``forms`` reads what it sends, ``details``,
+``problems`` writes refusals, ``bodies`` bounds requests.
+``page``, ``uploading`` and ``watching`` are the web page: ``forms`` reads what it sends, ``details``,
 ``floor_plan`` and ``sources`` are what it shows of a content, ``pages`` writes it by ``templates/`` and ``static/``.
 ``workers`` are processes in which all that takes long is computed (``worker``); ``rates`` bounds how often one asks,
-``patience`` how long a search takes, ``connections`` how long one may hold a connection; ``access`` is the access log.
+``patience`` how long a search takes, ``running`` how long one may hold a connection; ``access`` is the access log.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from typing import Any
 from anyio import to_thread
 from fastapi import APIRouter, FastAPI
 
-from executive.serving import asking, binaries, entries, feed, page, searching, sparql, uploading, watching
+from executive.serving import binaries, entries, feed, page, searching, sparql, uploading, watching
 from executive.serving.abilities import Abilities
 from executive.serving.access import Logged
 from executive.serving.bodies import BoundedBodies
@@ -32,7 +32,7 @@ from executive.serving.problems import RESPONSES, add_handlers
 from executive.serving.rates import Paced, Rates
 from executive.serving.serving import Served, Serving
 from executive.serving.workers import Staff
-from planlang.knowledge.stores import Store
+from planlang.knowledge.entries import Store
 
 MOST_THREADS = 200
 """Requests that are worked on at a time, those among them that wait for their turn at what takes long."""
@@ -53,7 +53,7 @@ def healthy(served: Served) -> dict[str, Any]:
 
 ROUTERS = (
     *(health, searching.router, sparql.router, feed.router, binaries.router, entries.router),
-    *(page.router, asking.router, uploading.router, watching.router),
+    *(page.router, uploading.router, watching.router),
 )
 """In the order in which addresses are compared: those of entries, which take any first word, last."""
 

@@ -8,9 +8,8 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Header, Path, Request, Response
 
-from executive.serving.entries import DOWNLOADED, own
+from executive.serving.entries import DOWNLOADED, digest_header, own, record
 from executive.serving.problems import Problem
-from executive.serving.records import digest_header, record
 from executive.serving.serving import Author, Body, Served, now
 from planlang.knowledge.entries import File
 

@@ -21,12 +21,11 @@ from planlang.designators import local_name
 from planlang.diagnostics import BadInput
 from planlang.knowledge.answers import Links
 from planlang.knowledge.descriptions import Description
-from planlang.knowledge.entries import UNRATED, Change, Kind
+from planlang.knowledge.entries import UNRATED, Change, Changed, Described, Kind, NoSuchEntry, Store
 from planlang.knowledge.facts import LABEL, Facts, Unpacked
 from planlang.knowledge.index import Index, go_on
 from planlang.knowledge.names import Names
 from planlang.knowledge.questions import parse_question, with_names
-from planlang.knowledge.stores import Changed, Described, NoSuchEntry, Store
 from planlang.ontology.expressions import Expression
 from planlang.records import dataclass
 

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import base64
 import hashlib
 from collections.abc import Callable
+from dataclasses import asdict
 from http import HTTPStatus
+from pathlib import Path
 from typing import Annotated, Any
 from urllib.parse import quote
 
@@ -12,14 +15,14 @@ from fastapi import APIRouter, Header, Query, Request, Response
 from fastapi.responses import JSONResponse
 from pydantic import BaseModel, Field
 
-from executive.serving.contents import converted
 from executive.serving.problems import Problem, diagnostic_json
-from executive.serving.records import digest_header, record
 from executive.serving.serving import Author, Body, Served, Serving, now
 from executive.serving.uploads import Upload, read_upload
-from planlang.knowledge.entries import HIGHEST_RATING, LOWEST_RATING, Entry, Kind
-from planlang.knowledge.stores import Changed, NoSuchEntry
-from planlang.knowledge.stores import Request as Handed
+from executive.serving.vocabulary import Vocabulary
+from executive.serving.workers import Workers
+from planlang.knowledge.entries import HIGHEST_RATING, LOWEST_RATING, Changed, Entry, Kind, NoSuchEntry, Syntax
+from planlang.knowledge.entries import Request as Handed
+from planlang.ontology.convert import Target, convert_content
 
 router = APIRouter(prefix="/v1", tags=["entries"])
 
@@ -214,3 +217,56 @@ def rate(kind: Kind, uid: str, rating: Rating, author: Author, served: Served) -
     known(served, kind, uid)
     with served.writing:
         return record(served.store.rate(uid, author, rating.rating, now()))
+
+
+def record(entry: Entry) -> dict[str, Any]:
+    """Return an entry as JSON data, with the tag that a change of it has to name."""
+    return {**asdict(entry), "etag": entry.etag}
+
+
+def digest_header(sha256: str) -> str:
+    """Return the value of Repr-Digest (RFC 9530) for a SHA-256 in hexadecimal digits."""
+    return f"sha-256=:{base64.b64encode(bytes.fromhex(sha256)).decode()}:"
+
+
+_TARGETS = {
+    Syntax.RDFXML: Target.RDFXML,
+    Syntax.TURTLE: Target.TURTLE,
+    Syntax.MANCHESTER: Target.MANCHESTER,
+}
+
+
+def converted(data: bytes, uid: str, accept: str | None, syntax: Syntax, workers: Workers) -> tuple[bytes, Syntax]:
+    """Return a content in the syntax that an Accept header prefers, its own before others, and which that is.
+
+    Raises Problem if none that is written is accepted.
+    """
+    for wanted in _accepted(accept):
+        for target in (syntax, *Syntax):
+            family = target.value.partition("/")[0]
+            if wanted in ("*/*", f"{family}/*", target.value):
+                if target is syntax:
+                    return data, syntax
+                return workers.call(written, data, uid, target), target
+    names = ", ".join(one.value for one in Syntax)
+    raise Problem(HTTPStatus.NOT_ACCEPTABLE, f"an ontology is written as one of {names}")
+
+
+def written(data: bytes, uid: str, syntax: Syntax, _: Vocabulary) -> bytes:
+    """Return a content in another syntax. Raises BadInput."""
+    return convert_content(data, Path(uid), _TARGETS[syntax]).text.encode()
+
+
+def _accepted(accept: str | None) -> list[str]:
+    """Return the media types that a header accepts, those of the highest quality first."""
+    found = []
+    for part in (accept or "*/*").lower().split(","):
+        kind, *parameters = (one.strip() for one in part.split(";"))
+        stated = next((one[2:] for one in parameters if one.startswith("q=")), "1")
+        try:
+            quality = float(stated)
+        except ValueError:
+            quality = 0.0
+        if quality > 0:
+            found.append((-quality, kind))
+    return [kind for _, kind in sorted(found, key=lambda one: one[0])]

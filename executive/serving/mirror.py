@@ -10,9 +10,8 @@ from typing import Any
 from executive.serving.vocabulary import Vocabulary
 from executive.serving.workers import Busy, Failed, Workers
 from planlang.diagnostics import BadInput
-from planlang.knowledge.entries import Change, Entry
+from planlang.knowledge.entries import Change, Entry, NoSuchEntry, Store
 from planlang.knowledge.sparql import Endpoint, Exceeded, Limits
-from planlang.knowledge.stores import NoSuchEntry, Store
 from planlang.ontology.convert import Target, convert_content
 
 MOST_QUESTIONS = 8

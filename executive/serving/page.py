@@ -7,7 +7,7 @@ not send it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from http import HTTPStatus
 from typing import Annotated, Any
@@ -15,25 +15,31 @@ from urllib.parse import urlencode
 
 from fastapi import APIRouter, Depends, Query, Request, Response
 from fastapi.responses import RedirectResponse
+from pydantic import ValidationError
 
 from executive.serving.abilities import Judgement
-from executive.serving.asking import JUDGED, self_model, sent_model, stored_robots
 from executive.serving.details import details_of, known_of
 from executive.serving.entries import MOST_LISTED, known, listing
 from executive.serving.floor_plan import plan_of
 from executive.serving.forms import Filled, Form
 from executive.serving.pages import FILES, HEADERS, PageRoute, page, status_of
+from executive.serving.patience import Patience
 from executive.serving.problems import REFUSALS, Problem, Refusal, refusal
-from executive.serving.serving import Served, Serving, now
+from executive.serving.searching import Question, answered
+from executive.serving.serving import Bounds, Served, Serving, now
 from executive.serving.sources import LARGEST_SHOWN, MOST_SHOWN, lines_of, text_of
 from executive.serving.workers import Busy, Failed
 from planlang.diagnostics import BadInput, Diagnostic
 from planlang.files import decode
-from planlang.knowledge.entries import HIGHEST_RATING, LOWEST_RATING, Entry, Kind
-from planlang.knowledge.stores import NoSuchEntry
+from planlang.knowledge.entries import HIGHEST_RATING, LOWEST_RATING, Entry, Kind, NoSuchEntry
+from planlang.knowledge.places import LEVELS
 from planlang.records import dataclass
 
 MOST_NAMES, MOST_NEWS = 12, 8
+MOST_ROBOTS = 20
+"""Robots of the store that are offered for a search, and that an entry is compared with unasked."""
+JUDGED = (Kind.RECIPE, Kind.OBJECT, Kind.ENVIRONMENT)
+"""Kinds that require something of a robot."""
 
 
 def _kind(request: Request) -> Kind:
@@ -216,3 +222,82 @@ def _first(diagnostics: Sequence[Diagnostic]) -> Sequence[Diagnostic]:
 
 for _one in Kind:
     router.include_router(_entries, prefix=f"/{_one.value}")
+
+
+@router.get("/search")
+def search(request: Request, served: Served, bounds: Bounds) -> Response:
+    """Return what fits a question, and what a robot of the store can do of it."""
+    asked = _asked(request.query_params)
+    robot = request.query_params.get("robot", "").strip()
+    if robot and not asked:
+        asked["kind"] = Kind.RECIPE.value
+    return _search_page(served, bounds, asked, robot)
+
+
+@router.post("/search")
+def search_for_a_robot(form: Filled, served: Served, bounds: Bounds) -> Response:
+    """Return what fits a question, and what a robot can do of it whose self-model was sent along."""
+    return _search_page(served, bounds, _asked(form.fields), sent=sent_model(form))
+
+
+def _asked(given: Mapping[str, str]) -> dict[str, str]:
+    return {name: text.strip() for name, text in given.items() if text.strip() and name in Question.model_fields}
+
+
+def sent_model(form: Form) -> bytes:
+    """Return the self-model that a form has, empty if it has none."""
+    return form.files.get("model") or form.text("text").encode()
+
+
+def _search_page(
+    served: Serving, bounds: Patience, asked: dict[str, str], robot: str = "", sent: bytes = b""
+) -> Response:
+    shown: dict[str, Any] = {"asked": asked, "robot": robot, "robots": stored_robots(served), "levels": tuple(LEVELS)}
+    shown |= {"reason": "", "diagnostics": (), "found": None, "onward": None}
+    if not asked:
+        return page("search", **shown)
+    try:
+        model = decode(sent, "model") if sent else None
+        if robot:
+            model = self_model(served, known(served, Kind.ROBOT, robot))
+        found = _found(served, bounds, asked, model)
+    except REFUSALS as problem:
+        _, shown["reason"], shown["diagnostics"] = refusal(problem)
+        return page("search", **shown)
+    if found["next"] and not sent:
+        shown["onward"] = "/search?" + urlencode(asked | {"robot": robot, "after": found["next"]})
+    return page("search", **shown | {"found": found["entries"]})
+
+
+def _found(served: Serving, bounds: Patience, asked: dict[str, str], model: str | None) -> dict[str, Any]:
+    """Return what fits a question; with a self-model, what it can do of that. Raises BadInput, and Problem."""
+    try:
+        question = Question.model_validate({"sort": "rating", **asked})
+    except ValidationError as problem:
+        reasons = "; ".join(f"{'.'.join(map(str, one['loc']))}: {one['msg']}" for one in problem.errors())
+        raise Problem(HTTPStatus.UNPROCESSABLE_ENTITY, reasons) from None
+    if model is not None:
+        served.abilities.check(model)
+
+    def shown(entry: Entry) -> dict[str, Any]:
+        judgement = None
+        if model is not None and entry.kind in JUDGED:
+            with suppress(BadInput):  # what was taken when more was known cannot be compared
+                judgement = served.abilities.of(model, entry)
+        return {"entry": entry, "judgement": judgement}
+
+    return answered(question, served, shown, bounds)
+
+
+def stored_robots(served: Serving) -> list[Entry]:
+    """Return the first robots of the store."""
+    found = []
+    for uid in served.catalogue.uids(Kind.ROBOT, limit=MOST_ROBOTS):
+        with suppress(NoSuchEntry):  # deleted in the meantime
+            found.append(served.store.entry(uid))
+    return found
+
+
+def self_model(served: Serving, robot: Entry) -> str:
+    """Return the text of a robot's self-model. Raises BadInput."""
+    return decode(served.store.content(robot.uid), robot.uid)

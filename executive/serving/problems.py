@@ -15,7 +15,7 @@ from starlette.requests import ClientDisconnect
 
 from executive.serving.workers import Busy
 from planlang.diagnostics import BadInput, Diagnostic, Span
-from planlang.knowledge.stores import (
+from planlang.knowledge.entries import (
     Changed,
     EntryExists,
     Full,

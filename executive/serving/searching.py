@@ -9,10 +9,9 @@ from typing import Annotated, Any, Literal
 from fastapi import APIRouter, Query
 from pydantic import BaseModel, ConfigDict, Field
 
-from executive.serving.entries import MOST_LISTED, listing
+from executive.serving.entries import MOST_LISTED, listing, record
 from executive.serving.patience import Patience
 from executive.serving.problems import Problem
-from executive.serving.records import record
 from executive.serving.serving import Bounds, Served, Serving
 from planlang.knowledge.entries import Entry, Kind
 from planlang.knowledge.index import CannotAnswer

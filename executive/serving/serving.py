@@ -20,7 +20,7 @@ from executive.serving.problems import Problem
 from executive.serving.rates import Rates
 from executive.serving.vocabulary import Vocabulary
 from executive.serving.workers import Staff
-from planlang.knowledge.stores import Store
+from planlang.knowledge.entries import Store
 from planlang.records import dataclass
 
 

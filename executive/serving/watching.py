@@ -12,8 +12,7 @@ from executive.serving.page import author_of
 from executive.serving.pages import PageRoute, page, status_of
 from executive.serving.problems import REFUSALS, Refusal, refusal
 from executive.serving.serving import Served, Serving, now
-from planlang.knowledge.entries import Entry, News
-from planlang.knowledge.stores import NoSuchEntry
+from planlang.knowledge.entries import Entry, News, NoSuchEntry
 
 router = APIRouter(route_class=PageRoute, include_in_schema=False)
 

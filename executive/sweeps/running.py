@@ -44,8 +44,7 @@ def run(
     Raises BadInput as the job does (one that can go on without this world returns a row instead), or if ``out`` is of
     another sweep; KeyError if ``on`` is no backend; ValueError if two worlds have one key.
     """
-    keys = [world["world"] for world in worlds]
-    if len(set(keys)) < len(keys):
+    if len({world["world"] for world in worlds}) < len(worlds):
         raise ValueError("two worlds have the same key")
     part, parts = shard
     own = [world for index, world in enumerate(worlds) if index % parts == part - 1]

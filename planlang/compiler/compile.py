@@ -10,6 +10,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TypeVar
 
+from planlang.closure import reached
 from planlang.compiler.bodies import BodyWriter
 from planlang.compiler.expressions import Symbols, is_iri, quoted
 from planlang.compiler.layout import INDENT, WIDTH, Expression, Text, assignment, call, signature, statement
@@ -335,14 +336,8 @@ def _visits(machine: StateMachine) -> dict[str, int]:
     after: dict[str, list[str]] = {}
     for transition in machine.transitions:
         after.setdefault(transition.source, []).append(transition.target)
-    found = {machine.start: 0}
-    waiting = [machine.start]
-    for state in waiting:
-        for target in after.get(state, ()):
-            if target not in found:
-                found[target] = len(found)
-                waiting.append(target)
-    return found
+    states = reached((machine.start,), lambda state: after.get(state, ()))
+    return {state: number for number, state in enumerate(states)}
 
 
 def _step(step: Step) -> Step:

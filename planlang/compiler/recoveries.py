@@ -88,7 +88,7 @@ class Recoveries:
         self._acted_on = frozenset(action for rule in self._rules for action in rule.actions)
         self._known: dict[tuple[str, ...], list[tuple[str, RecoveryRule]]] = {}
         """Ancestors that rules speak of -> the rules that hold below these."""
-        self._primitives = actions.primitives
+        self._actions = actions
 
     def _of(self, cls: str) -> list[tuple[str, RecoveryRule]]:
         """Return :func:`recoveries_of` of a class, cached as many classes share them."""
@@ -125,8 +125,8 @@ class Recoveries:
         Where no scope is around that could try the next place, what it cures is tried again from here.
         """
         classes = [step.iri]
-        if step.primitive is not None:
-            classes += self._primitives[step.primitive].implies
+        if (primitive := self._actions.primitive(step)) is not None:
+            classes += primitive.implies
         found: dict[str, Recover] = {}
         for failure, rule in (pair for cls in classes for pair in self._of(cls)):
             if rule.strategy == NEXT_SOLUTION:
@@ -148,8 +148,7 @@ class Recoveries:
 
     def looked_at(self, step: Step) -> Thing | None:
         """Return the thing that a step looks at before it acts: the object that it handles, or the recipient."""
-        primitive = self._primitives[step.primitive] if step.primitive is not None else None
-        if primitive is not None and primitive.releases:
+        if step.primitive is not None and self._actions.releases(step):
             return next((filler for filler in step.fillers("recipient") if isinstance(filler, Thing)), None)
         for filler in step.fillers("objectActedOn"):
             if isinstance(filler, Thing) and filler.kind is Kind.OBJECT:

@@ -13,6 +13,7 @@ from dataclasses import field, replace
 from keyword import iskeyword
 from typing import TypeVar
 
+from planlang.closure import reached
 from planlang.compiler.expressions import Names
 from planlang.compiler.tree import Case, Event, Gate, Handle, Machine, Node, Parallel, PartialOrder, Series, State
 from planlang.designators import local_name, snake_case
@@ -338,8 +339,8 @@ def machine(
             leaves = leaving[iri]
             states.append(replace(_state(names[iri], node_of(step), leaves), keeps=kept(step)))
         cases += _cases(names, iri, leaves)
-    reached = _reached(names[recipe.machine.start], cases)
-    final = tuple(names[end] for end in ends if names[end] in reached)
+    entered = _entered(names[recipe.machine.start], cases)
+    final = tuple(names[end] for end in ends if names[end] in entered)
     return Machine(tuple(states), tuple(cases), names[recipe.machine.start], final)
 
 
@@ -388,14 +389,8 @@ def _cases(names: Mapping[str, str], state: str, leaving: list[Transition]) -> l
     return [Case(names[state], outcome, target, is_failure) for (outcome, is_failure), target in by_kind]
 
 
-def _reached(start: str, cases: list[Case]) -> set[str]:
+def _entered(start: str, cases: list[Case]) -> set[str]:
     after: dict[str, list[str]] = {}
     for case in cases:
         after.setdefault(case.state, []).append(case.target)
-    reached, waiting = {start}, [start]
-    while waiting:
-        for target in after.get(waiting.pop(), ()):
-            if target not in reached:
-                reached.add(target)
-                waiting.append(target)
-    return reached
+    return {*reached((start,), lambda state: after.get(state, ()))}

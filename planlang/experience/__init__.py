@@ -4,16 +4,13 @@ General layout: ``model`` (what is told), ``traces`` (from a trace), ``terms`` a
 (back from it), ``poses``.
 """
 
-from planlang.experience.model import Activity, Experience, Failure, Resolution, State, Thing
+from planlang.experience.model import Experience, State, Thing
 from planlang.experience.narrative import narrative
 from planlang.experience.reading import episode_in, experience_in, read_narrative
 from planlang.experience.traces import experience_of
 
 __all__ = [
-    "Activity",
     "Experience",
-    "Failure",
-    "Resolution",
     "State",
     "Thing",
     "episode_in",

@@ -31,22 +31,20 @@ class AsyncioCall:
         """Run the function to its end; returns its result."""
         import asyncio  # few plans need it, and it takes as long to import as the plan language
 
-        return asyncio.run(self._main())
-
-    async def _main(self) -> Any:
-        import asyncio
-
-        task = asyncio.current_task()
-        assert task is not None
-        with self._lock:
-            if self._is_cancelled:
-                raise asyncio.CancelledError
-            self._cancel = partial(asyncio.get_running_loop().call_soon_threadsafe, task.cancel)
-        try:
-            return await self._function()
-        finally:
+        async def main() -> Any:
+            task = asyncio.current_task()
+            assert task is not None
             with self._lock:
-                self._cancel = None
+                if self._is_cancelled:
+                    raise asyncio.CancelledError
+                self._cancel = partial(asyncio.get_running_loop().call_soon_threadsafe, task.cancel)
+            try:
+                return await self._function()
+            finally:
+                with self._lock:
+                    self._cancel = None
+
+        return asyncio.run(main())
 
     def cancel(self) -> None:
         """Cancel the function, from another thread; nothing once it has ended."""

@@ -155,7 +155,7 @@ SIMULATION_HOST = Usage("SimulationHost", {"world": "world"}, {"rate": "240", "w
 
 
 class Steps(Protocol):
-    """The part of a world that a host needs; every ``planlang.protocols.World`` has it."""
+    """The part of a world that a host needs: its time."""
 
     rate: int
 

@@ -15,8 +15,7 @@ from types import NoneType, UnionType
 from typing import Any, get_args, get_origin, get_type_hints
 
 from planlang.diagnostics import Diagnostic, Severity, Span
-from planlang.knowledge.entries import Entry, News, is_uid
-from planlang.knowledge.stores import Changed, EntryExists, NoSuchEntry, NotTheAuthor, Refused
+from planlang.knowledge.entries import Changed, Entry, EntryExists, News, NoSuchEntry, NotTheAuthor, Refused, is_uid
 from planlang.records import dataclass
 
 Links = tuple[tuple[str, str], ...]

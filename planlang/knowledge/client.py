@@ -38,8 +38,7 @@ from planlang.knowledge.answers import (
     read_taken,
 )
 from planlang.knowledge.connection import Connection
-from planlang.knowledge.entries import Attachment, Entry, Kind, News, Revision
-from planlang.knowledge.stores import Changed, NoSuchEntry
+from planlang.knowledge.entries import Attachment, Changed, Entry, Kind, News, NoSuchEntry, Revision
 
 PAGE = 100
 """Entries that are asked for at a time."""

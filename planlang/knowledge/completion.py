@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import field
 
+from planlang.closure import reached
 from planlang.knowledge.axioms import NOTHING, THING, And, Axioms, Concept, Some, together
 from planlang.records import dataclass
 
@@ -116,16 +117,12 @@ class Completion:
 
     def above(self, prop: str) -> frozenset[str]:
         """Return a property and those above it."""
-        found = self._properties.get(prop)
-        if found is None:
-            reached, queue = {prop}, [prop]
-            for one in queue:
-                for upper in (upper for known in self._axioms for upper in known.properties_above.get(one, ())):
-                    if upper not in reached:
-                        reached.add(upper)
-                        queue.append(upper)
-            found = self._properties[prop] = frozenset(reached)
-        return found
+        if prop not in self._properties:
+            self._properties[prop] = frozenset(reached((prop,), self._directly_above))
+        return self._properties[prop]
+
+    def _directly_above(self, prop: str) -> Iterator[str]:
+        return (upper for known in self._axioms for upper in known.properties_above.get(prop, ()))
 
     def _follow(self, number: int, label: Concept) -> None:
         """Apply every rule in which a label of a node is a condition."""
@@ -164,13 +161,7 @@ class Completion:
         return found
 
     def _stated_above(self, concept: Concept) -> set[Concept]:
-        reached, queue = {concept}, [concept]
-        for one in queue:
-            for upper in (upper for known in self._axioms for upper in known.above.get(one, ())):
-                if upper not in reached:
-                    reached.add(upper)
-                    queue.append(upper)
-        return reached
+        return {*reached((concept,), lambda one: (up for known in self._axioms for up in known.above.get(one, ())))}
 
     def _link(self, source: int, prop: str, target: int, *, is_first: bool = True) -> None:
         node, filler = self.nodes[source], self.nodes[target]

@@ -6,8 +6,9 @@ adds to the vocabulary, and names of the vocabulary for everything else.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
+from planlang.closure import reached
 from planlang.knowledge.axioms import THING, Axioms, Concept, One
 from planlang.knowledge.completion import Completion, Node
 from planlang.records import dataclass
@@ -81,12 +82,9 @@ def _shown(completion: Completion, prop: str) -> Iterable[str]:
 
 def _spread_ownership(nodes: list[Node]) -> None:
     """Mark what is linked to a node that the entry's axioms shaped: it is not the same for every entry either."""
-    queue = [node for node in nodes if node.is_own]
-    for node in queue:
-        for _, source in node.linked_from:
-            if not nodes[source].is_own:
-                nodes[source].is_own = True
-                queue.append(nodes[source])
+    own = (number for number, node in enumerate(nodes) if node.is_own)
+    for number in reached(own, lambda number: (source for _, source in nodes[number].linked_from)):
+        nodes[number].is_own = True
 
 
 def label_of(concept: object) -> Label | None:
@@ -121,9 +119,9 @@ def contradiction(description: Description, vocabulary: Axioms, own: Axioms | No
     stated = _Stated(vocabulary)
     linked = (end for node in description.nodes for _, end in node.links if isinstance(end, str))
     for labels in (*(node.labels for node in description.nodes), *((label,) for label in linked)):
-        reached = set(labels).union(*map(stated.above, labels))
-        for one in sorted(reached):
-            if others := sorted(disjoint.get(one, set()) & reached):
+        above = set(labels).union(*map(stated.above, labels))
+        for one in sorted(above):
+            if others := sorted(disjoint.get(one, set()) & above):
                 return one, others[0]
     return None
 
@@ -137,14 +135,10 @@ class _Stated:
 
     def above(self, label: Label) -> frozenset[Label]:
         """Return the labels above one."""
-        found = self._known.get(label)
-        if found is None:
-            reached, queue = {label}, [label]
-            for one in queue:
-                concept: Concept = One(one[1:-1]) if one.startswith("{") else one
-                for upper in map(label_of, self._vocabulary.above.get(concept, ())):
-                    if upper is not None and upper not in reached:
-                        reached.add(upper)
-                        queue.append(upper)
-            found = self._known[label] = frozenset(reached - {label})
-        return found
+        if label not in self._known:
+            self._known[label] = frozenset(reached((label,), self._directly_above)) - {label}
+        return self._known[label]
+
+    def _directly_above(self, label: Label) -> Iterator[Label]:
+        concept: Concept = One(label[1:-1]) if label.startswith("{") else label
+        return filter(None, map(label_of, self._vocabulary.above.get(concept, ())))

@@ -10,7 +10,7 @@ from __future__ import annotations
 import threading
 from array import array
 from bisect import bisect_left
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import reduce
 from itertools import compress
@@ -19,11 +19,11 @@ from operator import and_, or_
 import numpy as np
 from numpy.typing import NDArray
 
+from planlang.closure import reached
 from planlang.knowledge.axioms import THING, Axioms, Concept, One
 from planlang.knowledge.completion import Completion
 from planlang.knowledge.descriptions import Description, Label, label_of
 from planlang.knowledge.facts import LABEL, Facts, facts_of
-from planlang.knowledge.postings import Numbers, Postings, of_array
 from planlang.ontology.expressions import Expression
 
 Mask = NDArray[np.bool_]
@@ -168,18 +168,16 @@ class Index:
         """Return the row of a class or individual of the vocabulary; makes all rows that it is linked to."""
         completion, shared = self._completion, self._shared
         wanted = completion.number(_concept(label))
-        new = {} if wanted in shared else {wanted: None}
-        queue = list(new)
-        for number in queue:
-            ends = (end for _, end in completion.nodes[number].links)
-            fresh = dict.fromkeys(end for end in ends if end not in shared and end not in new)
-            new |= fresh
-            queue += fresh
-        for number in queue:
+
+        def linked(number: int) -> Iterator[int]:
+            return (end for _, end in completion.nodes[number].links if end not in shared)
+
+        new = [] if wanted in shared else list(reached((wanted,), linked))
+        for number in new:
             shared[number], self._rows = self._rows, self._rows + 1
             labels = [self._number(label) for label in _labels(completion, number)]
             self._labels.add(np.array(labels, dtype=np.int32), np.full(len(labels), shared[number], dtype=np.int32))
-        for number in queue:
+        for number in new:
             for prop, end in completion.nodes[number].links:
                 self._link(prop, np.array([shared[number]], np.int32), np.array([shared[end]], np.int32))
         return shared[wanted]
@@ -272,3 +270,51 @@ def _labels(completion: Completion, node: int) -> tuple[Label, ...]:
 
 def _concept(label: Label) -> Concept:
     return One(label[1:-1]) if label.startswith("{") else label
+
+
+Numbers = NDArray[np.int32]
+
+
+class Postings:
+    """Rows of labels, both numbers from 0 on."""
+
+    def __init__(self) -> None:
+        self._first = np.zeros(1, dtype=np.int64)
+        self._rows = np.zeros(0, dtype=np.int32)
+        self._later: dict[int, array[int]] = {}
+
+    def add(self, labels: Numbers, rows: Numbers) -> None:
+        """Add some rows. Many at a time cost least, and the first of all."""
+        if self._rows.size == 0 and len(rows) > len(self._later):
+            labels = np.concatenate([labels, *(np.full(len(some), one) for one, some in self._later.items())])
+            rows = np.concatenate([rows, *(of_array(some) for some in self._later.values())]).astype(np.int32)
+            self._rows = rows[np.argsort(labels, kind="stable")]
+            self._first = np.concatenate(([0], np.cumsum(np.bincount(labels))))
+            self._later = {}
+            return
+        for label, row in zip(labels.tolist(), rows.tolist(), strict=True):
+            self._later.setdefault(label, array("i")).append(row)
+
+    def of(self, labels: Iterable[int]) -> Numbers:
+        """Return the rows of all of some labels."""
+        found = []
+        for label in labels:
+            if label + 1 < len(self._first):
+                found.append(self._rows[self._first[label] : self._first[label + 1]])
+            if label in self._later:
+                found.append(of_array(self._later[label]))
+        return np.concatenate(found) if found else np.zeros(0, dtype=np.int32)
+
+    def renumber(self, used: NDArray[np.bool_], numbers: Numbers) -> None:
+        """Drop the rows that are not used, and give the others their new numbers."""
+        kept = used[self._rows]
+        self._first = np.concatenate(([0], np.cumsum(kept)))[self._first]
+        self._rows = numbers[self._rows[kept]]
+        later = ((label, of_array(rows)) for label, rows in self._later.items())
+        renumbered = ((label, numbers[rows[used[rows]]]) for label, rows in later)
+        self._later = {label: array("i", rows.tobytes()) for label, rows in renumbered if rows.size}
+
+
+def of_array(rows: array[int]) -> Numbers:
+    """Return the same numbers for computing, as long as the array does not grow."""
+    return np.frombuffer(rows, dtype=np.int32)

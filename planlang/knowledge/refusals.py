@@ -6,7 +6,7 @@ from planlang.diagnostics import BadInput, Diagnostic, error, has_errors, warnin
 from planlang.knowledge.answers import Declined, KeyNeeded, NoAnswer, NotAsAgreed, printed
 from planlang.knowledge.client import Client
 from planlang.knowledge.connection import kept_answers
-from planlang.knowledge.stores import Changed, EntryExists, NoSuchEntry, NotTheAuthor, Refused
+from planlang.knowledge.entries import Changed, EntryExists, NoSuchEntry, NotTheAuthor, Refused
 
 KEY = "PLANLANG_KEY"
 """Environment variable of the author's key."""

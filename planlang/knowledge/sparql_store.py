@@ -22,28 +22,26 @@ from obstore.store import ObjectStore, from_url
 
 from planlang.knowledge.entries import (
     REVISIONS_KEPT,
+    SCHEME,
     Attachment,
     Change,
+    Changed,
     Content,
+    Described,
     Entry,
+    EntryExists,
     File,
     Kind,
     News,
+    NoSuchEntry,
+    Request,
     Revision,
     Syntax,
-    rating_of,
-    uid_of,
-)
-from planlang.knowledge.stores import (
-    SCHEME,
-    Changed,
-    Described,
-    EntryExists,
-    NoSuchEntry,
-    NotTheAuthor,
-    Request,
     Unreachable,
     check_rating,
+    own,
+    rating_of,
+    uid_of,
 )
 from planlang.records import dataclass
 
@@ -75,7 +73,7 @@ def _storage(address: str) -> ObjectStore:
 
 
 class SparqlStore:
-    """A :class:`~planlang.knowledge.stores.Store` over an endpoint and an object storage; threads may share it.
+    """A :class:`~planlang.knowledge.entries.Store` over an endpoint and an object storage; threads may share it.
 
     Every method raises Unreachable if one of them does not answer.
     """
@@ -192,7 +190,7 @@ class SparqlStore:
 
     def describe(self, uid: str, description: bytes, expected: str) -> None:
         """Keep another description of the same content. Raises NoSuchEntry, Changed. No change that is news."""
-        self._own(uid, None, expected)
+        own(self.entry(uid), None, expected)
         sha256 = self._keep(description)
         node = _node("entry", uid)
         self._update(
@@ -219,7 +217,7 @@ class SparqlStore:
 
     def change(self, uid: str, content: Content, author: str, expected: str, now: str) -> Entry:
         """Give an entry a new revision if its tag is ``expected``. Raises NoSuchEntry, NotTheAuthor, Changed."""
-        entry = self._own(uid, author, expected)
+        entry = own(self.entry(uid), author, expected)
         node = _node("entry", uid)
         oldest = entry.revision.number + 1 - self._kept
         update = _Update(
@@ -234,7 +232,7 @@ class SparqlStore:
                 p:description ?description.""",
         )
         if not self._change(update, Change.CHANGED, uid, entry.kind, author, now):
-            self._own(uid, author, expected)
+            own(self.entry(uid), author, expected)
             raise Changed(f"{uid} is not {expected} any more")
         return self.entry(uid)
 
@@ -249,7 +247,7 @@ class SparqlStore:
 
     def delete(self, uid: str, author: str, expected: str, now: str) -> None:
         """Delete an entry with all that belongs to it. Raises NoSuchEntry, NotTheAuthor, Changed."""
-        entry = self._own(uid, author, expected)
+        entry = own(self.entry(uid), author, expected)
         node = _node("entry", uid)
         update = _Update(
             f"""{node} {_holding(expected)}.
@@ -258,23 +256,14 @@ class SparqlStore:
             delete="?part ?property ?value.",
         )
         if not self._change(update, Change.DELETED, uid, entry.kind, author, now):
-            self._own(uid, author, expected)
+            own(self.entry(uid), author, expected)
             raise Changed(f"{uid} is not {expected} any more")
-
-    def _own(self, uid: str, author: str | None, expected: str | None = None) -> Entry:
-        """Return an entry that an author may change. Raises NoSuchEntry, NotTheAuthor, Changed."""
-        entry = self.entry(uid)
-        if author is not None and entry.author != author:
-            raise NotTheAuthor(f"{uid} is {entry.author}'s")
-        if expected is not None and entry.etag != expected:
-            raise Changed(f"{uid} is now {entry.etag}, not {expected}")
-        return entry
 
     # attachments
 
     def attach(self, uid: str, file: File, author: str, now: str) -> Attachment:
         """Keep a file with an entry, in the place of one of that name. Raises NoSuchEntry, NotTheAuthor."""
-        entry = self._own(uid, author)
+        entry = own(self.entry(uid), author)
         attachment = Attachment(file.name, file.media_type, self._keep(file.data), len(file.data))
         node = _node("file", uid, file.name)
         update = _Update(
@@ -289,7 +278,7 @@ class SparqlStore:
 
     def detach(self, uid: str, name: str, author: str, now: str) -> None:
         """Delete a file of an entry. Raises NoSuchEntry, NotTheAuthor."""
-        entry = self._own(uid, author)
+        entry = own(self.entry(uid), author)
         node = _node("file", uid, name)
         update = _Update(f"{node} ?property ?value.", delete=f"{node} ?property ?value.")
         if not self._change(update, Change.DETACHED, uid, entry.kind, author, now):

@@ -20,24 +20,21 @@ from planlang.knowledge.entries import (
     Attachment,
     Change,
     Content,
+    Described,
     Entry,
+    EntryExists,
     File,
+    Full,
     Kind,
     News,
+    NoSuchEntry,
+    Request,
     Revision,
     Syntax,
+    check_rating,
+    own,
     rating_of,
     uid_of,
-)
-from planlang.knowledge.stores import (
-    Changed,
-    Described,
-    EntryExists,
-    Full,
-    NoSuchEntry,
-    NotTheAuthor,
-    Request,
-    check_rating,
 )
 
 VERSION = 2
@@ -94,7 +91,7 @@ def _no_base(path: Path, problem: sqlite3.DatabaseError) -> Diagnostic:
 
 
 class SqliteStore:
-    """A :class:`~planlang.knowledge.stores.Store` in one file; threads and processes may share it.
+    """A :class:`~planlang.knowledge.entries.Store` in one file; threads and processes may share it.
 
     Raises BadInput with K001 for a file that is no knowledge base.
     """
@@ -213,7 +210,7 @@ class SqliteStore:
     def describe(self, uid: str, description: bytes, expected: str) -> None:
         """Keep another description of the same content. Raises NoSuchEntry, Changed. No change that is news."""
         with self._transaction() as database:
-            _check_tag(self.entry(uid), expected)
+            own(self.entry(uid), None, expected)
             database.execute("UPDATE entries SET description = ? WHERE uid = ?", (description, uid))
 
     def create(self, content: Content, author: str, now: str, request: Request | None = None) -> Entry:
@@ -239,7 +236,7 @@ class SqliteStore:
     def change(self, uid: str, content: Content, author: str, expected: str, now: str) -> Entry:
         """Give an entry a new revision if its tag is ``expected``. Raises NoSuchEntry, NotTheAuthor, Changed."""
         with self._transaction() as database:
-            entry = self._own(uid, author, expected)
+            entry = own(self.entry(uid), author, expected)
             described = (content.about, content.label, content.syntax, content.description, uid)
             columns = "about = ?, label = ?, syntax = ?, description = ?"
             database.execute(f"UPDATE entries SET {columns} WHERE uid = ?", described)
@@ -252,18 +249,9 @@ class SqliteStore:
     def delete(self, uid: str, author: str, expected: str, now: str) -> None:
         """Delete an entry with all that belongs to it. Raises NoSuchEntry, NotTheAuthor, Changed."""
         with self._transaction() as database:
-            entry = self._own(uid, author, expected)
+            entry = own(self.entry(uid), author, expected)
             database.execute("DELETE FROM entries WHERE uid = ?", (uid,))
             _tell(database, Change.DELETED, uid, entry.kind, author, now)
-
-    def _own(self, uid: str, author: str, expected: str | None = None) -> Entry:
-        """Return an entry that an author may change. Raises NoSuchEntry, NotTheAuthor, Changed."""
-        entry = self.entry(uid)
-        if entry.author != author:
-            raise NotTheAuthor(f"{uid} is {entry.author}'s")
-        if expected is not None:
-            _check_tag(entry, expected)
-        return entry
 
     @staticmethod
     def _add_revision(database: sqlite3.Connection, uid: str, number: int, data: bytes, author: str, now: str) -> None:
@@ -275,7 +263,7 @@ class SqliteStore:
     def attach(self, uid: str, file: File, author: str, now: str) -> Attachment:
         """Keep a file with an entry, in the place of one of that name. Raises NoSuchEntry, NotTheAuthor."""
         with self._transaction() as database:
-            entry = self._own(uid, author)
+            entry = own(self.entry(uid), author)
             database.execute("DELETE FROM attachments WHERE uid = ? AND name = ?", (uid, file.name))
             attachment = Attachment(file.name, file.media_type, _keep_blob(database, file.data), len(file.data))
             row = (uid, file.name, file.media_type, attachment.sha256, attachment.size)
@@ -286,7 +274,7 @@ class SqliteStore:
     def detach(self, uid: str, name: str, author: str, now: str) -> None:
         """Delete a file of an entry. Raises NoSuchEntry, NotTheAuthor."""
         with self._transaction() as database:
-            entry = self._own(uid, author)
+            entry = own(self.entry(uid), author)
             if not database.execute("DELETE FROM attachments WHERE uid = ? AND name = ?", (uid, name)).rowcount:
                 raise NoSuchEntry(f"{uid} has no file {name}")
             _tell(database, Change.DETACHED, uid, entry.kind, author, now)
@@ -396,11 +384,6 @@ def _entry(row: tuple[str, ...], attachments: tuple[Attachment, ...], ratings: l
     last = Revision(int(number), *revision)
     rating, count = rating_of(ratings), len(ratings)
     return Entry(uid, Kind(kind), about, label, author, Syntax(syntax), created, last, attachments, rating, count)
-
-
-def _check_tag(entry: Entry, expected: str) -> None:
-    if entry.etag != expected:
-        raise Changed(f"{entry.uid} is now {entry.etag}, not {expected}")
 
 
 def _tell(database: sqlite3.Connection, change: Change, uid: str, kind: Kind, author: str, now: str) -> None:

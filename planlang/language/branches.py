@@ -24,7 +24,9 @@ C = TypeVar("C")
 D = TypeVar("D")
 V = TypeVar("V")
 
-Branch = Callable[[], Awaitable[Any]]
+BranchOf = Callable[[], Awaitable[V]]
+"""A branch by its result: a function without arguments that is awaited."""
+Branch = BranchOf[Any]
 """A zero-argument async callable: a plan, a partial, a lambda that returns a coroutine."""
 
 
@@ -85,32 +87,17 @@ _TRY_EACH = Usage("await try_each_in_order", {"values": "cups", "body": "reach"}
 
 
 @overload
-async def seq(
-    first: Callable[[], Awaitable[A]], second: Callable[[], Awaitable[B]], /, *, name: str | None = None
-) -> tuple[A, B]: ...
+async def seq(first: BranchOf[A], second: BranchOf[B], /, *, name: str | None = None) -> tuple[A, B]: ...
 @overload
 async def seq(
-    first: Callable[[], Awaitable[A]],
-    second: Callable[[], Awaitable[B]],
-    third: Callable[[], Awaitable[C]],
-    /,
-    *,
-    name: str | None = None,
+    first: BranchOf[A], second: BranchOf[B], third: BranchOf[C], /, *, name: str | None = None
 ) -> tuple[A, B, C]: ...
 @overload
 async def seq(
-    first: Callable[[], Awaitable[A]],
-    second: Callable[[], Awaitable[B]],
-    third: Callable[[], Awaitable[C]],
-    fourth: Callable[[], Awaitable[D]],
-    /,
-    *,
-    name: str | None = None,
+    first: BranchOf[A], second: BranchOf[B], third: BranchOf[C], fourth: BranchOf[D], /, *, name: str | None = None
 ) -> tuple[A, B, C, D]: ...
 @overload
-async def seq(
-    *branches: Callable[[], Awaitable[V]], name: str | None = None, **named: Callable[[], Awaitable[V]]
-) -> tuple[V, ...]: ...
+async def seq(*branches: BranchOf[V], name: str | None = None, **named: BranchOf[V]) -> tuple[V, ...]: ...
 async def seq(*branches: Branch, name: str | None = None, **named: Branch) -> Any:
     """Run branches one after another; returns the tuple of their results; the first failure is raised at once."""
     return await node("seq", name or "seq", partial(_each, named_branches("seq", branches, named, name)))
@@ -123,9 +110,7 @@ async def _each(branches: Iterable[tuple[str, Branch]]) -> tuple[Any, ...]:
     return tuple(results)
 
 
-async def try_in_order(
-    *branches: Callable[[], Awaitable[V]], name: str | None = None, **named: Callable[[], Awaitable[V]]
-) -> V:
+async def try_in_order(*branches: BranchOf[V], name: str | None = None, **named: BranchOf[V]) -> V:
     """Try branches one after another; returns the result of the first that succeeds.
 
     A failed branch is fully unwound before the next starts. When all fail: CompositeFailure in order.
@@ -164,9 +149,7 @@ async def _first(branches: Iterable[tuple[str, Branch]]) -> Any:
     raise CompositeFailure(failures=tuple(failures), names=tuple(names))
 
 
-async def unwind_protect(
-    body: Callable[[], Awaitable[V]], cleanup: Callable[[], Awaitable[Any]], *, within: float = 10.0
-) -> V:
+async def unwind_protect(body: BranchOf[V], cleanup: Callable[[], Awaitable[Any]], *, within: float = 10.0) -> V:
     """Run a body, then ``cleanup`` in any case: after success, failure and evaporation, shielded from evaporation.
 
     A cleanup longer than ``within`` seconds of plan time is a programming error, CleanupOverrun. A failure of the
@@ -216,32 +199,17 @@ class _Par(_SideBySide):
 
 
 @overload
-async def par(
-    first: Callable[[], Awaitable[A]], second: Callable[[], Awaitable[B]], /, *, name: str | None = None
-) -> tuple[A, B]: ...
+async def par(first: BranchOf[A], second: BranchOf[B], /, *, name: str | None = None) -> tuple[A, B]: ...
 @overload
 async def par(
-    first: Callable[[], Awaitable[A]],
-    second: Callable[[], Awaitable[B]],
-    third: Callable[[], Awaitable[C]],
-    /,
-    *,
-    name: str | None = None,
+    first: BranchOf[A], second: BranchOf[B], third: BranchOf[C], /, *, name: str | None = None
 ) -> tuple[A, B, C]: ...
 @overload
 async def par(
-    first: Callable[[], Awaitable[A]],
-    second: Callable[[], Awaitable[B]],
-    third: Callable[[], Awaitable[C]],
-    fourth: Callable[[], Awaitable[D]],
-    /,
-    *,
-    name: str | None = None,
+    first: BranchOf[A], second: BranchOf[B], third: BranchOf[C], fourth: BranchOf[D], /, *, name: str | None = None
 ) -> tuple[A, B, C, D]: ...
 @overload
-async def par(
-    *branches: Callable[[], Awaitable[V]], name: str | None = None, **named: Callable[[], Awaitable[V]]
-) -> tuple[V, ...]: ...
+async def par(*branches: BranchOf[V], name: str | None = None, **named: BranchOf[V]) -> tuple[V, ...]: ...
 async def par(*branches: Branch, name: str | None = None, **named: Branch) -> Any:
     """Run branches side by side; succeeds when all do, with the tuple of their results in textual order.
 
@@ -285,9 +253,7 @@ class _Race(_Pursue):
         return winner.name, winner.result
 
 
-async def pursue(
-    *branches: Callable[[], Awaitable[V]], name: str | None = None, **named: Callable[[], Awaitable[V]]
-) -> V:
+async def pursue(*branches: BranchOf[V], name: str | None = None, **named: BranchOf[V]) -> V:
     """Run branches side by side until the first succeeds; returns its result, the others are evaporated.
 
     A failure before any success is raised; of what is simultaneous, failure beats success, then the textually first
@@ -297,9 +263,7 @@ async def pursue(
     return result
 
 
-async def race(
-    *branches: Callable[[], Awaitable[V]], name: str | None = None, **named: Callable[[], Awaitable[V]]
-) -> tuple[str, V]:
+async def race(*branches: BranchOf[V], name: str | None = None, **named: BranchOf[V]) -> tuple[str, V]:
     """Run branches as :func:`pursue` does; returns the name of the branch that won and its result."""
     result: tuple[str, V] = await _Race("race", name, named_branches("race", branches, named, name)).execute()
     return result
@@ -331,9 +295,7 @@ class _TryAll(_SideBySide):
         )
 
 
-async def try_all(
-    *branches: Callable[[], Awaitable[V]], name: str | None = None, **named: Callable[[], Awaitable[V]]
-) -> V:
+async def try_all(*branches: BranchOf[V], name: str | None = None, **named: BranchOf[V]) -> V:
     """Run branches side by side until the first succeeds, even after others failed; returns its result.
 
     When all fail: CompositeFailure with their failures in textual order.

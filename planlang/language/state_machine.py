@@ -7,6 +7,7 @@ from enum import Enum
 from functools import partial
 from typing import Any
 
+from planlang.closure import reached
 from planlang.failures import BudgetExceeded, PlanFailure, TransitionMissing
 from planlang.kernel import checkpoint
 from planlang.kernel.primitives import called, node, record
@@ -143,14 +144,8 @@ def _cases(
         elif state in ends:
             raise _refused(transitions, f"{text}: {state!r} is an end state, which is left by failures only")
         cases[state][case] = target
-    reached = {start: None}
-    stack = [start]
-    while stack:
-        for target in cases[stack.pop()].values():
-            if target not in reached:
-                reached[target] = None
-                stack.append(target)
-    lost = [state for state in ends if state not in reached]
+    entered = {*reached((start,), lambda state: cases[state].values())}
+    lost = [state for state in ends if state not in entered]
     if lost:
         text = f"no transitions lead from {start!r} to the end state {', '.join(map(repr, lost))}"
         raise _refused(transitions, text)

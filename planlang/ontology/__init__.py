@@ -9,8 +9,7 @@ labels, and shortens IRIs. Nothing is ever fetched from the network.
 """
 
 from planlang.ontology.classes import Restriction
-from planlang.ontology.documents import Document
 from planlang.ontology.ontology import Ontology, load
 from planlang.ontology.terms import BNode, Literal, Term, Triple, expand, shorten
 
-__all__ = ["BNode", "Document", "Literal", "Ontology", "Restriction", "Term", "Triple", "expand", "load", "shorten"]
+__all__ = ["BNode", "Literal", "Ontology", "Restriction", "Term", "Triple", "expand", "load", "shorten"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
+from planlang.closure import reached
 from planlang.designators import local_name
 from planlang.diagnostics import Span
 from planlang.ontology.terms import KNOWROB, OWL, RDF, RDFS, ROBOEARTH, VOCABULARIES, Literal, Term
@@ -53,15 +54,7 @@ class Taxonomy:
 
 def by_distance(start: str, neighbours: Mapping[str, Iterable[str]]) -> tuple[str, ...]:
     """Return everything that is reached from ``start``, itself first, level by level; circles are walked once."""
-    reached = {start: None}
-    queue: list[str] = [start]
-    none: Sequence[str] = ()
-    for node in queue:  # grows while it is walked
-        for neighbour in neighbours.get(node, none):
-            if neighbour not in reached:
-                reached[neighbour] = None
-                queue.append(neighbour)
-    return tuple(queue)
+    return tuple(reached((start,), lambda node: neighbours.get(node, ())))
 
 
 _FILLERS = {OWL.someValuesFrom: "some", OWL.hasValue: "value", OWL.allValuesFrom: "only"}

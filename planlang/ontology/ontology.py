@@ -216,6 +216,10 @@ class Ontology:
         """Return the first value of a property, or None."""
         return next(iter(self.values(s, p, subproperties=subproperties)), None)
 
+    def iris(self, s: str | BNode, p: str) -> tuple[str, ...]:
+        """Return the IRIs among the values of a property, in document order, each once."""
+        return tuple(value for value in self.values(s, p) if isinstance(value, str))
+
     # what there is
 
     def types(self, individual: str | BNode) -> tuple[str, ...]:
@@ -350,6 +354,11 @@ class Ontology:
         return self.taxonomy.is_below(iri, wanted) or any(
             self.taxonomy.is_below(kind, wanted) for kind in self.types(iri)
         )
+
+    def any_is_a(self, names: Iterable[str], classes: Iterable[str]) -> bool:
+        """Return True if one of several classes or individuals is of one of some classes; see :meth:`is_a`."""
+        wanted = tuple(map(expand, classes))
+        return any(self.is_a(name, cls) for name in names for cls in wanted)
 
     def subproperties(self, p: str) -> tuple[str, ...]:
         """Return the property itself, then those below it, nearest first."""

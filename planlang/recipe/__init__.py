@@ -9,11 +9,9 @@ finds the task, makes the model of it and of what is below it, with ``fillers``,
 from planlang.recipe.actions import Actions
 from planlang.recipe.model import (
     Allen,
-    Description,
     Ending,
     Flow,
     Kind,
-    Name,
     Ordering,
     Overlap,
     Parameter,
@@ -27,16 +25,14 @@ from planlang.recipe.model import (
     Thing,
     Transition,
 )
-from planlang.recipe.reading import Reading, choose_task, read_recipe, stated_tasks, top_tasks
+from planlang.recipe.reading import Reading, read_recipe, stated_tasks, top_tasks
 
 __all__ = [
     "Actions",
     "Allen",
-    "Description",
     "Ending",
     "Flow",
     "Kind",
-    "Name",
     "Ordering",
     "Overlap",
     "Parameter",
@@ -50,7 +46,6 @@ __all__ = [
     "Step",
     "Thing",
     "Transition",
-    "choose_task",
     "read_recipe",
     "stated_tasks",
     "top_tasks",

@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
+from planlang.action_conditions import Declared, Pattern, declared, text_of, texts
+from planlang.closure import reached
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, error
-from planlang.ontology import Literal, Ontology, Term, expand
-from planlang.recipe.model import Filler, Kind, Place, Recipe, RecipeSet, Slot, Step, Thing
+from planlang.ontology import Literal, Ontology, expand, shorten
+from planlang.recipe.fillers import action_class, fillings, read_filler
+from planlang.recipe.model import Filler, Kind, Parameter, Place, Recipe, RecipeSet, Slot, Step, Thing
 from planlang.recipe.readers import statements_of
 from planlang.recipe.slots import read_slots
 from planlang.recipe.statements import Statements
@@ -46,14 +49,15 @@ class Actions:
         self.ontology = ontology
         self.performed: Performed = performed or frozenset
         self.primitives: dict[str, Primitive] = read_primitives(ontology)
-        self.goals: dict[str, Goal] = read_goals(ontology)
+        self.declared: Declared = declared(ontology)
+        self._letting_go = self.declared.ending("holding")
         self.library: dict[str, list[str]] = read_library(ontology)
         """Classes of actions (IRIs) and the recipes that perform them where a file states none itself."""
         self._standard = frozenset().union(*self.library.values())
         self.declared_slots, self.slot_problems = read_slots(ontology)
         self.recoveries: tuple[RecoveryRule, ...] = read_recoveries(ontology)
         self.performers: dict[str, tuple[tuple[str, ...], str | None]] = {}
-        """Action (IRI) -> who performs it, as :func:`planlang.recipe.performers.recipes_for` returns it."""
+        """Action (IRI) -> who performs it, as :func:`planlang.recipe.actions.recipes_for` returns it."""
         self._statements: dict[str, Statements | None] = {}
         self._slots: dict[tuple[str, ...], dict[str, Slot]] = {}
         self._last_moving: tuple[RecipeSet, tuple[frozenset[str], frozenset[str]]] | None = None
@@ -70,7 +74,7 @@ class Actions:
 
     def is_a(self, step: Step | Recipe, *classes: str) -> bool:
         """Return True if the step's class is below one of the classes (local names of the vocabulary)."""
-        return any(self.ontology.is_a(step.action_class, expand(name)) for name in classes)
+        return self.ontology.any_is_a((step.action_class,), classes)
 
     def is_any(self, cls: str) -> bool:
         """Return True for a class (IRI, or local name of the vocabulary) that means no more than some action."""
@@ -160,24 +164,18 @@ class Actions:
             self._slots[declaring] = found
         return found
 
-    def goal(self, cls: str) -> Goal | None:
+    def goal(self, cls: str) -> Pattern | None:
         """Return the goal declared for the class or its nearest ancestor that has one."""
-        for ancestor in self.ontology.ancestors(cls):
-            if ancestor in self.goals:
-                return self.goals[ancestor]
-        return None
+        goals = self.declared.goals
+        return next((goals[ancestor] for ancestor in self.ontology.ancestors(cls) if ancestor in goals), None)
 
     def releases(self, step: Step) -> bool:
         """Return True if the step lets go of something."""
-        primitive = self.primitive(step)
-        if primitive is not None and primitive.releases:
-            return True
-        return self.is_a(step, "ReleasingGraspOfSomething", "PuttingDownAnObject")
+        return not self._letting_go.keys().isdisjoint(self.ontology.ancestors(step.action_class))
 
     def released(self, step: Step) -> frozenset[Thing | None]:
         """Return the things that a step lets go of; None if it does not say which."""
-        primitive = self.primitive(step)
-        names = primitive.releases if primitive is not None and primitive.releases else ("objectActedOn",)
+        names = [name for cls in self.ontology.ancestors(step.action_class) for name in self._letting_go.get(cls, ())]
         things = {filler for name in names for filler in step.fillers(name) if isinstance(filler, Thing)}
         return frozenset(things) if things else frozenset({None})
 
@@ -197,13 +195,7 @@ def gone_to(filler: Filler) -> Iterator[Thing]:
 
 def _with_callers(recipes: Iterable[str], callers: Mapping[str, Sequence[str]]) -> frozenset[str]:
     """Return recipes with all that call them, directly or not."""
-    waiting = list(recipes)
-    found = set(waiting)
-    while waiting:
-        above = [caller for caller in callers.get(waiting.pop(), ()) if caller not in found]
-        found.update(above)
-        waiting += above
-    return frozenset(found)
+    return frozenset(reached(recipes, lambda one: callers.get(one, ())))
 
 
 @dataclass(frozen=True, slots=True)
@@ -211,23 +203,13 @@ class Primitive:
     """An action class that a process module performs.
 
     ``resources`` are roles (base, head, torso, arm, gripper); ``implies`` are classes of actions that are performed
-    on the way; ``releases`` are the properties whose filler the action lets go of.
+    on the way.
     """
 
     action: str
     module: str
     resources: tuple[str, ...] = ()
     implies: tuple[str, ...] = ()
-    releases: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True, slots=True)
-class Goal:
-    """The condition that an action class brings about, e.g. ``holding(objectActedOn)``."""
-
-    action: str
-    predicate: str
-    properties: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -246,16 +228,6 @@ class RecoveryRule:
     """Errors (R043) of numbers that are none; the rule has the default instead."""
 
 
-def texts(ontology: Ontology, subject: str, property_name: str) -> tuple[str, ...]:
-    """Return the values of a property as written: text of literals, local names of IRIs."""
-    return tuple(map(_text, ontology.values(subject, property_name)))
-
-
-def _names(ontology: Ontology, subject: str, property_name: str) -> tuple[str, ...]:
-    """Return the IRIs among the values of a property."""
-    return tuple(term for term in ontology.values(subject, property_name) if isinstance(term, str))
-
-
 def read_primitives(ontology: Ontology) -> dict[str, Primitive]:
     """Return all primitives, by the IRI of their class."""
     return {
@@ -263,11 +235,10 @@ def read_primitives(ontology: Ontology) -> dict[str, Primitive]:
             action,
             next(iter(texts(ontology, individual, "processModule")), ""),
             texts(ontology, individual, "usesResource"),
-            _names(ontology, individual, "impliesAction"),
-            texts(ontology, individual, "releases"),
+            ontology.iris(individual, "impliesAction"),
         )
         for individual in ontology.individuals(expand("Primitive"))
-        for action in _names(ontology, individual, "performsAction")
+        for action in ontology.iris(individual, "performsAction")
     }
 
 
@@ -280,18 +251,6 @@ def read_library(ontology: Ontology) -> dict[str, list[str]]:
     return found
 
 
-def read_goals(ontology: Ontology) -> dict[str, Goal]:
-    """Return all goals, by the IRI of their action class. A condition is written ``predicate(property, ...)``."""
-    table: dict[str, Goal] = {}
-    for individual in ontology.individuals(expand("Goal")):
-        for action in _names(ontology, individual, "ofAction"):
-            for condition in texts(ontology, individual, "condition"):
-                predicate, _, inside = condition.partition("(")
-                properties = tuple(part.strip() for part in inside.rstrip(") ").split(",") if part.strip())
-                table[action] = Goal(action, predicate.strip(), properties)
-    return table
-
-
 def read_recoveries(ontology: Ontology) -> tuple[RecoveryRule, ...]:
     """Return all recovery rules, in the order of the files."""
     rules = []
@@ -300,7 +259,7 @@ def read_recoveries(ontology: Ontology) -> tuple[RecoveryRule, ...]:
         for strategy in texts(ontology, individual, "strategy")[:1]:
             rule = RecoveryRule(
                 local_name(individual),
-                _names(ontology, individual, "recoversAction"),
+                ontology.iris(individual, "recoversAction"),
                 texts(ontology, individual, "recoversFailure"),
                 strategy,
                 _count(ontology, individual, "attempts", 1, problems),
@@ -336,13 +295,85 @@ def _count(ontology: Ontology, subject: str, property_name: str, default: int, p
             number = -1
         if number >= 0 and number == int(number):
             return int(number)
-        stated = triple.object.value if isinstance(triple.object, Literal) else _text(triple.object)
+        stated = triple.object.value if isinstance(triple.object, Literal) else text_of(triple.object)
         message = f"{property_name} of the recovery `{local_name(subject)}` is {stated!r}, not a whole number from 0 on"
         problems.append(error("R043", message, triple.span, f"write a whole number, such as {default}"))
     return default
 
 
-def _text(term: Term) -> str:
-    if isinstance(term, Literal):
-        return term.value
-    return local_name(term) if isinstance(term, str) else ""
+def recipes_for(actions: Actions, iri: str) -> tuple[tuple[str, ...], str | None]:
+    """Return the performers of an action: classes with recipes, or a primitive class; the nearer wins.
+
+    An individual's own recipe is nearer than any of its class. On a tie the primitive wins, and a recipe of the library
+    is taken only where nothing else is at that distance. Several recipes at the same distance are alternatives.
+    """
+    if iri not in actions.performers:
+        actions.performers[iri] = _performers(actions, iri)
+    return actions.performers[iri]
+
+
+def meant(actions: Actions, recipes: tuple[str, ...], parameters: Sequence[Parameter]) -> tuple[str, ...]:
+    """Return those recipes that an action with these parameters means: of several of the library the best one.
+
+    Least of what that states is not stated by the action, and most of what the action states.
+    """
+    if len(recipes) < 2 or not actions.is_of_library(recipes):
+        return recipes
+    stated = {(one.property, isinstance(one.filler, Place)) for one in parameters}
+
+    def misfit(recipe: str) -> tuple[int, int]:
+        own = _stated(actions.ontology, recipe)
+        return len(own - stated), -len(own & stated)
+
+    return (min(recipes, key=misfit),)
+
+
+def _stated(ontology: Ontology, recipe: str) -> set[tuple[str, bool]]:
+    """Return the properties, except of what is acted on, that a recipe states, and whether a place fills each."""
+    levels = [filling for level in fillings(ontology, recipe) for filling in level]
+    read = ((shorten(one.property), read_filler(ontology, one.term, one.property)) for one in levels)
+    return {(name, isinstance(filler, Place)) for name, filler in read if name != "objectActedOn"}
+
+
+def recipes_of_task(actions: Actions, iri: str) -> tuple[str, ...]:
+    """Return what states the recipe of a task: itself also where a primitive performs it as a step of others."""
+    return (iri,) if actions.statements(iri) is not None else recipes_for(actions, iri)[0]
+
+
+def statements_for(actions: Actions, iri: str) -> Statements:
+    """Return what the file states about a task with a recipe, or about the class that it inherits the recipe from."""
+    statements = actions.statements(recipes_of_task(actions, iri)[0])
+    assert statements is not None
+    return statements
+
+
+def _performers(actions: Actions, iri: str) -> tuple[tuple[str, ...], str | None]:
+    for level in _levels(actions.ontology, iri):
+        for ancestor in level:
+            if ancestor in actions.primitives:
+                return (), ancestor
+        found = tuple(ancestor for ancestor in level if actions.statements(ancestor) is not None)
+        found = found or tuple(recipe for ancestor in level for recipe in actions.library.get(ancestor, ()))
+        if found:
+            return found, None
+    return (), None
+
+
+def _levels(ontology: Ontology, iri: str) -> Iterator[tuple[str, ...]]:
+    """Yield an individual; or a class, its direct superclasses, theirs, ...: each class once, at its least distance."""
+    cls = iri
+    if not ontology.is_class(iri):
+        yield (iri,)
+        cls = action_class(ontology, iri) or iri
+    known = set(ontology.ancestors(cls))
+    seen = {cls, iri}
+    level: tuple[str, ...] = (cls,) if cls != iri or ontology.is_class(iri) else ()
+    while level:
+        yield level
+        above: list[str] = []
+        for member in level:
+            for ancestor in ontology.parents(member):
+                if ancestor in known and ancestor not in seen:
+                    seen.add(ancestor)
+                    above.append(ancestor)
+        level = tuple(above)

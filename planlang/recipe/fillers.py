@@ -5,13 +5,13 @@ Numbers with units are converted to SI units (:mod:`planlang.units`).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 from planlang.designators import local_name
 from planlang.ontology import BNode, Literal, Ontology, Term, expand, shorten
 from planlang.ontology.terms import OWL, RDF, RDFS, XSD, is_vocabulary
 from planlang.recipe.model import Filler, Kind, Name, Parameter, Place, Thing
-from planlang.recipe.poses import stated_pose
 from planlang.recipe.statements import ON_ACTIONS, ON_INDIVIDUALS, REGISTERED_WORDS, Filling, filled, is_word
 from planlang.relations import of_owl_property
 from planlang.units import dimension_of, stated_number, unit_of, unit_of_property
@@ -64,13 +64,12 @@ def kind_of(ontology: Ontology, cls: str) -> Kind:
 
 def is_device(ontology: Ontology, cls: str) -> bool:
     """Return True for classes of robot parts that can be used to do something, such as grippers and arms."""
-    return any(ontology.is_a(cls, expand(name)) for name in ("HolderGripper", "RobotPart", "ComponentComposition"))
+    return ontology.any_is_a((cls,), ("HolderGripper", "RobotPart", "ComponentComposition"))
 
 
 def is_place(ontology: Ontology, iri: str) -> bool:
     """Return True for a location designator, written as an individual or as a class."""
-    is_point = any(ontology.is_a(iri, expand(place)) for place in PLACES)
-    return is_point or _is_just_a_place(ontology, iri) or _pose(ontology, iri) is not None
+    return ontology.any_is_a((iri,), PLACES) or _is_just_a_place(ontology, iri) or _pose(ontology, iri) is not None
 
 
 def _is_just_a_place(ontology: Ontology, iri: str) -> bool:
@@ -139,7 +138,7 @@ def is_vocabulary_class(cls: str) -> bool:
 
 def takes_things(ontology: Ontology, property_name: str) -> bool:
     """Return True for a property whose range is one of localised things."""
-    ranges = (range_ for range_ in ontology.values(property_name, RDFS.range) if isinstance(range_, str))
+    ranges = ontology.iris(property_name, RDFS.range)
     return any(is_localised(ontology, cls) for cls in ranges)
 
 
@@ -152,7 +151,7 @@ def takes_numbers(ontology: Ontology, property_name: str) -> bool:
     key = ("takes numbers", property_name)
     if key not in ontology.kept:
         above = ontology.superproperties(property_name)
-        ranges = [range_ for one in above for range_ in ontology.values(one, RDFS.range) if isinstance(range_, str)]
+        ranges = [range_ for one in above for range_ in ontology.iris(one, RDFS.range)]
         is_ranged = any(range_.startswith(XSD) and range_.removeprefix(XSD) in NUMERIC for range_ in ranges)
         ontology.kept[key] = is_ranged or any(
             dimension_of(local_name(one)) is not None and not _is_declared_otherwise(ontology, one) for one in above
@@ -416,3 +415,28 @@ def _is_device_term(ontology: Ontology, term: Term) -> bool:
         and not isinstance(term, BNode)
         and any(is_device(ontology, cls) for cls in (ontology.types(term) or (term,)))
     )
+
+
+UPRIGHT = 1e-3
+"""The distance of the last number of a matrix from 1 up to which its z axis points up."""
+
+
+def stated_pose(ontology: Ontology, iri: str) -> tuple[float, float, float, float] | None:
+    """Return x, y, z [m] and heading [rad] of a matrix in the frame of the map; None if a number is missing.
+
+    The z axis of the pose has to point up, as that of a base does.
+    """
+    numbers = {name: _number(ontology, iri, name) for name in ("m03", "m13", "m23", "m00", "m10", "m22")}
+    x, y, z, cosine, sine, up = (numbers[name] for name in numbers)
+    if None in (x, y, z, cosine, sine, up) or abs((up or 0.0) - 1) > UPRIGHT:
+        return None
+    return x or 0.0, y or 0.0, z or 0.0, math.atan2(sine or 0.0, cosine or 0.0)
+
+
+def _number(ontology: Ontology, iri: str, name: str) -> float | None:
+    """Return the number that an individual states last by a property; None if there is none, or it is not finite."""
+    try:
+        values = [one for one in ontology.values(iri, expand(name)) if isinstance(one, Literal)]
+        return stated_number(values[-1], unit_of_property(name)) if values else None
+    except ValueError:
+        return None

@@ -19,6 +19,7 @@ from functools import cached_property
 from itertools import pairwise
 from typing import Any, Generic, TypeVar
 
+from planlang.closure import reached
 from planlang.recipe import graphs as nx
 from planlang.recipe.actions import Actions, Movers
 from planlang.recipe.model import Ordering, Overlap, Place, Point, Recipe, RecipeSet, Thing
@@ -168,15 +169,7 @@ def order_graph(nodes: Iterable[Node], orderings: Iterable[tuple[Node, Node]]) -
 
 def leads_to(follows: Mapping[Node, Iterable[Node]], start: Node, goal: Node) -> bool:
     """Return True if a path leads from one step to another."""
-    seen, waiting = {start}, [start]
-    while waiting:
-        step = waiting.pop()
-        if step == goal:
-            return True
-        new = [other for other in follows.get(step, ()) if other not in seen]
-        seen.update(new)
-        waiting += new
-    return False
+    return goal in reached((start,), lambda step: follows.get(step, ()))
 
 
 def recipe_order(recipe: Recipe) -> Precedence[str]:

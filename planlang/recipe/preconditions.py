@@ -1,26 +1,21 @@
 """Preconditions of actions: what an action needs, and which actions of a recipe or of a run bring that about.
 
-Ontologies declare both (``ontologies/primitives.omn``): a ``Precondition`` and an ``Effect`` of action classes, as
-``predicate(property)``; the goal of a class is an effect of it, too. What nothing brings about may hold from the
-beginning, so nothing is missing unless it is brought about too late.
+Ontologies declare both (:mod:`planlang.action_conditions`). What nothing brings about may hold from the beginning, so
+nothing is missing unless it is brought about too late.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import field
+from collections.abc import Callable, Iterator
 
+from planlang.action_conditions import Condition, Effect, Named
 from planlang.designators import local_name
-from planlang.ontology import expand
-from planlang.recipe.actions import Actions, texts
+from planlang.recipe.actions import Actions
 from planlang.recipe.model import Filler, Place, Recipe, Step, Thing
 from planlang.records import dataclass
 
 Before = Callable[[str, str], bool]
 """True if the first step (IRI) surely comes before the second."""
-
-Named = Callable[[str], Iterable[str]]
-"""Returns the names of the things and places that fill a property of an action."""
 
 
 def named(filler: Filler) -> Iterator[str]:
@@ -31,24 +26,6 @@ def named(filler: Filler) -> Iterator[str]:
         yield filler.iri
         for _, reference in filler.relations:
             yield from named(reference)
-
-
-@dataclass(frozen=True, slots=True)
-class Condition:
-    """A predicate of things (names); of anything if they are not stated."""
-
-    predicate: str
-    about: frozenset[str]
-
-    def matches(self, other: Condition) -> bool:
-        """Return True if both may be about the same."""
-        return self.predicate == other.predicate and (
-            not self.about or not other.about or not self.about.isdisjoint(other.about)
-        )
-
-    def __str__(self) -> str:
-        things = min(map(local_name, self.about), default="")
-        return f"{self.predicate}({things})" if things else self.predicate
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,67 +50,6 @@ class Unmet:
         return f"`{local_name(self.step)}` needs {self.condition}, which `{local_name(self.other)}` {when}"
 
 
-@dataclass(frozen=True, slots=True)
-class Effect:
-    """A condition that comes about if what is given holds."""
-
-    condition: Condition
-    given: tuple[Condition, ...]
-
-
-_Written = tuple[str, str]
-"""A predicate, and the property of its argument."""
-
-
-@dataclass(frozen=True, slots=True)
-class Declared:
-    """The preconditions and effects that an ontology declares of action classes (IRIs)."""
-
-    needs: dict[str, list[_Written]] = field(default_factory=dict)
-    effects: dict[str, list[tuple[_Written, tuple[_Written, ...]]]] = field(default_factory=dict)
-    ends: dict[str, list[_Written]] = field(default_factory=dict)
-
-    def needed(self, classes: Iterable[str], fillers: Named) -> list[Condition]:
-        """Return the preconditions of an action of these classes."""
-        return [_condition(one, fillers) for cls in classes for one in self.needs.get(cls, ())]
-
-    def brought(self, classes: Iterable[str], fillers: Named) -> list[Effect]:
-        """Return what an action of these classes brings about."""
-        found = (one for cls in classes for one in self.effects.get(cls, ()))
-        return [
-            Effect(_condition(one, fillers), tuple(_condition(other, fillers) for other in given))
-            for one, given in found
-        ]
-
-    def ended(self, classes: Iterable[str], fillers: Named) -> list[Condition]:
-        """Return what no longer holds after an action of these classes."""
-        return [_condition(one, fillers) for cls in classes for one in self.ends.get(cls, ())]
-
-
-def declared(actions: Actions) -> Declared:
-    """Return what the ontology of some actions declares; it is read once."""
-    ontology = actions.ontology
-    if "planlang.preconditions" not in ontology.kept:
-        found = Declared()
-        for kind in ("Precondition", "Effect"):
-            for individual in ontology.individuals(expand(kind)):
-                conditions, given, ends = (
-                    tuple(map(_parts, texts(ontology, individual, name))) for name in ("condition", "given", "ends")
-                )
-                for action in ontology.values(individual, expand("ofAction")):
-                    if isinstance(action, str) and kind == "Precondition":
-                        found.needs.setdefault(action, []).extend(conditions)
-                    elif isinstance(action, str):
-                        found.effects.setdefault(action, []).extend((one, given) for one in conditions)
-                        found.ends.setdefault(action, []).extend(ends)
-        for goal in actions.goals.values():
-            stated = goal.predicate, next(iter(goal.properties), "")
-            found.effects.setdefault(goal.action, []).append((stated, ()))
-        ontology.kept["planlang.preconditions"] = found
-    kept: Declared = ontology.kept["planlang.preconditions"]
-    return kept
-
-
 class Preconditions:
     """What the steps of one recipe need and bring about. Recipes below them count as their class says.
 
@@ -141,7 +57,7 @@ class Preconditions:
     """
 
     def __init__(self, actions: Actions, recipe: Recipe, *, with_goal: bool = False) -> None:
-        table = declared(actions)
+        table = actions.declared
         self._needs: dict[str, list[Condition]] = {}
         self._effects: dict[str, list[tuple[str, Effect]]] = {}
         """Predicate -> the steps (IRIs) that bring it about, in the order of the recipe."""
@@ -189,14 +105,3 @@ class Preconditions:
 
 def _fillers(step: Step | Recipe) -> Named:
     return lambda name: [one for filler in step.fillers(name) for one in named(filler)]
-
-
-def _condition(written: _Written, fillers: Named) -> Condition:
-    predicate, name = written
-    return Condition(predicate, frozenset(fillers(name)) if name else frozenset())
-
-
-def _parts(text: str) -> _Written:
-    """Return the predicate and the property of ``predicate(property)``."""
-    predicate, _, inside = text.partition("(")
-    return predicate.strip(), inside.partition(",")[0].strip(") ")

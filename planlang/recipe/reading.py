@@ -11,7 +11,7 @@ from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, Severity, Span, error
 from planlang.files import printable
 from planlang.ontology import BNode, Literal, Ontology, expand, shorten
-from planlang.recipe.actions import Actions
+from planlang.recipe.actions import Actions, meant, recipes_for, recipes_of_task, statements_for
 from planlang.recipe.checks import (
     Check,
     CheckedFile,
@@ -21,7 +21,6 @@ from planlang.recipe.checks import (
     losses,
     orderings,
     parameters,
-    preconditions,
     resources,
     slots,
     steps,
@@ -33,7 +32,6 @@ from planlang.recipe.fillers import action_class, nearest_in_vocabulary, read_fi
 from planlang.recipe.inheritance import supplied
 from planlang.recipe.model import Description, Ordering, Parameter, Reason, Recipe, RecipeSet, Source, Step
 from planlang.recipe.order import implied_by_overlaps
-from planlang.recipe.performers import meant, recipes_for, recipes_of_task, statements_for
 from planlang.recipe.readers import loose_parts, made, tasks_of
 from planlang.recipe.statements import KINDS, Statements, SubAction, facts, is_word
 from planlang.records import dataclass
@@ -330,7 +328,7 @@ ORDERED_STEPS: tuple[Check[[CheckedRecipe], Iterable[Diagnostic]], ...] = (
     orderings.repeated_constraints,
     orderings.redundant_constraints,
     orderings.contradictions,
-    preconditions.late_preconditions,
+    orderings.late_preconditions,
     orderings.missing_orders,
     orderings.unordered_base_motions,
     resources.shared_resources,

@@ -82,9 +82,8 @@ def read_slots(ontology: Ontology) -> tuple[dict[str, dict[str, Slot]], tuple[Di
     for declarer, subject in (("Primitive", "performsAction"), ("Signature", "ofAction")):
         for individual in ontology.individuals(expand(declarer)):
             slots = {slot.property: slot for slot in _declared(ontology, individual, problems)}
-            for action in ontology.values(individual, expand(subject)):
-                if isinstance(action, str) and slots:
-                    found.setdefault(action, {}).update(slots)
+            for action in ontology.iris(individual, subject) if slots else ():
+                found.setdefault(action, {}).update(slots)
     return found, tuple(problems)
 
 

@@ -42,7 +42,9 @@ def plan_source(name: str, text: str) -> Source:
     for _, number, cls in sorted(_named(tree)):
         lines.setdefault(cls, number)
     places = {
-        function.name: sorted(node.lineno for node in ast.walk(function) if _is_name(node, "at_location"))
+        function.name: sorted(
+            node.lineno for node in ast.walk(function) if isinstance(node, ast.expr) and _is_name(node, "at_location")
+        )
         for function in ast.walk(tree)
         if isinstance(function, ast.AsyncFunctionDef)
     }

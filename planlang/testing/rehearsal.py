@@ -15,6 +15,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from planlang.action_conditions import Condition, Named
 from planlang.compiler import CompiledPlan, compile_ontology
 from planlang.designators import (
     Action,
@@ -31,13 +32,13 @@ from planlang.designators import (
 )
 from planlang.diagnostics import BadInput
 from planlang.language.plans import Plan
-from planlang.ontology import Ontology, expand, load
-from planlang.recipe.actions import Actions
+from planlang.ontology import expand, load
 from planlang.recipe.fixes import Rehearsal
-from planlang.recipe.preconditions import Condition, Named, Unmet, declared
+from planlang.recipe.preconditions import Unmet
 from planlang.testing.running import attempt
 from planlang.testing.script import Base, Script
 from planlang.testing.scripted import ScriptedExecutive
+from planlang.testing.vocabulary import ActionVocabulary
 
 LONGEST = 3600.0
 """Plan time after which a rehearsed plan counts as one that does not end [s]."""
@@ -50,20 +51,18 @@ def rehearse(path: Path, task: str | None = None, folders: Sequence[Path] = ()) 
         compiled = compile_ontology(ontology, task=task)
     except BadInput:
         return None
-    robot = _Robot(_script(ontology, compiled), ontology)
+    robot = _Robot(_script(compiled), ActionVocabulary(ontology))
     run = attempt(_plan(compiled), executive=robot, within=LONGEST)
     ended = run.failure or run.error
     failure = "" if ended is None else f"{type(ended).__name__}: {str(ended).partition(chr(10))[0]}"
     return Rehearsal(tuple(dict.fromkeys(robot.unmet())), failure)
 
 
-def _script(ontology: Ontology, compiled: CompiledPlan) -> Script:
+def _script(compiled: CompiledPlan) -> Script:
     """Return a script by which the robot performs all steps that no recipe performs."""
-    classes = {step.action_class for recipe in compiled.recipes.recipes.values() for step in recipe.steps}
-    above = {cls: [local_name(one) for one in ontology.ancestors(cls)] for cls in sorted(classes)}
     steps = [step for recipe in compiled.recipes.recipes.values() for step in recipe.steps if not step.recipes]
     performed = dict.fromkeys(name for step in steps for name in (step.action_class, local_name(step.action_class)))
-    return Script(ancestors={local_name(cls): names for cls, names in above.items()}).performs(*performed)
+    return Script().performs(*performed)
 
 
 def _plan(compiled: CompiledPlan) -> Callable[[], Any]:
@@ -92,10 +91,9 @@ def _made_up(parameter: Parameter) -> object:
 class _Robot(ScriptedExecutive):
     """A scripted robot that notes which actions it begins too early."""
 
-    def __init__(self, script: Script, ontology: Ontology) -> None:
-        super().__init__(script)
-        self._ontology = ontology
-        self._declared = declared(Actions(ontology))
+    def __init__(self, script: Script, vocabulary: ActionVocabulary) -> None:
+        super().__init__(script, vocabulary)
+        self._declared = vocabulary.declared
         self._holding: list[Condition] = []
         self._open: list[tuple[str, Condition]] = []
         self._unmet: list[Unmet] = []

@@ -11,6 +11,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
+from planlang.compiler import compile_recipe
 from planlang.failures import PlanFailure
 from planlang.files import bundled
 from planlang.kernel import VirtualHost
@@ -241,8 +242,6 @@ def compiled(recipe: str | os.PathLike[str], task: str | None = None) -> Plan[..
     The plan's own names are in its module: ``plan.function.__globals__["BOTTLE"]``. Raises BadInput with the
     diagnostics when the recipe has errors.
     """
-    from planlang.compiler import compile_recipe
-
     path = Path(recipe)
     if not path.suffix and not path.exists():
         path = bundled("recipes") / f"{path}.omn"

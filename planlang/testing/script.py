@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import field
 from typing import Any
 
-from planlang.designators import Action, Condition, Location, Object, Posture
+from planlang.designators import Action, Condition, Location, Object
 from planlang.misuse import Usage
 from planlang.records import dataclass
 from planlang.testing.faults import Fault, Raises
@@ -102,7 +102,8 @@ class Belief:
             case "holding":
                 return first in self.holding and all(what in self.holding for what in others)
             case "located" if others:
-                return self.at.get(others[0]) in (first, *_names(condition.arguments[0]))
+                place = self.at.get(others[0])
+                return place is not None and place in (first, *names_of(condition.arguments[0]))
             case "contains":
                 amount = self.contents.get(first, {}).get(others[0], 0.0)
                 return amount >= others[1] if len(others) > 1 else amount > 0
@@ -153,7 +154,7 @@ class Belief:
 
     def places_of(self, location: Location) -> Sequence[Base]:
         """Return the base poses for a location, best first."""
-        for name in (location.name, *(_names(location)), str(location)):
+        for name in (location.name, *names_of(location), str(location)):
             if name is not None and name in self.places:
                 return self.places[name]
         known = self.made_up
@@ -162,46 +163,9 @@ class Belief:
             known[str(location)] = [(x, 0.0, 0.0), (x + 1, 0.0, 0.0), (x + 2, 0.0, 0.0)]
         return known[str(location)]
 
-    def done(self, action: Action, classes: Sequence[str]) -> None:
-        """Apply the effect of an action that has succeeded, by the nearest of its classes that has one."""
-        match next((cls for cls in classes if cls in EFFECTIVE), None):
-            case "Translation-LocationChange":
-                x, y, yaw = (action.get(key) for key in ("x", "y", "yaw"))
-                if isinstance(x, float) and isinstance(y, float) and isinstance(yaw, float):
-                    self.base = (x, y, yaw)
-            case "Reaching":
-                self.around = _inside_hand(action.get("to_location"))
-            case "ClosingAGripper":
-                self.hold(_name(action.get("object_acted_on")) or self.around)
-            case "GraspingSomething" | "PickingUpAnObject":
-                self.hold(_name(action.get("object_acted_on")))
-            case "LoweringAnObject":
-                self._lower(action)
-            case "TurningOnPoweredDevice":
-                device = _name(action.get("object_acted_on"))
-                self.on.extend([device] if device is not None and device not in self.on else [])
-            case "TurningOffPoweredDevice":
-                self.on[:] = [one for one in self.on if one != _name(action.get("object_acted_on"))]
-            case "PuttingDownAnObject" | "SettingAsideAnObject":
-                self._lower(action)
-                self.drop(_name(action.get("object_acted_on")))
-            case "OpeningAGripper" | "ReleasingGraspOfSomething":
-                self.drop(_name(action.get("object_acted_on")))
-            case "HandingOverAnObject":
-                what, taker = _name(action.get("object_acted_on")), _name(action.get("recipient"))
-                self.drop(what)
-                if what is not None and taker is not None:
-                    self.at[what] = taker
-            case "OpeningAContainerArtifact" | "ClosingAContainerArtifact" as name:
-                what, opens = _name(action.get("object_acted_on")), name == "OpeningAContainerArtifact"
-                self.facts |= {f"open({what})": opens, f"closed({what})": not opens}
-
-    def _lower(self, action: Action) -> None:
-        """Note where the thing of an action, or else all that is held, is lowered to, if the action says so."""
-        where, what = action.get("to_location"), _name(action.get("object_acted_on"))
-        place = _name(where) or next(_names(where), None) if isinstance(where, (Object, Location)) else where
-        if place is not None:
-            self.lowered |= {held: str(place) for held in self.holding if what in (None, held)}
+    def put(self, what: str, place: str) -> None:
+        """Put something somewhere; what is held is there as soon as it is let go."""
+        (self.lowered if what in self.holding else self.at)[what] = place
 
     def _state(self) -> tuple[object, ...]:
         changed = self.contents, self.heated, self.made, self.gone, self.on
@@ -209,39 +173,15 @@ class Belief:
 
 
 _ON = Usage("script.on", {"step": '"Reaching"'}, {"after": "1.5", "times": "2"})
-EFFECTIVE = frozenset(
-    (
-        *("Translation-LocationChange", "Reaching", "ClosingAGripper", "OpeningAGripper", "GraspingSomething"),
-        *("PickingUpAnObject", "LoweringAnObject", "PuttingDownAnObject", "ReleasingGraspOfSomething"),
-        *("HandingOverAnObject", "SettingAsideAnObject"),
-        *("TurningOnPoweredDevice", "TurningOffPoweredDevice"),
-        *("OpeningAContainerArtifact", "ClosingAContainerArtifact"),
-    )
-)
-"""The classes of actions whose effects :meth:`Belief.done` knows."""
 
 
-def _name(filler: object) -> str | None:
-    return filler.name if isinstance(filler, Object) else None
-
-
-def _inside_hand(location: object) -> str | None:
-    """Return what the hand is around when it has reached a location: what that is in the centre of."""
-    if isinstance(location, Object) or not isinstance(location, Location) or isinstance(location, Posture):
-        return _name(location)
-    for relation in location.relations:
-        if relation.name == "in_center_of":
-            return relation.reference.name
-    return None
-
-
-def _names(location: object) -> Iterator[str]:
-    """Yield the names of things that a location is about, nearest first."""
+def names_of(location: object) -> Iterator[str]:
+    """Yield the names of things that a location is about, nearest first; not of those where it is not."""
     for relation in location.relations if isinstance(location, Location) else ():
-        if relation.reference.name is not None:
+        if relation.reference.name is not None and not relation.negated:
             yield relation.reference.name
-        if isinstance(relation.reference, Location):
-            yield from _names(relation.reference)
+        if isinstance(relation.reference, Location) and not relation.negated:
+            yield from names_of(relation.reference)
 
 
 Does = Callable[[Belief, Action], Any]
@@ -272,15 +212,16 @@ class Rule:
 class Script:
     """The behaviour of the robot of a test.
 
-    Without a rule an action succeeds after :attr:`takes` seconds and has the effect of its class on the belief: the
-    base arrives, a gripper that closes around something holds it, one that opens lets it go, what is handed over is
-    at its recipient. A script is a description: each run begins with its belief as it was described here.
+    Without a rule an action succeeds after :attr:`takes` seconds and has the effect of its class on the belief, as
+    the vocabulary declares it: the base arrives, a gripper that closes around something holds it, one that opens lets
+    it go, what is put down or handed over is at its place or recipient. A script is a description: each run begins with
+    its belief as it was described here.
     """
 
     takes: float = 1.0
     """Duration of an action without a rule about it [s]."""
     ancestors: Mapping[str, Sequence[str]] = field(default_factory=dict)
-    """Superclasses of classes of actions, nearest first; without, a class stands for itself."""
+    """Superclasses of classes of actions, nearest first, besides those that the plan states or the vocabulary knows."""
     classes: list[str] = field(default_factory=list)
     """Classes of actions that can be performed besides those of every robot."""
     rules: list[Rule] = field(default_factory=list)

@@ -20,29 +20,7 @@ from planlang.roles import meant_role
 from planlang.runs.codec import dump, load
 from planlang.testing.faults import made
 from planlang.testing.script import Belief, Rule, Script
-
-ORDINARY: Mapping[str, tuple[str, ...]] = {
-    "navigation": ("Translation-LocationChange",),
-    "arm": ("Reaching",),
-    "gripper": ("OpeningAGripper", "ClosingAGripper"),
-    "head": ("LookingAtSomething",),
-    "perception": ("LookingForSomething", "Perceiving"),
-    "handover": ("HandingOverAnObject",),
-    "lowering": ("LoweringAnObject",),
-    "setting_aside": ("SettingAsideAnObject",),
-    "stepping_back": ("SteppingBack",),
-    "container": ("OpeningAContainerArtifact", "ClosingAContainerArtifact"),
-}
-"""Process modules that every scripted robot has, with their classes of actions."""
-NEEDS: Mapping[str, tuple[str, ...]] = {
-    "navigation": ("base",),
-    "head": ("head",),
-    "perception": ("head",),
-    "setting_aside": ("base", "arm"),
-    "stepping_back": ("base",),
-    "container": ("base", "head"),
-}
-RELEASING = ("OpeningAGripper", "HandingOverAnObject", "PuttingDownAnObject", "SettingAsideAnObject")
+from planlang.testing.vocabulary import ActionVocabulary, bundled_vocabulary
 
 
 @dataclass(eq=False)
@@ -57,13 +35,11 @@ class ScriptedModule:
     performs = ProcessModule.performs
 
     def resources(self, action: Action) -> tuple[str, ...]:
-        """Return the base, the head, or the device of the action: what the ordinary module for it needs."""
-        above = self.executive.ancestors(action.type)
-        ordinary = next((name for cls in above for name, classes in ORDINARY.items() if cls in classes), self.name)
-        if ordinary in ("arm", "gripper", "handover", "lowering"):
-            device = action.get("device_used")
-            return (str(device) if device is not None else "arm",)
-        return NEEDS.get(ordinary, ())
+        """Return the parts of the robot that the vocabulary states; of arms and grippers the device of the action."""
+        device = action.get("device_used")
+        hand = "arm" if device is None else str(device)
+        roles = self.executive.vocabulary.roles(self.executive.ancestors(action.type))
+        return tuple(dict.fromkeys(hand if role in ("arm", "gripper") else role for role in roles))
 
     async def execute(self, action: Action) -> Any:
         """Wait, change the belief, and return or raise what the script wants."""
@@ -88,10 +64,14 @@ class ScriptedModule:
 
 
 class ScriptedExecutive:
-    """Implements :class:`planlang.language.executive.Executive` by a script, for one run."""
+    """Implements :class:`planlang.language.executive.Executive` by a script, for one run.
 
-    def __init__(self, script: Script) -> None:
+    It performs what has a primitive in the ontology, and what the script names besides.
+    """
+
+    def __init__(self, script: Script, vocabulary: ActionVocabulary | None = None) -> None:
         self.script = script
+        self.vocabulary = vocabulary or bundled_vocabulary()
         self.belief: Belief = script.belief()
         self._left = [rule.times for rule in script.rules]
         self._used = [rule.times == 0 for rule in script.rules]
@@ -100,10 +80,11 @@ class ScriptedExecutive:
         """Names and classes of the actions that were performed."""
         self._write: Callable[[str, Mapping[str, Any]], None] | None = None
         self._reported = self.belief.revision
-        known = {cls for classes in ORDINARY.values() for cls in classes}
+        primitive = self.vocabulary.modules()
+        known = {cls for classes in primitive.values() for cls in classes}
         ruled = dict.fromkeys(rule.step for rule in script.rules if rule.step not in script.classes)
         self.modules: Sequence[ScriptedModule] = [
-            *(ScriptedModule(name, classes, self) for name, classes in ORDINARY.items()),
+            *(ScriptedModule(name, classes, self) for name, classes in primitive.items()),
             *(ScriptedModule(cls, (cls,), self) for cls in dict.fromkeys(script.classes) if cls not in known),
             *(ScriptedModule(f"rule of {cls}", (cls,), self) for cls in ruled if cls not in known),
         ]
@@ -143,7 +124,7 @@ class ScriptedExecutive:
 
     def done(self, action: Action) -> None:
         """Apply the effect of an action that has succeeded on the belief."""
-        self.belief.done(action, self.ancestors(action.type))
+        self.vocabulary.change(self.belief, action, self.ancestors(action.type))
 
     def changed(self) -> None:
         """Write into the trace that the belief has changed, if it has."""
@@ -152,13 +133,15 @@ class ScriptedExecutive:
             belief = self.belief
             self._write("belief", {"revision": self._reported, "holding": belief.holding, "at": belief.at})
 
-    def ancestors(self, action_type: str) -> Sequence[str]:
-        """Return the class, its local name, and its superclasses in the plan and in the script."""
-        return ancestors_of(action_type, self._in_script)
+    def ancestors(self, action_type: str) -> tuple[str, ...]:
+        """Return the class, its local name, and its superclasses in the plan, in the script and in the vocabulary."""
+        return ancestors_of(action_type, self._known)
 
-    def _in_script(self, cls: str) -> Sequence[str]:
+    def _known(self, cls: str) -> Sequence[str]:
         short = local_name(cls)
-        return tuple(dict.fromkeys((cls, short, *self.script.ancestors.get(short, ()))))
+        stated = (short, *self.script.ancestors.get(short, ()))
+        known = (above for one in (cls, *stated[1:]) for above in self.vocabulary.ancestors(one))
+        return tuple(dict.fromkeys((cls, *stated, *known)))
 
     def revision(self) -> int:
         """Return how often the belief has changed."""
@@ -194,7 +177,7 @@ class ScriptedExecutive:
 
     def releases(self, action: Action) -> bool:
         """Return True if the action lets go of something."""
-        return any(cls in RELEASING for cls in self.ancestors(action.type))
+        return self.vocabulary.releases(self.ancestors(action.type))
 
     def record(self, write: Callable[[str, Mapping[str, Any]], None]) -> None:
         """Write changes of the belief into the trace from now on."""

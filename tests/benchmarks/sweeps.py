@@ -24,9 +24,8 @@ from tempfile import TemporaryDirectory
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from executive.cli.sweep import swept
-from executive.cli.sweep_arguments import SweepArguments
-from executive.cli.sweep_progress import Progress
+from executive.cli.arguments import SweepArguments
+from executive.cli.sweep import Progress, swept
 from executive.sweeps.files import merged, read_sweep, write_sweep
 from executive.sweeps.records import Done
 

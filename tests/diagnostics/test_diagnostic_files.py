@@ -13,9 +13,10 @@ from executive.maps import read_map, scene_of
 from executive.robots import bind_robot
 from planlang import files
 from planlang.compiler import compile_recipe
-from planlang.diagnostics import CODES, BadInput, Diagnostic, has_errors
+from planlang.diagnostics import BadInput, Diagnostic, has_errors
 from planlang.ontology import documents, load
 from planlang.ontology.convert import Target, convert
+from tests.support.codes import CODES
 
 HERE = Path(__file__).parent
 URDF = HERE / "robot.urdf"

@@ -42,7 +42,7 @@ class MemoryRobot:
         self.base, self.positions = at_start.base, dict(at_start.joints)
         self.chains: dict[str, Chain] = {}
         self.under_way: dict[str, tuple[Trajectory, int, Motion]] = {}
-        self.holds: dict[str, str] = {}
+        self.holding: str | None = None
         self.given = False
 
     def step(self) -> None:
@@ -96,7 +96,7 @@ class MemoryRobot:
     def detect(self, camera_link: str) -> tuple[Detection, ...]:
         """The bottle and the patient, as if it saw all around."""
         found = [Detection("patient1", self.patient, 1.0)]
-        if not self.holds and not self.given:
+        if self.holding is None and not self.given:
             found.append(Detection("bottle1", self.bottle, 1.0))
         return tuple(found)
 
@@ -111,7 +111,7 @@ class MemoryRobot:
             if gripper is None or set(links) != set(gripper.finger_links):
                 continue
             tip = self.link_pose(arm.tip)
-            there = tip if arm.tip in self.holds.values() else self.bottle
+            there = tip if arm.tip == self.holding else self.bottle
             narrow = abs(self.positions[gripper.joints[0]]) <= LEAST
             if narrow and not self.given and tip.distance(there) < NEAR:
                 across = tip.rotation[:, 1]
@@ -123,44 +123,22 @@ class MemoryRobot:
                 )
         return ()
 
-    def attach(self, link: str, name: str) -> None:
-        """It holds it anyway."""
-        self.holds[name] = link
+    def grip(self, link: str) -> None:
+        """The bottle goes with the hand."""
+        self.holding = link
 
-    def release(self, name: str) -> None:
-        """The fingers open next."""
-        self.given = self.taken(name) is not None
-        del self.holds[name]
+    def loosen(self, link: str) -> None:
+        """It stays where it is, or the patient has it."""
+        if link == self.holding:
+            self.given, self.holding = self.pulled(link), None
 
-    def lead(self, link: str, leaf: str) -> None:
-        """There are no doors."""
+    def feels(self, link: str) -> bool:
+        """Whether the bottle is in the hand."""
+        return link == self.holding
 
-    def let_go(self, leaf: str) -> None:
-        """There are no doors."""
-
-    def led(self) -> Mapping[str, str]:
-        """There are no doors."""
-        return {}
-
-    def attached(self) -> Mapping[str, str]:
-        """What it holds."""
-        return self.holds
-
-    def falling(self, name: str) -> bool:
-        """Nothing falls."""
-        return False
-
-    def taken(self, name: str) -> str | None:
-        """Who pulls at the hand."""
-        if self.given:
-            return "patient1"
-        near = name in self.holds and self.link_pose(self.holds[name]).distance(self.patient) < PULLS
-        return "patient1" if near else None
-
-
-def _touch(there: Pose, across: Array, link: str, side: float) -> Touch:
-    (x, y, z), (nx, ny, nz) = (there.position + side * 0.03 * across).tolist(), (side * across).tolist()
-    return Touch(link, (x, y, z), (nx, ny, nz))
+    def pulled(self, link: str) -> bool:
+        """Whether the hand is near the patient."""
+        return link == self.holding and self.link_pose(link).distance(self.patient) < PULLS
 
 
 @pytest.fixture
@@ -232,4 +210,4 @@ def test_a_robot_that_is_no_simulator_serves_a_drink_with_the_bundled_modules(
 ) -> None:
     robot = served(MemoryRobot)
     assert robot.given
-    assert robot.holds == {}
+    assert robot.holding is None

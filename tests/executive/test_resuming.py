@@ -22,7 +22,7 @@ from executive.runs.assembly import RobotExecutive
 from planlang import SimulationHost, StepLimit, Trace, at_location, perform, plan, run
 from planlang.designators import a_location, a_person, a_posture, action
 from planlang.runs import Past, RecordedRun, restore
-from sim.world import held_by
+from sim.truth import held_by
 from tests.executive.conftest import PLACE, THE_BOTTLE, WARD, MakeStage, Stage
 from tests.support.extras import skip_without_pr2
 

@@ -172,6 +172,7 @@ def test_a_file_outranks_planlang_with_a_note_and_another_file_is_a_conflict(kit
         (STIRRING.replace('("Stirring",)', '"Stirring"'), "actions of Stirring has to be a tuple"),
         (STIRRING.replace("(SpoonLost,)", "(3,)"), "failures of Stirring has to be a tuple"),
         ("from planlang.modules import process_module\n", "from planlang import process_module"),
+        ("from planlang.protocols import World\n", "from planlang.protocols import RobotInterface"),
     ],
 )
 def test_a_file_that_cannot_be_used_is_bad_input_with_its_reason(kitchen: Path, text: str, message: str) -> None:

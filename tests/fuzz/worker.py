@@ -16,7 +16,8 @@ import warnings
 from collections.abc import Iterable
 from pathlib import Path
 
-from planlang.diagnostics import CODES, BadInput, Diagnostic
+from planlang.diagnostics import BadInput, Diagnostic
+from tests.support.codes import CODES
 
 MEGABYTES = 1500
 SECONDS = 20.0

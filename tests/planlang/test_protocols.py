@@ -21,8 +21,9 @@ from planlang.failures import LowLevelFailure, PlanFailure
 from planlang.geometry import Pose
 from planlang.language.executive import Executive
 from planlang.language.process_module import NEEDED, ProcessModule
-from planlang.protocols import Configuration, Contact, Detection, Motion, World
+from planlang.protocols import Configuration, Contact, Detection, Motion, RobotInterface
 from sim import PlanningWorld, PyBulletWorld
+from sim.truth import Truth
 
 length = st.floats(-10.0, 10.0)
 quaternions = (
@@ -106,11 +107,21 @@ def public(protocol: type) -> set[str]:
 
 
 @pytest.mark.parametrize(
-    ("protocol", "kind"), [(World, PyBulletWorld), (Physics, PlanningWorld), (Executive, RobotExecutive)]
+    ("protocol", "kind"),
+    [
+        (RobotInterface, PyBulletWorld),
+        (Truth, PyBulletWorld),
+        (Physics, PlanningWorld),
+        (Executive, RobotExecutive),
+    ],
 )
 def test_the_simulator_and_the_executive_have_all_that_their_protocols_ask_for(protocol: type, kind: type) -> None:
-    given_at_creation = {"rate", "modules"}
+    given_at_creation = {"rate", "modules", "scene", "steps"}
     assert public(protocol) - given_at_creation <= set(dir(kind))
+
+
+def test_a_robot_has_of_the_truth_only_where_it_is_itself() -> None:
+    assert public(RobotInterface) & public(Truth) == {"rate", "configuration", "link_pose"}
 
 
 MODULES = (Navigation, Reaching, Grasping, Head, Perception, Handover)

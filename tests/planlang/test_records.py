@@ -5,6 +5,7 @@ from __future__ import annotations
 import builtins
 import copy
 import dataclasses
+import inspect
 import pickle
 from collections.abc import Callable
 from dataclasses import FrozenInstanceError, field
@@ -39,6 +40,8 @@ def classes(dataclass: Any) -> dict[str, Any]:
 
     @dataclass(frozen=True, kw_only=True)
     class Options(Base):
+        """With a text of its own: for one that has none the standard library asks for the base's signature."""
+
         file: str
 
     @dataclass(frozen=True, slots=True, eq=False)
@@ -135,3 +138,15 @@ def test_nothing_is_compiled_before_the_first_instance(monkeypatch: pytest.Monke
     before = len(compiled)
     point(1.0), point(2.0)
     assert len(compiled) == before + 1
+
+
+def test_the_signature_is_that_of_the_constructor_before_the_first_instance() -> None:
+    @records.dataclass(frozen=True)
+    class Untouched:
+        one: int
+        other: int = 2
+
+    assert str(inspect.signature(Untouched)).startswith("(one, other=")
+    with pytest.raises(TypeError):
+        inspect.signature(Untouched).bind()
+    assert Untouched(1).other == 2

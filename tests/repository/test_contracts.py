@@ -143,8 +143,8 @@ def test_reaching_for_a_process_module_is_found(tmp_path: Path, statement: str) 
     assert (file, what.partition(":")[0]) == ("executive/modules/arm/hand_work.py", "executive.modules.arm.reaching")
 
 
-TRUTH = {"PyBulletWorld", "sim.world"}
-"""What names the true world."""
+TRUTH = {"PyBulletWorld", "sim.world", "Truth", "sim.truth"}
+"""What names the true world, and what is so in it."""
 ASSEMBLED = ("executive/runs/", "executive/cli/", "executive/pictures/")
 """Where runs are put together, and what is so is shown."""
 
@@ -162,15 +162,26 @@ def true_worlds_imported(folder: Path) -> list[tuple[str, str]]:
 
 def test_what_grounds_plans_and_believes_does_not_know_the_true_world() -> None:
     assert true_worlds_imported(CHECKOUT) == [], (
-        "ask for what planlang.protocols.World and planlang.changes.Physics have"
+        "ask for what planlang.protocols.RobotInterface and planlang.changes.Physics have"
     )
 
 
-@pytest.mark.parametrize("statement", ["from sim import PyBulletWorld", "import sim.world", "from sim import world"])
-def test_reaching_for_the_true_world_is_found(tmp_path: Path, statement: str) -> None:
-    (tmp_path / "executive" / "modules").mkdir(parents=True)
-    (tmp_path / "executive" / "modules" / "cheating.py").write_text(f"{statement}\n")
-    assert [file for file, _ in true_worlds_imported(tmp_path)] == ["executive/modules/cheating.py"]
+@pytest.mark.parametrize("room", ["modules", "locations", "belief"])
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "from sim import PyBulletWorld",
+        "import sim.world",
+        "from sim import world",
+        "from sim.truth import Truth",
+        "from sim.truth import held_by",
+        "from sim import truth",
+    ],
+)
+def test_reaching_for_the_true_world_is_found(tmp_path: Path, statement: str, room: str) -> None:
+    (tmp_path / "executive" / room).mkdir(parents=True)
+    (tmp_path / "executive" / room / "cheating.py").write_text(f"{statement}\n")
+    assert {file for file, _ in true_worlds_imported(tmp_path)} == {f"executive/{room}/cheating.py"}
 
 
 TESTS = CHECKOUT / "tests" / "planlang"

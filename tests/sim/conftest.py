@@ -111,4 +111,4 @@ def grasp(world: PyBulletWorld) -> None:
     """Close the right hand around the bottle, from where the robot stands before it."""
     world.set_configuration(GRASPING)
     play(world, "right_gripper", CLOSED)
-    world.attach("grippoint_right", "bottle")
+    world.grip("grippoint_right")

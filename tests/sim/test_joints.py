@@ -92,7 +92,8 @@ def lead(world: AskableWorld) -> None:
     play(world, "right_gripper", CLOSED)
     fingers = ("finger1_right", "finger2_right")
     assert {touch.link for touch in world.touches(fingers)} == set(fingers)
-    world.lead("grippoint_right", "leaf")
+    world.grip("grippoint_right")
+    assert world.led() == {"leaf": "grippoint_right"}
 
 
 def test_a_drawer_carries_what_is_inside_and_nothing_else(with_leaf: Callable[..., AskableWorld]) -> None:
@@ -114,7 +115,7 @@ def test_a_drawer_follows_the_hand_that_holds_its_handle(with_leaf: Callable[...
     assert play(world, "base", {"y": y - 0.25}) is None
     assert world.joint("leaf") == pytest.approx(0.25, abs=1e-3)
     assert world.pose("box").position[1] == pytest.approx(CUP.pose.position[1] - 0.25, abs=1e-3)
-    world.let_go("leaf")
+    world.loosen("grippoint_right")
     play(world, "right_gripper", {name: -value for name, value in CLOSED.items()})
     assert play(world, "base", {"y": y - 0.45}) is None
     assert world.joint("leaf") == pytest.approx(0.25, abs=1e-3)
@@ -124,7 +125,7 @@ def test_a_hand_slips_off_a_handle_that_cannot_follow(with_leaf: Callable[..., A
     world = with_leaf(SLIDE)
     lead(world)
     play(world, "base", {"y": world.configuration().base[1] - 0.5})
-    assert world.led() == {}
+    assert not world.feels("grippoint_right")
     assert world.joint("leaf") == pytest.approx(0.4)
 
 

@@ -9,7 +9,7 @@ from planlang.geometry import Pose
 from planlang.protocols import Configuration
 from sim import Body, PyBulletWorld
 from sim.people import arm_parts, figure_of, reach_from
-from sim.world import at_rest_on, held_by
+from sim.truth import at_rest_on, held_by
 from tests.sim.conftest import MakeWorld, grasp, play
 
 OPEN = {"finger1_joint_right": 0.4, "finger2_joint_right": -0.4}
@@ -29,6 +29,7 @@ def _steps_until_taken(world: PyBulletWorld, most: int) -> int | None:
     for k in range(most):
         world.step()
         if world.taken("bottle"):
+            assert world.pulled("grippoint_right")
             return k + 1
     return None
 
@@ -48,7 +49,6 @@ def test_released_after_taking_it_stays_in_the_persons_hand(offering: PyBulletWo
     _steps_until_taken(offering, 150)
     place = offering.pose("bottle")
     assert play(offering, "right_gripper", OPEN) is None
-    offering.release("bottle")
     assert play(offering, "base", {"y": -0.8}) is None
     assert held_by(offering, "bottle") == "patient"
     assert offering.pose("bottle").distance(place) < 1e-5
@@ -108,6 +108,7 @@ def test_robot_that_withdraws_the_object_has_it_again(offering: PyBulletWorld) -
     _steps_until_taken(offering, 150)
     play(offering, "base", {"y": -0.8})
     assert offering.taken("bottle") is None
+    assert not offering.pulled("grippoint_right")
     assert held_by(offering, "bottle") == "robot"
 
 

@@ -11,7 +11,7 @@ from planlang.geometry import Pose
 from sim import Body, PyBulletWorld, Scene, perturb
 from sim.falling import upright
 from sim.scene import Handle
-from sim.world import at_rest_on, held_by
+from sim.truth import at_rest_on, held_by
 from tests.sim.conftest import AMIGO, ROOM, AskableWorld, MakeWorld
 
 OPEN = {"finger1_joint_right": 0.4, "finger2_joint_right": -0.4}

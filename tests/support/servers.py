@@ -14,7 +14,7 @@ import pytest
 
 if TYPE_CHECKING:
     from executive.processes.calls import Limits
-    from executive.serving.connections import Guarded
+    from executive.serving.running import Guarded
 
 NOW = "2026-01-01T00:00:00Z"
 
@@ -53,7 +53,7 @@ class RunningServer:
         """Answer, at the same address as before."""
         import uvicorn
 
-        from executive.serving.connections import MOST, Guarded
+        from executive.serving.running import MOST, Guarded
 
         config = uvicorn.Config(
             self._app,

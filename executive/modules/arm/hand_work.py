@@ -9,10 +9,15 @@ from executive.modules.platform import PlatformModule
 from executive.motion import MotionError
 from executive.robots import CARRYING
 from executive.robots.arms import ArmModel
-from planlang.failures import LookingGoalUnreachable, ManipulationPoseUnreachable, NavigationFailure
+from planlang.failures import (
+    LookingGoalUnreachable,
+    ManipulationGoalInCollision,
+    ManipulationPoseUnreachable,
+    NavigationFailure,
+)
 from planlang.geometry import Array
 from planlang.geometry.matrices import rotated
-from planlang.protocols import Motion, MotionState, Trajectory
+from planlang.protocols import Trajectory
 
 FEW = 200
 """Branches that the search of a path of the arm grows: there are other ways to try, and places with more room."""
@@ -49,35 +54,23 @@ class HandWork(PlatformModule):
         except MotionError as problem:
             raise ManipulationPoseUnreachable(arm=arm.name, what=what) from problem
 
-    async def straight(self, arm: ArmModel, pose: Array, q: Array, what: str | None) -> Motion:
-        """Move the tip along a line to a map pose (4, 4) at joint values (d,), until something stops it."""
+    async def straight(self, arm: ArmModel, pose: Array, q: Array, what: str | None) -> None:
+        """Move the tip along a line to a map pose (4, 4) at joint values (d,); raises a ManipulationFailure."""
         try:
             trajectory = self.platform.arms.straight_path(arm, pose, q, what)
         except MotionError as problem:
             raise ManipulationPoseUnreachable(arm=arm.name, what=what) from problem
-        return await self.platform.follow(arm.name, trajectory)
-
-    async def follow(self, arm: ArmModel, trajectory: Trajectory, what: str | None) -> None:
-        """Follow a path to its end; raises ManipulationPoseUnreachable if something stops it."""
-        await self.arrived(arm, await self.platform.follow(arm.name, trajectory), what)
-
-    async def arrived(self, arm: ArmModel, motion: Motion, what: str | None) -> None:
-        """Raise ManipulationPoseUnreachable if a motion was stopped."""
-        if motion.state is not MotionState.DONE:
-            await self.platform.sensing.bump(motion)
-            raise ManipulationPoseUnreachable(arm=arm.name, what=what, blocked_by=motion.blocked_by)
+        await self.follow_to_end(arm.name, trajectory, what)
 
     async def back(self, arm: ArmModel, poses: Array, what: str | None) -> None:
         """Take the hand back as it came by ``poses`` (2, 4, 4), then to the carrying posture, where there is room."""
         platform = self.platform
         tip = platform.scene.arms.tip(arm)
         back = rotated(tip[:3, :3] @ poses[0][:3, :3].T, poses[0][:3, 3] - poses[1][:3, 3])
-        for share in SHARES:
-            away = tip.copy()
-            away[:3, 3] += share * back
-            with suppress(ManipulationPoseUnreachable):
-                await self.arrived(arm, await self.straight(arm, away, platform.arm_joints(arm), what), what)
-                break
+        path = platform.arms.drawn(arm, (share * back for share in SHARES), what)
+        with suppress(ManipulationGoalInCollision):
+            if path is not None:
+                await self.follow_to_end(arm.name, path, what)
         room = platform.drive.room_for(platform.arms.untucked(), least=BACK)
         if room is not None:
             with suppress(NavigationFailure):

@@ -38,7 +38,6 @@ from planlang.failures import (
     PerceptionFailure,
 )
 from planlang.geometry import Array
-from planlang.geometry.matrices import rotated
 from planlang.language.process_module import process_module
 from planlang.protocols import Trajectory
 from planlang.relations import Sense
@@ -160,17 +159,13 @@ class HandReaching(PlatformModule):
 
     async def _draw_out(self, arm: ArmModel, label: str) -> bool:
         """Take the hand straight back, or up, out of what is around it; return False if there is no room for that."""
-        platform, tip = self.platform, self.platform.scene.arms.tip(arm)
-        back = -rotated(tip[:3, :3], np.asarray(arm.frame.approach))
-        for direction, far in product((back, np.array([0.0, 0.0, 1.0])), DRAWN_OUT):
-            pose = tip.copy()
-            pose[:3, 3] += far * direction
-            with suppress(MotionError):
-                await self.follow_to_end(
-                    arm.name, platform.arms.straight_path(arm, pose, platform.arm_joints(arm), None), label
-                )
-                return True
-        return False
+        ways = (
+            far * direction for direction, far in product((self.back_of(arm), np.array([0.0, 0.0, 1.0])), DRAWN_OUT)
+        )
+        path = self.platform.arms.drawn(arm, ways, None)
+        if path is not None:
+            await self.follow_to_end(arm.name, path, label)
+        return path is not None
 
     async def _back_off(self, arm: ArmModel, postures: Sequence[Array], least: float) -> bool:
         """Drive back, at least so far [m], to where there is room for the arm; return False if there is none."""

@@ -12,7 +12,6 @@ from executive.locations import Rejections
 from executive.locations.changes import Changes
 from executive.locations.explanations import called
 from executive.modules.platform import Platform
-from executive.modules.stances import distances
 from executive.robots.arms import ArmModel
 from planlang.failures import LocationUnresolvable
 from planlang.geometry import Pose
@@ -35,7 +34,8 @@ def button_failure(
 def _too_far(button: Control, arms: Sequence[ArmModel], platform: Platform) -> str:
     """Return how near the shoulders get to a button, if that is farther than arms reach; "" else."""
     pose = platform.scene.bodies.pose(button.body) @ Pose(button.point)
-    away = {arm.name: distances(platform, [np.array([pose.position[:2]])], [arm])[0] for arm in arms}
+    poses, there = platform.base_poses(), np.array([pose.position[:2]])
+    away = {arm.name: poses.distances([there], [arm])[0] for arm in arms}
     if not arms or any(away[arm.name] < arm.reach for arm in arms):
         return ""
     if math.inf in away.values():

@@ -14,6 +14,7 @@ import numpy as np
 
 from executive.locations.taking_out import way_out
 from executive.modules.arm.hand_work import HandWork
+from executive.modules.furniture import leaf_failures, leaf_paths
 from executive.modules.tries import Tries
 from executive.motion import time_curve, time_path
 from executive.robots.arms import ArmModel
@@ -28,6 +29,7 @@ from planlang.failures import (
     GraspSlipped,
     HandleNotReachable,
     ManipulationFailure,
+    ManipulationGoalInCollision,
     ManipulationPoseUnreachable,
     NavigationFailure,
 )
@@ -42,6 +44,8 @@ if TYPE_CHECKING:
 
 PLACES = 6
 """Places of the base from which a leaf is moved, one after another."""
+ELSEWHERE = (ManipulationPoseUnreachable, ManipulationGoalInCollision, GraspMissed, NavigationFailure)
+"""Failures after which another way is tried."""
 WAYS = 4
 """Ways that are tried when the first cannot be gone: others differ little."""
 STRAY = 0.01
@@ -103,8 +107,6 @@ class LeafWork(HandWork):
 
         ``wanted``: the value up to which it is to go, if not until it counts as open or closed.
         """
-        from executive.modules.furniture import leaf_failures, leaf_paths  # most runs open nothing
-
         arms = self.free_hands()
         if joint.handle is None or not arms:
             missing = f"{joint.leaf} has no handle, which is a part of it (properPhysicalParts) of the class Handle"
@@ -112,7 +114,7 @@ class LeafWork(HandWork):
             raise HandleNotReachable(f"{HandleNotReachable.text}: {lacks}", what=joint.leaf)
         await self.tuck(self.platform.arms.untucked())
         goal, least = (joint.upper, joint.first_open) if opens else (0.0, joint.last_shut)
-        tries, tried = Tries(ManipulationPoseUnreachable, GraspMissed, NavigationFailure), 0
+        tries, tried = Tries(*ELSEWHERE), 0
         paths = leaf_paths.LeafPaths(self.platform, joint)
         for path in paths.towards(goal, arms, least if wanted is None else wanted):
             if path is None:
@@ -136,9 +138,8 @@ class LeafWork(HandWork):
             return  # it is not where it was believed to be: its way has to be looked for again
         platform.arms.choices.choose(arm.name)
         await platform.hands.move(arm, closed=False, fingers=path.fingers)
-        await self.follow(arm, self.planned(arm, path.before, None), joint.handle)
-        motion = await self.straight(arm, path.poses[1], path.joints[0], joint.handle)
-        await self.arrived(arm, motion, joint.handle)
+        await self.follow_to_end(arm.name, self.planned(arm, path.before, None), joint.handle)
+        await self.straight(arm, path.poses[1], path.joints[0], joint.handle)
         problem: ManipulationFailure | ContainerStuck | None = None
         try:
             await platform.hands.move(arm, closed=True)
@@ -159,7 +160,7 @@ class LeafWork(HandWork):
         platform, arm = self.platform, path.arm
         platform.hands.lead(arm, joint.leaf)
         motion = await platform.follow(arm.name, self._timed(path, joint))
-        if joint.leaf not in platform.world.led():
+        if joint.leaf not in platform.belief.led:  # the fingers feel it no more
             raise GraspSlipped(arm=arm.name, what=joint.handle)
         if motion.state is not MotionState.DONE:
             await platform.sensing.bump(motion)

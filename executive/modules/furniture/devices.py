@@ -1,6 +1,6 @@
 """The process module that turns devices on and off: it pushes their button, or turns their knob.
 
-Which of the two a device has, and where, is in ``executive/maps/controls.py``. A device that is believed to be in the
+Which of the two a device has, and where, is in ``executive/maps/scene.py``. A device that is believed to be in the
 wanted state is left alone: a push on its button would change that.
 """
 

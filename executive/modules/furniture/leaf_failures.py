@@ -23,6 +23,7 @@ RISES = np.arange(0.05, 1.0, 0.05)
 def leaf_failure(paths: LeafPaths, joint: Articulation, scene: PlanningScene) -> LocationUnresolvable:
     """Return why no way was found among ``paths``, with figures; for when none was."""
     rejected = paths.rejected
+    paths.poses.name_crowding()
     counts, handle = rejected.ordered(), str(joint.handle)
     figures = ""
     if set(counts) == {NO_GRIP}:

@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.belief.scene_collisions import BasePose
+from executive.locations.base_poses import BasePoses
 from executive.locations.hand_solutions import base_matrices
-from executive.locations.rejections import COLLISION, NO_ROOM, OUT_OF_REACH, Reason, Rejections, first_body
+from executive.locations.rejections import COLLISION, OUT_OF_REACH, Reason, Rejections, first_body
 from executive.modules.commanding import Control
 from executive.modules.furniture.leaf_grips import LAGS, Grips, grips_of
 from executive.motion import InverseKinematics, cartesian_path
@@ -50,8 +51,6 @@ BEHIND = (0.08, 0.2, 0.3)
 """Distances behind the handle at which the arm is that has it [m]."""
 LEAVING = (0.25, 0.5, 1.0)
 """Shares of the way to the handle at which a hand that leaves it is looked at."""
-IN_THE_WAY = 12
-"""Places without room of which it is found out which body is there."""
 SWEPT = Reason("swept over by the leaf")
 NO_GRIP = "no room for the hand at the handle"
 
@@ -78,8 +77,8 @@ class LeafPaths:
     """Looks for ways to move one leaf; ``rejected`` counts places of the base that will not do."""
 
     def __init__(self, control: Control, joint: Articulation) -> None:
-        self._control, self._joint = control, joint
-        self.rejected, self._tried = Rejections(), tuple[ArmModel, ...]()
+        self._control, self._joint, self.poses = control, joint, BasePoses(control.scene)
+        self.rejected, self._tried = self.poses.log, tuple[ArmModel, ...]()
         self._values, self._enough = np.zeros(0), 0
 
     def towards(self, value: float, arms: Sequence[ArmModel], wanted: float) -> Iterator[LeafPath | None]:
@@ -175,7 +174,6 @@ class LeafPaths:
         And how many values of the joint the leaf can go from each: as far as the arm reaches, and the leaf does not
         sweep over the base (m,).
         """
-        collisions = self._control.scene.collisions
         first = self._joint.motion(float(values[0])).inverse().matrix()
         middle = grips.points.mean(axis=0)
         tips = np.stack([moved(product(self._joint.motion(v).matrix(), first), middle) for v in values.tolist()])
@@ -183,11 +181,8 @@ class LeafPaths:
         reached, strain = _within_reach(arm, bases, tips)
         near = reached > 1
         self.rejected.add(OUT_OF_REACH.text, 0 if near.any() else len(near))
+        near[near] = self.poses.free(bases[near], -strain[near])
         bases, coarse, reached, strain = bases[near], coarse[near], reached[near], strain[near]
-        free = collisions.floor().holds(bases)
-        self._crowded(bases[~free], strain[~free])
-        free[free] = collisions.drivable()(bases[free])
-        bases, coarse, reached, strain = bases[free], coarse[free], reached[free], strain[free]
         steps = np.minimum(reached, self._beside(bases, values))
         self.rejected.count([SWEPT] * int((steps <= 1).sum()))
         order = np.lexsort((strain.round(6), ~coarse, -np.minimum(steps, enough)))
@@ -209,15 +204,6 @@ class LeafPaths:
         apart = np.hypot(*(bases[:, :2] - tips[0, :2]).T) > NEAREST
         bases[:, 2] = np.remainder(bases[:, 2] + math.pi, 2 * math.pi) - math.pi
         return np.concatenate([here, bases[apart]]), np.concatenate([[True], coarse[apart]])
-
-    def _crowded(self, bases: Array, strain: Array) -> None:
-        """Count places without room (m, 3), and what leaves none at the best of them."""
-        self.rejected.add(NO_ROOM, len(bases))
-        best = np.argsort(strain, kind="stable")[:: max(1, len(bases) // IN_THE_WAY)][:IN_THE_WAY]
-        for x, y, yaw in bases[best].tolist():
-            met = self._control.scene.collisions.contacts((x, y, yaw))
-            if met:
-                self.rejected.blocking[first_body(met)] += 1
 
     def _beside(self, bases: Array, values: Array) -> NDArray[np.intp]:
         """Return for how many values the leaf does not sweep over bases (m, 3), taken for round (m,)."""

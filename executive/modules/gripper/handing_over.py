@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
-
-import numpy as np
-
 from executive.modules.platform import PlatformModule
-from executive.motion import MotionError
 from executive.robots.arms import ArmModel
 from planlang.designators import (
     Action,
@@ -22,7 +17,6 @@ from planlang.failures import (
     HandoverNotTaken,
     ObjectLost,
 )
-from planlang.geometry.matrices import rotated
 from planlang.language.process_module import process_module
 
 DRAWN_BACK = (0.12, 0.06)
@@ -53,11 +47,13 @@ class Handover(PlatformModule):
         assert held is not None
         recipient = action.get("recipient")
         wanted = str(recipient) if isinstance(recipient, Person) else None
-        person = await platform.hands.offer(arm, held.name, PATIENCE)
-        if person is None:
+        if not await platform.hands.offer(arm, held.name, PATIENCE):
             raise HandoverNotTaken(what=held.name, recipient=wanted)
-        if isinstance(recipient, Person) and platform.scene.bodies.bind(recipient) != person:
-            raise HandoverNotTaken(f"{person} takes {held.name} instead of {wanted}", what=held.name, recipient=wanted)
+        meant = platform.scene.bodies.bind(recipient) if isinstance(recipient, Person) else None
+        person = platform.scene.bodies.taker(held.name, meant)
+        if person is None or meant not in (None, person):
+            said = f"{person or 'somebody unknown'} takes {held.name} instead of {wanted}"
+            raise HandoverNotTaken(said, what=held.name, recipient=wanted)
         mates = platform.scene.arms.mates(arm.name)
         platform.hands.let_go(held.name, to=person)
         for one in (arm, *mates):
@@ -68,15 +64,9 @@ class Handover(PlatformModule):
 
     async def _draw_back(self, arm: ArmModel, name: str) -> None:
         """Take the hand straight back from what the person has now, as far as there is room: an arm turns off there."""
-        platform, tip = self.platform, self.platform.scene.arms.tip(arm)
-        back = -rotated(tip[:3, :3], np.asarray(arm.frame.approach))
-        for far in DRAWN_BACK:
-            pose = tip.copy()
-            pose[:3, 3] += far * back
-            with suppress(MotionError):
-                path = platform.arms.straight_path(arm, pose, platform.arm_joints(arm), name)
-                await platform.sensing.bump(await platform.follow(arm.name, path))
-                return
+        path = self.platform.arms.drawn(arm, (far * self.back_of(arm) for far in DRAWN_BACK), name)
+        if path is not None:
+            await self.platform.sensing.bump(await self.platform.follow(arm.name, path))
 
     def _arm(self, action: Action) -> list[ArmModel]:
         platform = self.platform

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from executive.belief.recognition import VISION
+from executive.maps.recognition_models import missing_model, needs_model
 from executive.modules.platform import PlatformModule
 from planlang.designators import Action, Object
 from planlang.failures import (
@@ -115,8 +116,6 @@ class Perception(PlatformModule):
         known = belief.recognition.may_recognise([expand(what.type)]) if name is None else belief.recognises(name)
         if known:
             return
-        from executive.maps.recognition_models import missing_model, needs_model
-
         types = (expand(what.type),) if thing is None else thing.types
         if not needs_model(belief.map.ontology, types):
             return

@@ -19,11 +19,11 @@ from executive.belief.scene_collisions import BasePose
 from executive.modules.arm.hand_work import HandWork
 from executive.modules.phases import Phase
 from executive.modules.platform import PlatformModule
-from executive.modules.stances import is_at_ease, stances
 from executive.modules.tools.motion_failures import out_of_reach
 from executive.modules.tools.motion_grounding import UP, GroundedMotion, Grounding
 from executive.modules.tools.pouring import Pouring
 from executive.modules.tools.turning_over import check_flip
+from executive.modules.tries import Tries
 from executive.motion import MotionError
 from executive.motion.constrained_ends import Ends
 from executive.motion.constrained_motion import PhaseMotion, solve_motion
@@ -92,39 +92,35 @@ class ConstrainedWork(PlatformModule):
 
         While something is being poured the base stays. Raises ConstraintsUnsatisfied, or an ``objection`` to a motion.
         """
-        problem: ManipulationFailure | NavigationFailure | None = None
+        tries = Tries(ConstraintsUnsatisfied, NavigationFailure, AmountNotPoured)
         await self._look(grounding, asked, phase)
         motion = grounding.grounded(asked, phase)
         now = self.platform.base()
         here = phase.before or not self._is_mobile()
         if here or (
-            is_at_ease(self.platform, _middle(motion), motion.arms)
+            self.platform.base_poses().is_at_ease(_middle(motion), motion.arms)
             and await compute_in_thread(partial(self._end, grounding, motion, now)) is not None
         ):
-            try:
+            with tries:
                 return motion, await self._accepted(grounding, motion, phase, objection)
-            except (ConstraintsUnsatisfied, AmountNotPoured) as failure:
-                problem = failure
         tried, moves = 0, self._is_mobile() and not phase.pours
         for place in islice(self._places(motion), LOOKED_AT) if moves else ():
             if await compute_in_thread(partial(self._end, grounding, motion, place)) is None:
                 continue
-            try:
+            with tries:
                 if not await self._gone_to(grounding, asked, phase, place):
                     continue
                 motion = grounding.grounded(asked, phase)
                 return motion, await self._accepted(grounding, motion, phase, objection)
-            except (ConstraintsUnsatisfied, NavigationFailure, AmountNotPoured) as failure:
-                problem = problem or failure
             if (tried := tried + 1) == PLACES:
                 break
-        if isinstance(problem, NavigationFailure | AmountNotPoured):
-            raise problem
+        if isinstance(tries.problem, NavigationFailure | AmountNotPoured):
+            raise tries.problem
         if tried:
             await self._look(grounding, asked, phase)
             motion = grounding.grounded(asked, phase)
         # Ends of places hold all constraints: if there is none, the motion was not tried yet without lighter ones.
-        last = self._way if problem is None else self._just
+        last = self._way if tries.problem is None else self._just
         try:
             return motion, await compute_in_thread(partial(last, grounding, motion, phase, explains=True))
         except ConstraintsUnsatisfied as failure:
@@ -217,7 +213,7 @@ class ConstrainedWork(PlatformModule):
 
     def _places(self, motion: GroundedMotion) -> Iterator[BasePose]:
         """Yield free places of the base before what the constraints are about, near ones first."""
-        return stances(self.platform, _middle(motion), motion.arms, arms_first=True)
+        return self.platform.base_poses().before(_middle(motion), motion.arms, arms_first=True)
 
     def _end(self, grounding: Grounding, motion: GroundedMotion, base: BasePose) -> Array | None:
         """Return joint values (n,) at which constraints hold, from a base, and nothing is touched; None without.

@@ -9,7 +9,6 @@ from executive.locations import Rejections
 from executive.locations.changes import Changes
 from executive.locations.explanations import called
 from executive.modules.platform import Platform
-from executive.modules.stances import distances
 from executive.modules.tools.motion_grounding import GroundedMotion
 
 
@@ -25,7 +24,7 @@ def out_of_reach(platform: Platform, motion: GroundedMotion, does: Callable[[], 
     if found is None:
         return ""
     name, at = found
-    away = distances(platform, [at[None]], motion.arms)[0]
+    away = platform.base_poses().distances([at[None]], motion.arms)[0]
     said = f"the shoulder of {called(arm.name)} gets no nearer to {name} than {away:.2f} m"
     if not math.isfinite(away):
         said = f"the base has no room to stand near {name}"

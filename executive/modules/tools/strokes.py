@@ -17,7 +17,6 @@ import numpy as np
 
 from executive.belief.scene_collisions import BasePose
 from executive.modules.phases import Phase
-from executive.modules.stances import stances
 from executive.modules.tools.constrained_motions import ConstrainedWork, constraints_of, unsatisfied
 from executive.modules.tools.motion_grounding import GroundedMotion, Grounding
 from executive.motion import MotionError
@@ -169,7 +168,7 @@ class StrokeWork(ConstrainedWork):
         """Yield places of the base from which the arm gets from each of points (n, 4) to the next."""
         motion = grounding.grounded(asked, phase)
         there = moved(motion.things[plane.thing], points[:, :3])
-        near = stances(self.platform, there, motion.arms) if self._is_mobile() else ()
+        near = self.platform.base_poses().before(there, motion.arms) if self._is_mobile() else ()
         places = [plane.at(point, motion.constraints) for point in points]
 
         def is_reaching(base: BasePose, most: int = BEGINNINGS, *, blocked: bool = True) -> bool:

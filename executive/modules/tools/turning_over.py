@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from executive.modules.platform import Platform
-from planlang import perform
+from planlang import perform, sleep
 from planlang.designators import action
 from planlang.failures import LookingFailure, ObjectNotTurned, PerceptionFailure
 from planlang.geometry import Array, Pose
 from sim.bodies import axes_of
+from sim.falling import falling_time
 
 if TYPE_CHECKING:
     from executive.modules.phases import Phase
@@ -26,7 +27,8 @@ TURNED = -0.5
 
 async def check_turned(platform: Platform, name: str, before: Pose) -> None:
     """Look at a thing; raise ObjectNotTurned if it is seen to lie as it did before, nothing if it is not seen."""
-    await platform.hands.settled(name)
+    tools = (platform.scene.world.pose(tool).position[2] for tool in platform.belief.held)
+    await sleep(falling_time(max(tools, default=0.0) - before.position[2]))  # off the highest of them
     what = platform.scene.bodies.designator(name)
     with suppress(PerceptionFailure, LookingFailure):
         await perform(action("LookingForSomething", object_acted_on=what))

@@ -10,8 +10,8 @@ from itertools import islice
 
 import numpy as np
 
+from executive.locations.base_poses import BEST
 from executive.modules.phases import Phase
-from executive.modules.stances import BEST, distances, stances
 from executive.modules.tools.lanes import HAND, Room, Surface, lifted
 from executive.modules.tools.motion_grounding import GroundedMotion, Grounding
 from executive.modules.tools.strokes import Plane, StrokeWork
@@ -97,7 +97,8 @@ class Wiping(StrokeWork):
         name = self.platform.scene.bodies.bind(plane.thing)
         if self.platform.robot.camera is None or not self._is_mobile():
             return
-        for base in islice(stances(self.platform, motion.things[plane.thing][:2, 3], motion.arms), VIEWS):
+        poses = self.platform.base_poses()
+        for base in islice(poses.before(motion.things[plane.thing][:2, 3], motion.arms), VIEWS):
             if self.platform.belief.seen_from_here(name):
                 return
             with suppress(NavigationFailure):
@@ -132,7 +133,7 @@ class Wiping(StrokeWork):
 
     def _away(self, plane: Plane, motion: GroundedMotion, lanes: Sequence[Array]) -> list[float]:
         there = [moved(motion.things[plane.thing], lane[:, :3])[:, :2] for lane in lanes]
-        return distances(self.platform, there, motion.arms) if lanes else []
+        return self.platform.base_poses().distances(there, motion.arms) if lanes else []
 
     def _no_room(self, plane: Plane, motion: GroundedMotion) -> ConstraintsUnsatisfied:
         """Return the failure that says that no place of a surface is free."""

@@ -7,7 +7,6 @@ the arms, and all that stands on it. Nothing leans on the way: the thing is only
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import field
 from itertools import islice
@@ -74,13 +73,11 @@ class PairPlace:
 
 @dataclass(eq=False)
 class PairPaths:
-    """Ways of two arms; ``counts`` and ``blocking`` say why others are none."""
+    """Ways of two arms; ``log`` counts why others are none."""
 
     control: Control
     pair: ArmPair
     log: Rejections = field(default_factory=Rejections)
-    counts: Counter[str] = field(default_factory=Counter)
-    blocking: Counter[str] = field(default_factory=Counter)
 
     # Where it is
 
@@ -108,10 +105,9 @@ class PairPaths:
     def _refuse(self, reason: str, body: str | None = None, number: int = 1) -> None:
         if body is not None and body not in self.control.scene.world.names():  # a link of the robot
             reason, body = TOUCHES_ITSELF, None
-        if number:
-            self.counts[reason] += number
+        self.log.add(reason, number)
         if body is not None:
-            self.blocking[body] += 1
+            self.log.blocking[body] += 1
 
     # Taking
 

@@ -16,9 +16,11 @@ from typing import TypeVar
 import numpy as np
 
 from executive.belief.scene_collisions import BasePose
+from executive.locations.base_poses import BasePoses
+from executive.locations.rejections import Rejections
 from executive.modules.arm.hand_work import HandWork
-from executive.modules.stances import stances
 from executive.modules.trays.pair_paths import LIFT, PairGrasp, PairPaths
+from executive.modules.tries import Tries
 from executive.motion import MotionError
 from executive.robots.arm_pair import ArmPair
 from planlang import checkpoint
@@ -160,8 +162,8 @@ class TwoHands(HandWork):
         block = self.platform.scene.bodies.block(name)
         point, square = block.centre[:2], block.yaw + np.arange(4) * math.pi / 2
         for paths in pairs:
-            squarely = stances(self.platform, point, paths.pair.arms, square)
-            every = chain(squarely, stances(self.platform, point, paths.pair.arms))
+            poses, arms = self.platform.base_poses(), paths.pair.arms
+            every = chain(poses.before(point, arms, square), poses.before(point, arms))
             bases = (one for one in every if not _is_one_of(one, tried))
             async for grasp in _found(paths.grasps(name, bases)):
                 return grasp.base
@@ -195,15 +197,11 @@ class TwoHands(HandWork):
         return [PairPaths(platform, ArmPair(pair, still)) for pair in pairs]
 
     def _nowhere(self, name: str, pairs: Sequence[PairPaths], doing: str) -> LocationUnresolvable:
-        counts: dict[str, int] = {}
-        blocking: dict[str, int] = {}
+        log = Rejections()
         for paths in pairs:
-            for found, table in ((paths.counts, counts), (paths.blocking, blocking), (paths.log.counts, counts)):
-                for reason, number in found.items():
-                    table[reason] = table.get(reason, 0) + number
+            log.include(paths.log)
         size = " m by ".join(f"{extent:g}" for extent in self.platform.scene.bodies.size(name)[:2])
-        said = f"{doing} {name}, {size} m, with two hands"
-        return LocationUnresolvable(designator=said, counts=counts, blocking=blocking)
+        return log.failure(f"{doing} {name}, {size} m, with two hands")
 
     async def _grasp(self, paths: PairPaths, grasp: PairGrasp, name: str) -> None:
         hands, arms = self.platform.hands, paths.pair.arms
@@ -226,18 +224,14 @@ class TwoHands(HandWork):
     async def _arms_to(self, paths: PairPaths, q: Array, name: str) -> None:
         """Bring the arms, one after the other, to joint values (n,); one may have to make room for the other."""
         waiting = list(zip(paths.pair.arms, paths.pair.group.columns, strict=True))
-        problem: ManipulationPoseUnreachable | None = None
+        tries = Tries(ManipulationPoseUnreachable)
         for _ in range(len(waiting)):
             for arm, columns in tuple(waiting):
-                try:
-                    trajectory = self.planned(arm, q[columns], None)
-                except ManipulationPoseUnreachable as failure:
-                    problem = failure
-                    continue
-                await self.follow(arm, trajectory, name)
-                waiting = [one for one in waiting if one[0] is not arm]
-        if waiting and problem is not None:
-            raise problem
+                with tries:
+                    await self.follow_to_end(arm.name, self.planned(arm, q[columns], None), name)
+                    waiting = [one for one in waiting if one[0] is not arm]
+        if waiting and tries.problem is not None:
+            raise tries.problem
 
     async def _go(self, paths: PairPaths, rows: Array, name: str, *, held: bool = False) -> None:
         """Move both arms on a way (k, n)."""
@@ -276,15 +270,13 @@ class TwoHands(HandWork):
         if not isinstance(where, (Object, Location)):
             raise ActionUnresolvable("it needs to_location", designator=str(action))
         location, tried = resting_on(where), list[BasePose]()
-        problem: ManipulationFailure | NavigationFailure | None = None
+        tries = Tries(ManipulationPoseUnreachable, NavigationFailure)
         for number in range(PLACES + 1):
             spots = self._spots(what, location)
             if self._is_near(np.array(spots[0].position)):
-                try:
+                with tries:
                     if await self._lowered(paths, name, spots, lowers=lowers):
                         return
-                except ManipulationPoseUnreachable as failure:
-                    problem = problem or failure
             await self._rise(paths, name, max(spot.position[2] for spot in spots))
             if number == PLACES:
                 break
@@ -292,47 +284,42 @@ class TwoHands(HandWork):
             if place is None:
                 break
             tried.append(place.base)
-            try:
+            with tries:
                 await self.drive(place.base)
-            except NavigationFailure as failure:
-                problem = problem or failure
             await self._look_at_support(place.pose)
-        raise self._nowhere(name, [paths], "put down") from problem
+        raise self._nowhere(name, [paths], "put down") from tries.problem
 
     async def _lowered(self, paths: PairPaths, name: str, spots: Sequence[Pose], *, lowers: bool) -> bool:
         """Lower what is held from where the base is; False without a way, a failure if none that there is was gone."""
-        problem, tried, here = None, 0, partial(_only, self.platform.base())
+        tries, tried, here = Tries(ManipulationPoseUnreachable), 0, partial(_only, self.platform.base())
         async for place in _found(paths.places(name, spots, here)):
-            try:
+            with tries:
                 if lowers:
                     await self._go(paths, place.lower, name, held=True)
                 return True
-            except ManipulationPoseUnreachable as failure:
-                problem = problem or failure
             if (tried := tried + 1) == WAYS:
                 break
-        if problem is not None:
-            raise problem
+        if tries.problem is not None:
+            raise tries.problem
         return False
 
     def _before(self, paths: PairPaths, name: str, tried: Sequence[BasePose], pose: Pose) -> Iterator[BasePose]:
         """Yield free places of the base before a place of what is held: first where it has only to be held out."""
-        bases = chain(self._held_out(paths, name, pose), stances(self.platform, _level(pose), paths.pair.arms))
+        poses = self.platform.base_poses()
+        bases = chain(
+            self._held_out(poses, paths, name, pose), poses.before(np.array(pose.position[:2]), paths.pair.arms)
+        )
         return (one for one in bases if not _is_one_of(one, tried))
 
-    def _held_out(self, paths: PairPaths, name: str, pose: Pose) -> Iterator[BasePose]:
+    def _held_out(self, poses: BasePoses, paths: PairPaths, name: str, pose: Pose) -> Iterator[BasePose]:
         """Yield free places of the base from which what is held comes to a place when it is moved straight away."""
         here = Pose.from_matrix(paths.pose_of(name, paths.now()))
         x, y, _ = here.position
-        collisions, away = self.platform.scene.collisions, max(math.hypot(x, y), HAIR)
-        for far in OUTWARDS:
-            share = 1.0 + far / away
-            out = Pose.planar(x * share, y * share, here.yaw)
-            base = Pose.planar(*pose.position[:2], pose.yaw) @ out.inverse()
-            there = base.position[0], base.position[1], base.yaw
-            row = np.array([there])
-            if collisions.floor().holds(row)[0] and collisions.drivable()(row)[0] and not collisions.contacts(there):
-                yield there
+        shares = 1.0 + np.array(OUTWARDS) / max(math.hypot(x, y), HAIR)
+        outs = (Pose.planar(x * share, y * share, here.yaw) for share in shares.tolist())
+        bases = [Pose.planar(*pose.position[:2], pose.yaw) @ out.inverse() for out in outs]
+        rows = np.array([(*base.position[:2], base.yaw) for base in bases])
+        return poses.with_room(rows[poses.free(rows)])
 
     def _spots(self, what: Object, location: Location) -> list[Pose]:
         """Return places for a thing, the best ones of those that are apart; raises LocationUnresolvable."""
@@ -375,10 +362,6 @@ class TwoHands(HandWork):
 
 def _only(base: BasePose, pose: Pose) -> list[BasePose]:
     return [base]
-
-
-def _level(pose: Pose) -> Array:
-    return np.array(pose.position[:2])
 
 
 def _is_one_of(base: BasePose, tried: Iterable[BasePose]) -> bool:

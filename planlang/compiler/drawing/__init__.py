@@ -8,9 +8,9 @@ from collections.abc import Callable, Mapping
 
 from planlang.compiler.drawing.markup import dot, mermaid
 from planlang.compiler.drawing.svg import figure, svg
-from planlang.compiler.drawing.task_graph import Arrow, Box, Group, Order, TaskGraph, task_graph
+from planlang.compiler.drawing.task_graph import Order, TaskGraph, task_graph
 
 FORMATS: Mapping[str, Callable[[TaskGraph], str]] = {".svg": svg, ".dot": dot, ".mmd": mermaid}
 """Suffix of a file -> the function that writes this format; equal graphs give equal text."""
 
-__all__ = ["FORMATS", "Arrow", "Box", "Group", "Order", "TaskGraph", "dot", "figure", "mermaid", "svg", "task_graph"]
+__all__ = ["FORMATS", "Order", "TaskGraph", "dot", "figure", "mermaid", "svg", "task_graph"]

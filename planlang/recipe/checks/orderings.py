@@ -21,7 +21,7 @@ from planlang.recipe.checks.joints import joints
 from planlang.recipe.checks.misspellings import guess
 from planlang.recipe.model import Ordering, Overlap, Reason, Recipe, Step
 from planlang.recipe.order import Intervals, Precedence, leads_to, recipe_cycle, recipe_order
-from planlang.recipe.preconditions import named
+from planlang.recipe.preconditions import Preconditions, named
 from planlang.recipe.statements import LooseEnd, Statements
 from planlang.records import dataclass
 from planlang.spelling import similar
@@ -437,3 +437,14 @@ def free_steps(checked: CheckedRecipe) -> Iterator[Diagnostic]:
         names = ", ".join(f"`{step.name}`" for step in free)
         message = f"{names} of `{recipe.name}` {'are' if len(free) > 1 else 'is'} not ordered, unlike other steps"
         yield note("R047", message, free[0].span, "add ordering constraints if this is not intended")
+
+
+@check("R067", unless=(*RECURSIVE, "R012", *ORDERS_UNKNOWN))
+def late_preconditions(checked: CheckedRecipe) -> Iterator[Diagnostic]:
+    """Report steps that come before what they need is brought about."""
+    recipe = checked.recipe
+    order = recipe_order(recipe)
+    if checked.added:
+        order = order.extended(checked.added)
+    for unmet in Preconditions(checked.actions, recipe).unmet(order.before):
+        yield error("R067", str(unmet), recipe.step(unmet.step).span, unmet.advice)

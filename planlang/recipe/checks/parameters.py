@@ -12,6 +12,7 @@ from dataclasses import replace
 from functools import cache
 from itertools import chain, combinations
 
+from planlang.closure import reached
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Rename, Severity, Span, error, note, warning
 from planlang.files import bundled
@@ -152,19 +153,18 @@ def _bound(ontology: Ontology, recipe: Recipe, recipes: RecipeSet) -> tuple[Reci
 
 
 def _things_below(recipe: Recipe, recipes: RecipeSet) -> Iterator[Thing]:
-    reached = {recipe.iri: recipe}
-    waiting = [recipe]
-    for one in waiting:
+    known = {**recipes.recipes, recipe.iri: recipe}
+
+    def called(iri: str) -> Iterator[str]:
+        return (callee for step in known[iri].steps for callee in step.recipes if callee in known)
+
+    for one in (known[iri] for iri in reached((recipe.iri,), called)):
         for parameters in (one.parameters, *(step.parameters for step in one.steps)):
             for parameter in parameters:
                 if isinstance(parameter.filler, Thing):
                     yield parameter.filler
                 elif isinstance(parameter.filler, Place):
                     yield from parameter.filler.things()
-        for callee in (callee for step in one.steps for callee in step.recipes):
-            if callee not in reached and callee in recipes.recipes:
-                reached[callee] = recipes.recipes[callee]
-                waiting.append(reached[callee])
 
 
 DATA_PROPERTY = OWL.DatatypeProperty

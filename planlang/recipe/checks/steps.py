@@ -10,15 +10,15 @@ import re
 from collections.abc import Iterator
 from difflib import get_close_matches
 
+from planlang.closure import reached
 from planlang.designators import local_name, told_apart
 from planlang.diagnostics import Diagnostic, Rename, Span, error, note, warning
 from planlang.ontology import BNode, Ontology, Restriction, expand, shorten
 from planlang.recipe import graphs as nx
-from planlang.recipe.actions import Actions
+from planlang.recipe.actions import Actions, recipes_for
 from planlang.recipe.checks import CheckedFile, CheckedRecipe, check, listing
 from planlang.recipe.checks.misspellings import SURE, guess
 from planlang.recipe.model import Ending, Recipe, RecipeSet, Step, Transition
-from planlang.recipe.performers import recipes_for
 from planlang.recipe.statements import Statements, SubAction, is_word
 from planlang.spelling import similar
 
@@ -56,9 +56,7 @@ def undefined_sub_actions(checked: CheckedRecipe) -> Iterator[Diagnostic]:
 
 def _is_action(checked: CheckedRecipe, iri: str) -> bool:
     ontology = checked.ontology
-    return any(ontology.is_a(iri, expand(name)) for name in ("Action", "Event")) or (
-        checked.actions.statements(iri) is not None
-    )
+    return ontology.any_is_a((iri,), ("Action", "Event")) or checked.actions.statements(iri) is not None
 
 
 @check("R024")
@@ -216,18 +214,16 @@ def requirements(checked: CheckedFile) -> Iterator[Diagnostic]:
         owners: tuple[Recipe | Step, ...] = (recipe, *recipe.steps)
         for owner in owners:
             classes |= dict.fromkeys(ontology.ancestors(owner.action_class))
-    seen: dict[str, None] = dict(classes)
-    waiting = list(seen)
-    for cls in waiting:
+
+    def needed(cls: str) -> Iterator[str]:
+        fillers = (one.filler for one in _requirements(ontology, cls))
+        return (above for filler in fillers if isinstance(filler, str) for above in ontology.ancestors(filler))
+
+    seen = list(reached(classes, needed))
+    for cls in seen:
         for restriction in _requirements(ontology, cls):
             yield from _judged(ontology, cls, restriction)
-            needed = restriction.filler
-            if isinstance(needed, str):
-                for ancestor in ontology.ancestors(needed):
-                    if ancestor not in seen:
-                        seen[ancestor] = None
-                        waiting.append(ancestor)
-    yield from _circles(ontology, list(seen))
+    yield from _circles(ontology, seen)
 
 
 def _requirements(ontology: Ontology, cls: str) -> list[Restriction]:
@@ -387,15 +383,15 @@ def unreachable_states(checked: CheckedRecipe) -> Iterator[Diagnostic]:
         return
     graph = nx.DiGraph((one.source, one.target) for one in machine.transitions)
     graph.add_node(machine.start)
-    reached = {machine.start, *nx.descendants(graph, machine.start)}
-    lost = [step for step in recipe.steps if step.iri not in reached]
+    entered = {machine.start, *nx.descendants(graph, machine.start)}
+    lost = [step for step in recipe.steps if step.iri not in entered]
     for step in lost:
-        if step.iri in machine.ends and not reached & set(machine.ends):
+        if step.iri in machine.ends and not entered & set(machine.ends):
             continue
         message = f"the state `{step.name}` cannot be reached from `{local_name(machine.start)}`"
         advice = f"add a transition with `toState {step.name}`, or remove the state"
         yield warning("R054", message, step.span, advice)
-    if not reached & set(machine.ends):
+    if not entered & set(machine.ends):
         names = ", ".join(f"`{local_name(end)}`" for end in machine.ends)
         message = f"no end of `{recipe.name}` ({names}) can be reached from `{local_name(machine.start)}`"
         yield error("R054", message, recipe.span, "add the missing transitions")

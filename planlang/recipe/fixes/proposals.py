@@ -11,13 +11,12 @@ from planlang.designators import local_name
 from planlang.diagnostics import Declaration, Diagnostic, Order, Rename, Severity, Span
 from planlang.ontology import Ontology, Restriction
 from planlang.ontology.terms import OWL
-from planlang.recipe.actions import Actions
+from planlang.recipe.actions import Actions, statements_for
 from planlang.recipe.checks.orderings import constraints_of, follow_from_others
 from planlang.recipe.checks.parameters import exchanged_pair, unused_designators
 from planlang.recipe.checks.steps import unlisted_states
 from planlang.recipe.fixes import CannotEdit, Edit, Editable, Fix, Place
 from planlang.recipe.model import Recipe, RecipeSet, Step, Thing
-from planlang.recipe.performers import statements_for
 from planlang.recipe.readers.partial_order import is_sub_action
 from planlang.recipe.statements import Statements, is_word
 from planlang.spelling import similar

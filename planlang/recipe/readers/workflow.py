@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import product
 
+from planlang.closure import reached
 from planlang.designators import local_name
 from planlang.ontology import BNode, Ontology, Restriction, expand, shorten
 from planlang.recipe.fillers import action_class
@@ -201,8 +202,8 @@ class _Nesting:
 
     def stating(self, task: str, parts: list[str]) -> list[str]:
         """Return a task, its parts and all below them, with their workflows: all that state relations of its parts."""
-        found = [task, *parts, *_reached(self._below, *parts)]
-        return [name for one in dict.fromkeys(found) for name in (one, *self._workflows.get(one, ()))]
+        found = dict.fromkeys((task, *reached(parts, lambda name: self._below.get(name, ()))))
+        return [name for one in found for name in (one, *self._workflows.get(one, ()))]
 
     def within(
         self, task: str, parts: list[str], ends: tuple[str, str], relation: Allen | None = None
@@ -213,7 +214,7 @@ class _Nesting:
         during. Other relations across workflows cannot be kept: their ends are yielded as they are, as is a task that
         no workflow has together with the other one; both are mistakes.
         """
-        above = [{name: None, **_reached(self._above, name)} for name in ends]
+        above = [dict.fromkeys(reached((name,), lambda name: self._above.get(name, ()))) for name in ends]
         first, second = (self._owners(name, found, [task, *parts]) for name, found in zip(ends, above, strict=True))
         if not first or not second:
             is_own = not {*parts}.isdisjoint(ends) or (task in ends and task not in self._above)
@@ -233,17 +234,6 @@ class _Nesting:
     def _owners(name: str, above: dict[str, None], known: list[str]) -> list[str]:
         """Return a known task itself, else the known parts that a task is below; ``known[0]`` is the whole task."""
         return [name] if name in known else [one for one in known[1:] if one in above]
-
-
-def _reached(links: dict[str, dict[str, None]], *starts: str) -> dict[str, None]:
-    """Return all that is reached from some names, in the order in which it is, without these unless on a circle."""
-    found: dict[str, None] = {}
-    waiting = list(starts)
-    for name in waiting:
-        new = [other for other in links.get(name, ()) if other not in found]
-        found.update(dict.fromkeys(new))
-        waiting += new
-    return found
 
 
 def _nesting(ontology: Ontology) -> _Nesting:

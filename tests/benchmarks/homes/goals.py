@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 
-from sim.world import at_rest_on, held_by
+from sim.truth import at_rest_on, held_by
 from tests.support.scenarios import Watched, tilt
 
 Goal = Callable[[Watched], Iterable[str]]

@@ -28,8 +28,19 @@ from planlang.failures import (
 from planlang.geometry import Array, Pose
 from planlang.protocols import Detection, Trajectory
 from sim import Body, PyBulletWorld
-from sim.world import at_rest_on, held_by
-from tests.executive.conftest import BED, BOTTLE, CABINET, THE_BOTTLE, MakeStage, Stage, hold_bottle, stand
+from sim.truth import at_rest_on, held_by
+from tests.executive.conftest import (
+    BED,
+    BOTTLE,
+    CABINET,
+    PATIENT,
+    THE_BOTTLE,
+    WARD,
+    MakeStage,
+    Stage,
+    hold_bottle,
+    stand,
+)
 from tests.support.examples import some
 
 RIGHT, LEFT = a_device("RightGripper"), a_device("LeftGripper")
@@ -90,6 +101,21 @@ def test_a_bottle_between_neighbours_a_fingers_breadth_away_is_grasped_and_they_
     assert held_by(stage.truth, "bottle") == "robot"
     for name, spot in spots.items():
         assert stage.truth.pose(name).position == pytest.approx(spot, abs=1e-6)
+
+
+def test_a_hand_holds_what_is_there_while_the_robot_believes_what_it_has_seen(make_stage: MakeStage) -> None:
+    other = replace(BOTTLE, name="other", iri="", pose=Pose((1.5, 0.3, 0.9)))
+    stage = make_stage(CABINET, BOTTLE, other)
+    stand(stage, next(stage.resolver.bases(a_location(in_reach_of=(THE_BOTTLE, BEFORE, AROUND)))).base)
+    do(stage, reach(BEFORE), OPEN)
+    stage.truth.set_pose("bottle", other.pose)
+    stage.truth.set_pose("other", BOTTLE.pose)
+    do(stage, reach(AROUND), CLOSE, reach(BEFORE))
+    assert stage.executive.held() == ("bottle",)
+    assert (held_by(stage.truth, "other"), held_by(stage.truth, "bottle")) == ("robot", None)
+    do(stage, OPEN)
+    assert stage.executive.held() == ()
+    assert at_rest_on(stage.truth, "other") == "cabinet"
 
 
 def test_a_thing_stands_for_where_it_is_grasped(before_bottle: Stage) -> None:
@@ -390,6 +416,17 @@ def test_a_patient_far_away_does_not_take_it(ward: Stage) -> None:
     with pytest.raises(HandoverNotTaken):
         hand_over(ward)
     assert held_by(ward.truth, "bottle") == "robot"
+
+
+def test_a_robot_knows_by_where_it_offers_something_who_takes_it(make_stage: MakeStage) -> None:
+    visitor = replace(PATIENT, name="visitor", type="Visitor", pose=Pose((3.0, 4.0, 0.9)), size=(0.4, 0.5, 1.75))
+    stage = make_stage(*WARD, visitor)
+    offer(stage, "right")
+    with pytest.raises(HandoverNotTaken, match="patient takes bottle instead of Visitor"):
+        stage.run(
+            lambda: perform(action("HandingOverAnObject", object_acted_on=THE_BOTTLE, recipient=a_person("Visitor")))
+        )
+    assert held_by(stage.truth, "bottle") == "robot"
 
 
 def test_an_empty_hand_hands_nothing_over(ward: Stage) -> None:

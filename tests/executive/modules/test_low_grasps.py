@@ -24,7 +24,7 @@ from planlang.geometry import Pose
 from sim import Body
 from sim.bodies import plain
 from sim.scene import Cavity, Handle
-from sim.world import held_by
+from sim.truth import held_by
 from tests.executive.conftest import BED, BOTTLE, CABINET, PLACE, THE_BOTTLE, MakeStage, stand
 from tests.support.examples import some
 from tests.support.leaves import drawn, room

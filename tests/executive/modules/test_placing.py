@@ -19,7 +19,7 @@ from planlang.failures import ActionUnresolvable, ManipulationFailure
 from planlang.geometry import Pose
 from planlang.protocols import Detection
 from sim import Body
-from sim.world import at_rest_on
+from sim.truth import at_rest_on
 from tests.executive.conftest import (
     BED,
     BOTTLE,

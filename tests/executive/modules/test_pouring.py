@@ -20,7 +20,8 @@ from executive.motion.constrained_motion import PhaseMotion
 from planlang.designators import Action
 from planlang.failures import AmountNotPoured
 from planlang.geometry import Pose
-from sim.world import PyBulletWorld, held_by
+from sim import PyBulletWorld
+from sim.truth import held_by
 from tests.support.extras import skip_without_pr2
 from tests.support.scenarios import Judged, Scenario, Watched, judged
 

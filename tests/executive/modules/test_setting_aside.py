@@ -13,7 +13,7 @@ from planlang import Recovery, perform, put_down_and_regrasp, with_failure_handl
 from planlang.designators import a_location, action, an_object
 from planlang.failures import HandsFull, ObjectUndeliverable, PlanFailure
 from planlang.testing import Script, run_plan
-from sim.world import at_rest_on
+from sim.truth import at_rest_on
 from tests.executive.conftest import BED, BOTTLE, CABINET, PATIENT, THE_BOTTLE, MakeStage, Stage, hold_bottle
 
 GRASP = a_location(in_center_of=THE_BOTTLE)

@@ -18,7 +18,7 @@ from planlang.geometry import Pose
 from planlang.ontology import Ontology
 from sim import Body, PlanningWorld, Scene
 from sim.scene import Handle
-from sim.world import at_rest_on, held_by
+from sim.truth import at_rest_on, held_by
 from tests.executive.conftest import PLACE, MakeStage, Stage, furnisher
 from tests.support.examples import some
 from tests.support.extras import skip_without_pr2

@@ -11,7 +11,7 @@ from contextlib import ExitStack, closing
 import httpx
 import pytest
 
-from executive.serving import connections
+from executive.serving import running as connections
 from planlang.knowledge.entries import File, Kind
 from tests.support.knowledge_bases import NOW, put, recognition_model
 from tests.support.servers import RunningServer, running_server

@@ -10,8 +10,7 @@ import pytest
 from planlang.files import Bundled
 from planlang.knowledge.answers import Declined
 from planlang.knowledge.client import Client
-from planlang.knowledge.entries import Kind
-from planlang.knowledge.stores import NotTheAuthor
+from planlang.knowledge.entries import Kind, NotTheAuthor
 from tests.support.servers import RunningServer, running_server
 
 RECIPE = Bundled.RECIPE.find("serve_a_drink").read_bytes()

@@ -9,11 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from executive.robots import Availability
-from executive.serving.abilities import Abilities, Judgement
-from executive.serving.remembered import OVERHEAD, Remembered, digest
+from executive.serving.abilities import OVERHEAD, Abilities, Judgement, Remembered, digest
 from executive.serving.workers import Workers
-from planlang.knowledge.entries import Entry, Kind, Revision, Syntax
-from planlang.knowledge.stores import Store
+from planlang.knowledge.entries import Entry, Kind, Revision, Store, Syntax
 
 MODEL = 1_000_000
 CUP = Entry("cup.ada", Kind.OBJECT, "urn:cup", "cup", "ada", Syntax.TURTLE, "", Revision(1, "00", "ada", ""))

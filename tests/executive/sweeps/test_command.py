@@ -13,9 +13,9 @@ from typer.testing import CliRunner, Result
 
 import planlang
 from executive.cli import app as cli
+from executive.cli.arguments import SweepArguments
 from executive.cli.command_lines import parsed, words_of
-from executive.cli.sweep_arguments import SweepArguments
-from executive.cli.sweep_progress import Progress
+from executive.cli.sweep import Progress
 from executive.cli.swept_world import ended
 from executive.sweeps.files import read_sweep
 from executive.sweeps.records import Done
@@ -130,7 +130,7 @@ def test_options_are_written_as_they_are_read() -> None:
 def test_progress_tells_rate_and_time_left(monkeypatch: pytest.MonkeyPatch) -> None:
     lines: list[str] = []
     times = iter([0.0, 0.0, 5.0, 20.0, 21.0])
-    monkeypatch.setattr("executive.cli.sweep_progress.time.monotonic", lambda: next(times))
+    monkeypatch.setattr("executive.cli.sweep.time.monotonic", lambda: next(times))
     progress = Progress(103, lines.append)
     progress.resumed([{"world": 1, "outcome": "done"}])
     for outcome in ("done", "crashed", "failed"):

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import ast
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
 
 import pytest
+from small_recipes import HEAD
 
+from planlang.compiler import CompiledPlan, compile_recipe
 from planlang.compiler.expressions import without_digits
 from planlang.designators import snake_case
 
@@ -146,3 +150,15 @@ class PlanReader:
 def read_plan() -> type[PlanReader]:
     """Reads a plan's source back."""
     return PlanReader
+
+
+@pytest.fixture
+def compiled(tmp_path: Path) -> Any:
+    """Compiles a recipe given as its parts."""
+
+    def compile_text(*parts: str, **options: Any) -> CompiledPlan:
+        path = tmp_path / "test.omn"
+        path.write_text("\n".join((HEAD, *parts)), encoding="utf-8")
+        return compile_recipe(path, **options)
+
+    return compile_text

@@ -1,74 +1,12 @@
 """Plans that the compiler makes of nested recipes, parameters, devices, scopes and recoveries, on small recipes."""
 
-from pathlib import Path
 from typing import Any
 
 import pytest
 from plan_text import unbroken
+from small_recipes import body, orderings, step, task
 
-from planlang.compiler import CompiledPlan, compile_recipe
 from planlang.diagnostics import BadInput, Severity
-
-HEAD = """
-Prefix: : <http://planlang.org/test#>
-Prefix: room: <http://planlang.org/room#>
-Prefix: k: <http://knowrob.org/kb/knowrob.owl#>
-Prefix: rdfs: <http://www.w3.org/2000/01/rdf-schema#>
-Ontology: <http://planlang.org/test>
-Import: <http://knowrob.org/kb/knowrob.owl>
-
-Individual: room:bottle1
-    Types: k:DrinkingBottle
-Individual: room:cup1
-    Types: k:Cup
-Individual: room:patient1
-    Types: k:Patient
-Individual: gripper
-    Types: k:HolderGripper
-Individual: there
-    Types: k:Point2D
-    Facts: k:inReachOf room:bottle1
-Individual: graspPose
-    Types: k:Point3D
-    Facts: k:inCenterOf room:bottle1
-"""
-
-
-def orderings(*pairs: str) -> str:
-    """Individuals O1, O2, ... for pairs written ``A<B``."""
-    lines = []
-    for number, pair in enumerate(pairs, 1):
-        a, b = pair.split("<")
-        lines.append(f"Individual: O{number}\n    Types: k:PartialOrdering-Strict")
-        lines.append(f"    Facts: k:occursBeforeInOrdering {a}, k:occursAfterInOrdering {b}")
-    return "\n".join(lines)
-
-
-def task(name: str, steps: str, *more: str, above: str = "k:PurposefulAction", constraints: int = 0) -> str:
-    parts = [above, *(f"k:subAction some {step}" for step in steps.split()), *more]
-    parts += [f"k:orderingConstraints value O{number}" for number in range(1, constraints + 1)]
-    return f"Class: {name}\n    SubClassOf: {', '.join(parts)}\n"
-
-
-def step(name: str, above: str, *parts: str) -> str:
-    return f"Class: {name}\n    SubClassOf: {', '.join((above, *parts))}\n"
-
-
-@pytest.fixture
-def compiled(tmp_path: Path) -> Any:
-    """Compiles a recipe given as its parts."""
-
-    def compile_text(*parts: str, **options: Any) -> CompiledPlan:
-        path = tmp_path / "test.omn"
-        path.write_text("\n".join((HEAD, *parts)), encoding="utf-8")
-        return compile_recipe(path, **options)
-
-    return compile_text
-
-
-def body(plan: CompiledPlan, function: str) -> str:
-    """The source of one plan function, from its ``async def``."""
-    return plan.source.split(f"async def {function}(")[1].split("\n\n\n")[0]
 
 
 def test_steps_of_one_place_run_at_it_and_hand_places_narrow_it(compiled: Any) -> None:
@@ -296,102 +234,6 @@ def test_task_without_steps_of_its_own_takes_those_of_its_superclass(compiled: A
     plan = compiled(step("Mine", "Serve"), task("Serve", "Look"), step("Look", "k:LookingForSomething"), task="Mine")
     assert plan.functions == ("mine",)
     assert 'await perform(action(RECIPE + "Look", below="LookingForSomething"))' in plan.source
-
-
-def test_recovery_stated_in_the_recipe_replaces_the_inherited_one(compiled: Any) -> None:
-    plan = compiled(
-        task("Serve", "Close"),
-        step("Close", "k:ClosingAGripper", "k:objectActedOn value room:bottle1"),
-        "Individual: again\n    Types: k:Recovery\n"
-        "    Facts: k:recoversAction Close, k:recoversFailure k:GraspMissed, k:strategy k:Repeat, k:attempts 4",
-    )
-    assert "Recovery(GraspMissed, attempts=4)" in plan.source
-    assert "Recovery((GraspSlipped, GripperGoalNotReached), look_and_repeat(bottle)" in unbroken(plan.source)
-
-
-def test_recovery_with_no_attempts_is_switched_off(compiled: Any) -> None:
-    plan = compiled(
-        task("Serve", "Close"),
-        step("Close", "k:ClosingAGripper", "k:objectActedOn value room:bottle1"),
-        "Individual: never\n    Types: k:Recovery\n"
-        "    Facts: k:recoversAction Close, k:recoversFailure k:GraspMissed, k:strategy k:Repeat, k:attempts 0",
-    )
-    assert "GraspMissed" not in plan.source
-
-
-@pytest.mark.parametrize(
-    ("stated", "written"),
-    [
-        ("k:strategy k:FetchAgain, k:escalatesTo k:ObjectUnfetchable", "fetch_again(bottle), attempts=2)"),
-        ("k:strategy k:FetchAgain", "fetch_again(bottle), attempts=2, otherwise=None)"),
-        ("k:strategy k:Repeat", "attempts=2)"),
-        ("k:strategy k:Repeat, k:escalatesTo k:ObjectUnfetchable", "attempts=2, otherwise=ObjectUnfetchable)"),
-    ],
-)
-def test_last_failure_is_written_unless_the_strategy_says_it(compiled: Any, stated: str, written: str) -> None:
-    plan = compiled(
-        task("Serve", "Close"),
-        step("Close", "k:ClosingAGripper", "k:objectActedOn value room:bottle1"),
-        f"Individual: again\n    Types: k:Recovery\n    Facts: k:recoversAction Close, k:attempts 2, {stated},"
-        " k:recoversFailure k:GraspMissed",
-    )
-    assert f"Recovery(GraspMissed, {written}" in unbroken(plan.source)
-
-
-@pytest.mark.parametrize(("stated", "written"), [("0", "1"), ("2", "2")])
-def test_number_of_places_that_a_scope_tries_is_that_of_the_recipe(compiled: Any, stated: str, written: str) -> None:
-    failures = "NavigationFailure ManipulationPoseUnreachable ManipulationGoalInCollision LookingGoalUnreachable"
-    plan = compiled(
-        task("Serve", "Drive Look", constraints=1),
-        orderings("Drive<Look"),
-        step("Drive", "k:Translation-LocationChange", "k:toLocation value room:bottle1"),
-        step("Look", "k:LookingForSomething"),
-        "Individual: places\n    Types: k:Recovery\n"
-        f"    Facts: k:recoversAction Drive, k:strategy k:NextSolution, k:attempts {stated}"
-        + "".join(f", k:recoversFailure k:{failure}" for failure in failures.split()),
-    )
-    assert f"at_near_bottle, attempts={written}, by=" in unbroken(plan.source)
-
-
-def test_task_that_is_run_by_itself_has_its_own_recoveries(compiled: Any) -> None:
-    plan = compiled(
-        task("Grasp", "Close", "k:objectActedOn value room:bottle1", above="k:GraspingSomething"),
-        step("Close", "k:ClosingAGripper", "k:objectActedOn value room:bottle1"),
-    )
-    assert "async def grasp_once() -> None:" in body(plan, "grasp")
-    assert unbroken(plan.source).count("Recovery((GraspMissed,") == 1
-
-
-def carrying(*after: str) -> tuple[str, ...]:
-    """Statements of a recipe that grasps the bottle at one place, and then has further steps in order."""
-    names = "Drive", "Grasp", *(line.split()[1] for line in after)
-    return (
-        task("Serve", " ".join(names), constraints=len(names) * (len(names) - 1) // 2),
-        orderings(*(f"{one}<{other}" for number, one in enumerate(names) for other in names[number + 1 :])),
-        step("Drive", "k:Translation-LocationChange", "k:toLocation value room:bottle1"),
-        task("Grasp", "Close", "k:objectActedOn value room:bottle1", above="k:GraspingSomething"),
-        step("Close", "k:ClosingAGripper"),
-        *after,
-    )
-
-
-def test_steps_between_a_grasp_and_the_release_go_back_to_the_grasp_when_the_thing_is_lost(compiled: Any) -> None:
-    away = step("Away", "k:Translation-LocationChange", "k:toLocation value room:patient1")
-    give = step("Give", "k:HandingOverAnObject", "k:objectActedOn value room:bottle1")
-    back = step("Back", "k:Translation-LocationChange", "k:toLocation value room:cup1")
-    text = unbroken(compiled(*carrying(away, give, back), scopes=False).source)
-    assert "fetch_bottle = partial(perform," in text
-    assert text.count("Recovery(ObjectLost, fetch_again(bottle), attempts=2") == 1, "around the grasp itself"
-    assert text.count("Recovery(ObjectLost, fetch_again(bottle, fetch_bottle), attempts=2") == 2
-    after_giving = text[text.index("perform(action(RECIPE + 'Give'") :].splitlines()[1:]
-    assert [line for line in after_giving if "ObjectLost" in line] == [], "let go"
-
-
-def test_letting_go_of_another_thing_leaves_the_first_one_watched(compiled: Any) -> None:
-    give = step("Give", "k:HandingOverAnObject", "k:objectActedOn value room:cup1")
-    look = step("Look", "k:LookingForSomething")
-    text = unbroken(compiled(*carrying(give, look), scopes=False).source)
-    assert text.count("fetch_again(bottle, fetch_bottle)") == 2
 
 
 def test_label_of_a_step_stands_above_it(compiled: Any) -> None:

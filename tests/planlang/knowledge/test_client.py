@@ -28,8 +28,7 @@ from planlang.knowledge.answers import (
 )
 from planlang.knowledge.client import Client
 from planlang.knowledge.connection import LARGEST, checked_url, kept_answers
-from planlang.knowledge.entries import Entry, Kind
-from planlang.knowledge.stores import Changed, EntryExists, NoSuchEntry, NotTheAuthor
+from planlang.knowledge.entries import Changed, Entry, EntryExists, Kind, NoSuchEntry, NotTheAuthor
 
 URL = "http://knowledge.test"
 DATA = b"Ontology: <http://example.org/tea.owl>\n"

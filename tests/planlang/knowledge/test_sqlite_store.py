@@ -16,9 +16,8 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
 from planlang.diagnostics import BadInput
-from planlang.knowledge.entries import Content, Kind, Syntax
+from planlang.knowledge.entries import Content, EntryExists, Full, Kind, NotTheAuthor, Refused, Syntax
 from planlang.knowledge.sqlite_store import SqliteStore
-from planlang.knowledge.stores import EntryExists, Full, NotTheAuthor, Refused
 
 NOW = "2026-01-01T00:00:00Z"
 SERVING = Content(

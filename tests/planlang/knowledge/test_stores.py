@@ -14,18 +14,23 @@ from pathlib import Path
 import httpx
 import pytest
 
-from planlang.knowledge.entries import Change, Content, File, Kind, Syntax, rating_of
-from planlang.knowledge.sqlite_store import SqliteStore
-from planlang.knowledge.stores import (
+from planlang.knowledge.entries import (
+    Change,
     Changed,
+    Content,
     EntryExists,
+    File,
+    Kind,
     NoSuchEntry,
     NotTheAuthor,
     OwnEntry,
     Request,
     Store,
+    Syntax,
     Unreachable,
+    rating_of,
 )
+from planlang.knowledge.sqlite_store import SqliteStore
 
 NOW = "2026-01-01T00:00:00Z"
 SERVING = Content(

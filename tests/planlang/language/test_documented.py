@@ -10,8 +10,8 @@ from typing import Any
 import planlang
 from planlang import *
 from planlang import failures
-from planlang.diagnostics import CODES
 from planlang.runs.recorded_run import BOOKKEEPING
+from tests.support.codes import CODES
 
 PAGE = Path(__file__).resolve().parents[3] / "docs" / "language.md"
 

@@ -11,8 +11,7 @@ import pytest
 
 from planlang.diagnostics import BadInput
 from planlang.ontology import load
-from planlang.ontology.reasoner_input import reasoner_input
-from planlang.ontology.reasoning import Reasoner, missing, reason
+from planlang.ontology.reasoning import Reasoner, missing, reason, reasoner_input
 from tests.repository.test_documentation import CHECKOUT, agrees, output, shape
 from tests.support.examples import some
 

@@ -188,6 +188,7 @@ def test_every_primitive_names_a_class_a_module_and_a_resource(vocabulary: Ontol
         "LoweringAnObject",
         "SettingAsideAnObject",
         "LookingForSomething",
+        "LookingAtSomething",
         "Perceiving",
         "HandingOverAnObject",
         "OpeningAContainerArtifact",

@@ -22,13 +22,14 @@ from planlang.designators import (
     a_posture,
     an_object,
 )
-from planlang.diagnostics import CODES, BadInput, Diagnostic
+from planlang.diagnostics import BadInput, Diagnostic
 from planlang.files import bundled
 from planlang.ontology import load
 from planlang.phrases import Lexicon, read_location, read_thing, write_location
 from planlang.phrases.lexicon import DEVICES, GRASP_FORMS, plain
 from planlang.phrases.reading import SPOKEN, parser
 from planlang.relations import RELATIONS
+from tests.support.codes import CODES
 
 WARD = "http://example.org/ward.owl#"
 THINGS = {

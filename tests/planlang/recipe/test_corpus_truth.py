@@ -14,10 +14,10 @@ import pytest
 from planlang.designators import local_name
 from planlang.ontology import BNode, Literal, Ontology, expand, load
 from planlang.recipe import Actions, Recipe, read_recipe, stated_tasks
+from planlang.recipe.actions import recipes_for
 from planlang.recipe.fillers import fillings, is_place, read_place, read_thing
 from planlang.recipe.model import Reason
 from planlang.recipe.order import Precedence, order_graph, recipe_order
-from planlang.recipe.performers import recipes_for
 from planlang.recipe.readers import workflow
 from planlang.recipe.reading import read_recipe_of
 

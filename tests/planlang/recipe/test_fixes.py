@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from planlang.compiler import compile_recipe
-from planlang.diagnostics import CODES, BadInput
+from planlang.diagnostics import BadInput
 from planlang.ontology.convert import Target, convert
-from planlang.recipe.fixes import ACCEPTABLE, SAFE, WITHOUT
+from planlang.recipe.fixes import ACCEPTABLE
 from planlang.recipe.fixes.fixing import Fixed, fix_recipe
 from tests.support.examples import some
 
@@ -459,45 +459,3 @@ def test_what_nothing_uses_is_taken_out_only_if_that_is_accepted(folder: Path) -
     found = fixed(folder, text, "R039", name="r.omn")
     assert codes(found) == ["R039"] * 3, "the cup is unused once the place that it was for is gone"
     assert "Individual:" not in found.after
-
-
-def test_every_code_of_recipes_has_a_fix_or_a_reason_for_having_none() -> None:
-    fixing = {*SAFE, *ACCEPTABLE}
-    assert not fixing & WITHOUT.keys()
-    assert {code for code in fixing | WITHOUT.keys() if code.startswith("R")} == {
-        code for code in CODES if code.startswith("R")
-    }
-
-
-@pytest.mark.parametrize("path", some(sorted(DIAGNOSTICS.glob("R*.omn"))), ids=lambda path: path.stem)
-def test_fixes_are_of_the_codes_that_say_so(path: Path) -> None:
-    found = fix_recipe(path)
-    assert {fix.code for fix in (*found.done, *(fix for fix, _ in found.impossible))} <= {*SAFE}
-    assert {fix.code for fix in found.unaccepted} <= {*ACCEPTABLE}
-
-
-FILE = Path(__file__).resolve().parents[3] / "docs" / "fixes.md"
-PAGE = FILE.read_text(encoding="utf-8")
-TABLE = re.compile(r"(?<=<!-- table of fixes -->\n).*?(?=<!-- end -->)", re.DOTALL)
-
-
-def table() -> str:
-    """A row for each code that has fixes or a reason for having none."""
-    lines = [
-        "| code | meaning | fixed without asking | with `--accept` | not fixed, because |",
-        "|---|---|---|---|---|",
-    ]
-    for code in sorted({*SAFE, *ACCEPTABLE, *WITHOUT}):
-        unasked, asked = ("yes" if code in codes else "" for codes in (SAFE, ACCEPTABLE))
-        lines.append(f"| `{code}` | {CODES[code]} | {unasked} | {asked} | {WITHOUT.get(code, '')} |")
-    return "\n".join(lines) + "\n"
-
-
-def test_the_table_of_fixes_is_the_programs() -> None:
-    found = TABLE.search(PAGE)
-    assert found
-    assert found[0] == table()
-
-
-if __name__ == "__main__":
-    FILE.write_text(TABLE.sub(lambda _: table(), PAGE), encoding="utf-8")

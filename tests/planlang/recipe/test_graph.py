@@ -18,7 +18,7 @@ import planlang.compiler
 import planlang.recipe
 from planlang.compiler import compile_recipe
 from planlang.designators import local_name
-from planlang.diagnostics import CODES, Diagnostic, Rename, Severity
+from planlang.diagnostics import Diagnostic, Rename, Severity
 from planlang.recipe import reading
 from planlang.recipe.checks import Check
 from planlang.recipe.order import (
@@ -26,6 +26,7 @@ from planlang.recipe.order import (
     order_graph,
     shortest_cycle,
 )
+from tests.support.codes import CODES
 
 
 @st.composite

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-from sim.world import held_by
+from sim.truth import held_by
 from tests.support.scenarios import Goal, Scenario, Watched
 
 

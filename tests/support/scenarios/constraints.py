@@ -18,7 +18,7 @@ from planlang.motion_constraints import a_feature
 from planlang.protocols import MotionState
 from planlang.testing import Script, run_plan
 from sim.changes import amount_of
-from sim.world import held_by
+from sim.truth import held_by
 from tests.support.constraint_evaluation import beyond, value_of
 from tests.support.scenarios import CORPUS, Scenario, Watched, tilt
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from sim.world import at_rest_on, held_by
+from sim.truth import at_rest_on, held_by
 from tests.support.scenarios import Goal, Scenario, Watched, tilt
 
 AMIGO = ("--robot", "corpus/robots/amigo@hydro.owl")

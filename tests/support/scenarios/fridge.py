@@ -10,7 +10,7 @@ import numpy as np
 
 from planlang.geometry import Array, Pose
 from planlang.geometry.shapes import SolidKind
-from sim.world import held_by
+from sim.truth import held_by
 from tests.support.scenarios import Goal, Scenario, Watched
 
 SHUT = math.radians(3.0)

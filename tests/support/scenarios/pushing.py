@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from sim.world import at_rest_on, held_by
+from sim.truth import at_rest_on, held_by
 from tests.support.scenarios import Scenario, Watched, tilt
 
 FAR, NEAR = 0.15, 0.02

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from sim.world import held_by
+from sim.truth import held_by
 from tests.support.scenarios import Scenario, Watched
 
 POT, SPOON = "pot1", "spoon1"

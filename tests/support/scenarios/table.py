@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from sim.world import at_rest_on
+from sim.truth import at_rest_on
 from tests.support.scenarios import Scenario, Watched, tilt
 
 THINGS = ("mat1", "napkin1", "plate1", "fork1", "knife1", "spoon1", "cup1")

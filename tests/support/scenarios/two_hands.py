@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 
-from sim.world import held_by
+from sim.truth import held_by
 from tests.support.scenarios import Goal, Scenario, Watched
 from tests.support.scenarios.carrying import LEVEL, STANDS
 

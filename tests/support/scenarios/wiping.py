@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from sim.world import held_by
+from sim.truth import held_by
 from tests.support.scenarios import Goal, Scenario, Watched
 
 CELL = 0.02

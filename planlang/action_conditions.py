@@ -1,0 +1,129 @@
+"""What actions need, bring about and end, as ontologies declare it of their classes (see primitives.omn)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import field
+
+from planlang.designators import local_name
+from planlang.ontology import Literal, Ontology, Term
+from planlang.records import dataclass
+
+Named = Callable[[str], Iterable[str]]
+"""Returns the names of the things and places that fill a property of an action."""
+
+
+@dataclass(frozen=True, slots=True)
+class Condition:
+    """A predicate of things (names); of anything if they are not stated."""
+
+    predicate: str
+    about: frozenset[str]
+
+    def matches(self, other: Condition) -> bool:
+        """Return True if both may be about the same."""
+        return self.predicate == other.predicate and (
+            not self.about or not other.about or not self.about.isdisjoint(other.about)
+        )
+
+    def __str__(self) -> str:
+        things = min(map(local_name, self.about), default="")
+        return f"{self.predicate}({things})" if things else self.predicate
+
+
+@dataclass(frozen=True, slots=True)
+class Pattern:
+    """A condition of actions of a class: a predicate of the fillers of their properties (names of the vocabulary)."""
+
+    predicate: str
+    properties: tuple[str, ...]
+
+    @classmethod
+    def of(cls, text: str) -> Pattern:
+        """Return what is written ``predicate(property, ...)``."""
+        predicate, _, inside = text.partition("(")
+        return cls(predicate.strip(), tuple(part.strip() for part in inside.rstrip(") ").split(",") if part.strip()))
+
+    def filled(self, fillers: Named) -> Condition:
+        """Return the condition about what fills the first of the properties."""
+        return Condition(self.predicate, frozenset(fillers(self.properties[0]) if self.properties else ()))
+
+
+@dataclass(frozen=True, slots=True)
+class Effect:
+    """A condition that comes about if what is given holds."""
+
+    condition: Condition
+    given: tuple[Condition, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Declared:
+    """The conditions that an ontology declares of action classes (IRIs)."""
+
+    needs: dict[str, list[Pattern]] = field(default_factory=dict)
+    goals: dict[str, Pattern] = field(default_factory=dict)
+    """What actions of a class are performed for; they bring it about, too."""
+    effects: dict[str, list[tuple[Pattern, tuple[Pattern, ...]]]] = field(default_factory=dict)
+    """What comes about, each with what has to hold before."""
+    ends: dict[str, list[Pattern]] = field(default_factory=dict)
+
+    def needed(self, classes: Iterable[str], fillers: Named) -> list[Condition]:
+        """Return the preconditions of an action of these classes."""
+        return [one.filled(fillers) for cls in classes for one in self.needs.get(cls, ())]
+
+    def brought(self, classes: Iterable[str], fillers: Named) -> list[Effect]:
+        """Return what an action of these classes brings about."""
+        found = (one for cls in classes for one in self.effects.get(cls, ()))
+        return [Effect(one.filled(fillers), tuple(other.filled(fillers) for other in given)) for one, given in found]
+
+    def ended(self, classes: Iterable[str], fillers: Named) -> list[Condition]:
+        """Return what no longer holds after an action of these classes."""
+        return [one.filled(fillers) for cls in classes for one in self.ends.get(cls, ())]
+
+    def ending(self, predicate: str) -> Mapping[str, tuple[str, ...]]:
+        """Return the classes after whose actions a predicate no longer holds, each with the properties it is about."""
+        found = ((cls, [one for one in ended if one.predicate == predicate]) for cls, ended in self.ends.items())
+        return {cls: tuple(name for one in ended for name in one.properties) for cls, ended in found if ended}
+
+
+def declared(ontology: Ontology) -> Declared:
+    """Return what an ontology declares; it is read once."""
+    if "planlang.conditions" not in ontology.kept:
+        found = ontology.kept["planlang.conditions"] = Declared()
+        for actions, one in _stated(ontology, "Precondition"):
+            for action in actions:
+                found.needs.setdefault(action, []).extend(_patterns(ontology, one, "condition"))
+        for actions, one in _stated(ontology, "Effect"):
+            conditions, given, ends = (_patterns(ontology, one, name) for name in ("condition", "given", "ends"))
+            for action in actions:
+                found.effects.setdefault(action, []).extend((condition, given) for condition in conditions)
+                found.ends.setdefault(action, []).extend(ends)
+        for actions, one in _stated(ontology, "Goal"):
+            goals = _patterns(ontology, one, "condition")
+            found.goals.update((action, goal) for action in actions for goal in goals)
+        for action, goal in found.goals.items():
+            found.effects.setdefault(action, []).append((goal, ()))
+    kept: Declared = ontology.kept["planlang.conditions"]
+    return kept
+
+
+def texts(ontology: Ontology, subject: str, property_name: str) -> tuple[str, ...]:
+    """Return the values of a property as written: text of literals, local names of IRIs."""
+    return tuple(map(text_of, ontology.values(subject, property_name)))
+
+
+def text_of(term: Term) -> str:
+    """Return the text of a literal, the local name of an IRI, nothing of a nameless node."""
+    if isinstance(term, Literal):
+        return term.value
+    return local_name(term) if isinstance(term, str) else ""
+
+
+def _stated(ontology: Ontology, kind: str) -> Iterator[tuple[tuple[str, ...], str]]:
+    """Yield the individuals of a class, each after the classes of actions that it is about."""
+    return ((ontology.iris(one, "ofAction"), one) for one in ontology.individuals(kind))
+
+
+def _patterns(ontology: Ontology, individual: str, property_name: str) -> tuple[Pattern, ...]:
+    return tuple(map(Pattern.of, texts(ontology, individual, property_name)))
