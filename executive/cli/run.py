@@ -51,6 +51,8 @@ def options_of(arguments: RunArguments) -> RunOptions:
         raise typer.BadParameter("name a recipe or plan, or --resume TRACE")
     if arguments.world_as_left and arguments.resume is None:
         raise typer.BadParameter("--world-as-left needs --resume")
+    if arguments.view is not None:
+        check_view(arguments.view)
     if arguments.world_as_left and arguments.poses is not None:
         raise typer.BadParameter("--poses needs the whole run, of which --world-as-left leaves the beginning out")
     start, bindings = planar(arguments.start), _bindings(arguments.set_ or [])
@@ -117,6 +119,14 @@ def _check_shown(arguments: RunArguments, inputs: Mapping[str, Path | None]) -> 
     if arguments.record is not None:
         yield from missing()
     yield from no_display() if arguments.gui else ()
+
+
+def check_view(view: str) -> None:
+    """Raise a usage error for a view that is none."""
+    from executive.pictures.scene_picture import is_view  # needs Pillow
+
+    if not is_view(view):
+        raise typer.BadParameter(f"--view {view!r}: write X,Y,Z or X,Y,Z:X,Y,Z in metres of the map, overview, or top")
 
 
 MOST_SETTINGS = 1_000_000

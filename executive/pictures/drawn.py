@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from functools import lru_cache, partial
 from importlib.util import find_spec
 from typing import TYPE_CHECKING
@@ -27,8 +28,8 @@ if TYPE_CHECKING:
 HERE = Pose((0.0, 0.0, 0.0))
 GREY: Rgba = (172, 174, 178, 255)
 _WHITE: Rgba = (255, 255, 255, 255)
-_WALL: Rgba = (226, 224, 216, 255)
-_FLOOR: Rgba = (178, 174, 166, 255)
+_WALL: Rgba = (236, 234, 226, 255)
+_FLOOR: Rgba = (190, 184, 172, 255)
 _LOW = 0.12
 """Height of what is left of walls [m]."""
 
@@ -149,12 +150,15 @@ def _bevelled(size: Size) -> Solid:
 
 
 def _wall(part: Part, *, whole: bool) -> Shape:
-    """Return a wall, or its lower edge."""
-    x, y, z = part.size
-    if whole:
-        return Shape(SolidKind.BOX, part.size, part.offset, _WALL, outward=part.outward)
+    wall = Shape(SolidKind.BOX, part.size, part.offset, _WALL, outward=part.outward)
+    return wall if whole else lowered(wall)
+
+
+def lowered(wall: Shape) -> Shape:
+    """Return the lower edge of a wall."""
+    x, y, z = wall.size
     low = min(_LOW, z)
-    return Shape(SolidKind.BOX, (x, y, low), part.offset @ Pose((0.0, 0.0, (low - z) / 2)), _WALL)
+    return replace(wall, size=(x, y, low), pose=wall.pose @ Pose((0.0, 0.0, (low - z) / 2)))
 
 
 def _link(look: Look) -> Shape:

@@ -80,10 +80,10 @@ def _legs(part: Part, *, has_feet: bool) -> tuple[Piece, ...]:
         path = np.array([[at, side, 0.0] if is_level else [0.0, side, -at] for at in along])
         legs.append(tube(path, [radius * share for share in radii]))
         if has_feet:
-            foot = box((0.55 * radius * 2.6, 1.3 * radius, 2.9 * radius), 0.4 * radius)
+            foot = box((0.95 * radius, 1.1 * radius, 2.3 * radius), 0.45 * radius)
             if not is_level:
                 foot = Solid(foot.vertices[:, [2, 1, 0]], foot.faces[:, ::-1])
-            ahead, low = 0.6 * radius, length / 2 - 0.6 * radius
+            ahead, low = 0.55 * radius, length / 2 - 0.48 * radius
             feet.append(foot.moved(np.ones(3), (low, side, ahead) if is_level else (ahead, side, -low)))
     pieces = (Piece(shaded(legs), TROUSERS),)
     return (*pieces, Piece(shaded(feet), SHOES)) if feet else pieces

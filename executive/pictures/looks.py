@@ -26,6 +26,8 @@ PLAIN = (176, 160, 138, 255)
 """Colour of what has no look, and of which no map states a colour."""
 BEVEL = 0.08
 """Radius of the edges of a thing without a look, as a share of its least extent."""
+OVER = 0.01
+"""How far labels may stick out of a box, as a share of its extents; what would go farther is pressed flat."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,7 +91,9 @@ def pieces_of(look: str | None, size: Size, *, front: bool = False) -> tuple[Pie
         if front and not row.get("front"):
             continue
         colour = colours()[row["colour"]] if "colour" in row else None
-        by_colour.setdefault(colour, []).extend(_solids(row, np.array(size)))
+        for solid in _solids(row, np.array(size)):
+            most = np.array(size) * (0.5 + OVER)
+            by_colour.setdefault(colour, []).append(Solid(np.clip(solid.vertices, -most, most), solid.faces))
     return tuple(Piece(shaded(solids), colour) for colour, solids in by_colour.items())
 
 

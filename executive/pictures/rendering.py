@@ -34,9 +34,9 @@ SHADOW = 1024
 """Pixels along both sides of the frame of the sun."""
 BIAS = 0.012
 """Distance from its own surface up to which nothing throws a shadow [m]."""
-SKY, GROUND = np.array([0.66, 0.68, 0.73], np.float32), np.array([0.46, 0.44, 0.42], np.float32)
+SKY, GROUND = np.array([0.70, 0.72, 0.76], np.float32), np.array([0.56, 0.54, 0.52], np.float32)
 """Light from above and from below, of red, green and blue."""
-SUNLIGHT = np.array([0.50, 0.48, 0.43], np.float32)
+SUNLIGHT = np.array([0.42, 0.40, 0.36], np.float32)
 TOP, BOTTOM = np.array([226, 232, 240], np.float32), np.array([250, 250, 250], np.float32)
 """Colours of the background."""
 LINE, CREASE = 0.42, 0.75
@@ -223,14 +223,19 @@ class Shadow:
         return np.asarray(lit / np.float32(4))
 
 
-def rendered(models: Sequence[Model], view: View, size: tuple[int, int], around: tuple[Array, float]) -> Image:
-    """Return a picture (height, width, 3) of models; shadows are of what is in the ball ``around`` (middle, radius)."""
-    whole = joined(models)
+def rendered(
+    models: Sequence[Model], view: View, size: tuple[int, int], around: tuple[Array, float], walls: Sequence[Model] = ()
+) -> Image:
+    """Return a picture (height, width, 3) of models, and of walls, which throw no shadow into their room.
+
+    Shadows are of what is in the ball ``around`` (middle, radius).
+    """
+    whole = joined([*models, *walls])
     is_solid = whole.colours[:, 3] == 255
     opaque, clear = whole.only(is_solid), whole.only(~is_solid)
     frame = Frame(view, (size[0] * FINE, size[1] * FINE))
     frame.draw(opaque)
-    return painted(frame, opaque, clear, Shadow([opaque], view.sun(), around))
+    return painted(frame, opaque, clear, Shadow(models, view.sun(), around))
 
 
 def painted(frame: Frame, opaque: Model, clear: Model, shadow: Shadow) -> Image:

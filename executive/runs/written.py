@@ -33,6 +33,7 @@ class Written:
         self._poses: PoseLog | None = None
         self._is_new = False
         """True once what happens was not written before."""
+        self._failure: PlanFailure | None = None
         self.watchers: list[Callable[[PyBulletWorld], None]] = [tilts, *options.watchers]
         self.listeners: list[Listener] = [lines_of(self._progress, inner=options.inner_actions)]
 
@@ -50,8 +51,10 @@ class Written:
         """Ask for each file of the options; what their making finds is appended to ``found``."""
         options, truth = self._options, self._truth
         if options.picture is not None:
-            meant = partial(bodies_of, bound, self._belief, truth)  # at the end
-            self._files.append((options.picture, lambda path: truth.save_picture(path, of=tuple(meant()))))
+            from executive.pictures.scene_picture import save_picture  # Pillow is slow to import
+
+            about = partial(self._about, bound)  # at the end
+            self._files.append((options.picture, lambda path: save_picture(path, truth, about(), options.view)))
         if options.record is not None:
             from executive.pictures.recording import Recording  # needs an extra
 
@@ -78,12 +81,32 @@ class Written:
         if self._poses is not None:
             self._poses.begin()
 
-    def save(self) -> None:
-        """Write the files, each whole or not at all; the log of poses is written already."""
+    def _about(self, bound: Mapping[str, Bound]) -> tuple[str, ...]:
+        """Return the bodies that the plan is about, and those that its failure names: what was in the way."""
+        named = () if self._failure is None else names_in(self._failure)
+        there = set(self._truth.names())
+        return tuple(
+            dict.fromkeys((*bodies_of(bound, self._belief, self._truth), *(name for name in named if name in there)))
+        )
+
+    def save(self, failure: PlanFailure | None = None) -> None:
+        """Write the files, each whole or not at all; the log of poses is written already.
+
+        ``failure`` is how the plan ended, if it failed.
+        """
+        self._failure = failure
         if self._poses is not None:
             self._poses.close()
         for path, save in self._files if self._is_new else ():
             write_complete(path, save)
+
+
+def names_in(failure: PlanFailure) -> Iterator[str]:
+    """Yield the texts in the fields of a failure and its causes, names of bodies among them."""
+    for link in failure.chain():
+        values = link.details().values() if isinstance(link, PlanFailure) else ()
+        for value in values:
+            yield from (value,) if isinstance(value, str) else value if isinstance(value, tuple | Mapping) else ()
 
 
 class WatchedWorld:

@@ -20,6 +20,7 @@ from typing import Any, cast
 import pytest
 
 from executive.maps import read_map, scene_of
+from executive.pictures.scene_picture import picture
 from executive.runs.final_state import Tilts
 from executive.runs.options import Outcome, RunOptions, RunResult
 from executive.runs.plan_run import run_plan_file
@@ -157,10 +158,10 @@ def test_a_kitchen_without_a_bottle_says_so_and_lists_what_there_is(corpus: Path
 )
 def test_every_real_room_is_drawn(name: str, corpus: Path) -> None:
     world = PlanningWorld(scene_of(read_map(load(corpus / "environments" / name))))
-    picture = world.render(120, 90)
+    pixels = picture(world, view="overview", size=(120, 90))
     world.close()
-    assert picture.shape == (90, 120, 3)
-    assert picture.std() > 5, "the picture shows something"
+    assert pixels.shape == (90, 120, 3)
+    assert pixels.std() > 5, "the picture shows something"
 
 
 # What the user says

@@ -1,0 +1,121 @@
+"""From where a picture is taken: the direction from which what it is about is hidden least."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterator, Mapping, Sequence
+
+import numpy as np
+
+from executive.pictures.modelling import Model, joined
+from executive.pictures.rendering import FIELD, Frame, View
+from executive.pictures.stage import Path, Stage, coarse
+from planlang.geometry import Array, Pose
+
+AROUND, TILTS = 12, (22.0, 36.0, 52.0)
+"""Directions that are tried: around the vertical, and above the horizon [deg]."""
+SMALL = (120, 80)
+"""Pixels of the pictures by which they are compared."""
+BORDER = 0.9
+"""Share of a picture that what it is about fills at most."""
+LEAST_RADIUS = 0.35
+"""Half the height that a picture shows at least [m]."""
+NEAR = 2.5
+"""Things of the plan that are farther from the robot than this are not what happens at the moment [m]."""
+HIGH = 1.0
+"""In a view of everything what is higher may be cut off [m]: the tops of walls."""
+LEVEL = 0.25
+"""What a view loses for each step that it is steeper, beside logarithms of pixels."""
+
+
+def subjects(stage: Stage, poses: Mapping[Path, Pose], names: Collection[str]) -> list[list[Path]]:
+    """Return what a picture is about: the robot, and things and persons of the plan that are near it."""
+    robot = stage.robot(poses)
+    found = [robot] if robot else []
+    low, high = stage.bounds(poses, robot)
+    for name in names:
+        paths = stage.of(name, poses)
+        lower, upper = stage.bounds(poses, paths)
+        apart = np.maximum(np.maximum(lower - high, low - upper), 0.0)
+        if paths and (not robot or float(np.linalg.norm(apart)) <= NEAR):
+            found.append(paths)
+    return found
+
+
+def view_of(stage: Stage, poses: Mapping[Path, Pose], about: Sequence[Sequence[Path]], aspect: float) -> View:
+    """Return the view in which all of what a picture is about is seen, each of it as little hidden as can be."""
+    if not about:
+        return overview(stage, poses, aspect)
+    points = np.concatenate([stage.corners(path, poses[path]) for paths in about for path in paths])
+    proxies = _proxies(stage, poses)
+    owners = [{int(one) for path in paths for one in stage.models[path].owners} for paths in about]
+    best: tuple[float, View] | None = None
+    for steepness, ahead in _directions():
+        view = fitting(points, ahead, aspect)
+        worth = _worth(stage, poses, proxies, view, owners) - LEVEL * steepness
+        if best is None or worth > best[0] + 1e-6:
+            best = worth, view
+    assert best is not None
+    return best[1]
+
+
+def overview(stage: Stage, poses: Mapping[Path, Pose], aspect: float, *, top: bool = False) -> View:
+    """Return a view of everything from above a corner, or straight from above."""
+    low, high = stage.bounds(poses, poses)
+    high[2] = min(high[2], HIGH)
+    corners = np.array([np.choose(one, [low, high]) for one in np.ndindex(2, 2, 2)])
+    ahead = np.array([0.0, 1e-3, -1.0]) if top else np.array([0.55, 0.65, -0.62])
+    return fitting(corners, ahead / np.linalg.norm(ahead), aspect)
+
+
+def fitting(points: Array, ahead: Array, aspect: float) -> View:
+    """Return the view in a direction (3,) in which points (n, 3) fill the picture."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    middle = (low + high) / 2
+    right = np.cross(ahead, [0.0, 0.0, 1.0])
+    right /= np.linalg.norm(right)
+    up = np.cross(right, ahead)
+    tall = math.tan(FIELD / 2) * BORDER
+    for _ in range(3):  # the middle of the picture moves to where the points are seen
+        offsets = points - middle
+        across, above, beyond = offsets @ right, offsets @ up, offsets @ ahead
+        distance = float(np.max(np.maximum(np.abs(across) / (tall * aspect), np.abs(above) / tall) - beyond))
+        distance = max(distance, LEAST_RADIUS / tall, 0.3)
+        depth = distance + beyond
+        seen = across / depth, above / depth
+        shift = [float(one.max() + one.min()) / 2 * distance for one in seen]
+        middle = middle + shift[0] * right + shift[1] * up
+    eye = middle - distance * ahead
+    return View((float(eye[0]), float(eye[1]), float(eye[2])), (float(middle[0]), float(middle[1]), float(middle[2])))
+
+
+def _directions() -> Iterator[tuple[int, Array]]:
+    """Yield how steep they are, and directions from the eye to the middle."""
+    for steepness, tilt in enumerate(np.radians(TILTS)):
+        for turn in (np.arange(AROUND) + 0.5) * 2 * math.pi / AROUND:
+            level = math.cos(tilt)
+            yield steepness, np.array([math.cos(turn) * level, math.sin(turn) * level, -math.sin(tilt)])
+
+
+def _proxies(stage: Stage, poses: Mapping[Path, Pose]) -> dict[Path, Model]:
+    """Return models in the map that are quick to draw: of the robot boxes around its links."""
+    return {
+        path: (coarse(stage.models[path]) if path[0] == "robot" else stage.models[path]).at(pose)
+        for path, pose in poses.items()
+    }
+
+
+def _worth(
+    stage: Stage,
+    poses: Mapping[Path, Pose],
+    proxies: Mapping[Path, Model],
+    view: View,
+    owners: Sequence[Collection[int]],
+) -> float:
+    """Return how well a view shows each of several things: the sum of the logarithms of their pixels."""
+    whole = joined([*proxies.values(), *stage.walls(poses, view)])
+    frame = Frame(view, SMALL)
+    frame.draw(whole)
+    shown = frame.triangles
+    counts = np.bincount(whole.owners[shown[shown >= 0]], minlength=int(whole.owners.max(initial=0)) + 1)
+    return sum(math.log1p(float(sum(counts[one] for one in group))) for group in owners)
