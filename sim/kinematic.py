@@ -87,6 +87,11 @@ class KinematicScene:
     # The robot
 
     @property
+    def has_robot(self) -> bool:
+        """True unless it was made without a RobotBody."""
+        return self._robot is not None
+
+    @property
     def robot(self) -> Robot:
         """The robot; raises ``RuntimeError`` in a world without one."""
         if self._robot is None:

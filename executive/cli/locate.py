@@ -28,7 +28,7 @@ from planlang.failures import LocationUnresolvable, MissingCapability, ObjectUnr
 from planlang.files import Bundled
 from planlang.geometry import Pose
 from planlang.ontology import load
-from planlang.outputs import check_outputs
+from planlang.outputs import PNG_OR_SVG, check_outputs
 from planlang.outputs import replace as write_complete
 from planlang.phrases import Lexicon, read_location, read_thing, write_location, write_relation, write_thing
 from planlang.phrases.lexicon import GRASP_FORMS
@@ -47,7 +47,7 @@ def command(arguments: LocateArguments) -> Answer:
     more = environments(further, problems)
     inputs = {"--urdf": arguments.urdf, "--robot": robot_file, "--environment": environment}
     outputs = {"--explain": arguments.explain}
-    problems += check_outputs(outputs, inputs, pictures=["--explain"], force=arguments.force)
+    problems += check_outputs(outputs, inputs, formats={"--explain": PNG_OR_SVG}, force=arguments.force)
     refuse(problems)
     assert robot_file is not None
     assert environment is not None

@@ -36,7 +36,7 @@ from executive.runs.settings import shared
 from executive.runs.traces import TraceHeader, read_trace
 from planlang.diagnostics import BadInput, Diagnostic, Span, error
 from planlang.files import Bundled, decode, read_file
-from planlang.outputs import check_outputs
+from planlang.outputs import PNG, WEBP, check_outputs
 
 
 def command(arguments: RunArguments, *, recipes: tuple[Path, ...] = ()) -> Answer:
@@ -108,6 +108,7 @@ def _check_shown(arguments: RunArguments, inputs: Mapping[str, Path | None]) -> 
     """Yield why the run cannot write its files, which are none of the inputs, or cannot be shown."""
     outputs = {
         "--picture": arguments.picture,
+        "--video": arguments.video,
         "--trace": arguments.trace or arguments.resume,
         "--record": arguments.record,
         "--poses": arguments.poses,
@@ -115,7 +116,7 @@ def _check_shown(arguments: RunArguments, inputs: Mapping[str, Path | None]) -> 
         "--update-map": arguments.update_map,
     }
     files = {**inputs, **{f"--modules {file}": file for file in arguments.modules or ()}}
-    yield from check_outputs(outputs, files, pictures=["--picture"], force=arguments.force)
+    yield from check_outputs(outputs, files, formats={"--picture": PNG, "--video": WEBP}, force=arguments.force)
     if arguments.record is not None:
         yield from missing()
     yield from no_display() if arguments.gui else ()

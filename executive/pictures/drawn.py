@@ -80,7 +80,7 @@ def drawn_in(world: KinematicScene, *, walls: bool = False) -> tuple[Drawn, ...]
     drawn: list[Drawn] = []
     for name in world.names():
         drawn += _body(world, world.scene.body(name), walls=walls)
-    for link, looks in looks_of_links(world.robot).items():
+    for link, looks in looks_of_links(world.robot).items() if world.has_robot else ():
         shapes = tuple(_link(look) for look in looks)
         drawn.append(Drawn(("robot", link), shapes, partial(world.link_pose, link)))
     return tuple(drawn)

@@ -11,6 +11,7 @@ from executive.pictures.modelling import Model, joined
 from executive.pictures.rendering import FIELD, Frame, View
 from executive.pictures.stage import Path, Stage, coarse
 from planlang.geometry import Array, Pose
+from planlang.records import dataclass
 
 AROUND, TILTS = 12, (22.0, 36.0, 52.0)
 """Directions that are tried: around the vertical, and above the horizon [deg]."""
@@ -42,19 +43,39 @@ def subjects(stage: Stage, poses: Mapping[Path, Pose], names: Collection[str]) -
     return found
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Moment:
+    """Where everything is, and what a picture of it is about; ``points`` (n, 3) are to be in it."""
+
+    poses: Mapping[Path, Pose]
+    about: Sequence[Sequence[Path]]
+    points: Array
+
+
+def moment_of(stage: Stage, poses: Mapping[Path, Pose], about: Sequence[Sequence[Path]]) -> Moment:
+    """Return a moment of which all that a picture is about is to be seen."""
+    points = [stage.corners(path, poses[path]) for paths in about for path in paths]
+    return Moment(poses, about, np.concatenate(points) if points else np.zeros((0, 3)))
+
+
 def view_of(stage: Stage, poses: Mapping[Path, Pose], about: Sequence[Sequence[Path]], aspect: float) -> View:
     """Return the view in which all of what a picture is about is seen, each of it as little hidden as can be."""
     if not about:
         return overview(stage, poses, aspect)
-    points = np.concatenate([stage.corners(path, poses[path]) for paths in about for path in paths])
-    proxies = _proxies(stage, poses)
-    owners = [{int(one) for path in paths for one in stage.models[path].owners} for paths in about]
-    best: tuple[float, View] | None = None
+    moment = moment_of(stage, poses, about)
+    return fitting(moment.points, best_direction(stage, [moment], aspect), aspect)
+
+
+def best_direction(stage: Stage, moments: Sequence[Moment], aspect: float) -> Array:
+    """Return the direction of view (3,) from which, in several moments, what they are about is hidden least."""
+    proxies = [_proxies(stage, moment.poses) for moment in moments]
+    best: tuple[float, Array] | None = None
     for steepness, ahead in _directions():
-        view = fitting(points, ahead, aspect)
-        worth = _worth(stage, poses, proxies, view, owners) - LEVEL * steepness
+        worth = -LEVEL * steepness * len(moments)
+        for moment, models in zip(moments, proxies, strict=True):
+            worth += _worth(stage, moment, models, fitting(moment.points, ahead, aspect))
         if best is None or worth > best[0] + 1e-6:
-            best = worth, view
+            best = worth, ahead
     assert best is not None
     return best[1]
 
@@ -105,17 +126,12 @@ def _proxies(stage: Stage, poses: Mapping[Path, Pose]) -> dict[Path, Model]:
     }
 
 
-def _worth(
-    stage: Stage,
-    poses: Mapping[Path, Pose],
-    proxies: Mapping[Path, Model],
-    view: View,
-    owners: Sequence[Collection[int]],
-) -> float:
+def _worth(stage: Stage, moment: Moment, proxies: Mapping[Path, Model], view: View) -> float:
     """Return how well a view shows each of several things: the sum of the logarithms of their pixels."""
-    whole = joined([*proxies.values(), *stage.walls(poses, view)])
+    whole = joined([*proxies.values(), *stage.walls(moment.poses, view)])
     frame = Frame(view, SMALL)
     frame.draw(whole)
     shown = frame.triangles
     counts = np.bincount(whole.owners[shown[shown >= 0]], minlength=int(whole.owners.max(initial=0)) + 1)
-    return sum(math.log1p(float(sum(counts[one] for one in group))) for group in owners)
+    owners = [np.unique(np.concatenate([stage.models[path].owners for path in paths])) for paths in moment.about]
+    return sum(math.log1p(float(counts[one].sum())) for one in owners)

@@ -12,7 +12,7 @@ from executive.pictures.drawn import drawn_in
 from executive.runs.final_state import Tilts
 from executive.runs.options import RunOptions
 from executive.runs.parameters import Bound, things_of
-from executive.runs.traces import lines_of
+from executive.runs.traces import lines_of, steps_of
 from planlang import PlanFailure
 from planlang.diagnostics import Diagnostic
 from planlang.outputs import replace as write_complete
@@ -55,6 +55,13 @@ class Written:
 
             about = partial(self._about, bound)  # at the end
             self._files.append((options.picture, lambda path: save_picture(path, truth, about(), options.view)))
+        if options.video is not None:
+            from executive.pictures.video import Video
+
+            video = Video(truth, truth.rate, title, options.view)
+            self.listeners.append(steps_of(video.steps.hear))
+            self.watchers.append(lambda world: video.frame(world.steps))
+            self._files.append((options.video, lambda path: video.save(path, self._about(bound))))
         if options.record is not None:
             from executive.pictures.recording import Recording  # needs an extra
 
