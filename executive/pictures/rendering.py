@@ -113,7 +113,7 @@ class Frame:
         area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
         width, height = self.size
         near = corners[:, :, 2]
-        kept = area > 1e-9
+        kept = area > FLAT
         if self.view.width is None:
             kept &= (near.max(axis=1) < 1 / NEAR) & (near.min(axis=1) > 0) & (near.max(axis=1) < 1e5)
         low = np.minimum(np.minimum(ax, bx), cx)
@@ -207,18 +207,26 @@ class Shadow:
             first += len(model.triangles)
         self._near = self.frame.nearness
 
-    def reaches(self, points: Floats, cosines: Floats) -> Floats:
-        """Return which share of the sun reaches points (n, 3) of surfaces that face it so far (n,), (n,)."""
-        at = self.frame.view.seen(points, self.frame.size)
-        lit = np.zeros(len(points), np.float32)
-        # the steeper the light, the farther apart a pixel of the sun and the point are
-        near = (
-            at[:, 2] + np.float32(BIAS) + np.float32(2.0 * self._radius / SHADOW) / np.maximum(cosines, np.float32(0.1))
+    def reaches(self, view: View, local: Sequence[Floats], cosines: Floats) -> Floats:
+        """Return which share of the sun reaches points of surfaces that face it so far (n,), (n,).
+
+        ``local`` are their distances to the right, below and ahead of the eye of a view, (n,) each.
+        """
+        sun = self.frame.view
+        turn = np.einsum("ij,kj->ik", sun.axes(), view.axes())
+        shift = np.einsum("ij,j->i", sun.axes(), np.subtract(view.eye, sun.eye))
+        across, down, ahead = (
+            sum((local[k] * np.float32(turn[i, k]) for k in range(3)), np.float32(shift[i])) for i in range(3)
         )
+        scale, half = np.float32(SHADOW / (2 * self._radius)), np.float32(SHADOW / 2)
+        across, down = across * scale + half, down * scale + half
+        # the steeper the light, the farther apart a pixel of the sun and the point are
+        near = np.float32(FAR + BIAS) - ahead + 2 / (scale * np.maximum(cosines, np.float32(0.1)))
+        lit = np.zeros(len(near), np.float32)
         for dx in (-0.8, 0.8):
+            columns = np.clip((across + np.float32(dx)).astype(np.int32), 0, SHADOW - 1)
             for dy in (-0.8, 0.8):
-                columns = np.clip((at[:, 0] + np.float32(dx)).astype(np.int32), 0, SHADOW - 1)
-                rows = np.clip((at[:, 1] + np.float32(dy)).astype(np.int32), 0, SHADOW - 1)
+                rows = np.clip((down + np.float32(dy)).astype(np.int32), 0, SHADOW - 1)
                 lit += self._near[rows * SHADOW + columns] <= near
         return np.asarray(lit / np.float32(4))
 
@@ -245,20 +253,21 @@ def painted(frame: Frame, opaque: Model, clear: Model, shadow: Shadow) -> Image:
     """
     width, height = frame.size
     picture = np.repeat(TOP + (BOTTOM - TOP) * np.linspace(0, 1, height, dtype=np.float32)[:, None], width, axis=0)
+    edges = _Edges(frame.size)
     back = _Seen(frame, opaque, shadow.sun)
     picture[back.pixels] = back.colours(shadow) * _hollows(frame)[back.pixels, None]
-    front = back
+    edges.add(back)
     if len(clear.triangles):
         frame, first = frame.copy(), len(opaque.triangles)
         frame.draw(clear, first)
-        both = joined([opaque, clear])
-        front = _Seen(frame, both, shadow.sun)
-        through = _Seen(frame, both, shadow.sun, first)
-        share = both.colours[through.names, 3:].astype(np.float32) / np.float32(255)
+        through = _Seen(frame, joined([opaque, clear]), shadow.sun, first)
+        share = through.model.colours[through.names, 3:].astype(np.float32) / np.float32(255)
         behind = picture[through.pixels]
         picture[through.pixels] = behind + (through.colours(shadow) - behind) * share
-    picture *= _lines(frame, front)[:, None]
-    blocks = picture.reshape(height // FINE, FINE, width // FINE, FINE, 3).mean(axis=(1, 3))
+        edges.add(through)
+    picture *= edges.lines()[:, None]
+    rows = picture.reshape(height // FINE, FINE, width // FINE, FINE, 3)
+    blocks = sum(rows[:, i, :, j] for i in range(FINE) for j in range(FINE)) / np.float32(FINE * FINE)
     return np.asarray(np.clip(blocks + 0.5, 0, 255), np.uint8)
 
 
@@ -267,54 +276,52 @@ class _Seen:
 
     def __init__(self, frame: Frame, model: Model, sun: Array, first: int = 0) -> None:
         triangles = frame.triangles
-        self.frame, self.model = frame, model
+        self.view, self.size, self.model = frame.view, frame.size, model
         self.pixels = np.flatnonzero(triangles >= first)
         self.names = triangles[self.pixels]
         self.near = (frame.keys[self.pixels] >> np.uint64(32)).astype(np.uint32).view(np.float32)
-        width = frame.size[0]
-        self._rows, self._columns = self.pixels // width, self.pixels % width
+        rows, columns = np.divmod(self.pixels, frame.size[0])
+        self._rows, self._columns = rows.astype(np.float32) + _HALF, columns.astype(np.float32) + _HALF
         self.sun, self.up = self._facing(sun)
 
     def _facing(self, sun: Array) -> tuple[Floats, Floats]:
         """Return how far surfaces face the sun and the sky: cosines (n,), of normals between those of corners."""
         model = self.model
-        points = self.frame.view.seen(model.vertices, self.frame.size).astype(np.float64)
-        used = np.unique(self.names)
-        corners = model.triangles[used][:, ::-1]
-        place = np.searchsorted(used, self.names)
-        (ax, ay), (bx, by), (cx, cy) = (points[corners[:, k], :2].T for k in range(3))
+        points = self.view.seen(model.vertices, self.size).astype(np.float64)
+        corners = model.triangles[:, ::-1]
+        at = points[corners]
+        (ax, ay), (bx, by), (cx, cy) = (at[:, k, :2].T for k in range(3))
         area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
-        columns, rows = (
-            self._columns.astype(np.float32) + np.float32(0.5),
-            self._rows.astype(np.float32) + np.float32(0.5),
-        )
+        area = np.where(np.abs(area) > FLAT, area, FLAT)
         found = []
         for axis in (sun, np.array([0.0, 0.0, 1.0])):
             values = np.einsum("nj,j->n", model.normals, axis) * points[:, 2]
-            slopes = _slopes(points[corners], values[corners], area).astype(np.float32)[place]
-            value = (slopes[:, 0] + slopes[:, 1] * columns + slopes[:, 2] * rows) / self.near
-            found.append(np.clip(value, -1, 1).astype(np.float32))
+            a, b, c = _slopes(at, values[corners], area).astype(np.float32).T
+            value = (a[self.names] + b[self.names] * self._columns + c[self.names] * self._rows) / self.near
+            found.append(np.clip(value, np.float32(-1), np.float32(1)))
         return found[0], found[1]
 
     def colours(self, shadow: Shadow) -> Floats:
         """Return their colours in the light of sky and sun, (n, 3)."""
-        lit = np.maximum(self.sun, 0)
-        faces = np.flatnonzero(self.sun > 0)
-        lit[faces] *= shadow.reaches(self._places(faces), self.sun[faces])
-        share = (self.up * np.float32(0.5) + np.float32(0.5))[:, None]
-        light = GROUND + (SKY - GROUND) * share + SUNLIGHT * lit[:, None]
-        return np.minimum(self.model.colours[self.names, :3] * light, np.float32(255))
+        lit: Floats = np.maximum(self.sun, np.float32(0))
+        faces = np.flatnonzero(lit)
+        width, height = self.size
+        scale, depth = np.float32(2 * math.tan(FIELD / 2) / height), np.float32(1) / self.near[faces]
+        across = (self._columns[faces] - np.float32(width / 2)) * depth * scale
+        down = (self._rows[faces] - np.float32(height / 2)) * depth * scale
+        lit[faces] *= shadow.reaches(self.view, (across, down, depth), self.sun[faces])
+        share = self.up * _HALF + _HALF
+        own = self.model.colours[:, :3].astype(np.float32)
+        found = np.empty((len(self.names), 3), np.float32)
+        for k in range(3):
+            light = GROUND[k] + (SKY[k] - GROUND[k]) * share + SUNLIGHT[k] * lit
+            found[:, k] = np.minimum(own[:, k][self.names] * light, np.float32(255))
+        return found
 
-    def _places(self, which: NDArray[Any]) -> Floats:
-        """Return the points (n, 3) of the map that some of them show."""
-        width, height = self.frame.size
-        scale = np.float32(2 * math.tan(FIELD / 2) / height)
-        depth = 1 / self.near[which]
-        across = (self._columns[which] + np.float32(0.5 - width / 2)) * depth * scale
-        down = (self._rows[which] + np.float32(0.5 - height / 2)) * depth * scale
-        local = np.column_stack([across, down, depth]).astype(np.float32)
-        turned = np.einsum("nj,ji->ni", local, self.frame.view.axes().astype(np.float32))
-        return np.asarray(turned + np.asarray(self.frame.view.eye, np.float32))
+
+_HALF = np.float32(0.5)
+FLAT = 1e-9
+"""Least area of a triangle that is drawn [pixels]."""
 
 
 def _hollows(frame: Frame) -> Floats:
@@ -340,19 +347,36 @@ def _blurred(values: Floats, radius: int) -> Floats:
     return found.astype(np.float32)
 
 
-def _lines(frame: Frame, seen: _Seen) -> Floats:
-    """Return what lines at edges leave of the light, (height * width,)."""
-    width, height = frame.size
-    owners = np.full((height, width), -1, np.int32)
-    sun, up, depth = (np.full((height, width), value, np.float32) for value in (0, 0, -7))
-    owners.reshape(-1)[seen.pixels] = seen.model.owners[seen.names]
-    for picture, values in ((sun, seen.sun), (up, seen.up), (depth, np.log(seen.near))):
-        picture.reshape(-1)[seen.pixels] = values
-    left = np.ones((height, width), np.float32)
-    for first, second in ((np.s_[:-1, :], np.s_[1:, :]), (np.s_[:, :-1], np.s_[:, 1:])):
-        crease = (np.abs(sun[first] - sun[second]) > BENT) | (np.abs(up[first] - up[second]) > BENT)
-        apart = (owners[first] != owners[second]) | (np.abs(depth[first] - depth[second]) > STEP)
-        for lines, value in ((crease, CREASE), (apart, LINE)):
-            left[first][lines] = np.minimum(left[first][lines], np.float32(value))
-            left[second][lines] = np.minimum(left[second][lines], np.float32(value))
-    return left.reshape(-1)
+class _Edges:
+    """What tells edges of all pixels of a picture: whose they are, how they face the light, and their depth."""
+
+    def __init__(self, size: tuple[int, int]) -> None:
+        self._size = size
+        count = size[0] * size[1]
+        self._owners = np.full(count, -1, np.int32)
+        self._sun, self._up, self._depth = (
+            np.zeros(count, np.float32),
+            np.zeros(count, np.float32),
+            np.zeros(count, np.float32),
+        )
+
+    def add(self, seen: _Seen) -> None:
+        """Take over what is seen."""
+        self._owners[seen.pixels] = seen.model.owners[seen.names]
+        self._sun[seen.pixels], self._up[seen.pixels] = seen.sun, seen.up
+        self._depth[seen.pixels] = np.log(seen.near)
+
+    def lines(self) -> Floats:
+        """Return what lines leave of the light, (height * width,)."""
+        width, height = self._size
+        owners, sun, up, depth = (
+            one.reshape(height, width) for one in (self._owners, self._sun, self._up, self._depth)
+        )
+        left = np.ones((height, width), np.float32)
+        for first, second in ((np.s_[:-1, :], np.s_[1:, :]), (np.s_[:, :-1], np.s_[:, 1:])):
+            crease = (np.abs(sun[first] - sun[second]) > BENT) | (np.abs(up[first] - up[second]) > BENT)
+            apart = (owners[first] != owners[second]) | (np.abs(depth[first] - depth[second]) > STEP)
+            for lines, value in ((crease, CREASE), (apart, LINE)):
+                for part in (left[first], left[second]):
+                    np.minimum(part, np.float32(value), out=part, where=lines)
+        return left.reshape(-1)

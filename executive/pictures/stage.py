@@ -107,8 +107,7 @@ class Stage:
         vertices = self.models[path].vertices
         if not len(vertices):
             return np.zeros((0, 3))
-        ends = np.array([vertices.min(axis=0), vertices.max(axis=0)])
-        return moved(pose.matrix(), np.array([np.choose(one, ends) for one in np.ndindex(2, 2, 2)]))
+        return moved(pose.matrix(), ends_of(vertices.min(axis=0), vertices.max(axis=0)))
 
     def of(self, name: str, poses: Mapping[Path, Pose]) -> list[Path]:
         """Return the paths of a body, its limbs included."""
@@ -117,6 +116,11 @@ class Stage:
     def robot(self, poses: Mapping[Path, Pose]) -> list[Path]:
         """Return the paths of the robot's links."""
         return [path for path in poses if path[0] == "robot"]
+
+
+def ends_of(low: Array, high: Array) -> Array:
+    """Return the corners (8, 3) of the box between two of them."""
+    return np.array([np.choose(one, [low, high]) for one in np.ndindex(2, 2, 2)])
 
 
 def coarse(model: Model) -> Model:

@@ -11,7 +11,7 @@ from PIL import Image
 
 from executive.pictures.rendering import View
 from executive.pictures.scene_picture import stated_view, taken
-from executive.pictures.stage import Path, Stage
+from executive.pictures.stage import Path, Stage, ends_of
 from executive.pictures.steps import Steps, column
 from executive.pictures.viewpoints import Moment, best_direction, fitting, moment_of, overview, subjects
 from planlang.geometry import Array, Pose
@@ -30,6 +30,10 @@ FRAME, LAST = 120, 2500
 """Time for which a frame is shown, and the last one [ms]."""
 SHORTEST = 2
 """Moments for which the base stands at least where the camera stops."""
+GENTLE = 5
+"""Frames before and after one over which the movement of the camera is smoothed."""
+ROOM = 0.5
+"""Room that the camera leaves at each side of the robot while this drives, as a share of its width."""
 STILL = 0.02
 """Movement of the base between two moments up to which it stands [m]."""
 QUALITY = 62
@@ -89,9 +93,16 @@ class Video:
         if not any(len(one.points) for one in shown):
             return [overview(stage, moments[-1], aspect)] * len(moments)
         ahead = best_direction(stage, shown, aspect)
-        fitted = [fitting(one.points, ahead, aspect) for one in shown]
-        marks = [(number, view) for ends, view in zip(stops, fitted, strict=True) for number in ends]
-        return [_between(marks, number) for number in range(len(moments))]
+        raw = [fitting(self._robot_with_room(poses), ahead, aspect) for poses in moments]
+        for (first, last), one in zip(stops, shown, strict=True):
+            raw[first : last + 1] = [fitting(one.points, ahead, aspect)] * (last + 1 - first)
+        return _smooth(raw)
+
+    def _robot_with_room(self, poses: Mapping[Path, Pose]) -> Array:
+        """Return the corners (8, 3) of the box around the robot, with room at its sides."""
+        low, high = self._stage.bounds(poses, self._stage.robot(poses))
+        room = (high - low) * [ROOM, ROOM, 0.0]
+        return ends_of(low - room, high + room)
 
     def _base(self, poses: Mapping[Path, Pose]) -> tuple[float, float]:
         robot = self._stage.robot(poses)
@@ -114,14 +125,10 @@ def _stops(bases: Array) -> list[tuple[int, int]]:
     return [(first, last) for first, last in found if last - first >= SHORTEST] or [(0, len(bases) - 1)]
 
 
-def _between(marks: Sequence[tuple[int, View]], number: int) -> View:
-    """Return the view of a moment between those that have one, moving off and arriving gently."""
-    before = [mark for mark in marks if mark[0] <= number] or marks[:1]
-    after = [mark for mark in marks if mark[0] >= number] or marks[-1:]
-    (first, here), (last, there) = before[-1], after[0]
-    share = (number - first) / (last - first) if last > first else 0.0
-    share = share * share * (3 - 2 * share)
-    eye, target = (
-        np.asarray(a) + share * np.subtract(b, a) for a, b in ((here.eye, there.eye), (here.target, there.target))
-    )
-    return View((float(eye[0]), float(eye[1]), float(eye[2])), (float(target[0]), float(target[1]), float(target[2])))
+def _smooth(views: Sequence[View]) -> list[View]:
+    """Return views whose eyes and targets are means of those around them: the camera moves gently."""
+    both = np.array([(*view.eye, *view.target) for view in views])
+    padded = np.pad(both, [(GENTLE, GENTLE), (0, 0)], mode="edge")
+    weights = 1 + np.cos(np.linspace(-np.pi, np.pi, 2 * GENTLE + 3)[1:-1])
+    mean = sum(padded[k : k + len(both)] * weight for k, weight in enumerate(weights)) / weights.sum()
+    return [View((a, b, c), (d, e, f)) for a, b, c, d, e, f in mean.tolist()]

@@ -9,7 +9,7 @@ import numpy as np
 
 from executive.pictures.modelling import Model, joined
 from executive.pictures.rendering import FIELD, Frame, View
-from executive.pictures.stage import Path, Stage, coarse
+from executive.pictures.stage import Path, Stage, coarse, ends_of
 from planlang.geometry import Array, Pose
 from planlang.records import dataclass
 
@@ -84,7 +84,7 @@ def overview(stage: Stage, poses: Mapping[Path, Pose], aspect: float, *, top: bo
     """Return a view of everything from above a corner, or straight from above."""
     low, high = stage.bounds(poses, poses)
     high[2] = min(high[2], HIGH)
-    corners = np.array([np.choose(one, [low, high]) for one in np.ndindex(2, 2, 2)])
+    corners = ends_of(low, high)
     ahead = np.array([0.0, 1e-3, -1.0]) if top else np.array([0.55, 0.65, -0.62])
     return fitting(corners, ahead / np.linalg.norm(ahead), aspect)
 
