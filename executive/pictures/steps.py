@@ -94,9 +94,8 @@ def _row(sheet: Sheet, top: float, width: int, step: Step, now: int) -> None:
     colour = {"coming": (176, 176, 176), "running": RUNNING, "failed": FAILED}.get(state, INK)
     middle, left = top + ROW * FINE / 2, (14 + step.depth * INDENT) * FINE
     if state == "running":
-        sheet.pen.rounded_rectangle(
-            (6 * FINE, top + FINE, (width - 6) * FINE, top + (ROW - 1) * FINE), 4 * FINE, fill=_BACK
-        )
+        box = (6 * FINE, top + FINE, (width - 6) * FINE, top + (ROW - 1) * FINE)
+        sheet.pen.rectangle(box, fill=_BACK, radius=4 * FINE)
         sheet.pen.polygon([(left, middle - 9), (left, middle + 9), (left + 15, middle)], fill=RUNNING)
     elif state == "failed":
         for down in (-1, 1):
