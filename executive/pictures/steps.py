@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from typing import Any
 
 from executive.pictures.drawing import FAINT, FINE, INK, Colour, Sheet, font
+from planlang.designators import snake_case
 from planlang.records import dataclass
 
 DONE: Colour = (40, 140, 80)
@@ -69,7 +69,7 @@ class Steps:
 
 def _in_words(name: str) -> str:
     """Return ``MoveBaseToGraspPose`` as words."""
-    words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])|[_-]", " ", name.partition("#")[0]).lower()
+    words = snake_case(name.partition("#")[0]).replace("_", " ").strip()
     return words[:1].upper() + words[1:]
 
 

@@ -48,10 +48,12 @@ class Video:
         self._every = rate // KEPT
         self._kept: list[tuple[int, dict[Path, Pose]]] = []
         """Steps of the world, and where everything was after them."""
+        self._last = 0
         self.steps = Steps()
 
     def frame(self, step: int) -> None:
         """Keep where everything is after ``step`` world steps, if it is time."""
+        self._last = step
         if step % self._every:
             return
         self._kept.append((step, self._stage.poses()))
@@ -60,6 +62,7 @@ class Video:
 
     def save(self, path: File, names: Collection[str]) -> None:
         """Write an animated WebP; ``names`` are the bodies that the plan is about. The last frame stays for a while."""
+        self._kept.append((self._last + 1, self._stage.poses()))  # when every step has ended
         chosen = np.unique(np.linspace(0, len(self._kept) - 1, min(MOST, len(self._kept))).round().astype(int))
         kept = [self._kept[number] for number in chosen.tolist()]
         views = self._views([poses for _, poses in kept], names)
