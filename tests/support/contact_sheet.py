@@ -98,7 +98,7 @@ def main(path: Path) -> None:
         row, column = divmod(number, COLUMNS)
         sheet.paste(cell(body, world, own), (CELL[0] * column, CELL[1] * row))
     world.close()
-    sheet.save(path)
+    sheet.quantize(128).save(path, optimize=True)  # flat colours need no more
 
 
 if __name__ == "__main__":
