@@ -110,8 +110,9 @@ def _head(scale: float) -> tuple[Piece, ...]:
     ]
     whites = [round_((0.01, 0.016, 0.012), (0.076, side * 0.031, 0.016)) for side in (-1, 1)]
     pupils = [round_((0.008, 0.008, 0.009), (0.0815, side * 0.031, 0.016)) for side in (-1, 1)]
-    brows = [round_((0.008, 0.02, 0.005), (0.077, side * 0.032, 0.04)) for side in (-1, 1)]
-    lips = [round_((0.01, 0.026, 0.007), (0.074, 0.0, -0.052))]
+    brows = [round_((0.006, 0.017, 0.003), (0.0745, side * 0.034, 0.043)) for side in (-1, 1)]
+    smile = np.array([[0.07, -0.028, -0.046], [0.077, -0.012, -0.055], [0.077, 0.012, -0.055], [0.07, 0.028, -0.046]])
+    lips = [tube(smile * scale, [0.003 * scale, 0.005 * scale, 0.005 * scale, 0.003 * scale], smooth=True)]
     return (
         Piece(shaded(skin), SKIN),
         Piece(shaded([*hair, *brows]), HAIR),

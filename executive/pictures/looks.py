@@ -26,6 +26,8 @@ PLAIN = (176, 160, 138, 255)
 """Colour of what has no look, and of which no map states a colour."""
 BEVEL = 0.08
 """Radius of the edges of a thing without a look, as a share of its least extent."""
+TALL = 0.3
+"""Height from which a thing has the look that the table has for tall ones of its kind [m]."""
 OVER = 0.01
 """How far labels may stick out of a box, as a share of its extents; what would go farther is pressed flat."""
 
@@ -79,17 +81,15 @@ def colour_of(look: str | None) -> Rgba:
 
 
 @lru_cache(maxsize=512)
-def pieces_of(look: str | None, size: Size, *, front: bool = False) -> tuple[Piece, ...]:
-    """Return the pieces of a look, one for each colour, in a box of some extents [m] about the origin.
-
-    With ``front`` only those in front of furniture that is opened.
-    """
+def pieces_of(look: str | None, size: Size) -> tuple[Piece, ...]:
+    """Return the pieces of a look, one for each colour, in a box of some extents [m] about the origin."""
     if look is None:
-        return () if front else (Piece(shaded([box(size, BEVEL * min(size))])),)
+        return (Piece(shaded([box(size, BEVEL * min(size))])),)
     by_colour: dict[Rgba | None, list[Solid]] = {}
-    for row in table_of_looks()[look]["pieces"]:
-        if front and not row.get("front"):
-            continue
+    found = table_of_looks()[look]
+    if size[2] > TALL and "tall" in found:
+        found = table_of_looks()[found["tall"]]
+    for row in found["pieces"]:
         colour = colours()[row["colour"]] if "colour" in row else None
         for solid in _solids(row, np.array(size)):
             most = np.array(size) * (0.5 + OVER)

@@ -24,19 +24,33 @@ SHADED = 0.75
 """Radius of the ball in which there are shadows, as a share of the distance of the eye."""
 
 
-def save_picture(path: File, world: KinematicScene, names: Collection[str] = (), view: str | None = None) -> None:
-    """Write a PNG of a world: of its robot and of some bodies, or as ``view`` asks (:func:`stated_view`)."""
-    Image.fromarray(picture(world, names, view)).save(path, format="PNG")
+def save_picture(
+    path: File,
+    world: KinematicScene,
+    names: Collection[str] = (),
+    view: str | None = None,
+    always: Collection[str] = (),
+) -> None:
+    """Write a PNG of a world: of its robot, of bodies near it, and of some wherever they are.
+
+    Or as ``view`` asks (:func:`stated_view`). Raises OSError as writing does.
+    """
+    Image.fromarray(picture(world, names, view, always=always)).save(path, format="PNG")
 
 
 def picture(
-    world: KinematicScene, names: Collection[str] = (), view: str | None = None, size: tuple[int, int] = SIZE
+    world: KinematicScene,
+    names: Collection[str] = (),
+    view: str | None = None,
+    *,
+    size: tuple[int, int] = SIZE,
+    always: Collection[str] = (),
 ) -> rendering.Image:
     """Return the same as pixels (height, width, 3)."""
     stage = Stage(world)
     poses = stage.poses()
     aspect = size[0] / size[1]
-    about = subjects(stage, poses, names)
+    about = subjects(stage, poses, names, always)
     shown = view_of(stage, poses, about, aspect) if view is None else stated_view(view, stage, poses, about, aspect)
     return taken(stage, poses, shown, size)
 

@@ -29,16 +29,18 @@ LEVEL = 0.25
 """What a view loses for each step that it is steeper, beside logarithms of pixels."""
 
 
-def subjects(stage: Stage, poses: Mapping[Path, Pose], names: Collection[str]) -> list[list[Path]]:
-    """Return what a picture is about: the robot, and things and persons of the plan that are near it."""
+def subjects(
+    stage: Stage, poses: Mapping[Path, Pose], names: Collection[str], always: Collection[str] = ()
+) -> list[list[Path]]:
+    """Return what a picture is about: the robot, things and persons of the plan that are near it, and some anyhow."""
     robot = stage.robot(poses)
     found = [robot] if robot else []
     low, high = stage.bounds(poses, robot)
-    for name in names:
+    for name in dict.fromkeys((*always, *names)):
         paths = stage.of(name, poses)
         lower, upper = stage.bounds(poses, paths)
         apart = np.maximum(np.maximum(lower - high, low - upper), 0.0)
-        if paths and (not robot or float(np.linalg.norm(apart)) <= NEAR):
+        if paths and (not robot or name in always or float(np.linalg.norm(apart)) <= NEAR):
             found.append(paths)
     return found
 

@@ -51,17 +51,16 @@ class Written:
         """Ask for each file of the options; what their making finds is appended to ``found``."""
         options, truth = self._options, self._truth
         if options.picture is not None:
-            from executive.pictures.scene_picture import save_picture  # Pillow is slow to import
-
-            about = partial(self._about, bound)  # at the end
-            self._files.append((options.picture, lambda path: save_picture(path, truth, about(), options.view)))
+            self._files.append((options.picture, partial(self._save_picture, bound)))
         if options.video is not None:
             from executive.pictures.video import Video
 
             video = Video(truth, truth.rate, title, options.view)
             self.listeners.append(steps_of(video.steps.hear))
             self.watchers.append(lambda world: video.frame(world.steps))
-            self._files.append((options.video, lambda path: video.save(path, self._about(bound))))
+            self._files.append(
+                (options.video, lambda path: video.save(path, tuple(bodies_of(bound, self._belief, truth))))
+            )
         if options.record is not None:
             from executive.pictures.recording import Recording  # needs an extra
 
@@ -88,13 +87,14 @@ class Written:
         if self._poses is not None:
             self._poses.begin()
 
-    def _about(self, bound: Mapping[str, Bound]) -> tuple[str, ...]:
-        """Return the bodies that the plan is about, and those that its failure names: what was in the way."""
+    def _save_picture(self, bound: Mapping[str, Bound], path: Path) -> None:
+        """Write a picture of the plan's bodies, and of those that its failure names: what was in the way."""
+        from executive.pictures.scene_picture import save_picture  # Pillow is slow to import
+
         named = () if self._failure is None else names_in(self._failure)
-        there = set(self._truth.names())
-        return tuple(
-            dict.fromkeys((*bodies_of(bound, self._belief, self._truth), *(name for name in named if name in there)))
-        )
+        always = [name for name in dict.fromkeys(named) if name in self._truth.names()]
+        names = tuple(bodies_of(bound, self._belief, self._truth))
+        save_picture(path, self._truth, names, self._options.view, always)
 
     def save(self, failure: PlanFailure | None = None) -> None:
         """Write the files, each whole or not at all; the log of poses is written already.

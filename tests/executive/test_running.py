@@ -240,7 +240,7 @@ def test_a_bottle_outside_the_room_cannot_be_reached(tmp_path: Path) -> None:
     assert "bottle1" in result.message
     pixels = np.asarray(Image.open(tmp_path / "failed.png").convert("RGB")).astype(int)
     fingers = (pixels[:, :, 0] > 150) & (pixels[:, :, 2] < 90) & (pixels[:, :, 1] > 80)
-    assert fingers.sum() > 100, "the robot is in the picture"
+    assert fingers.sum() > 10, "the robot is in the picture"
 
 
 def test_a_picture_of_a_failure_is_about_what_was_in_the_way() -> None:
