@@ -52,7 +52,7 @@ def options_of(arguments: RunArguments) -> RunOptions:
     if arguments.world_as_left and arguments.resume is None:
         raise typer.BadParameter("--world-as-left needs --resume")
     if arguments.view is not None:
-        check_view(arguments.view)
+        _check_view(arguments.view, is_used=bool(arguments.picture or arguments.video))
     if arguments.world_as_left and arguments.poses is not None:
         raise typer.BadParameter("--poses needs the whole run, of which --world-as-left leaves the beginning out")
     start, bindings = planar(arguments.start), _bindings(arguments.set_ or [])
@@ -122,10 +122,12 @@ def _check_shown(arguments: RunArguments, inputs: Mapping[str, Path | None]) -> 
     yield from no_display() if arguments.gui else ()
 
 
-def check_view(view: str) -> None:
-    """Raise a usage error for a view that is none."""
-    from executive.pictures.scene_picture import is_view  # needs Pillow
+def _check_view(view: str, *, is_used: bool) -> None:
+    """Raise a usage error for a view that is none, or that nothing is shown from."""
+    from executive.pictures.scene_picture import is_view  # Pillow is slow to import
 
+    if not is_used:
+        raise typer.BadParameter("--view needs --picture or --video")
     if not is_view(view):
         raise typer.BadParameter(f"--view {view!r}: write X,Y,Z or X,Y,Z:X,Y,Z in metres of the map, overview, or top")
 

@@ -24,7 +24,7 @@ Image = NDArray[np.uint8]
 
 FIELD = math.radians(36)
 """Vertical opening angle of pictures [rad]: that of a lens for portraits, which makes rooms look calm."""
-NEAR = 0.05
+NEAR = 0.01
 """Nothing nearer than this is drawn [m]."""
 FINE = 2
 """Pixels along both sides of one of the result."""

@@ -91,8 +91,8 @@ def overview(stage: Stage, poses: Mapping[Path, Pose], aspect: float, *, top: bo
     return fitting(corners, ahead / np.linalg.norm(ahead), aspect)
 
 
-def fitting(points: Array, ahead: Array, aspect: float) -> View:
-    """Return the view in a direction (3,) in which points (n, 3) fill the picture."""
+def fitting(points: Array, ahead: Array, aspect: float, *, least: float = LEAST_RADIUS) -> View:
+    """Return the view in a direction (3,) in which points (n, 3) fill the picture, ``least`` half its height [m]."""
     low, high = points.min(axis=0), points.max(axis=0)
     middle = (low + high) / 2
     right = np.cross(ahead, [0.0, 0.0, 1.0])
@@ -103,7 +103,7 @@ def fitting(points: Array, ahead: Array, aspect: float) -> View:
         offsets = points - middle
         across, above, beyond = offsets @ right, offsets @ up, offsets @ ahead
         distance = float(np.max(np.maximum(np.abs(across) / (tall * aspect), np.abs(above) / tall) - beyond))
-        distance = max(distance, LEAST_RADIUS / tall, 0.3)
+        distance = max(distance, least / tall)
         depth = distance + beyond
         seen = across / depth, above / depth
         shift = [float(one.max() + one.min()) / 2 * distance for one in seen]

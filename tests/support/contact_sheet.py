@@ -1,4 +1,4 @@
-"""A contact sheet of all looks, in the sizes of their classes: ``python tests/support/contact_sheet.py sheet.png``."""
+"""A contact sheet of all looks, in the sizes of their classes: ``python tests/support/contact_sheet.py sheet.webp``."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from PIL import Image
 from executive.pictures.drawn import Drawn, drawn_in
 from executive.pictures.looks import table_of_looks
 from executive.pictures.modelling import joined, model_of
-from executive.pictures.rendering import View, rendered
+from executive.pictures.rendering import rendered
+from executive.pictures.viewpoints import fitting
 from planlang.effects import number_of_class
 from planlang.files import bundled
 from planlang.geometry import Pose
@@ -80,9 +81,8 @@ def cell(body: Body, world: PyBulletWorld, drawn: list[Drawn]) -> Image.Image:
         models.append(model_of(one.shapes, 100 * number).at(pose))
     points = joined(models).vertices
     low, high = points.min(axis=0), points.max(axis=0)
+    view = fitting(points, -FROM / np.linalg.norm(FROM), CELL[0] / CELL[1], least=0.01)
     middle, radius = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
-    eye = middle + FROM / np.linalg.norm(FROM) * radius * 3.2
-    view = View(tuple(eye.tolist()), tuple(middle.tolist()))
     return Image.fromarray(rendered(models, view, CELL, (middle, 1.2 * radius)))
 
 
@@ -98,7 +98,7 @@ def main(path: Path) -> None:
         row, column = divmod(number, COLUMNS)
         sheet.paste(cell(body, world, own), (CELL[0] * column, CELL[1] * row))
     world.close()
-    sheet.quantize(128).save(path, optimize=True)  # flat colours need no more
+    sheet.save(path, quality=85)
 
 
 if __name__ == "__main__":
