@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from executive.belief import Belief
-from executive.pictures.drawn import drawn_in
 from executive.runs.final_state import Tilts
 from executive.runs.options import RunOptions
 from executive.runs.parameters import Bound, things_of
@@ -62,6 +61,7 @@ class Written:
                 (options.video, lambda path: video.save(path, tuple(bodies_of(bound, self._belief, truth))))
             )
         if options.record is not None:
+            from executive.pictures.drawn import drawn_in
             from executive.pictures.recording import Recording  # needs an extra
 
             film = Recording(truth.rate, drawn_in(truth), title=title)
