@@ -1,7 +1,8 @@
 """Files that planlang writes: complete or not at all, and never over a file that it did not write.
 
-Every kind of output carries a mark near its beginning: plans their header, traces their first record, pictures a text
-chunk (PNG) or a comment (SVG, DOT, Mermaid). A file with a mark may be replaced; any other needs ``--force``.
+Every kind of output carries a mark near an end: plans their header, traces their first record, pictures a text chunk
+(PNG) or a comment (SVG, DOT, Mermaid), videos their metadata. A file with a mark may be replaced; any other needs
+``--force``.
 
 The header of a plan is its first docstring: what it was compiled from and how, and a digest that tells edits::
 
@@ -19,7 +20,7 @@ import os
 import re
 import tempfile
 import zlib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -30,6 +31,11 @@ from planlang.records import dataclass
 MARK = "written by planlang"
 _TRACE = b'{"step": 0, "event": "header", "schema": '
 _PNG = b"\x89PNG\r\n\x1a\n"
+_RIFF, _WEBP = b"RIFF", b"WEBP"
+PNG, PNG_OR_SVG, WEBP = (".png",), (".png", ".svg"), (".webp",)
+"""Suffixes of pictures and videos."""
+_TAIL = 200
+"""Bytes at the end of an animated WebP in which its mark is."""
 _AFTER_IHDR = 33
 """Bytes of a PNG up to the end of its first chunk: signature (8), and IHDR with 13 bytes of data (12 + 13)."""
 _COMMENTS = {".svg": "<!-- {} -->", ".dot": "// {}", ".gv": "// {}", ".mmd": "%% {}"}
@@ -40,21 +46,21 @@ def check_outputs(
     outputs: Mapping[str, Path | None],
     inputs: Mapping[str, Path | None],
     *,
-    pictures: Iterable[str] = (),
+    formats: Mapping[str, Sequence[str]] | None = None,
     force: bool = False,
 ) -> list[Diagnostic]:
     """Return what would keep files from being written, before the work starts.
 
     ``outputs`` and ``inputs`` map what the user calls a file (``--trace``) to its path, or to None when it was not
-    asked for; ``pictures`` are the outputs that are PNG files. With ``force``, files of other origin may be replaced,
-    inputs never.
+    asked for; ``formats`` are the suffixes that some outputs may have, the first one for a name without any. With
+    ``force``, files of other origin may be replaced, inputs never.
     """
     problems: list[Diagnostic] = []
     taken = {_real(path): name for name, path in inputs.items() if path is not None}
     for name, path in outputs.items():
         if path is None:
             continue
-        problem = _problem(name, path, taken, is_picture=name in pictures, force=force)
+        problem = _problem(name, path, taken, (formats or {}).get(name, ()), force=force)
         if problem is not None:
             problems.append(problem)
         else:
@@ -62,10 +68,14 @@ def check_outputs(
     return problems
 
 
-def _problem(name: str, path: Path, taken: Mapping[Path, str], *, is_picture: bool, force: bool) -> Diagnostic | None:
+def _problem(
+    name: str, path: Path, taken: Mapping[Path, str], suffixes: Sequence[str], *, force: bool
+) -> Diagnostic | None:
     folder = path.parent
-    if is_picture and path.suffix.lower() not in ("", ".png"):
-        return error("C004", f"{name} {path}: pictures are written as PNG", help=f"name it {path.stem}.png")
+    if suffixes and path.suffix.lower() not in ("", *suffixes):
+        known = " or ".join(suffix[1:].upper() for suffix in suffixes).replace("WEBP", "WebP")
+        what = "videos" if suffixes == WEBP else "pictures"
+        return error("C004", f"{name} {path}: {what} are written as {known}", help=f"name it {path.stem}{suffixes[0]}")
     if path.is_dir():
         return error("C004", f"{name} {path} is a folder", help="name a file in it")
     if not folder.is_dir():
@@ -93,6 +103,9 @@ def is_replaceable(path: Path) -> bool:
     try:
         with path.open("rb") as file:
             start = file.read(LONGEST)
+            if start.startswith(_RIFF) and start[8:12] == _WEBP:
+                file.seek(max(0, path.stat().st_size - _TAIL))
+                return MARK.encode() in file.read(_TAIL)
     except OSError:
         return False
     if not start.strip() or start.startswith(_TRACE):

@@ -5,7 +5,7 @@ Kinematic: nothing has mass, nothing is pushed.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -15,7 +15,7 @@ from planlang.geometry.matrices import moved
 from planlang.protocols import Configuration, Contact
 from sim import snapshots
 from sim.bodies import Bodies, Part
-from sim.camera import Camera, Painter, Picture, Rays, View
+from sim.camera import Camera, Rays
 from sim.changes import Changes
 from sim.contact import PARTED, Contacts, Held, Query
 from sim.engine import bullet, connect
@@ -85,6 +85,11 @@ class KinematicScene:
         return name not in self._bodies.bodies
 
     # The robot
+
+    @property
+    def has_robot(self) -> bool:
+        """True unless it was made without a RobotBody."""
+        return self._robot is not None
 
     @property
     def robot(self) -> Robot:
@@ -328,18 +333,6 @@ class KinematicScene:
     def contacts(self) -> tuple[Contact, ...]:
         """Return the penetrations of the robot and of what it holds, where they are; allowed ones are left out."""
         return () if self._robot is None else self._find(self._now, Query())
-
-    def render(
-        self, width: int = 640, height: int = 480, view: View | None = None, of: Collection[str] = ()
-    ) -> Picture:
-        """Return a picture (height, width, 3) from an eye towards a target; walls in between are left out.
-
-        By default it is a close view of things that are asked for ``of``, with the hand and the people at them, else of
-        everything from above a corner.
-        """
-        self._here()
-        painter, aspect = Painter(self._bodies, self._people, self._robot), width / height
-        return painter.render(width, height, view or painter.closeup(of, aspect) or painter.overview(aspect))
 
     def state(self) -> tuple[object, ...]:
         """Return something hashable that is equal for worlds in which everything is at the same place."""

@@ -104,6 +104,8 @@ class Body:
     """The angle by which its z axis may lean while carried [rad]; None if it may be turned as one likes."""
     hands: int = 1
     """The number of hands that hold it: it slips off fewer."""
+    kinds: tuple[str, ...] = field(default=(), repr=False, compare=False)
+    """Its class and those above it by their local names, the nearest first: what it looks like."""
 
     def __post_init__(self) -> None:
         if self.shape not in tuple(BodyShape):

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Mapping
 from typing import Protocol
 
 from planlang.geometry import Pose
 from planlang.protocols import Configuration
 from sim.bodies import Part
-from sim.robot import Look, Robot
+from sim.robot import Robot
 from sim.scene import Scene
 
 ROBOT = "robot"
@@ -37,14 +36,15 @@ class Truth(Protocol):
     def changed(self) -> int:
         """The number of changes of what there is, by whomever."""
 
+    @property
+    def has_robot(self) -> bool:
+        """Return whether there is a robot in it."""
+
     def configuration(self) -> Configuration:
         """Return where the robot is."""
 
     def links(self) -> Mapping[str, str | None]:
         """Return link of the robot -> the link that it hangs on, None for the root."""
-
-    def looks(self) -> Mapping[str, Sequence[Look]]:
-        """Return link of the robot -> the primitives that it is seen as."""
 
     def link_pose(self, link: str) -> Pose:
         """Return the pose of a link frame of the robot."""
@@ -84,9 +84,6 @@ class Truth(Protocol):
 
     def height_above_support(self, name: str) -> float:
         """Return how far a body is above that [m]."""
-
-    def save_picture(self, path: Path, of: Collection[str] = (), width: int = 640, height: int = 480) -> None:
-        """Write a picture of everything, or a close view of some bodies, as PNG; raises OSError as writing does."""
 
 
 def held_by(world: Truth, name: str) -> str | None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +12,6 @@ from numpy.typing import NDArray
 from planlang.geometry import Array
 from planlang.protocols import Configuration, Contact, Detection, Motion, MotionState, Touch, Trajectory
 from planlang.records import dataclass
-from sim.camera import save_png
 from sim.contact import Query
 from sim.controls import Controls
 from sim.kinematic import KinematicScene
@@ -380,10 +378,6 @@ class PyBulletWorld(KinematicScene):
         """Return where lines through the camera's pixels end (n, 3) in the map, and whether at a surface, (n,)."""
         self._here()
         return self._camera.scan(self._optics(), self.robot.link_pose(camera_link))
-
-    def save_picture(self, path: Path, of: Collection[str] = (), width: int = 640, height: int = 480) -> None:
-        """Write :meth:`render` as a PNG file; raises OSError as writing does."""
-        save_png(path, self.render(width, height, of=of))
 
     def state(self) -> tuple[object, ...]:
         """Return something hashable, equal for worlds where everything is in the same pose and motion."""

@@ -391,7 +391,7 @@ class LocateArguments(OntologyArguments, VerboseArguments):
     ] = None
     count: Annotated[int, typer.Option(min=1, max=1000, metavar="N", help="Number of poses, best first.")] = 3
     explain: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Draw the candidates and why they were rejected, as PNG.")
+        Path | None, typer.Option(metavar="FILE", help="Draw the candidates and why they were rejected, as PNG or SVG.")
     ] = None
     units: Units = None
     force: Force = False
@@ -406,7 +406,9 @@ class InspectArguments(Arguments):
 
     robot: Annotated[str, typer.Argument(metavar="ROBOT", help="The robot: a file, or a bundled robot's name.")]
     urdf: Urdf = None
-    picture: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw what the arms reach, as PNG.")] = None
+    picture: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw what the arms reach, as PNG or SVG.")] = (
+        None
+    )
     record: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Write what they reach as a recording for rerun (needs planlang[record])."),

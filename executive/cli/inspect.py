@@ -18,7 +18,7 @@ from executive.robots import Arm, Robot, bind_robot
 from executive.robots.arms import arm_models, with_carrying
 from planlang.diagnostics import BadInput, Diagnostic, error
 from planlang.files import Bundled
-from planlang.outputs import check_outputs, replace
+from planlang.outputs import PNG_OR_SVG, check_outputs, replace
 from sim import PlanningWorld, Scene
 
 USEFUL = ("carrying", "prepare_grasp", "handover")
@@ -37,7 +37,7 @@ def command(arguments: InspectArguments) -> Answer:
     check_files(problems, urdf=urdf)
     outputs = {"--picture": arguments.picture, "--record": arguments.record}
     inputs = {"the robot": source, "--urdf": urdf}
-    problems += check_outputs(outputs, inputs, pictures=["--picture"], force=arguments.force)
+    problems += check_outputs(outputs, inputs, formats={"--picture": PNG_OR_SVG}, force=arguments.force)
     problems += missing() if arguments.record is not None else []
     refuse(problems)
     bare = bind_robot(source, urdf=urdf)

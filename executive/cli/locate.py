@@ -28,7 +28,7 @@ from planlang.failures import LocationUnresolvable, MissingCapability, ObjectUnr
 from planlang.files import Bundled
 from planlang.geometry import Pose
 from planlang.ontology import load
-from planlang.outputs import check_outputs
+from planlang.outputs import PNG_OR_SVG, check_outputs
 from planlang.outputs import replace as write_complete
 from planlang.phrases import Lexicon, read_location, read_thing, write_location, write_relation, write_thing
 from planlang.phrases.lexicon import GRASP_FORMS
@@ -48,7 +48,7 @@ def command(arguments: LocateArguments) -> Answer:
     more = environments(further, problems)
     inputs = {"--urdf": arguments.urdf, "--robot": robot_file, "--environment": environment}
     outputs = {"--explain": arguments.explain}
-    problems += check_outputs(outputs, inputs, pictures=["--explain"], force=arguments.force)
+    problems += check_outputs(outputs, inputs, formats={"--explain": PNG_OR_SVG}, force=arguments.force)
     refuse(problems)
     assert robot_file is not None
     assert environment is not None
@@ -290,7 +290,10 @@ def _resolved(
         arms = [place.get("arm", "") for _, place in places]
         details = [arm if not arm or arm.endswith("arm") else f"{arm} arm" for arm in arms]
         refused = [*log.refused, *((reason, hands) for reason, hands in log.hands if reason)]
-        resolution = Resolution(arguments.phrase, bases, log.places, log.scored, refused, counts, blocking, details)
+        why = data.get("message", "").partition(" (")[0]  # counts are listed
+        resolution = Resolution(
+            arguments.phrase, bases, log.places, log.scored, refused, counts, blocking, details, why
+        )
         scenery = scenery_of(platform.scene, location, meant.values(), None if what is None else meant[what])
         write_complete(arguments.explain, lambda temporary: save_picture(temporary, scenery, resolution))
         data["picture"] = str(arguments.explain)

@@ -29,14 +29,13 @@ from executive.cli.inputs import (
     refuse,
 )
 from executive.maps.environments import DEFAULT_ENVIRONMENT, default_environment
-from executive.pictures.drawn import missing
 from executive.runs.options import Outcome, RunOptions, RunResult
 from executive.runs.plan_run import run_plan_file
 from executive.runs.settings import shared
 from executive.runs.traces import TraceHeader, read_trace
 from planlang.diagnostics import BadInput, Diagnostic, Span, error
 from planlang.files import Bundled, decode, read_file
-from planlang.outputs import check_outputs
+from planlang.outputs import PNG, WEBP, check_outputs
 
 
 def command(arguments: RunArguments, *, recipes: tuple[Path, ...] = ()) -> Answer:
@@ -51,6 +50,8 @@ def _check_together(arguments: RunArguments) -> None:
         raise typer.BadParameter("name a recipe or plan, or --resume TRACE")
     if arguments.world_as_left and arguments.resume is None:
         raise typer.BadParameter("--world-as-left needs --resume")
+    if arguments.view is not None:
+        _check_view(arguments.view, is_used=bool(arguments.picture or arguments.video))
     if arguments.world_as_left and arguments.poses is not None:
         raise typer.BadParameter("--poses needs the whole run, of which --world-as-left leaves the beginning out")
     if arguments.world_as_left and arguments.report is not None:
@@ -115,6 +116,7 @@ def _check_shown(arguments: RunArguments, inputs: Mapping[str, Path | None]) -> 
     """Yield why the run cannot write its files, which are none of the inputs, or cannot be shown."""
     outputs = {
         "--picture": arguments.picture,
+        "--video": arguments.video,
         "--trace": arguments.trace or arguments.resume,
         "--record": arguments.record,
         "--poses": arguments.poses,
@@ -123,10 +125,22 @@ def _check_shown(arguments: RunArguments, inputs: Mapping[str, Path | None]) -> 
         "--update-map": arguments.update_map,
     }
     files = {**inputs, **{f"--modules {file}": file for file in arguments.modules or ()}}
-    yield from check_outputs(outputs, files, pictures=["--picture"], force=arguments.force)
+    yield from check_outputs(outputs, files, formats={"--picture": PNG, "--video": WEBP}, force=arguments.force)
     if arguments.record is not None:
+        from executive.pictures.drawn import missing  # most runs draw nothing
+
         yield from missing()
     yield from no_display() if arguments.gui else ()
+
+
+def _check_view(view: str, *, is_used: bool) -> None:
+    """Raise a usage error for a view that is none, or that nothing is shown from."""
+    from executive.pictures.scene_picture import is_view  # Pillow is slow to import
+
+    if not is_used:
+        raise typer.BadParameter("--view needs --picture or --video")
+    if not is_view(view):
+        raise typer.BadParameter(f"--view {view!r}: write X,Y,Z or X,Y,Z:X,Y,Z in metres of the map, overview, or top")
 
 
 MOST_SETTINGS = 1_000_000

@@ -23,6 +23,7 @@ from executive.locations.columns import Columns
 from executive.locations.grasp_candidates import CLASSES, GraspCandidates, Hand
 from executive.locations.reachability import CELL, YAWS, GraspClass, ReachabilityMap, carried, exact_places, is_bound
 from executive.locations.reachability_maps import reachability_map
+from executive.locations.rejections import NO_ROOM
 from executive.robots.arms import ArmModel
 from planlang.geometry import Array
 from planlang.records import dataclass
@@ -211,6 +212,8 @@ AT_ONCE = 200_000
 """Base poses that are looked at in one go: more would not stay in the processor's memory."""
 COUNTED = 48
 """Base poses without room, unwanted and unseen that are counted of each candidate, so that reasons can be compared."""
+SHOWN = 150
+"""Base poses that are shown in a picture of those that are refused at once."""
 
 Weigh = Callable[[Array], Array]
 """Bases (m, 3) -> weights (m,), 0 where a base pose will not do."""
@@ -261,6 +264,8 @@ class Inversion:
     """Base poses that will not do, by reason: up to :data:`COUNTED` for each reason and grasp candidate."""
     without_room: int = 0
     """Base poses without room, counted likewise."""
+    show: Callable[[str, Array], object] | None = None
+    """Given a reason and some of the bases (m, 3) that are refused for it, for a picture."""
     _parts: list[_Part] = field(default_factory=list)
     _known: dict[tuple[int, int], BaseCandidates] = field(default_factory=dict)
     """Results of :meth:`best` where nothing that has to be seen is missed."""
@@ -323,6 +328,11 @@ class Inversion:
         free = np.zeros(len(index), np.intp)
         free[near] = (looked > 0).astype(np.float64) @ places.sizes
         self.without_room += int(np.minimum(len(chosen.row) - free, COUNTED).sum())
+        if self.show is not None:
+            taken = np.ones((len(index), len(v)), bool)
+            taken[near] = looked <= 0
+            entry, place = (one[:: 1 + int(taken.sum()) // SHOWN] for one in _entries(taken))
+            self.show(NO_ROOM, _bases(candidates, index[entry], chosen, places.first[place]))
         for candidate in index[free == 0].tolist():
             score = float(candidates.weights[candidate]) * float(chosen.score[0])
             base = _bases(candidates, np.array([candidate]), chosen, np.zeros(1, int))[0]
@@ -330,7 +340,7 @@ class Inversion:
         if free.any():
             part = _Part(number, candidates, index[free > 0], chosen, looked[free[near] > 0])
             for reason, weigh in self.conjuncts:
-                self.refused[reason] += part.weigh(weigh)
+                self.refused[reason] += part.weigh(weigh, None if self.show is None else partial(self.show, reason))
             self._parts.append(part)
 
 
@@ -361,13 +371,16 @@ class _Part:
         """Return how many base poses each candidate has (w,)."""
         return ((self.factors > 0).astype(np.float64) @ self.rows.places.sizes).astype(np.intp)
 
-    def weigh(self, weigh: Weigh) -> int:
-        """Multiply factors by what is said of bases, and return how many base poses are refused, as counted."""
+    def weigh(self, weigh: Weigh, show: Callable[[Array], object] | None = None) -> int:
+        """Multiply factors by what is said of bases, return how many are refused, as counted, and show some."""
         places = self.rows.places
         candidate, place = _entries(self.factors)
-        weight = weigh(_bases(self.candidates, self.index[candidate], self.rows, places.first[place]))
+        bases = _bases(self.candidates, self.index[candidate], self.rows, places.first[place])
+        weight = weigh(bases)
         self.factors[candidate, place] *= weight
         refused = weight <= 0
+        if show is not None:
+            show(bases[refused][:: 1 + int(refused.sum()) // SHOWN])
         return int(np.minimum(np.bincount(candidate[refused], places.sizes[place[refused]]), COUNTED).sum())
 
     def best(self, each: int, last: int) -> BaseCandidates:

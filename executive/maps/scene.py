@@ -201,7 +201,9 @@ def _body(thing: MapObject, pose: Pose, semantic_map: SemanticMap) -> Body:
     size, centre = (size, (0.0, 0.0, 0.0)) if blade is None else blade.box(size)
     wall *= movable
     body = Body(thing.name, pose, size, shape, thing.iri, shorten(cls), movable, centre=centre, wall=wall, soft=soft)
-    return replace(body, handles=tuple(handle for _, handle in handles))
+    every = (above for one in thing.types for above in semantic_map.ontology.ancestors(one))
+    kinds = tuple(dict.fromkeys(map(local_name, every)))
+    return replace(body, handles=tuple(handle for _, handle in handles), kinds=kinds)
 
 
 def _handles(thing: MapObject, semantic_map: SemanticMap) -> Iterator[tuple[str, Handle]]:

@@ -3,15 +3,83 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path as File
+from xml.sax.saxutils import escape
 
 from PIL import Image, ImageDraw, ImageFont
 
+from planlang.outputs import MARK
+
 Colour = tuple[int, int, int]
 Point = tuple[float, float]
+Box = tuple[float, float, float, float]
+"""Left, top, right, bottom."""
+Path = Sequence[Point] | Sequence[float]
+"""Points, or their coordinates one after another."""
 
 FINE = 2
 """Everything is drawn so many times larger, then made smaller: smooth edges."""
 PAPER, INK, FAINT = (255, 255, 255), (40, 40, 40), (120, 120, 120)
+
+
+class Pen:
+    """Draws on an image and keeps the same as SVG; coordinates and widths are in pixels of the sheet."""
+
+    def __init__(self, image: Image.Image) -> None:
+        self._draw = ImageDraw.Draw(image)
+        self.elements: list[str] = []
+
+    def line(self, points: Path, fill: Colour, width: int = 1) -> None:
+        """Draw a line through points."""
+        self._draw.line(points, fill=fill, width=width)
+        self.elements.append(f'<polyline points="{_listed(points)}" {_style(None, fill, width)}/>')
+
+    def polygon(self, points: Path, fill: Colour, outline: Colour | None = None, width: int = 1) -> None:
+        """Draw a polygon."""
+        self._draw.polygon(points, fill=fill, outline=outline, width=width)
+        self.elements.append(f'<polygon points="{_listed(points)}" {_style(fill, outline, width)}/>')
+
+    def rectangle(
+        self, box: Box, fill: Colour | None = None, outline: Colour | None = None, width: int = 1, radius: float = 0
+    ) -> None:
+        """Draw a rectangle, with round corners if they have a radius."""
+        self._draw.rounded_rectangle(box, radius, fill=fill, outline=outline, width=width)
+        left, top, right, bottom = box
+        size = f'x="{left:.1f}" y="{top:.1f}" width="{right - left:.1f}" height="{bottom - top:.1f}" rx="{radius:g}"'
+        self.elements.append(f"<rect {size} {_style(fill, outline, width)}/>")
+
+    def circle(
+        self, at: Point, radius: float, fill: Colour | None = None, outline: Colour | None = None, width: int = 1
+    ) -> None:
+        """Draw a circle."""
+        u, v = at
+        self._draw.ellipse((u - radius, v - radius, u + radius, v + radius), fill=fill, outline=outline, width=width)
+        place = f'cx="{u:.1f}" cy="{v:.1f}" r="{radius:.1f}"'
+        self.elements.append(f"<circle {place} {_style(fill, outline, width)}/>")
+
+    def text(self, at: Point, text: str, size: int, fill: Colour, anchor: str, *, halo: bool = False) -> None:
+        """Write a line; ``anchor`` as Pillow has them, ``halo`` with a white border."""
+        around = 2 * FINE if halo else 0
+        self._draw.text(at, text, fill, font(size), anchor, stroke_width=around, stroke_fill=PAPER)
+        across = {"l": "start", "m": "middle", "r": "end"}[anchor[0]]
+        down = {"a": 0.76, "m": 0.3, "s": 0.0}[anchor[1]] * size * FINE
+        style = f'font-size="{size * FINE}" text-anchor="{across}" fill="{_hex(fill)}"'
+        border = f' paint-order="stroke" stroke="{_hex(PAPER)}" stroke-width="{2 * around}"' if halo else ""
+        self.elements.append(f'<text x="{at[0]:.1f}" y="{at[1] + down:.1f}" {style}{border}>{escape(text)}</text>')
+
+
+def _listed(points: Path) -> str:
+    flat = [value for one in points for value in (one if isinstance(one, tuple) else (one,))]
+    return " ".join(f"{value:.1f}" for value in flat)
+
+
+def _style(fill: Colour | None, outline: Colour | None, width: int) -> str:
+    inside = f'fill="{_hex(fill)}"' if fill else 'fill="none"'
+    return f'{inside} stroke="{_hex(outline)}" stroke-width="{width}"' if outline else inside
+
+
+def _hex(colour: Colour) -> str:
+    return "#{:02x}{:02x}{:02x}".format(*colour)
 
 
 class Sheet:
@@ -19,30 +87,51 @@ class Sheet:
 
     def __init__(self, width: float, height: float) -> None:
         self.image = Image.new("RGB", (round(width * FINE), round(height * FINE)), PAPER)
-        self.pen = ImageDraw.Draw(self.image)
+        self.pen = Pen(self.image)
 
     def finished(self) -> Image.Image:
         """Return the picture in its size."""
         width, height = self.image.size
         return self.image.resize((width // FINE, height // FINE), Image.Resampling.LANCZOS)
 
+    def save(self, path: File) -> None:
+        """Write it in the format of the path's suffix: SVG or PNG; raises OSError as writing does."""
+        if path.suffix.lower() == ".svg":
+            path.write_text(self.svg(), encoding="utf-8", newline="\n")
+        else:
+            self.finished().save(path, format="PNG")
+
+    def svg(self) -> str:
+        """Return it as SVG."""
+        width, height = self.image.size
+        size = f'width="{width // FINE}" height="{height // FINE}" viewBox="0 0 {width} {height}"'
+        head = f'<svg xmlns="http://www.w3.org/2000/svg" {size} font-family="sans-serif">'
+        paper = f'<rect width="{width}" height="{height}" fill="{_hex(PAPER)}"/>'
+        return "\n".join([head, f"<!-- {MARK} -->", paper, *self.pen.elements, "</svg>", ""])
+
+    def paste(self, other: Sheet, at: tuple[int, int], height: int | None = None) -> None:
+        """Put another sheet on this one, or so much of its upper part [pixels of the sheet]."""
+        width, whole = other.image.size
+        height = whole if height is None else height
+        self.image.paste(other.image.crop((0, 0, width, height)), at)
+        place = f'x="{at[0]}" y="{at[1]}" width="{width}" height="{height}"'
+        self.pen.elements += [f"<svg {place}>", *other.pen.elements, "</svg>"]
+
     def text(self, at: Point, text: str, size: int, colour: Colour = INK, anchor: str = "la") -> None:
-        """Write a line; ``anchor`` as Pillow tells them."""
-        self.pen.text(at, text, fill=colour, font=font(size), anchor=anchor)
+        """Write a line; ``anchor`` as Pillow has them."""
+        self.pen.text(at, text, size, colour, anchor)
 
     def halo(self, at: Point, text: str, size: int, colour: Colour = INK) -> None:
         """Write a line around a middle, legible on anything."""
-        self.pen.text(at, text, fill=colour, font=font(size), anchor="mm", stroke_width=2 * FINE, stroke_fill=PAPER)
+        self.pen.text(at, text, size, colour, "mm", halo=True)
 
     def disc(self, at: Point, radius: float, *, fill: Colour | None = None, outline: Colour | None = None) -> None:
         """Draw a circle."""
-        u, v = at
-        self.pen.ellipse((u - radius, v - radius, u + radius, v + radius), fill=fill, outline=outline, width=FINE)
+        self.pen.circle(at, radius, fill, outline, FINE)
 
     def ring(self, at: Point, radius: float, colour: Colour, width: int = 1) -> None:
         """Draw the outline of a circle."""
-        u, v = at
-        self.pen.ellipse((u - radius, v - radius, u + radius, v + radius), outline=colour, width=width * FINE)
+        self.pen.circle(at, radius, None, colour, width * FINE)
 
     def scale(self, at: Point, size: Point, stops: Sequence[Colour]) -> None:
         """Draw a strip of all colours of a scale, low ones on the left."""

@@ -1,27 +1,38 @@
-"""What pictures and recordings show of a world: primitives that move together, and what a recording needs."""
+"""What pictures and recordings show of a world: shapes that move together, and what a recording needs."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import partial
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from functools import lru_cache, partial
 from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from executive.pictures.figures import limb_pieces, still_pieces
+from executive.pictures.links import Look, looks_of_links
+from executive.pictures.looks import BEVEL, Piece, Rgba, colour_of, colours, look_of, pieces_of
+from executive.pictures.solids import Solid, box, shaded
 from planlang.diagnostics import Diagnostic, error
 from planlang.geometry import Pose
-from planlang.geometry.shapes import SolidKind
+from planlang.geometry.shapes import Size, SolidKind
 from planlang.records import dataclass
+from sim.bodies import Color, Part
+from sim.scene import Body, BodyShape
 
 if TYPE_CHECKING:
     from sim import PlanningWorld
-    from sim.bodies import Color, Part
     from sim.truth import Truth
 
 HERE = Pose((0.0, 0.0, 0.0))
-GREY = (150, 150, 155, 255)
+GREY: Rgba = (172, 174, 178, 255)
+_WHITE: Rgba = (255, 255, 255, 255)
+_WALL: Rgba = (236, 234, 226, 255)
+_FLOOR: Rgba = (190, 184, 172, 255)
+_LOW = 0.12
+"""Height of what is left of walls [m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,6 +58,8 @@ class Shape:
     """Red, green, blue and opacity, 0..255."""
     mesh: Mesh | None = None
     """The surface of a shape of kind "mesh"."""
+    outward: tuple[float, float, float] | None = None
+    """Of a wall the direction away from its room, in the frame of what it belongs to."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,44 +72,104 @@ class Drawn:
     """Their current pose, in the map or in the frame of the path that theirs continues."""
 
 
-def drawn_in(world: Truth | PlanningWorld) -> tuple[Drawn, ...]:
-    """Return all bodies of a world, limbs of people one by one, and the links of its robot. Walls are left out."""
+def drawn_in(world: Truth | PlanningWorld, *, walls: bool = False) -> tuple[Drawn, ...]:
+    """Return all bodies of a world as they look, limbs of people one by one, and the links of its robot.
+
+    Of walls only a low edge is left, so that one looks into rooms, unless ``walls`` are asked for: those between a
+    viewer and the room are for the viewer to leave out.
+    """
     drawn: list[Drawn] = []
     for name in world.names():
-        pieces = [(k, part) for k, (part, _) in enumerate(world.pieces(name)) if part.outward is None]
-        color = world.scene.body(name).color
-        still = tuple(_piece(part, color, part.offset) for _, part in pieces if not part.limb)
-        drawn.append(Drawn(("bodies", name), still, partial(world.pose, name)))
-        for k, part in pieces:
-            if part.limb:
-                drawn.append(
-                    Drawn(("bodies", name, f"limb{k}"), (_piece(part, color, HERE),), partial(_limb, world, name, k))
-                )
-    for link, looks in world.looks().items():
-        shapes = tuple(_link(*look) for look in looks)
+        drawn += _body(world, world.scene.body(name), walls=walls)
+    for link, looks in looks_of_links(world.robot).items() if world.has_robot else ():
+        shapes = tuple(_link(look) for look in looks)
         drawn.append(Drawn(("robot", link), shapes, partial(world.link_pose, link)))
     return tuple(drawn)
+
+
+def _body(world: Truth | PlanningWorld, body: Body, *, walls: bool) -> Iterator[Drawn]:
+    """Yield a body, and after it its limbs."""
+    path, parts = ("bodies", body.name), [part for part, _ in world.pieces(body.name)]
+    match body.shape:
+        case BodyShape.MARKER:
+            return
+        case BodyShape.PERSON:
+            still = still_pieces([part for part in parts if not part.limb])
+            shapes = [_surface(piece, pose=pose) for pose, pieces in still for piece in pieces]
+        case BodyShape.ROOM:
+            shapes = [_wall(part, whole=walls) if part.outward is not None else _part(part, _FLOOR) for part in parts]
+        case _:
+            shapes = list(_thing(body, parts))
+    yield Drawn(path, tuple(shapes), partial(world.pose, body.name))
+    limbs = [k for k, part in enumerate(parts) if part.limb]
+    for place, k in enumerate(limbs):
+        pieces = limb_pieces(parts[k], -1 if 2 * place < len(limbs) else 1)
+        yield Drawn((*path, f"limb{k}"), tuple(map(_surface, pieces)), partial(_limb, world, body.name, k))
 
 
 def _limb(world: Truth | PlanningWorld, name: str, k: int) -> Pose:
     return world.pieces(name)[k][1]
 
 
-def _piece(part: Part, color: Color | None, pose: Pose) -> Shape:
-    colour = _bytes(part.color or color or (0.7, 0.65, 0.55, 1.0))
-    x, y, z = part.size
-    if part.kind != SolidKind.BOX:
-        x = y = max(x, y)
-    return Shape(part.kind, (x, y, x if part.kind == SolidKind.SPHERE else z), pose, colour)
+def _thing(body: Body, parts: Sequence[Part]) -> Iterator[Shape]:
+    """Yield what a thing or a piece of furniture looks like: as its class does, or as it is opened."""
+    look = look_of(body.kinds, body.type)
+    colour = colour_of(look) if body.color is None else _bytes(body.color)
+    handles = {handle.pose for handle in body.handles}
+    if body.cavities or (look is None and (len(parts) > 1 or body.shape is not BodyShape.BOX)):
+        yield from (_part(part, colour) for part in parts if part.offset not in handles)
+    else:
+        for piece in pieces_of(look, body.size):
+            yield _surface(piece, colour, Pose(body.centre))
+    for handle in body.handles:
+        yield _part(Part(SolidKind.BOX, handle.size, handle.pose), colours()["knob"])
 
 
-def _link(kind: str, size: tuple[float, float, float], pose: Pose, color: Color | None) -> Shape:
-    """Return a primitive of a link; around a mesh it is a box."""
-    drawn = SolidKind.BOX if kind == SolidKind.MESH else kind
-    return Shape(drawn, size, pose, GREY if color is None else _bytes(color))
+def _surface(piece: Piece, colour: Rgba = GREY, pose: Pose = HERE) -> Shape:
+    return _mesh(piece.solid, piece.colour or colour, pose)
 
 
-def _bytes(color: Color) -> tuple[int, int, int, int]:
+def _mesh(solid: Solid, colour: Rgba, pose: Pose) -> Shape:
+    low, high = solid.vertices.min(axis=0), solid.vertices.max(axis=0)
+    x, y, z = (2 * np.maximum(-low, high)).tolist()
+    mesh = Mesh(solid.vertices.astype(np.float32), solid.faces.astype(np.int32))
+    return Shape(SolidKind.MESH, (x, y, z), pose, colour, mesh)
+
+
+def _part(part: Part, colour: Rgba) -> Shape:
+    """Return a primitive of the world, a box with its edges rounded."""
+    colour = colour if part.color is None else _bytes(part.color)
+    if part.kind == SolidKind.BOX:
+        return _mesh(_bevelled(part.size), colour, part.offset)
+    x = max(part.size[:2])
+    return Shape(part.kind, (x, x, x if part.kind == SolidKind.SPHERE else part.size[2]), part.offset, colour)
+
+
+@lru_cache(maxsize=256)
+def _bevelled(size: Size) -> Solid:
+    return shaded([box(size, min(BEVEL * min(size), 0.01))])
+
+
+def _wall(part: Part, *, whole: bool) -> Shape:
+    wall = Shape(SolidKind.BOX, part.size, part.offset, _WALL, outward=part.outward)
+    return wall if whole else lowered(wall)
+
+
+def lowered(wall: Shape) -> Shape:
+    """Return the lower edge of a wall."""
+    x, y, z = wall.size
+    low = min(_LOW, z)
+    return replace(wall, size=(x, y, low), pose=wall.pose @ Pose((0.0, 0.0, (low - z) / 2)))
+
+
+def _link(look: Look) -> Shape:
+    colour = GREY if look.colour in (None, _WHITE) else look.colour
+    if look.surface is not None:
+        return _mesh(look.surface, colour, look.pose)
+    return Shape(look.kind, look.size, look.pose, colour)
+
+
+def _bytes(color: Color) -> Rgba:
     red, green, blue, opacity = (round(255 * share) for share in color)
     return red, green, blue, opacity
 

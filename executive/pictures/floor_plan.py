@@ -10,7 +10,6 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from PIL import Image
 
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
@@ -96,6 +95,8 @@ class Resolution:
     blocking: Mapping[str, int] = field(default_factory=dict)
     details: Sequence[str] = ()
     """Statements about each place beside its pose."""
+    message: str = ""
+    """Why there is no place."""
 
 
 class FloorPlan:
@@ -347,38 +348,37 @@ OTHERS: tuple[Colour, ...] = ((110, 175, 205), (215, 150, 185), (150, 165, 110),
 
 
 def save_picture(path: Path, scenery: Scenery, resolution: Resolution) -> None:
-    """Write a PNG; raises OSError as writing does."""
-    picture(scenery, resolution).save(path, format="PNG")
+    """Write a PNG or SVG, by the path's suffix; raises OSError as writing does."""
+    picture(scenery, resolution).save(path)
 
 
-def picture(scenery: Scenery, resolution: Resolution) -> Image.Image:
+def picture(scenery: Scenery, resolution: Resolution) -> Sheet:
     """Return title, map and legend, and a close view where the places are near to each other."""
     of = colours([*resolution.counts, *(one.reason for one in resolution.validated), *dict(resolution.refused), ""])
     x_min, y_min, x_max, y_max = scenery.bounds
     scale = min(WIDTH / max(x_max - x_min, 1e-3), TALLEST / max(y_max - y_min, 1e-3))
     near = close_view(scenery, resolution.places)
-    plan = FloorPlan(scenery.bounds, scale, scenery, resolution, of).drawn(numbered=1 if near else 99).image
+    plan = FloorPlan(scenery.bounds, scale, scenery, resolution, of).drawn(numbered=1 if near else 99)
     legend, used = _legend(scenery, resolution, of)
     width = (LEGEND - MARGIN) * FINE
     close = None
     if near is not None:
-        close = (
-            FloorPlan(near, (LEGEND - MARGIN) / (near[2] - near[0]), scenery, resolution, of).drawn(numbered=99).image
-        )
-    title = wrapped(resolution.title, 19, plan.width + width)[:3]
+        close = FloorPlan(near, (LEGEND - MARGIN) / (near[2] - near[0]), scenery, resolution, of).drawn(numbered=99)
+    plan_width, plan_height = plan.image.size
+    title = wrapped(resolution.title, 19, plan_width + width)[:3]
     top = (2 * MARGIN + 26 * len(title)) * FINE
-    right = used + (0 if close is None else (MARGIN + LINE) * FINE + close.height)
-    sheet = Sheet((plan.width + width) / FINE + 3 * MARGIN, (top + max(plan.height, right)) / FINE + MARGIN)
+    right = used + (0 if close is None else (MARGIN + LINE) * FINE + close.image.height)
+    sheet = Sheet((plan_width + width) / FINE + 3 * MARGIN, (top + max(plan_height, right)) / FINE + MARGIN)
     for number, line in enumerate(title):
         sheet.text((MARGIN * FINE, (MARGIN + 26 * number) * FINE), line, 19)
-    sheet.image.paste(plan, (MARGIN * FINE, top))
-    left = plan.width + 2 * MARGIN * FINE
-    sheet.image.paste(legend.crop((0, 0, width, used)), (left, top))
+    sheet.paste(plan, (MARGIN * FINE, top))
+    left = plan_width + 2 * MARGIN * FINE
+    sheet.paste(legend, (left, top), used)
     if close is not None:
         below = top + used + MARGIN * FINE
         sheet.text((left, below), "close view", 16)
-        sheet.image.paste(close, (left, below + LINE * FINE))
-    return sheet.finished()
+        sheet.paste(close, (left, below + LINE * FINE))
+    return sheet
 
 
 def close_view(scenery: Scenery, places: Sequence[tuple[float, float, float]]) -> Bounds | None:
@@ -409,9 +409,11 @@ class _Legend:
         self.sheet, self.used = Sheet(LEGEND, 2400), 0
         """The sheet, and how much of it is used [pixels of the sheet]."""
 
-    def places(self, places: Sequence[BasePose], details: Sequence[str]) -> None:
-        """List places, best first."""
+    def places(self, places: Sequence[BasePose], details: Sequence[str], message: str) -> None:
+        """List places, best first, or say why there is none."""
         self._entry(f"{len(places)} place{'' if len(places) == 1 else 's'}, best first" if places else "no place", 16)
+        if not places and message:
+            self._write(message)
         for number, (x, y, yaw) in enumerate(places[:MOST_LISTED]):
             stated = details[number] if number < len(details) else ""
             self._entry(f"{number + 1}:  x {x:.3f}  y {y:.3f}  yaw {yaw + 0.0:.2f}  {stated}".rstrip())
@@ -462,11 +464,11 @@ class _Legend:
             self.used += LINE * FINE
 
 
-def _legend(scenery: Scenery, resolution: Resolution, of: Mapping[str, Colour]) -> tuple[Image.Image, int]:
+def _legend(scenery: Scenery, resolution: Resolution, of: Mapping[str, Colour]) -> tuple[Sheet, int]:
     """Return the legend, and how much of its sheet is used [pixels of the sheet]."""
     legend = _Legend()
-    legend.places(resolution.places, resolution.details)
+    legend.places(resolution.places, resolution.details, resolution.message)
     legend.candidates(resolution, of)
     legend.regions(scenery.regions)
     legend.scores()
-    return legend.sheet.image, legend.used
+    return legend.sheet, legend.used

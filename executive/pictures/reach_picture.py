@@ -35,7 +35,7 @@ def save_reach_picture(
         low, high = (float(every.min()), float(every.max())) if len(every) else (0.0, 0.0)
         scene = 0.0 if axis == "z" else radius
         ends.append((min(low, -scene) - SPARE, max(high, scene) + SPARE))
-    _Drawing(name, models, maps, radius, ends).sheet.finished().save(path, format="PNG")
+    _Drawing(name, models, maps, radius, ends).sheet.save(path)
 
 
 class _Drawing:

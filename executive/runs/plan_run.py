@@ -360,6 +360,7 @@ class Run:
         trace = RepeatedTrace(earlier, trace_after) if isinstance(earlier, Repetition) else trace_after(earlier)
         trace.listeners = tuple(written.listeners)
         outcome, message, failures = Outcome.DONE, "done", tuple[str, ...]()
+        failed: PlanFailure | None = None
         try:
             run(
                 body,
@@ -373,7 +374,7 @@ class Run:
                 resume=earlier if isinstance(earlier, Past) else None,
             )
         except PlanFailure as failure:
-            outcome, message = Outcome.FAILED, explain(failure)
+            outcome, message, failed = Outcome.FAILED, explain(failure), failure
             failures = tuple(type(link).__name__ for link in failure.chain())
         except KeyboardInterrupt:
             outcome, message = Outcome.INTERRUPTED, "interrupted"
@@ -391,7 +392,7 @@ class Run:
             failures = (type(problem).__name__,)
         finally:
             trace.close()
-            written.save()
+            written.save(failed)
         state = tuple(state_lines(truth, bodies_of(bound, executive.platform.belief, truth)))
         return RunResult(
             outcome, message, state, tuple(self.found), truth.steps / truth.rate, failures, executive.tilts

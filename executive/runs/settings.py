@@ -93,6 +93,16 @@ class RunSettings(SituationSettings):
     picture: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write a picture of the final scene, as PNG.")
     ] = None
+    video: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write a video of the run beside its plan, as animated WebP.")
+    ] = None
+    view: Annotated[
+        str | None,
+        typer.Option(
+            metavar="X,Y,Z[:X,Y,Z]",
+            help="Picture and video from this point of the map [m], towards another one; or overview, or top.",
+        ),
+    ] = None
     record: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write a recording for rerun (needs planlang[record]).")
     ] = None

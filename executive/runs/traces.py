@@ -43,6 +43,17 @@ def lines_of(say: Callable[[int, str], None], *, inner: bool = False) -> Listene
     return tell
 
 
+def steps_of(hear: Callable[[Mapping[str, Any]], None]) -> Listener:
+    """Return a listener that passes on records, those of actions inside of others left out."""
+
+    def listen(record: Mapping[str, Any], node: Node | None) -> None:
+        is_span = record["event"] in SPANS and record["kind"] == "perform"
+        if not (is_span and node is not None and is_inner(node)):
+            hear(record)
+
+    return listen
+
+
 def line_of(record: Mapping[str, Any]) -> str | None:
     """Return the line about a record of the trace; None for what people need not see."""
     match record:

@@ -9,11 +9,10 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from executive.pictures.drawn import drawn_in
 from executive.runs.final_state import Tilts
 from executive.runs.options import RunOptions
 from executive.runs.parameters import Bound, things_of
-from executive.runs.traces import lines_of
+from executive.runs.traces import lines_of, steps_of
 from planlang import PlanFailure
 from planlang.diagnostics import Diagnostic
 from planlang.outputs import replace as write_complete
@@ -42,6 +41,7 @@ class Written:
         """What shows the run to people while it goes on."""
         self._is_new = False
         """True once what happens was not written before."""
+        self._failure: PlanFailure | None = None
         self.watchers: list[Callable[[Truth], None]] = [tilts, *options.watchers]
         self.listeners: list[Listener] = [
             lines_of(self._progress, inner=options.inner_actions),
@@ -66,9 +66,18 @@ class Written:
         """
         options, truth = self._options, self._truth
         if options.picture is not None:
-            meant = partial(bodies_of, bound, self._belief, truth)  # at the end
-            self._files.append((options.picture, lambda path: truth.save_picture(path, of=tuple(meant()))))
+            self._files.append((options.picture, partial(self._save_picture, bound)))
+        if options.video is not None:
+            from executive.pictures.video import Video
+
+            video = Video(truth, truth.rate, title, options.view)
+            self.listeners.append(steps_of(video.steps.hear))
+            self.watchers.append(lambda world: video.frame(world.steps))
+            self._files.append(
+                (options.video, lambda path: video.save(path, tuple(bodies_of(bound, self._belief, truth))))
+            )
         if options.record is not None:
+            from executive.pictures.drawn import drawn_in
             from executive.pictures.recording import Recording  # needs an extra
 
             film = Recording(truth.rate, drawn_in(truth), title=title)
@@ -129,13 +138,34 @@ class Written:
         if self._poses is not None:
             self._poses.begin()
 
-    def save(self) -> None:
-        """Write the files, each whole or not at all; the log of poses is written already. The run has ended."""
+    def _save_picture(self, bound: Mapping[str, Bound], path: Path) -> None:
+        """Write a picture of the plan's bodies, and of those that its failure names: what was in the way."""
+        from executive.pictures.scene_picture import save_picture  # Pillow is slow to import
+
+        named = () if self._failure is None else names_in(self._failure)
+        always = [name for name in dict.fromkeys(named) if name in self._truth.names()]
+        names = tuple(bodies_of(bound, self._belief, self._truth))
+        save_picture(path, self._truth, names, self._options.view, always)
+
+    def save(self, failure: PlanFailure | None = None) -> None:
+        """Write the files, each whole or not at all; the log of poses is written already. The run has ended.
+
+        ``failure`` is how the plan ended, if it failed.
+        """
+        self._failure = failure
         self._shown.close()
         if self._poses is not None:
             self._poses.close()
         for path, save in self._files if self._is_new else ():
             write_complete(path, save)
+
+
+def names_in(failure: PlanFailure) -> Iterator[str]:
+    """Yield the texts in the fields of a failure and its causes, names of bodies among them."""
+    for link in failure.chain():
+        values = link.details().values() if isinstance(link, PlanFailure) else ()
+        for value in values:
+            yield from (value,) if isinstance(value, str) else value if isinstance(value, tuple | Mapping) else ()
 
 
 class WatchedWorld:

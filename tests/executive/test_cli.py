@@ -113,6 +113,20 @@ def test_outputs_that_cannot_be_written_are_told_before_anything_runs(tmp_path: 
     assert codes(result)[:2] == ["C004", "C004"]
 
 
+def test_a_view_is_told_to_be_none_before_anything_runs(tmp_path: Path) -> None:
+    for options, why in (
+        (["--view", "top"], "--view needs --picture or --video"),
+        (["--view", "left", "--picture", tmp_path / "x.png"], "write X,Y,Z or X,Y,Z:X,Y,Z"),
+    ):
+        result = invoke("run", "serve_a_drink", *options)
+        assert result.exit_code == 2
+        assert why in result.stderr
+
+
+def test_a_video_is_a_webp() -> None:
+    assert codes(invoke("run", "serve_a_drink", "--video", "x.mp4")) == ["C004"]
+
+
 def test_a_disk_that_is_full_is_told_and_no_internal_error(capsys: pytest.CaptureFixture[str]) -> None:
     def work() -> Answer:
         raise OSError(errno.ENOSPC, "No space left on device")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+import xml.etree.ElementTree as ElementTree
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,9 @@ from robot_files import cart_in
 from typer.testing import CliRunner
 
 from executive.cli.app import app
+from executive.pictures.floor_plan import OTHERS
 from planlang.files import bundled
+from planlang.outputs import is_replaceable
 
 WARD = ("--robot", "amigo", "--environment", "hospital_room")
 
@@ -108,7 +111,18 @@ def test_a_location_without_place_fails_with_its_reasons(tmp_path: Path) -> None
     assert answer["failure"] == ["LocationUnresolvable"]
     assert sum(answer["counts"].values()) > 0
     assert answer["solutions"] == []
-    assert (tmp_path / "no.png").is_file()
+    pixels = np.asarray(Image.open(tmp_path / "no.png").convert("RGB")).astype(int)[100:, 100:900]
+    refused = (np.abs(pixels - np.array(OTHERS[0])) < 30).all(axis=2)
+    assert refused.sum() > 200, "where it was looked for"
+
+
+def test_a_picture_as_svg_is_drawn_from_the_same_shapes(tmp_path: Path) -> None:
+    path = tmp_path / "where.svg"
+    located("in reach of the patient", "--count", "2", "--explain", str(path))
+    root = ElementTree.parse(path).getroot()
+    words = {one.text for one in root.iter("{http://www.w3.org/2000/svg}text")}
+    assert {"in reach of the patient", "bed1", "patient1", "2 places, best first"} <= words
+    assert is_replaceable(path), "it has a mark"
 
 
 def test_an_arm_that_the_robot_does_not_have_is_a_missing_capability() -> None:

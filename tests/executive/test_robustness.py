@@ -70,6 +70,7 @@ def test_an_input_is_never_replaced_not_even_by_force(command: str, tmp_path: Pa
         ("convert serve_a_drink --to turtle -o", "a.ttl"),
         ("run serve_a_drink --trace", "a.jsonl"),
         ("robot inspect amigo --picture", "a.png"),
+        ("run serve_a_drink --video", "a.webp"),
     ],
 )
 def test_a_file_that_planlang_did_not_write_is_overwritten_only_by_force(

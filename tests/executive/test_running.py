@@ -17,16 +17,21 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
+import numpy as np
 import pytest
+from PIL import Image
 
 from executive.maps import read_map, scene_of
+from executive.pictures.scene_picture import picture
 from executive.runs.final_state import Tilts
 from executive.runs.options import Outcome, RunOptions, RunResult
 from executive.runs.plan_run import run_plan_file
 from executive.runs.traces import line_of, lines_of
+from executive.runs.written import names_in
 from planlang import Trace, VirtualHost, a_constraint, a_feature, par, perform, run, sleep
 from planlang.designators import action, an_object
 from planlang.diagnostics import BadInput
+from planlang.failures import NavigationGoalNotReached, ObjectUnreachable
 from planlang.files import bundled
 from planlang.ontology import load
 from planlang.testing import Script, ScriptedExecutive
@@ -157,10 +162,10 @@ def test_a_kitchen_without_a_bottle_says_so_and_lists_what_there_is(corpus: Path
 )
 def test_every_real_room_is_drawn(name: str, corpus: Path) -> None:
     world = PlanningWorld(scene_of(read_map(load(corpus / "environments" / name))))
-    picture = world.render(120, 90)
+    pixels = picture(world, view="overview", size=(120, 90))
     world.close()
-    assert picture.shape == (90, 120, 3)
-    assert picture.std() > 5, "the picture shows something"
+    assert pixels.shape == (90, 120, 3)
+    assert pixels.std() > 5, "the picture shows something"
 
 
 # What the user says
@@ -230,9 +235,18 @@ def test_a_map_without_a_bottle_fails_with_what_there_is(tmp_path: Path) -> None
 
 def test_a_bottle_outside_the_room_cannot_be_reached(tmp_path: Path) -> None:
     path = changed_map(tmp_path, ("knowrob:m03 -2.72", "knowrob:m03 -8.0"))
-    result = run_plan_file(replace(BUNDLED, environment=path))
+    result = run_plan_file(replace(BUNDLED, environment=path, picture=tmp_path / "failed.png"))
     assert (result.outcome, result.failure) == (Outcome.FAILED, ("ObjectUnreachable", "LocationUnresolvable"))
     assert "bottle1" in result.message
+    pixels = np.asarray(Image.open(tmp_path / "failed.png").convert("RGB")).astype(int)
+    fingers = (pixels[:, :, 0] > 150) & (pixels[:, :, 2] < 90) & (pixels[:, :, 1] > 80)
+    assert fingers.sum() > 10, "the robot is in the picture"
+
+
+def test_a_picture_of_a_failure_is_about_what_was_in_the_way() -> None:
+    failure = ObjectUnreachable(what="bottle1")
+    failure.__cause__ = NavigationGoalNotReached(blocked_by="chair1", target=(0.0, 0.0, 0.0))
+    assert {"bottle1", "chair1"} <= set(names_in(failure))
 
 
 @pytest.mark.long

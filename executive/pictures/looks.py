@@ -1,0 +1,163 @@
+"""The looks of things: solids with colours for a thing's class and size, from the table ``ontologies/looks.toml``."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cache, lru_cache
+from itertools import product
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from executive.pictures.solids import Solid, ball, box, lathe, prism, shaded, tube
+from planlang.designators import local_name
+from planlang.files import bundled
+from planlang.geometry import Array
+from planlang.geometry.shapes import Size
+from planlang.records import dataclass
+
+Rgba = tuple[int, int, int, int]
+"""Red, green, blue and opacity, 0..255."""
+AXES = "xyz"
+WHOLE = {"x": [0, 1], "y": [0, 1], "z": [0, 1]}
+PLAIN = (176, 160, 138, 255)
+"""Colour of what has no look, and of which no map states a colour."""
+BEVEL = 0.08
+"""Radius of the edges of a thing without a look, as a share of its least extent."""
+TALL = 0.3
+"""Height from which a thing has the look that the table has for tall ones of its kind [m]."""
+OVER = 0.01
+"""How far labels may stick out of a box, as a share of its extents; what would go farther is pressed flat."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Piece:
+    """A surface in one colour; None is the colour that a map states, or that of the look."""
+
+    solid: Solid
+    colour: Rgba | None = None
+
+
+@cache
+def table_of_looks() -> Mapping[str, Mapping[str, Any]]:
+    """Return the looks by their names; the file says how they are read."""
+    text = (bundled("ontologies") / "looks.toml").read_text(encoding="utf-8")
+    return MappingProxyType({name: row for name, row in tomllib.loads(text).items() if name != "colours"})
+
+
+@cache
+def colours() -> Mapping[str, Rgba]:
+    """Return the colours that the table names."""
+    text = (bundled("ontologies") / "looks.toml").read_text(encoding="utf-8")
+    named: Mapping[str, str] = tomllib.loads(text)["colours"]
+    return MappingProxyType({name: _rgba(value) for name, value in named.items()})
+
+
+def _rgba(text: str) -> Rgba:
+    red, green, blue, *opacity = bytes.fromhex(text.removeprefix("#"))
+    return red, green, blue, opacity[0] if opacity else 255
+
+
+@cache
+def looks_of_classes() -> Mapping[str, str]:
+    """Return the name of the look of each class that stands in the table, by its local name."""
+    return MappingProxyType({cls: name for name, row in table_of_looks().items() for cls in row["classes"]})
+
+
+def look_of(kinds: Sequence[str], cls: str = "") -> str | None:
+    """Return the name of the look of a thing: of the nearest of its classes that has one; None if none has.
+
+    ``cls`` counts for what came into being in a run, of which no map says what is above its class.
+    """
+    known = looks_of_classes()
+    return next((known[one] for one in (*kinds, local_name(cls)) if one in known), None)
+
+
+def colour_of(look: str | None) -> Rgba:
+    """Return the colour of what of a look has no other."""
+    return PLAIN if look is None else colours()[table_of_looks()[look]["colour"]]
+
+
+@lru_cache(maxsize=512)
+def pieces_of(look: str | None, size: Size) -> tuple[Piece, ...]:
+    """Return the pieces of a look, one for each colour, in a box of some extents [m] about the origin."""
+    if look is None:
+        return (Piece(shaded([box(size, BEVEL * min(size))])),)
+    by_colour: dict[Rgba | None, list[Solid]] = {}
+    found = table_of_looks()[look]
+    if size[2] > TALL and "tall" in found:
+        found = table_of_looks()[found["tall"]]
+    for row in found["pieces"]:
+        colour = colours()[row["colour"]] if "colour" in row else None
+        for solid in _solids(row, np.array(size)):
+            most = np.array(size) * (0.5 + OVER)
+            by_colour.setdefault(colour, []).append(Solid(np.clip(solid.vertices, -most, most), solid.faces))
+    return tuple(Piece(shaded(solids), colour) for colour, solids in by_colour.items())
+
+
+def _solids(row: Mapping[str, Any], size: Array) -> Iterator[Solid]:
+    """Yield a piece of the table with its repetitions and mirror images, about the origin."""
+    one = _solid(row, size)
+    again = row.get("times", {})
+    axis = next((k for k, name in enumerate(AXES) if name in again), 0)
+    shift = _at(again.get("by", 0), float(size[axis])) * np.eye(3)[axis]
+    copies = [one.moved(np.ones(3), shift * k - size / 2) for k in range(again.get(AXES[axis], 1))]
+    for solid, turn in product(copies, _mirrorings(row.get("mirror", ""))):
+        image = solid
+        for k in turn:
+            image = image.mirrored(k, 0.0)
+        yield image
+
+
+def _mirrorings(axes: str) -> list[tuple[int, ...]]:
+    """Return the axes of each image, the original among them."""
+    numbers = [AXES.index(axis) for axis in axes]
+    return [(), *[(k,) for k in numbers], *([tuple(numbers)] if len(numbers) > 1 else [])]
+
+
+def _solid(row: Mapping[str, Any], size: Array) -> Solid:
+    """Return a piece whose coordinates begin at the lower corner of the box."""
+    least = float(size.min())
+    if "tube" in row:
+        path = np.array([[_at(value, extent) for value, extent in zip(at, size, strict=True)] for at in row["tube"]])
+        stated = row["radius"] if isinstance(row["radius"], list) else [row["radius"]] * len(path)
+        radii = [_at(value, least) for value in stated]
+        return tube(path, radii, smooth=row.get("smooth", False), flat=row.get("flat", 1.0))
+    around = {**WHOLE, **row.get("box", {}), **row.get("ball", {}), **{k: row[k] for k in AXES if k in row}}
+    ends = np.array([[_at(value, float(extent)) for value in around[k]] for k, extent in zip(AXES, size, strict=True)])
+    # in a box that is smaller than the metres of a look there is nothing, or next to nothing, of such a piece
+    low, extents = ends.min(axis=1), np.maximum(np.abs(ends[:, 1] - ends[:, 0]), 1e-4)
+    if "box" in row:
+        bevel = _at(row.get("round", 0), float(extents.min()))
+        return box(extents, bevel).moved(np.ones(3), low + extents / 2)
+    if "ball" in row:
+        return ball().moved(extents / 2, low + extents / 2)
+    axis = AXES.index(row.get("axis", "z"))
+    if "lathe" in row:
+        return _turned(lathe(row["lathe"]), axis).moved(_scales(extents, axis), low + _middle(extents, axis))
+    outline: Array = np.array(row["prism"], float)
+    return _turned(prism(outline[:, ::-1] if AXES[axis] == "y" else outline), axis).moved(extents, low)
+
+
+def _turned(solid: Solid, axis: int) -> Solid:
+    """Turn z onto an axis; the two others follow in their order, which keeps left and right."""
+    order = [(k - axis - 1) % 3 for k in range(3)]
+    return Solid(solid.vertices[:, order], solid.faces)
+
+
+def _scales(extents: Array, axis: int) -> Array:
+    return np.where(np.arange(3) == axis, extents, extents / 2)
+
+
+def _middle(extents: Array, axis: int) -> Array:
+    return np.where(np.arange(3) == axis, 0.0, extents / 2)
+
+
+def _at(value: float | str, extent: float) -> float:
+    """Return a coordinate of the table in metres from the lower end of an extent, kept within it if it is in metres."""
+    if not isinstance(value, str):
+        return value * extent
+    metres = float(value)
+    return min(max(extent + metres if value.startswith("-") else metres, 0.0), extent)

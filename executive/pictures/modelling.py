@@ -1,0 +1,127 @@
+"""Drawn things as triangles in the map, ready to be rendered."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from executive.pictures.drawn import Shape
+from executive.pictures.solids import Solid, ball, box, lathe, normals_of, shaded
+from planlang.geometry import Array, Pose
+from planlang.geometry.matrices import moved, rotated
+from planlang.geometry.shapes import SolidKind
+from planlang.records import dataclass
+
+LONGEST = 1.0
+"""Longest edge of a triangle that is drawn [m]: near the eye a triangle is drawn as a whole or not at all."""
+
+MOST_VIVID = 110
+"""Greatest difference of the red, green and blue of a colour that is left as it is."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Model:
+    """Triangles: ``vertices`` and ``normals`` (n, 3), ``triangles`` (m, 3), ``colours`` (m, 4), ``owners`` (m,)."""
+
+    vertices: Array
+    normals: Array
+    triangles: NDArray[np.int64]
+    colours: NDArray[np.uint8]
+    owners: NDArray[np.int64]
+    """Numbers of the shapes that triangles belong to: lines are drawn between shapes."""
+
+    def at(self, pose: Pose) -> Model:
+        """Return the same at a pose."""
+        return Model(
+            moved(pose.matrix(), self.vertices),
+            rotated(pose.rotation, self.normals),
+            self.triangles,
+            self.colours,
+            self.owners,
+        )
+
+    def only(self, kept: NDArray[np.bool_]) -> Model:
+        """Return some of its triangles."""
+        return Model(self.vertices, self.normals, self.triangles[kept], self.colours[kept], self.owners[kept])
+
+
+def joined(models: Sequence[Model]) -> Model:
+    """Return models as one."""
+    if not models:
+        none = np.zeros((0, 3))
+        return Model(none, none, none.astype(np.int64), np.zeros((0, 4), np.uint8), np.zeros(0, np.int64))
+    first = np.cumsum([0, *(len(model.vertices) for model in models)])
+    return Model(
+        np.concatenate([model.vertices for model in models]),
+        np.concatenate([model.normals for model in models]),
+        np.concatenate([model.triangles + start for model, start in zip(models, first, strict=False)]),
+        np.concatenate([model.colours for model in models]),
+        np.concatenate([model.owners for model in models]),
+    )
+
+
+def model_of(shapes: Iterable[Shape], first: int = 0) -> Model:
+    """Return shapes as triangles in the frame of what they belong to, owners numbered from ``first``."""
+    found = []
+    for number, shape in enumerate(shapes, first):
+        if shape.mesh is None:
+            solid = _primitive(shape.kind, shape.size)
+        else:
+            solid = Solid(shape.mesh.vertices.astype(float), shape.mesh.triangles.astype(np.int64))
+        solid = _divided(solid)
+        count = len(solid.faces)
+        colours = np.tile(_calm(shape.colour), (count, 1))
+        model = Model(solid.vertices, _normals(solid), solid.faces, colours, np.full(count, number, np.int64))
+        found.append(model.at(shape.pose))
+    return joined(found)
+
+
+def _calm(colour: tuple[int, int, int, int]) -> NDArray[np.uint8]:
+    """Return a colour (4,) that is less glaring: URDFs have pure red, green and blue, to tell links apart."""
+    shares = np.array(colour[:3], float)
+    glare = max(0.0, (float(shares.max() - shares.min()) - MOST_VIVID) / 255)
+    return np.array([*(shares + (shares.mean() * 0.6 + 90 - shares) * glare), colour[3]], np.uint8)
+
+
+@lru_cache(maxsize=256)
+def _primitive(kind: str, size: tuple[float, float, float]) -> Solid:
+    x, y, z = size
+    if kind == SolidKind.CYLINDER:
+        return shaded([lathe([(1, -0.5), (1, 0.5)]).moved((x / 2, y / 2, z), (0, 0, 0))])
+    if kind == SolidKind.SPHERE:
+        return shaded([ball().moved((x / 2, y / 2, z / 2), (0, 0, 0))])
+    return shaded([box(size)])
+
+
+def _normals(solid: Solid) -> Array:
+    """Return the normals of vertices: those of the faces around them, by their areas."""
+    normals, twice = normals_of(solid.vertices, solid.faces)
+    found = np.zeros_like(solid.vertices)
+    for k in range(3):
+        for axis in range(3):
+            found[:, axis] += np.bincount(solid.faces[:, k], normals[:, axis] * twice, len(found))
+    lengths = np.linalg.norm(found, axis=1, keepdims=True)
+    return np.asarray(found / np.maximum(lengths, 1e-12))
+
+
+def _divided(solid: Solid) -> Solid:
+    """Halve triangles at their longest edge until none is longer than is drawn."""
+    for _ in range(16):
+        corners = solid.vertices[solid.faces]
+        lengths = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
+        long = lengths.max(axis=1) > LONGEST
+        if not long.any():
+            break
+        faces = solid.faces[long]
+        turned = np.take_along_axis(faces, (lengths[long].argmax(axis=1)[:, None] + np.arange(3)) % 3, axis=1)
+        middles = solid.vertices[turned[:, :2]].mean(axis=1)
+        new = len(solid.vertices) + np.arange(len(turned))
+        halves = [
+            np.column_stack([turned[:, 0], new, turned[:, 2]]),
+            np.column_stack([new, turned[:, 1], turned[:, 2]]),
+        ]
+        solid = Solid(np.vstack([solid.vertices, middles]), np.concatenate([solid.faces[~long], *halves]))
+    return solid

@@ -1,0 +1,241 @@
+"""Closed surfaces that shapes are made of: bevelled boxes, lathed profiles, bent tubes, extruded outlines.
+
+Each is a :class:`Solid`, whose triangles share their vertices. :func:`shaded` repeats vertices at edges: where normals
+of faces are averaged at vertices, round surfaces are round and edges sharp.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planlang.geometry import Array
+from planlang.records import dataclass
+
+AROUND = 24
+"""Corners of a circle about an axis."""
+AROUND_TUBE = 8
+"""Corners of a circle about a tube."""
+CREASE = math.radians(50)
+"""Faces that meet at a greater angle than this meet in an edge [rad]."""
+BEND = 5
+"""Points of a smooth tube between two that are stated."""
+FLAT = 1e-9
+"""Less than this, as an area of a triangle or a distance, is none."""
+Faces = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Solid:
+    """A closed surface: ``vertices`` (n, 3), and ``faces`` (m, 3), anticlockwise seen from outside."""
+
+    vertices: Array
+    faces: Faces
+
+    def moved(self, scale: Sequence[float] | Array, shift: Sequence[float] | Array) -> Solid:
+        """Scale by factors along the axes, all of them positive or two negative, then shift."""
+        return Solid(self.vertices * np.asarray(scale) + np.asarray(shift), self.faces)
+
+    def mirrored(self, axis: int, about: float) -> Solid:
+        """Return the mirror image in a plane across an axis."""
+        vertices = self.vertices.copy()
+        vertices[:, axis] = 2 * about - vertices[:, axis]
+        return Solid(vertices, self.faces[:, ::-1])
+
+
+def box(size: Sequence[float] | Array, bevel: float = 0.0) -> Solid:
+    """Return a box about the origin, with bevelled edges if ``bevel`` [m] is greater than 0."""
+    half = np.asarray(size, float) / 2
+    bevel = min(bevel, 0.45 * float(half.min()) * 2)
+    signs = [np.array(one) for one in np.ndindex(2, 2, 2)]
+    if bevel <= FLAT:
+        points = np.array([np.where(one, half, -half) for one in signs])
+        rings = [[k for k, one in enumerate(signs) if one[axis] == side] for axis in range(3) for side in (0, 1)]
+        return _convex(points, [[a, b, d, c] for a, b, c, d in rings])
+    corner = [np.where(one, half - bevel, bevel - half) for one in signs]
+    points = np.array(
+        [
+            at + np.eye(3)[k] * np.where(one, bevel, -bevel)
+            for at, one in zip(corner, signs, strict=True)
+            for k in range(3)
+        ]
+    )
+    number = {(*one.tolist(), k): 3 * index + k for index, one in enumerate(signs) for k in range(3)}
+    rings = [[number[(*one.tolist(), k)] for k in range(3)] for one in signs]
+    for k in range(3):
+        across, m = (k + 1) % 3, (k + 2) % 3
+        for a in (0, 1):
+            around = ((0, 0), (0, 1), (1, 1), (1, 0))
+            rings.append([number[(*_placed(k, a, across, b, m, c), k)] for b, c in around])
+            for b in (0, 1):
+                low, high = _placed(k, a, across, b, m, 0), _placed(k, a, across, b, m, 1)
+                rings.append([number[(*low, k)], number[(*high, k)], number[(*high, across)], number[(*low, across)]])
+    return _convex(points, rings)
+
+
+def _placed(k: int, a: int, across: int, b: int, m: int, c: int) -> tuple[int, int, int]:
+    found = [0, 0, 0]
+    found[k], found[across], found[m] = a, b, c
+    return found[0], found[1], found[2]
+
+
+def _convex(points: Array, rings: Sequence[Sequence[int]]) -> Solid:
+    """Return a convex surface about the origin from its polygons, whichever way round they are given."""
+    faces = []
+    for ring in rings:
+        a, b, c = points[list(ring[:3])]
+        outside = float(np.cross(b - a, c - a) @ points[list(ring)].mean(axis=0)) > 0
+        turned = list(ring) if outside else list(ring)[::-1]
+        faces += [[turned[0], turned[k], turned[k + 1]] for k in range(1, len(turned) - 1)]
+    return Solid(points, np.array(faces, np.int64))
+
+
+def lathe(profile: Sequence[Sequence[float]], around: int = AROUND) -> Solid:
+    """Return what a profile (radius, height) makes when it is turned about the z axis.
+
+    It begins and ends on the axis, or is closed there with discs; outside is on its right: upwards on the outer side.
+    """
+    points = [(float(r), float(z)) for r, z in profile]
+    points = [(0.0, points[0][1])] * (points[0][0] > FLAT) + points + [(0.0, points[-1][1])] * (points[-1][0] > FLAT)
+    turns = np.arange(around) * (2 * math.pi / around)
+    circle = np.column_stack([np.cos(turns), np.sin(turns)])
+    vertices = [np.array([[0.0, 0.0, points[0][1]]])]
+    for r, z in points[1:-1]:
+        vertices.append(np.column_stack([circle * r, np.full(around, z)]))
+    vertices.append(np.array([[0.0, 0.0, points[-1][1]]]))
+    here, there = np.arange(around), (np.arange(around) + 1) % around
+    last = 1 + around * (len(points) - 2)
+    faces = [np.column_stack([np.zeros(around, np.int64), 1 + there, 1 + here])]
+    for k in range(len(points) - 3):
+        low, high = 1 + k * around, 1 + (k + 1) * around
+        faces.append(np.column_stack([low + here, low + there, high + there]))
+        faces.append(np.column_stack([low + here, high + there, high + here]))
+    faces.append(np.column_stack([last - around + here, last - around + there, np.full(around, last)]))
+    return Solid(np.concatenate(vertices), np.concatenate(faces))
+
+
+def ball(around: int = AROUND) -> Solid:
+    """Return a ball of radius 1 about the origin."""
+    tilts = np.linspace(-math.pi / 2, math.pi / 2, around // 2 + 1)
+    return lathe([(max(math.cos(tilt), 0.0), math.sin(tilt)) for tilt in tilts], around)
+
+
+def tube(path: Array, radii: Sequence[float], *, smooth: bool = False, flat: float = 1.0) -> Solid:
+    """Return a tube along points (n, 3), closed at its ends, with a radius at each [m].
+
+    ``smooth`` bends it through the points (Catmull and Rom, 1974); ``flat`` narrows it across, as straps are.
+    """
+    path, wide = np.asarray(path, float), np.asarray(radii, float)
+    if smooth and len(path) > 2:
+        path, wide = (
+            _bent(path),
+            np.interp(np.linspace(0, len(path) - 1, BEND * (len(path) - 1) + 1), range(len(wide)), wide),
+        )
+    ahead = np.diff(path, axis=0)
+    ahead /= np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), FLAT)
+    along = np.vstack([ahead[:1], ahead[1:] + ahead[:-1], ahead[-1:]])
+    along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), FLAT)
+    start = np.eye(3)[int(np.argmin(np.abs(along[0])))]
+    turns = np.arange(AROUND_TUBE) * (2 * math.pi / AROUND_TUBE)
+    rings = []
+    for at, forward, radius in zip(path, along, wide, strict=True):
+        aside = start - forward * float(start @ forward)
+        start = aside / max(float(np.linalg.norm(aside)), FLAT)
+        up = np.cross(forward, start)
+        rings.append(at + radius * (np.cos(turns)[:, None] * start + flat * np.sin(turns)[:, None] * up))
+    profile = lathe([(0, 0), *[(1, k) for k in range(len(path))], (0, len(path))], AROUND_TUBE)
+    return Solid(np.concatenate([path[:1], *rings, path[-1:]]), profile.faces)
+
+
+def _bent(path: Array) -> Array:
+    ends = np.vstack([2 * path[0] - path[1], path, 2 * path[-1] - path[-2]])
+    share = (np.arange(BEND) / BEND)[:, None]
+    found = []
+    for a, b, c, d in zip(ends, ends[1:], ends[2:], ends[3:], strict=False):
+        found.append(
+            0.5
+            * (2 * b + (c - a) * share + (2 * a - 5 * b + 4 * c - d) * share**2 + (3 * b - a - 3 * c + d) * share**3)
+        )
+    return np.vstack([*found, path[-1:]])
+
+
+def prism(outline: Sequence[Sequence[float]] | Array) -> Solid:
+    """Return an outline (n, 2), which has no holes, extruded along z from 0 to 1."""
+    flat = np.asarray(outline, float)
+    following = np.roll(flat, -1, axis=0)
+    if float((flat[:, 0] * following[:, 1] - flat[:, 1] * following[:, 0]).sum()) < 0:
+        flat = flat[::-1]
+    count = len(flat)
+    lid = np.array(_triangles(flat), np.int64)
+    here, there = np.arange(count), (np.arange(count) + 1) % count
+    sides = [np.column_stack([here, there, count + there]), np.column_stack([here, count + there, count + here])]
+    vertices = np.vstack([np.column_stack([flat, np.zeros(count)]), np.column_stack([flat, np.ones(count)])])
+    return Solid(vertices, np.concatenate([lid[:, ::-1], lid + count, *sides]))
+
+
+def _triangles(flat: Array) -> list[tuple[int, int, int]]:
+    """Return the triangles of a polygon, cut off ear by ear (G. H. Meisters, 1975)."""
+    left, found = list(range(len(flat))), []
+
+    def turn(a: int, b: int, c: int) -> float:
+        (ax, ay), (bx, by), (cx, cy) = flat[a], flat[b], flat[c]
+        return float((bx - ax) * (cy - ay) - (by - ay) * (cx - ax))
+
+    while len(left) > 3:
+        for k in range(len(left)):
+            a, b, c = left[k - 1], left[k], left[(k + 1) % len(left)]
+            others = [one for one in left if one not in (a, b, c)]
+            if turn(a, b, c) <= FLAT:
+                continue
+            if any(turn(a, b, o) >= -FLAT and turn(b, c, o) >= -FLAT and turn(c, a, o) >= -FLAT for o in others):
+                continue
+            found.append((a, b, c))
+            del left[k]
+            break
+        else:
+            raise ValueError(f"the outline {flat.tolist()} crosses itself")
+    return [*found, (left[0], left[1], left[2])]
+
+
+def normals_of(vertices: Array, faces: Faces) -> tuple[Array, Array]:
+    """Return the unit normals of triangles (m, 3), zero for flat ones, and twice their areas (m,)."""
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    across = np.cross(b - a, c - a)
+    twice = np.linalg.norm(across, axis=1)
+    return across / np.maximum(twice, 1e-30)[:, None], twice
+
+
+def shaded(solids: Sequence[Solid]) -> Solid:
+    """Return solids as one, with vertices repeated where faces meet in an edge."""
+    vertices, faces, first = [np.zeros((0, 3))], [np.zeros((0, 3), np.int64)], 0
+    for one in solids:
+        own, corners = _split(one)
+        vertices.append(own)
+        faces.append(corners + first)
+        first += len(own)
+    return Solid(np.concatenate(vertices), np.concatenate(faces))
+
+
+def _split(solid: Solid) -> tuple[Array, Faces]:
+    """Return vertices and faces of a solid in which faces share a vertex only if they meet smoothly around it."""
+    normals, _ = normals_of(solid.vertices, solid.faces)
+    corners = solid.faces.reshape(-1)
+    order = np.argsort(corners, kind="stable")
+    least = math.cos(CREASE)
+    vertices: list[Array] = []
+    numbers = np.zeros(len(corners), np.int64)
+    starts = np.flatnonzero(np.r_[True, np.diff(corners[order]) > 0, True])
+    for begin, end in zip(starts[:-1].tolist(), starts[1:].tolist(), strict=True):
+        group: list[tuple[Array, int]] = []
+        for at in order[begin:end].tolist():
+            normal = normals[at // 3]
+            known = next((number for other, number in group if float(other @ normal) >= least), None)
+            if known is None:
+                known = len(vertices)
+                vertices.append(solid.vertices[corners[at]])
+                group.append((normal, known))
+            numbers[at] = known
+    return np.array(vertices).reshape(-1, 3), numbers.reshape(-1, 3)
