@@ -145,7 +145,7 @@ def test_reaching_for_a_process_module_is_found(tmp_path: Path, statement: str) 
 
 TRUTH = {"PyBulletWorld", "sim.world"}
 """What names the true world."""
-ASSEMBLED = ("executive/runs/", "executive/cli/", "executive/pictures/")
+ASSEMBLED = ("executive/runs/", "executive/cli/", "executive/pictures/", "executive/report/")
 """Where runs are put together, and what is so is shown."""
 
 
