@@ -189,17 +189,17 @@ const scene = {
     if (this.discs) { this.root.remove(this.discs); this.discs = null; }
     if (!question) return;
     const { three } = this, group = new three.Group();
-    const disc = new three.CircleGeometry(0.035, 12), ring = new three.RingGeometry(0.2, 0.24, 40);
+    const disc = new three.CircleGeometry(0.035, 12), r = model.map.radius, ring = new three.RingGeometry(r + 0.03, r + 0.07, 48);
     question.bases.reasons.forEach((reason, number) => {
       const points = question.bases.points.filter((point) => point[0] === number);
       const discs = new three.InstancedMesh(disc, new three.MeshBasicMaterial({ color: reason.colour }), points.length);
-      points.forEach(([, x, y], k) => discs.setMatrixAt(k, new three.Matrix4().makeTranslation(x, y, 0.006)));
+      points.forEach(([, x, y], k) => discs.setMatrixAt(k, new three.Matrix4().makeTranslation(x, y, 0.012)));
       discs.name = reason.text || "accepted";
       group.add(discs);
     });
     if (question.chosen) {
       const chosen = new three.Mesh(ring, new three.MeshBasicMaterial({ color: colour("done") }));
-      chosen.position.set(question.chosen[0], question.chosen[1], 0.008);
+      chosen.position.set(question.chosen[0], question.chosen[1], 0.014);
       chosen.name = "chosen place";
       group.add(chosen);
     }
