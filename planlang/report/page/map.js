@@ -84,11 +84,10 @@ const floorPlan = {
   },
   move(time) {
     if (!this.ready || !this.at) return;
-    const labels = [];
+    const labels = [], about = aboutAt(time);
     for (const part of this.parts.values()) {
       const pose = this.poseOf(part, time);
-      part.shape.classList.toggle("away", pose === null);
-      part.shape.toggleAttribute("hidden", pose === null);
+      part.shape.classList.toggle("about", about.has(part.name));
       part.shape.setAttribute("points", pose ? this.corners(part, pose) : "");
       if (pose) labels.push([part.name, ...this.at(pose[0], pose[1])]);
     }

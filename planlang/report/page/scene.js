@@ -179,7 +179,25 @@ const scene = {
     this.box.dataset.time = time.toFixed(2);
     this.box.dataset.ghosts = differing;
     this.places(time);
+    this.frames(time);
     this.ask();
+  },
+  // Red frames around the things that a failure at this moment is about.
+  frames(time) {
+    const names = [...aboutAt(time)];
+    for (const one of this.framed ?? []) this.root.remove(one);
+    this.framed = names.flatMap((name) => {
+      const { three } = this, entity = world.byName.get(name), points = [];
+      if (!entity) return [];
+      this.root.updateMatrixWorld();
+      const box = new three.Box3().setFromObject(this.groups[world.entities.indexOf(entity)]).expandByScalar(0.02);
+      const at = (k) => [0, 1, 2].map((axis) => (k >> axis & 1 ? box.max : box.min).getComponent(axis));
+      for (let k = 0; k < 8; k++) for (const bit of [1, 2, 4]) if (!(k & bit)) points.push(...at(k), ...at(k | bit));
+      const lines = new three.LineSegments(new three.BufferGeometry(), new three.LineBasicMaterial({ color: colour("failed") }));
+      lines.geometry.setAttribute("position", new three.BufferAttribute(new Float32Array(points), 3));
+      this.root.add(lines);
+      return [lines];
+    });
   },
   // Discs on the floor: base poses that were looked at, by reason, and the one that was chosen.
   places(time) {

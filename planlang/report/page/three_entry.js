@@ -9,7 +9,7 @@
 // LICENSE.three.txt is three.js' own; NOTICE names its version.
 
 export {
-  BoxGeometry, BufferAttribute, BufferGeometry, CircleGeometry, Color, CylinderGeometry, DirectionalLight, Group,
+  Box3, BoxGeometry, BufferAttribute, BufferGeometry, CircleGeometry, Color, CylinderGeometry, DirectionalLight, Group,
   HemisphereLight, InstancedMesh, LineBasicMaterial, LineSegments, Matrix4, Mesh, MeshBasicMaterial,
   MeshStandardMaterial, PCFShadowMap, PerspectiveCamera, PlaneGeometry, Quaternion, Raycaster, RingGeometry, Scene,
   SphereGeometry, SRGBColorSpace, Vector2, Vector3, WebGLRenderer,
