@@ -97,6 +97,6 @@ class Movement:
         for index in sorted(moved):
             above = self._above[index]
             if above in self._names:
-                yield Placed("link", self._names[above], self._names[index], pose_of(above).inverse() @ pose_of(index))
+                yield Placed("link", self._names[above], self._names[index], pose_of(index).seen_from(pose_of(above)))
             else:
                 yield Placed("link", MAP, self._names[index], pose_of(index))

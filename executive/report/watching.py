@@ -67,9 +67,7 @@ class Watching:
 
 def _local(one: Outline, pose: Pose) -> dict[str, Any]:
     """Return the outline of a body in a level frame at its pose, by which it is drawn wherever it is later."""
-    x, y, z, w = pose.orientation
-    yaw = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-    cos, sin = math.cos(yaw), math.sin(yaw)
+    cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
     corners = [(a - pose.position[0], b - pose.position[1]) for a, b in one.polygon[:, :2].tolist()]
     polygon = [[round(cos * a + sin * b, 3), round(cos * b - sin * a, 3)] for a, b in corners]
     return {"name": shown(one.name), "kind": one.kind, "polygon": polygon}

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from planlang.compiler.drawing.task_graph import TaskGraph
 from planlang.designators import local_name
 from planlang.records import dataclass
 from planlang.report.failures import Failures, cards_of, reason_in
-from planlang.report.graph import graph_of
 from planlang.report.sources import Source
 from planlang.report.story import story_of
 from planlang.report.tree import lanes_of, marks_of, nodes_of, shown
 from planlang.runs.run_tree import RunTree
+
+if TYPE_CHECKING:
+    from planlang.compiler.drawing.task_graph import TaskGraph
 
 SCHEMA = 1
 """Version of the model."""
@@ -98,10 +99,16 @@ def model_of(told: Told, context: Context | None = None, **parts: Any) -> dict[s
         "marks": marks_of(tree),
         "story": story_of(tree, context.labels, end),
         "sources": [{"name": one.name, "text": one.text} for one in sources],
-        "graph": None if context.graph is None else graph_of(context.graph),
+        "graph": None if context.graph is None else _graph(context.graph),
         "missing": list(context.missing),
         **parts,
     }
+
+
+def _graph(graph: TaskGraph) -> dict[str, Any]:
+    from planlang.report.graph import graph_of  # a page without a recipe needs no layout, which takes long to import
+
+    return graph_of(graph)
 
 
 def _places(tree: RunTree, plan: Source | None) -> dict[int, int]:

@@ -43,7 +43,7 @@ def plan_source(name: str, text: str) -> Source:
         lines.setdefault(cls, number)
     places = {
         function.name: sorted(
-            node.lineno for node in ast.walk(function) if isinstance(node, ast.expr) and _is_name(node, "at_location")
+            node.lineno for node in ast.walk(function) if isinstance(node, ast.Name) and node.id == "at_location"
         )
         for function in ast.walk(tree)
         if isinstance(function, ast.AsyncFunctionDef)
@@ -86,10 +86,6 @@ def _named(tree: ast.Module) -> Iterator[tuple[bool, int, str]]:
                     yield called == "action_class", node.lineno, local_name(strings[-1])
             case ast.AsyncFunctionDef():
                 yield False, node.lineno, node.name
-
-
-def _is_name(node: ast.AST, name: str) -> bool:
-    return isinstance(node, ast.Name) and node.id == name
 
 
 def recipe_source(recipes: RecipeSet, name: str, text: str) -> Source:

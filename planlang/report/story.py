@@ -26,7 +26,7 @@ def story_of(tree: RunTree, labels: Mapping[str, str], end: float) -> list[list[
     for one in tree.belief:
         if one.details.get("change") in _LEARNT:
             time = round(one.step / tree.rate, 4)
-            found.append([time, None, f"The robot now believes: {belief_text(one.details)}.", "belief"])
+            found.append([time, None, f"Belief: {belief_text(one.details)}.", "belief"])
     return sorted(found, key=lambda one: (one[0], _RANKS.get(one[3], 3)))
 
 

@@ -68,7 +68,7 @@ def _node(
             if (text := event_text(one)) is not None
         ],
     }
-    return found | {key: value for key, value in optional.items() if value not in (None, False, [], "")}
+    return found | {key: value for key, value in optional.items() if value or (value == 0 and value is not False)}
 
 
 def _is_plumbing(node: TaskNode) -> bool:

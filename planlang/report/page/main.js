@@ -99,6 +99,7 @@ async function begin() {
   const started = performance.now();
   head();
   tellMissing();
+  document.documentElement.classList.toggle("calm", model.cards.every((one) => one.recovered));
   showCards();
   tree.build();
   lanes.build();

@@ -41,7 +41,7 @@ const floorPlan = {
     this.view.append(svg("rect", { class: "floor", x: left, y: top, width: (x1 - x0) * s, height: (y1 - y0) * s }));
     for (let x = Math.ceil(x0); x <= x1; x++) this.view.append(this.line(x, y0, x, y1));
     for (let y = Math.ceil(y0); y <= y1; y++) this.view.append(this.line(x0, y, x1, y));
-    this.places = svg("g");
+    this.places = svg("g", { class: "places" });
     this.view.append(this.places);
     for (const one of outlines) {
       const shape = svg("polygon", { class: `body ${one.kind}` }), hover = svg("title");
@@ -84,11 +84,10 @@ const floorPlan = {
   },
   move(time) {
     if (!this.ready || !this.at) return;
-    const labels = [];
+    const labels = [], about = aboutAt(time);
     for (const part of this.parts.values()) {
       const pose = this.poseOf(part, time);
-      part.shape.classList.toggle("away", pose === null);
-      part.shape.toggleAttribute("hidden", pose === null);
+      part.shape.classList.toggle("about", about.has(part.name));
       part.shape.setAttribute("points", pose ? this.corners(part, pose) : "");
       if (pose) labels.push([part.name, ...this.at(pose[0], pose[1])]);
     }

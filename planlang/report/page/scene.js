@@ -185,7 +185,25 @@ const scene = {
     this.box.dataset.time = time.toFixed(2);
     this.box.dataset.ghosts = differing;
     this.places(time);
+    this.frames(time);
     this.ask();
+  },
+  // Red frames around the things that a failure at this moment is about.
+  frames(time) {
+    const names = [...aboutAt(time)];
+    for (const one of this.framed ?? []) this.root.remove(one);
+    this.framed = names.flatMap((name) => {
+      const { three } = this, entity = world.byName.get(name), points = [];
+      if (!entity) return [];
+      this.root.updateMatrixWorld();
+      const box = new three.Box3().setFromObject(this.groups[world.entities.indexOf(entity)]).expandByScalar(0.02);
+      const at = (k) => [0, 1, 2].map((axis) => (k >> axis & 1 ? box.max : box.min).getComponent(axis));
+      for (let k = 0; k < 8; k++) for (const bit of [1, 2, 4]) if (!(k & bit)) points.push(...at(k), ...at(k | bit));
+      const lines = new three.LineSegments(new three.BufferGeometry(), new three.LineBasicMaterial({ color: colour("failed") }));
+      lines.geometry.setAttribute("position", new three.BufferAttribute(new Float32Array(points), 3));
+      this.root.add(lines);
+      return [lines];
+    });
   },
   // Discs on the floor: base poses that were looked at, by reason, and the one that was chosen.
   places(time) {
@@ -195,17 +213,17 @@ const scene = {
     if (this.discs) { this.root.remove(this.discs); this.discs = null; }
     if (!question) return;
     const { three } = this, group = new three.Group();
-    const disc = new three.CircleGeometry(0.035, 12), ring = new three.RingGeometry(0.2, 0.24, 40);
+    const disc = new three.CircleGeometry(0.035, 12), r = model.map.radius, ring = new three.RingGeometry(r + 0.03, r + 0.07, 48);
     question.bases.reasons.forEach((reason, number) => {
       const points = question.bases.points.filter((point) => point[0] === number);
       const discs = new three.InstancedMesh(disc, new three.MeshBasicMaterial({ color: reason.colour }), points.length);
-      points.forEach(([, x, y], k) => discs.setMatrixAt(k, new three.Matrix4().makeTranslation(x, y, 0.006)));
+      points.forEach(([, x, y], k) => discs.setMatrixAt(k, new three.Matrix4().makeTranslation(x, y, 0.012)));
       discs.name = reason.text || "accepted";
       group.add(discs);
     });
     if (question.chosen) {
       const chosen = new three.Mesh(ring, new three.MeshBasicMaterial({ color: colour("done") }));
-      chosen.position.set(question.chosen[0], question.chosen[1], 0.008);
+      chosen.position.set(question.chosen[0], question.chosen[1], 0.014);
       chosen.name = "chosen place";
       group.add(chosen);
     }

@@ -75,6 +75,15 @@ function ghostAt(belief, time) {
   return away > 0.015 || turn < 0.9986 ? believed : null;
 }
 
+// Names of the things that a failure at this moment is about: its messages name them, or they were in the way.
+function aboutAt(time) {
+  const found = new Set(), at = model.cards.filter((one) => Math.abs((one.time ?? -1) - time) < 0.05);
+  const texts = at.flatMap((one) => model.failures[one.failure].chain.flatMap((link) => [link.message, link.advice ?? "", ...Object.keys(link.blocking ?? {})]));
+  const words = new Set(texts.flatMap((text) => text.split(/[^\p{L}\p{N}_-]+/u)));
+  for (const { name } of at.length ? model.map?.outlines ?? [] : []) if (words.has(name)) found.add(name);
+  return found;
+}
+
 // The search for a place that a moment is about: that of a construct that runs or has just failed, else the last one.
 function questionAt(time, running = false) {
   const asked = (model.questions ?? []).filter((one) => one.time <= time + 1e-6);

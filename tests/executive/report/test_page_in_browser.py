@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -12,12 +13,15 @@ from browsers import Watched, another_browser, started_browser
 
 from executive.runs.options import Outcome, RunOptions
 from executive.runs.plan_run import run_plan_file
+from planlang import par, sleep
 from planlang.files import Bundled
+from planlang.ontology.convert import Target, convert
+from planlang.testing import run_plan
 
 RECIPE, AMIGO = Bundled.RECIPE.find("serve_a_drink"), Bundled.ROBOT.find("amigo")
 ROOM = Bundled.ENVIRONMENT.find("hospital_room")
 SERVED = RunOptions(recipe=RECIPE, robot=AMIGO, environment=ROOM)
-HOSTILE = "</script><img src=x onerror=alert(1)>"
+HOSTILE = "</script><img src=x onerror=\"document.title = 'run'\"><!--<script>"
 WITHOUT_WEBGL = "--disable-3d-apis"
 
 
@@ -150,6 +154,63 @@ def test_a_run_is_searched_and_told_by_the_keyboard_alone(browser: Any, pages: d
     page.get_by_role("heading", name="Keys").wait_for()
     assert watched.findings() == []
     assert watched.said == []
+
+
+def test_markup_in_a_map_and_in_labels_of_a_recipe_is_text(browser: Any, tmp_path: Path) -> None:
+    room, recipe, page = tmp_path / "room.owl", tmp_path / "serve_a_drink.omn", tmp_path / "run.html"
+    written = convert(ROOM, Target.RDFXML).text
+    assert "chair1" in written
+    room.write_text(written.replace("chair1", "chair1" + escape(HOSTILE, quote=True)), encoding="utf-8")
+    label = "drive to where the bottle is in reach"
+    quoted = HOSTILE.replace('"', '\\"')
+    recipe.write_text(RECIPE.read_text().replace(f'"{label}"', f'"{label} {quoted}"'), encoding="utf-8")
+    result = run_plan_file(replace(SERVED, recipe=recipe, environment=room, report=page))
+    assert result.outcome is Outcome.DONE
+    watched = opened(browser, page)
+    watched.page.keyboard.press("5")
+    assert f"the bottle is in reach {HOSTILE}" in watched.page.locator("#story").inner_text()
+    watched.page.keyboard.press("2")
+    assert "<!--<script>" in watched.page.locator("#map").inner_text()
+    assert watched.page.locator("img").count() == 0
+    assert watched.page.title() == "serve_a_drink: done"
+    assert (watched.said, watched.asked) == ([], [])
+
+
+def test_ten_thousand_steps_are_there_within_a_second(browser: Any, tmp_path: Path) -> None:
+    async def step() -> None:
+        await sleep(0.01)
+
+    async def block() -> None:
+        for _ in range(50):
+            await par(step)
+
+    async def many() -> None:
+        for _ in range(100):
+            await par(block)
+
+    run_plan(many).report(tmp_path / "run.html")
+    watched = opened(browser, tmp_path / "run.html")
+    assert len(watched.page.evaluate("planlang.model.nodes.map((node) => node.id)")) > 10_000
+    assert watched.page.locator("#tree [role=treeitem]").count() < 100
+    taken = watched.page.locator("html").get_attribute("data-took")
+    assert float(str(taken)) < 3000, "a second on an idle machine [ms]"
+    seek(watched.page, 25)
+    assert watched.page.locator("#tree .now").count() > 0
+    assert watched.said == []
+
+
+def test_a_run_that_grows_is_shown_as_it_does(browser: Any, pages: dict[str, Path]) -> None:
+    page = opened(browser, pages["recovered"]).page
+    page.evaluate(
+        """() => {
+            const root = planlang.model.nodes[0], end = planlang.model.end + 5;
+            const node = {id: 9999, parent: root.id, kind: "perform", name: "Later", text: "", status: "running",
+                start: end - 1, end: null};
+            planlang.grow({nodes: [{...root, status: "running", end: null}, node], end});
+        }"""
+    )
+    seek(page, 66.5)
+    assert status(page, "Later") == "running"
 
 
 def test_a_narrow_page_has_everything_below_each_other(browser: Any, pages: dict[str, Path]) -> None:

@@ -205,3 +205,12 @@ def test_the_example_of_the_documentation_is_the_file_that_runs_and_short() -> N
     example = (CHECKOUT / "tests" / "examples" / "test_serving.py").read_text(encoding="utf-8")
     assert f"```python\n{example}```" in (CHECKOUT / "docs" / "testing.md").read_text(encoding="utf-8")
     assert len(example.splitlines()) < 60
+
+
+def test_planlang_report_leaves_a_page_of_each_plan_of_a_failing_test(pytester: pytest.Pytester) -> None:
+    pytester.makepyfile(FAILING)
+    result = pytester.runpytest_inprocess("--planlang-report", "pages", "-k", "failure")
+    pages = sorted((pytester.path / "pages").iterdir())
+    assert len(pages) == 1
+    result.stdout.fnmatch_lines([f"*{pages[0].name}"])
+    assert '"status":"failed"' in pages[0].read_text(encoding="utf-8")

@@ -1,0 +1,202 @@
+"""What a page is told of a run, and that nothing of it is more than text."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+import re
+import time
+from collections.abc import Iterator
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from planlang import Recovery, par, perform, plan, sleep
+from planlang.designators import action
+from planlang.failures import GraspMissed, HandoverNotTaken
+from planlang.report import Context, Told, model_of, page
+from planlang.report.sources import plan_source
+from planlang.report.story import words
+from planlang.report.tree import shown
+from planlang.testing import ScheduleDependence, Script, compiled, explore, run_plan
+
+HOSTILE = "</script><script>alert(1)</script>\u2028\ud800"
+
+
+@plan
+async def fetch() -> None:
+    async def look() -> int:
+        await sleep(1)
+        return 7
+
+    async def grasp() -> None:
+        await perform(action("ClosingAGripper"), recoveries=[Recovery(GraspMissed, attempts=2)])
+
+    await par(look, grasp)
+
+
+def fetched(times: int) -> dict[str, Any]:
+    """Return the model of a run whose gripper misses so often."""
+    run = run_plan(fetch, script=Script().on("ClosingAGripper", fails=GraspMissed, times=times, after=1.5))
+    return model_of(Told.of(run.events))
+
+
+def named(model: dict[str, Any], name: str) -> list[dict[str, Any]]:
+    return [node for node in model["nodes"] if node["name"].partition("#")[0] == name]
+
+
+def test_nodes_have_their_parents_spans_and_ends() -> None:
+    model = fetched(1)
+    look, (first, second) = named(model, "look")[0], named(model, "ClosingAGripper")
+    assert (look["status"], look["start"], look["end"]) == ("succeeded", 0.0, 1.0)
+    assert (first["status"], second["status"]) == ("failed", "succeeded")
+    assert (first["end"], second["start"], model["end"]) == (1.5, 1.5, 2.5)
+    numbers = {node["id"] for node in model["nodes"]}
+    assert all(node["parent"] is None or node["parent"] in numbers for node in model["nodes"])
+
+
+def test_a_failure_that_passes_through_many_nodes_is_told_once() -> None:
+    model = fetched(3)
+    assert model["outcome"] == {"status": "failed", "text": "failed", "failure": model["nodes"][0]["failure"]}
+    assert len(model["failures"]) == 3, "each attempt has a place of its own"
+    fatal, *recovered = model["cards"]
+    assert (fatal["recovered"], [card["recovered"] for card in recovered]) == (False, [True, True])
+    assert [text for _, _, text in fatal["tried"] if text.startswith("attempt")] == ["attempt 2", "attempt 3"]
+    assert model["failures"][fatal["failure"]]["headline"] == "the gripper closed on nothing"
+
+
+def test_a_story_says_why_before_what_was_done_about_it() -> None:
+    told = [text for _, _, text, _ in fetched(1)["story"]]
+    why = told.index("It fails because the gripper closed on nothing.")
+    assert told[0] == "The plan fetch begins."
+    assert told[why + 1].startswith("The plan tries again") or told[why + 1].startswith("A recovery decides")
+    assert told[-1] == "The plan is done after 2.5 s."
+
+
+def test_lanes_show_what_holds_a_resource_and_how_often() -> None:
+    run = run_plan(compiled("serve_a_drink"))
+    lanes = {lane["name"]: lane["spans"] for lane in model_of(Told.of(run.events))["lanes"]}
+    base = lanes["base"]
+    assert [depth for _, _, _, depth in base[:2]] == [0, 1], "a drive at a location holds the base within that"
+    assert all(end is None or start <= end for spans in lanes.values() for start, end, _, _ in spans)
+
+
+def test_a_step_has_its_lines_in_plan_and_words_of_names() -> None:
+    text = 'A = "x#"\n\n\nasync def serve():\n    await perform(action(A + "GraspBottle", what=1))\n'
+    assert plan_source("p.py", text).lines == {"serve": 4, "GraspBottle": 5}
+    assert plan_source("p.py", "no python (").lines == {}
+    assert words("MoveBaseToGraspPose#2") == "move base to grasp pose"
+    assert words("OpenTVSet") == "open TV set"
+
+
+@pytest.mark.parametrize(
+    ("text", "plain"),
+    [
+        ("[Errno 2] No such file: '/home/ada/plans/p.py'", "[Errno 2] No such file: 'p.py'"),
+        (r"C:\Users\ada\p.py is gone", "p.py is gone"),
+        ("a/b in http://planlang.org/kb/x.owl#Y at 1/2", "a/b in http://planlang.org/kb/x.owl#Y at 1/2"),
+    ],
+)
+def test_texts_name_no_folder_of_this_machine(text: str, plain: str) -> None:
+    assert shown(text) == plain
+
+
+class Parsed(HTMLParser):
+    """Elements of a page, with the texts of scripts, as a browser finds them."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.texts: list[str] = []
+        self.is_open = False
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.is_open = True
+        self.tags.append((tag, dict(attrs)))
+        self.texts.append("")
+
+    def handle_data(self, data: str) -> None:
+        if self.texts and self.is_open:
+            self.texts[-1] += data
+
+    def handle_endtag(self, tag: str) -> None:
+        self.is_open = False
+
+    def of(self, tag: str) -> Iterator[tuple[dict[str, str | None], str]]:
+        yield from (
+            (attributes, text) for (name, attributes), text in zip(self.tags, self.texts, strict=True) if name == tag
+        )
+
+
+def test_names_with_markup_stay_text() -> None:
+    async def body() -> None:
+        raise HandoverNotTaken(what=HOSTILE)
+
+    run = run_plan(body)
+    text = page(model_of(Told.of(run.events), Context(facts={HOSTILE: HOSTILE}, missing=(HOSTILE,))))
+    assert "<script>alert" not in text
+    scripts = list(Parsed(text).of("script"))
+    model = json.loads(next(inside for attributes, inside in scripts if attributes.get("id") == "model"))
+    assert model["missing"] == [HOSTILE]
+    text.encode("utf-8")
+
+
+def test_only_the_scripts_of_the_page_are_allowed_and_no_request() -> None:
+    text = page(fetched(0))
+    parsed = Parsed(text)
+    policy = next(str(one["content"]) for one, _ in parsed.of("meta") if one.get("http-equiv"))
+    assert policy.startswith("default-src 'none'; script-src 'sha256-")
+    assert "unsafe" not in policy
+    (run,) = [inside for attributes, inside in parsed.of("script") if not attributes]
+    digest = base64.b64encode(hashlib.sha256(run.encode()).digest()).decode()
+    assert f"'sha256-{digest}'" in policy
+    assert not {"src", "href", "style", "onclick"} & {name for _, attributes in parsed.tags for name in attributes}
+    assert re.findall(r"https?://[^\s\"'`)]+", run) == ["http://www.w3.org/2000/svg"]
+
+
+def test_equal_runs_have_equal_pages() -> None:
+    assert page(fetched(2)) == page(fetched(2))
+
+
+def test_ten_thousand_nodes_are_told_within_a_second() -> None:
+    async def step() -> None:
+        await sleep(0.01)
+
+    async def many() -> None:
+        for _ in range(5000):
+            await par(step)
+
+    run = run_plan(many)
+    begun = time.process_time()
+    model = model_of(Told.of(run.events))
+    assert len(model["nodes"]) > 10_000
+    assert time.process_time() - begun < 3, "a second on an idle machine"
+
+
+def test_a_run_of_explore_leaves_a_page_with_its_schedule(tmp_path: Path) -> None:
+    async def main() -> list[str]:
+        seen: list[str] = []
+
+        async def left() -> None:
+            await sleep(1)
+            seen.append("left")
+
+        async def right() -> None:
+            await sleep(1)
+            seen.append("right")
+
+        await par(left, right)
+        return seen
+
+    with pytest.raises(ScheduleDependence) as caught:
+        explore(main)
+    caught.value.other.report(tmp_path / "run.html")
+    scripts = Parsed((tmp_path / "run.html").read_text(encoding="utf-8")).of("script")
+    model = json.loads(next(inside for attributes, inside in scripts if attributes.get("id") == "model"))
+    assert model["facts"]["schedule"] == "(1,)"
+    assert [one["name"] for one in model["sources"]] == ["test_page.py"]
+    assert model["missing"] == ["The run was scripted: it had no world that could be shown."]
