@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from executive.belief import Belief
 from executive.pictures.drawn import drawn_in
+from executive.pictures.pose_track import PoseTrack, Watcher
 from executive.runs.final_state import Tilts
 from executive.runs.options import RunOptions
 from executive.runs.parameters import Bound, things_of
@@ -31,6 +32,9 @@ class Written:
         self._options, self._belief, self._truth = options, belief, truth
         self._files: list[tuple[Path, Callable[[Path], object]]] = []
         self._poses: PoseLog | None = None
+        self._noted: list[Watcher] = []
+        self._track = PoseTrack(self._noted)
+        """Notes poses, for all files that need them."""
         self._is_new = False
         """True once what happens was not written before."""
         self.watchers: list[Callable[[PyBulletWorld], None]] = [tilts, *options.watchers]
@@ -63,14 +67,16 @@ class Written:
             from executive.runs.pose_log import PoseLog
 
             known = {**header, "seed": options.seed, "schedule": options.schedule, "rate": truth.rate}
-            self._poses = PoseLog(truth, options.poses, known)
-            self.watchers.append(self._poses)
+            self._poses = PoseLog(truth.rate, options.poses, known)
+            self._noted.append(self._poses)
         if options.update_map is not None:
             from executive.belief.map_updating import MapUpdate
 
             update = MapUpdate(self._belief, {options.environment, *options.additions}, found)
             self.listeners.append(update)
             self._files.append((options.update_map, update.save))
+        if self._noted:
+            self.watchers.append(self._track)
 
     def begin(self) -> None:
         """Hear that what comes was not written before, by the run that this one repeats."""
@@ -79,7 +85,9 @@ class Written:
             self._poses.begin()
 
     def save(self) -> None:
-        """Write the files, each whole or not at all; the log of poses is written already."""
+        """Write the files, each whole or not at all; of the log of poses only the end is missing."""
+        if self._noted:
+            self._track.note(self._truth)
         if self._poses is not None:
             self._poses.close()
         for path, save in self._files if self._is_new else ():
