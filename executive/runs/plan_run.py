@@ -10,7 +10,7 @@ from dataclasses import replace
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from executive.maps import SemanticMap, read_map, scene_of
 from executive.maps.recognition_models import GivenPart, read_given_parts, with_given_parts
@@ -63,6 +63,9 @@ from planlang.runs.repeating import RepeatedTrace
 from planlang.runs.trace import Earlier
 from sim import PyBulletWorld, Scene
 
+if TYPE_CHECKING:
+    from planlang.compiler import CompiledPlan
+
 BUDGET, PER_STEP = 600.0, 60.0
 """Plan time beside waiting after which a run is given up, and more for each step that the plan states [s]."""
 
@@ -89,6 +92,7 @@ class Run:
         self.found: list[Diagnostic] = list(options.notes)
         with ExitStack() as stack:  # closed at once if something is refused
             self._requirements: Requirements | None = None
+            self._compiled: CompiledPlan | None = None
             self.registry = bundled_registry()
             self.registry.add_installed()
             for file in options.modules or ():
@@ -103,7 +107,7 @@ class Run:
                     file = fixed_recipe(file, stack, self.found, options.task, folders, options.accepted)
                     folders = (options.recipe.parent, *folders)
                 recipe = self._inputs.once(load, file, folders=folders, also=options.recipes)
-                plan = self._inputs.once(compiled, recipe, options.task, self.registry.actions)
+                plan = self._compiled = self._inputs.once(compiled, recipe, options.task, self.registry.actions)
                 self.path = plan_file(plan, stack)
                 self.found = [located(one, file, options.recipe) for one in (*self.found, *plan.diagnostics)]
                 self._requirements = required(recipe, plan.recipes)
@@ -346,7 +350,7 @@ class Run:
     ) -> RunResult:
         options = self.options
         written = Written(options, executive.platform.belief, executive.tilts, truth)
-        written.ask(self.plan.name, bound, header, self.found)
+        written.ask(self.plan.name, bound, header, self.found, self._compiled)
 
         def trace_after(earlier: Earlier | None) -> Trace:
             written.begin()

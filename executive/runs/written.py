@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from executive.belief import Belief
-from executive.pictures.drawn import drawn_in
 from executive.pictures.pose_track import PoseTrack, Watcher
 from executive.runs.final_state import Tilts
 from executive.runs.options import RunOptions
@@ -22,6 +21,8 @@ from sim import PyBulletWorld
 
 if TYPE_CHECKING:
     from executive.runs.pose_log import PoseLog
+    from planlang.compiler import CompiledPlan
+    from planlang.compiler.drawing import TaskGraph
 
 
 class Written:
@@ -50,8 +51,12 @@ class Written:
         bound: Mapping[str, Bound],
         header: Mapping[str, object],
         found: list[Diagnostic],
+        recipe: CompiledPlan | None,
     ) -> None:
-        """Ask for each file of the options; what their making finds is appended to ``found``."""
+        """Ask for each file of the options; what their making finds is appended to ``found``.
+
+        ``recipe`` is what the plan was compiled from, None for a plan that is a file.
+        """
         options, truth = self._options, self._truth
         if options.picture is not None:
             meant = partial(bodies_of, bound, self._belief, truth)  # at the end
@@ -59,9 +64,9 @@ class Written:
         if options.record is not None:
             from executive.pictures.recording import Recording  # needs an extra
 
-            film = Recording(truth.rate, drawn_in(truth), title=title)
-            self.listeners.append(lines_of(film.event))
-            self.watchers.append(lambda world: film.frame(world.steps))
+            film = Recording(truth, self._belief, recipe=_graph(recipe), title=title)
+            self.listeners += (film.hear, lines_of(film.event))
+            self._noted.append(film.move)
             self._files.append((options.record, film.save))
         if options.poses is not None:
             from executive.runs.pose_log import PoseLog
@@ -119,3 +124,12 @@ def bodies_of(bound: Mapping[str, Bound], belief: Belief, truth: PyBulletWorld) 
             continue
         if name in truth.names():
             yield name
+
+
+def _graph(plan: CompiledPlan | None) -> TaskGraph | None:
+    """The graph of the recipe that a plan was compiled from."""
+    if plan is None:
+        return None
+    from planlang.compiler.drawing import task_graph  # loaded for recordings only
+
+    return task_graph(plan.recipes, plan.added, plan.recoveries)
