@@ -288,7 +288,8 @@ def _resolved(
         bases = [(place["x"], place["y"], place["yaw"]) for _, place in places]
         arms = [place.get("arm", "") for _, place in places]
         details = [arm if not arm or arm.endswith("arm") else f"{arm} arm" for arm in arms]
-        resolution = Resolution(arguments.phrase, bases, log.places, log.scored, log.refused, counts, blocking, details)
+        refused = [*log.refused, *log.tips]
+        resolution = Resolution(arguments.phrase, bases, log.places, log.scored, refused, counts, blocking, details)
         scenery = scenery_of(platform.scene, location, meant.values(), None if what is None else meant[what])
         write_complete(arguments.explain, lambda temporary: save_picture(temporary, scenery, resolution))
         data["picture"] = str(arguments.explain)

@@ -48,6 +48,8 @@ class Rejections:
 
     explained: bool = False
     """True if they are shown even if a place is found: then bodies that block other places are counted, too."""
+    kept: bool = False
+    """True if places are remembered though nobody asked why: that changes nothing of what is counted or reported."""
     counts: Counter[str] = field(default_factory=Counter)
     blocking: Counter[str] = field(default_factory=Counter)
     places: list[Validated] = field(default_factory=list)
@@ -58,6 +60,8 @@ class Rejections:
     """True if no base pose will do, however many are looked at: a larger search is spared."""
     refused: list[tuple[str, Array]] = field(default_factory=list)
     """Candidates (m, 2 or more) that were refused before they were looked at, with the reason."""
+    tips: list[tuple[str, Array]] = field(default_factory=list)
+    """Positions (m, 3) of the tips of hands that were refused, whatever the base, with the reason."""
     _shown: Counter[str] = field(default_factory=Counter)
     figures: dict[str, str] = field(default_factory=dict)
     """Reason -> a sentence with what was measured, and what would do."""
@@ -66,12 +70,13 @@ class Rejections:
         """Count candidates (m, 2 or more) rejected for a reason, and remember where they are."""
         if len(candidates):
             self.add(reason, len(candidates))
-            self.show(reason, candidates)
+            if self.explained or self.kept:
+                self.refused.append((reason, candidates))
 
-    def show(self, reason: str, candidates: Array) -> None:
-        """Remember for a picture where candidates (m, 2 or more) are that were counted for a reason."""
-        if self.explained and len(candidates):
-            self.refused.append((reason, candidates))
+    def show(self, reason: str, tips: Array) -> None:
+        """Remember for a picture where the tips of hands (m, 3) are that were counted for a reason."""
+        if (self.explained or self.kept) and len(tips):
+            self.tips.append((reason, tips))
 
     def weigh(self, candidates: Array, scores: Array) -> None:
         """Remember for a picture what scores (m,) candidates (m, 3) had before they were looked at."""
@@ -105,6 +110,7 @@ class Rejections:
             self.remember(place.base, place.score, place.reason, place.body)
         self.scored.extend(other.scored)
         self.refused.extend(other.refused)
+        self.tips.extend(other.tips)
 
     def uncounted(self) -> Rejections:
         """Return where to count candidates that have been counted already, but for those in collision."""
@@ -113,7 +119,7 @@ class Rejections:
 
     def copy(self) -> Rejections:
         """Return the same, to go on from twice."""
-        fresh = Rejections(self.explained)
+        fresh = Rejections(self.explained, self.kept)
         fresh.include(self)
         return fresh
 
@@ -123,7 +129,7 @@ class Rejections:
 
     def remember(self, base: BasePose, score: float, reason: str = "", body: str | None = None) -> None:
         """Remember a place and what became of it."""
-        if self.explained and self._shown[reason] < MOST_PLACES:
+        if (self.explained or self.kept) and self._shown[reason] < MOST_PLACES:
             self._shown[reason] += 1
             self.places.append(Validated(base, score, reason, body))
 

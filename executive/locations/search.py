@@ -199,7 +199,7 @@ class ReachSearch:
         return known[stage]
 
     def _find_hands(self) -> FreeHands:
-        scene, first, counted, stage = self.scene, self.wanted[0], Rejections(), self.budget.stage
+        scene, first, counted, stage = self.scene, self.wanted[0], Rejections(kept=self.log.kept), self.budget.stage
         arms = self.validator.arms_for(first, self.arms)
         possible = [(arm, self.validator.candidates(first, arm, counted, stage)) for arm in arms]
         tables = [(arm, table) for arm, found in possible for table in found]

@@ -68,6 +68,11 @@ def _is_task(node: TaskNode) -> bool:
 
 
 def _label(node: TaskNode) -> str:
+    """What a task is called: its action, or where the base stands for it, or its name."""
+    for one in node.happened:
+        if one.event == "solution":
+            x, y, _ = one.details["base"]
+            return f"at {x:.2f}, {y:.2f}"
     return node.action or node.name
 
 
@@ -106,7 +111,9 @@ def record_lanes(stream: rerun.RecordingStream, tree: RunTree, tasks: Sequence[T
     if flashes:
         _lane(stream, f"{LANES}/failures", flashes, rate)
     for resource, parts in sorted(_holdings(tree, end).items()):
-        _lane(stream, f"{LANES}/resources/{rerun.escape_entity_path_part(resource)}", parts, rate)
+        name = resource.removeprefix("module ")
+        where = "resources" if name == resource else "modules"
+        _lane(stream, f"{LANES}/{where}/{rerun.escape_entity_path_part(name)}", parts, rate)
 
 
 def _is_origin(node: TaskNode) -> bool:
@@ -160,13 +167,14 @@ def _holder(node: TaskNode) -> str:
 
 def _lane(stream: rerun.RecordingStream, entity: str, parts: Iterable[tuple[int, int, str, bool]], rate: int) -> None:
     """Write a lane of parts in the order of time: what fails is red, gaps are empty."""
-    states: dict[int, str] = {}
+    states, last = dict[int, str](), ""
     looks: dict[str, tuple[str, tuple[int, int, int]]] = {}
     """State -> label and colour."""
     for begin, end, words, failed in parts:
         state = f"{words} failed" if failed else words
+        state = f"{state} again" if last == state else state  # equal states would be one
         looks.setdefault(state, (words, FAILED if failed else SHADES[len(looks) % 2]))
-        states[begin] = state
+        states[begin] = last = state
         states[max(end, begin + 1)] = ""  # what takes no time would not be seen
     labels, colours = zip(*looks.values(), strict=True)
     look = rerun.StateConfiguration(values=list(looks), labels=labels, colors=colours)

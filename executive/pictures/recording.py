@@ -10,13 +10,16 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import rerun
 from rerun import blueprint
 from rerun.blueprint import archetypes
 
 from executive.belief import Belief
+from executive.locations.rejections import Rejections
 from executive.pictures.drawn import drawn_in
 from executive.pictures.pose_track import Placed, Tracks
+from executive.pictures.recorded_candidates import record_candidates
 from executive.pictures.recorded_plan import (
     FAILED,
     LANES,
@@ -53,8 +56,11 @@ if TYPE_CHECKING:
 TEXT = "events"
 APART = 0.002
 """A thing believed less far from its place than this [m] has no ghost: it could not be seen."""
-COLOURS = {"ERROR": FAILED, "WARN": (230, 145, 30)}
+COLOURS = {"ERROR": FAILED, "WARN": (230, 145, 30), "INFO": (120, 120, 125)}
 """Colours of lines about the plan, by level."""
+
+FROM, NEAREST = (-0.6, -0.7, 0.8), 4.0
+"""From where one looks first, as shares of the extent of what moves; and the least extent [m]."""
 
 
 class Recording:
@@ -69,6 +75,7 @@ class Recording:
         self._drawn = {thing.path: thing for thing in drawn_in(world)}
         self._records: list[Mapping[str, Any]] = []
         self._lines: list[tuple[int, str, str]] = []
+        self._searches: dict[int, list[Rejections]] = {}
         self._believed: dict[str, list[Stand]] = {}
         self._believe(0)
 
@@ -90,6 +97,10 @@ class Recording:
         level = "ERROR" if "failure" in record else "WARN" if record.get("event") == "recovery" else "INFO"
         self._lines.append((step, text, level))
 
+    def search(self, location: object, log: Rejections) -> None:
+        """Keep the log of a search for base poses that begins now: it is filled as candidates are looked at."""
+        self._searches.setdefault(self._world.steps, []).append(log)
+
     def _believe(self, step: int) -> None:
         """Keep where things are believed to be: what hands hold in their frames, what is unknown nowhere."""
         now = {name: Stand(step, MAP, self._belief.pose(name)) for name in self._belief.names()}
@@ -106,7 +117,7 @@ class Recording:
         """Write the recording."""
         rate, end = self._world.rate, self._world.steps
         tree = RunTree(self._records)
-        stream = stream_to(path, self._title, _blueprint(self._recipe is not None, end / rate))
+        stream = stream_to(path, self._title, _blueprint(self._recipe is not None, self._view()))
         record_truth(stream, tuple(self._drawn.values()), self._tracks, rate)
         for wall in low_walls(self._world):
             draw(stream, entity_of(TRUTH, wall.path), frame_of(wall.path), wall.shapes)
@@ -115,6 +126,7 @@ class Recording:
             thing = self._drawn.get(("bodies", name))
             if thing is not None and self._is_apart(name, stands):
                 record_belief(stream, thing.shapes, name, stands, rate)
+        record_candidates(stream, self._searches, rate)
         tasks = tasks_of(tree, end)
         record_lanes(stream, tree, tasks, end)
         record_tree(stream, tree, tasks)
@@ -123,6 +135,16 @@ class Recording:
         self._write_lines(stream)
         stream.flush()
         stream.disconnect()
+
+    def _view(self) -> archetypes.EyeControls3D:
+        """A view from above at where the robot and things have moved."""
+        moved = [track for track in self._tracks.values() if not track.frame and len(track.poses) > 1]
+        every = [track.arrays()[1][:, :3] for track in moved or self._tracks.values() if not track.frame]
+        points = np.concatenate(every)
+        low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
+        middle = (low + high) / 2
+        away = max(float(np.linalg.norm(high - low)), NEAREST)
+        return archetypes.EyeControls3D(position=middle + away * np.array(FROM), look_target=middle, eye_up=(0, 0, 1))
 
     def _is_apart(self, name: str, stands: Sequence[Stand]) -> bool:
         """Whether a thing is ever believed elsewhere than where it is at the beginning, or moves."""
@@ -136,13 +158,11 @@ class Recording:
         if not self._lines:
             return
         steps, texts, levels = zip(*self._lines, strict=True)
-        columns = rerun.TextLog.columns(
-            text=texts, level=levels, color=[COLOURS.get(level, (200, 200, 200)) for level in levels]
-        )
+        columns = rerun.TextLog.columns(text=texts, level=levels, color=[COLOURS[level] for level in levels])
         stream.send_columns(TEXT, indexes=[times(steps, self._world.rate)], columns=columns)
 
 
-def _blueprint(has_recipe: bool, end: float) -> Any:
+def _blueprint(has_recipe: bool, view: archetypes.EyeControls3D) -> Any:
     """The scene, large, beside graph and text; below the lanes, on one axis with each other."""
     graphs = [blueprint.GraphView(origin=TREE, name="Plan")]
     if has_recipe:
@@ -157,12 +177,14 @@ def _blueprint(has_recipe: bool, end: float) -> Any:
         name="World",
         contents=[f"/{root}/**" for root in (TRUTH, BELIEF, CANDIDATES)],
         spatial_information=archetypes.SpatialInformation(MAP),
+        eye_controls=view,
     )
     above = blueprint.Horizontal(
         scene, blueprint.Vertical(blueprint.Tabs(*graphs), text, row_shares=[3, 2]), column_shares=[3, 2]
     )
     lanes = blueprint.Horizontal(
-        _lanes("Tasks", f"/{LANES}/tasks/**", f"/{LANES}/failures"), _lanes("Resources", f"/{LANES}/resources/**")
+        _lanes("Tasks", f"/{LANES}/tasks/**", f"/{LANES}/failures"),
+        _lanes("Resources", f"/{LANES}/resources/**", f"/{LANES}/modules/**"),
     )
     return blueprint.Blueprint(
         blueprint.Vertical(above, lanes, row_shares=[3, 2]),

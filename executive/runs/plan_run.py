@@ -349,7 +349,7 @@ class Run:
         earlier: Past | Repetition | None,
     ) -> RunResult:
         options = self.options
-        written = Written(options, executive.platform.belief, executive.tilts, truth)
+        written = Written(options, executive.platform, executive.tilts, truth)
         written.ask(self.plan.name, bound, header, self.found, self._compiled)
 
         def trace_after(earlier: Earlier | None) -> Trace:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from executive.belief import Belief
+from executive.modules.platform import Platform
 from executive.pictures.pose_track import PoseTrack, Watcher
 from executive.runs.final_state import Tilts
 from executive.runs.options import RunOptions
@@ -28,9 +29,9 @@ if TYPE_CHECKING:
 class Written:
     """Files that the options of a run ask for; ``listeners`` hear its events, ``watchers`` see the true world."""
 
-    def __init__(self, options: RunOptions, belief: Belief, tilts: Tilts, truth: PyBulletWorld) -> None:
+    def __init__(self, options: RunOptions, platform: Platform, tilts: Tilts, truth: PyBulletWorld) -> None:
         """Tell the progress and measure tilts; nothing is written yet."""
-        self._options, self._belief, self._truth = options, belief, truth
+        self._options, self._platform, self._truth = options, platform, truth
         self._files: list[tuple[Path, Callable[[Path], object]]] = []
         self._poses: PoseLog | None = None
         self._noted: list[Watcher] = []
@@ -59,12 +60,13 @@ class Written:
         """
         options, truth = self._options, self._truth
         if options.picture is not None:
-            meant = partial(bodies_of, bound, self._belief, truth)  # at the end
+            meant = partial(bodies_of, bound, self._platform.belief, truth)  # at the end
             self._files.append((options.picture, lambda path: truth.save_picture(path, of=tuple(meant()))))
         if options.record is not None:
             from executive.pictures.recording import Recording  # needs an extra
 
-            film = Recording(truth, self._belief, recipe=_graph(recipe), title=title)
+            film = Recording(truth, self._platform.belief, recipe=_graph(recipe), title=title)
+            self._platform.resolver.watcher = film.search
             self.listeners += (film.hear, lines_of(film.event))
             self._noted.append(film.move)
             self._files.append((options.record, film.save))
@@ -77,7 +79,7 @@ class Written:
         if options.update_map is not None:
             from executive.belief.map_updating import MapUpdate
 
-            update = MapUpdate(self._belief, {options.environment, *options.additions}, found)
+            update = MapUpdate(self._platform.belief, {options.environment, *options.additions}, found)
             self.listeners.append(update)
             self._files.append((options.update_map, update.save))
         if self._noted:
