@@ -29,6 +29,8 @@ from planlang.records import dataclass
 
 MARK = "written by planlang"
 _TRACE = b'{"step": 0, "event": "header", "schema": '
+_RECORDING, _APPLICATION = b"RRF", 200
+"""How a recording begins, and in how many bytes the name of what wrote it comes."""
 _PNG = b"\x89PNG\r\n\x1a\n"
 _AFTER_IHDR = 33
 """Bytes of a PNG up to the end of its first chunk: signature (8), and IHDR with 13 bytes of data (12 + 13)."""
@@ -97,6 +99,8 @@ def is_replaceable(path: Path) -> bool:
         return False
     if not start.strip() or start.startswith(_TRACE):
         return True
+    if start.startswith(_RECORDING):
+        return b"planlang" in start[:_APPLICATION]
     if start.startswith(_PNG):
         return MARK.encode() in start[_AFTER_IHDR : _AFTER_IHDR + 100]
     text = start.decode("utf-8", errors="replace")

@@ -13,7 +13,7 @@ from executive.locations.reachability import CELL, YAWS, GraspClass, Reachabilit
 from executive.pictures.drawing import blended
 from executive.pictures.drawn import Drawn
 from executive.pictures.reach_picture import SCALE
-from executive.pictures.recorded_world import TRUTH, record_robot, stream_to
+from executive.pictures.recorded_world import MAP, TRUTH, record_robot, stream_to
 from executive.robots.arms import ArmModel
 
 Maps = Mapping[GraspClass, ReachabilityMap]
@@ -35,7 +35,8 @@ def save_reach_recording(
     record_robot(stream, drawn)
     for model in models:
         for grasp, found in maps[model.name].items():
-            stream.log(f"{TRUTH}/reach/{model.name}/{grasp.value}", _cloud(found), static=True)
+            entity = f"{TRUTH}/reach/{model.name}/{grasp.value}"
+            stream.log(entity, rerun.CoordinateFrame(MAP), _cloud(found), static=True)
     stream.flush()
     stream.disconnect()
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from executive.locations.rejections import Rejections
 from executive.pictures.floor_plan import colours
-from executive.pictures.recorded_world import CANDIDATES, entity_of, times
+from executive.pictures.recorded_world import CANDIDATES, MAP, entity_of, times
 
 MOST = 300
 """Points that are written of one search and reason, spread evenly over those that there are."""
@@ -41,7 +41,7 @@ def record_candidates(stream: rerun.RecordingStream, searches: Mapping[int, Sequ
         each = [_some(points.get((what, reason), [])) for points in found.values()]
         entity = entity_of(CANDIDATES, (what, reason or GOOD))
         look = rerun.Points3D.from_fields(colors=[of[reason]], radii=[RADIUS if reason else CHOSEN])
-        stream.log(entity, look, static=True)
+        stream.log(entity, rerun.CoordinateFrame(MAP), look, static=True)
         columns = rerun.Points3D.columns(positions=np.concatenate(each)).partition([len(one) for one in each])
         stream.send_columns(entity, indexes=[times(list(found), rate)], columns=columns)
     _record_headings(stream, searches, rate)
@@ -75,7 +75,8 @@ def _record_headings(stream: rerun.RecordingStream, searches: Mapping[int, Seque
     if not len(bases):
         return
     entity, number = entity_of(CANDIDATES, (BASES, "headings")), [len(some) for some in good]
-    stream.log(entity, rerun.Arrows3D.from_fields(colors=[colours([""])[""]]), static=True)
+    look = rerun.Arrows3D.from_fields(colors=[colours([""])[""]])
+    stream.log(entity, rerun.CoordinateFrame(MAP), look, static=True)
     columns = rerun.Arrows3D.columns(
         origins=np.column_stack([bases[:, :2], np.full(len(bases), HEIGHT)]),
         vectors=ARROW * np.column_stack([np.cos(bases[:, 2]), np.sin(bases[:, 2]), np.zeros(len(bases))]),

@@ -68,26 +68,32 @@ def _is_task(node: TaskNode) -> bool:
 
 
 def _label(node: TaskNode) -> str:
-    """What a task is called: its action, or where the base stands for it, or its name."""
-    for one in node.happened:
-        if one.event == "solution":
-            x, y, _ = one.details["base"]
-            return f"at {x:.2f}, {y:.2f}"
-    return node.action or node.name
+    """What a task is called: its action, or where the base stands for it at last, or its name."""
+    places = _places(node)
+    return places[-1][1] if places else node.action or node.name
+
+
+def _places(node: TaskNode) -> list[tuple[int, str]]:
+    """Where the base stands for a task, one place after another, and from which world steps on."""
+    solutions = [one for one in node.happened if one.event == "solution"]
+    return [(one.step, "at {:.2f}, {:.2f}".format(*one.details["base"][:2])) for one in solutions]
 
 
 def _segments(node: TaskNode, label: str, rate: float, end: int) -> Iterator[tuple[int, int, str, bool]]:
-    """Yield the parts of a task: one for each attempt, if there were several."""
+    """Yield the parts of a task: one for each attempt, or place of the base, if there were several."""
     assert node.begun is not None
     stop = end if node.ended is None else node.ended
-    begins = [round(time * rate) for time in node.repeats] if len(node.repeats) > 1 else [node.begun]
-    for number, (begin, until) in enumerate(zip(begins, [*begins[1:], stop], strict=True), 1):
-        is_last = number == len(begins)
-        failed = node.status == "failed" if is_last else True
-        words = f"attempt {number}" if len(begins) > 1 else label
-        if failed and is_last and node.failure is not None:
-            words += f": {node.failure['type']}"
-        yield begin, until, words, failed
+    attempts = [(round(time * rate), f"attempt {number}") for number, time in enumerate(node.repeats, 1)]
+    begins = next((some for some in (_places(node), attempts) if len(some) > 1), [(node.begun, label)])
+    for number, ((begin, words), until) in enumerate(
+        zip(begins, [*(at for at, _ in begins[1:]), stop], strict=True), 1
+    ):
+        if number < len(begins):
+            yield begin, until, words, True
+        elif node.status == "failed" and node.failure is not None:
+            yield begin, until, f"{words}: {node.failure['type']}", True
+        else:
+            yield begin, until, words, False
 
 
 def record_lanes(stream: rerun.RecordingStream, tree: RunTree, tasks: Sequence[Task], end: int) -> None:
@@ -103,7 +109,7 @@ def record_lanes(stream: rerun.RecordingStream, tree: RunTree, tasks: Sequence[T
             lane.append(task)
     for depth, lanes in rows.items():
         for number, lane in enumerate(lanes):
-            name = f"{LANES}/tasks/{depth:02}" + (f" beside {number}" if number else "")
+            name = f"{LANES}/plan/{depth:02}" + (f"_beside_{number}" if number else "")
             _lane(stream, name, [part for task in lane for part in task.segments], rate)
     failed = [(task.segments[-1][1], task) for task in tasks if task.node.status == "failed" and _is_origin(task.node)]
     failed.sort(key=lambda one: one[0])
@@ -111,9 +117,8 @@ def record_lanes(stream: rerun.RecordingStream, tree: RunTree, tasks: Sequence[T
     if flashes:
         _lane(stream, f"{LANES}/failures", flashes, rate)
     for resource, parts in sorted(_holdings(tree, end).items()):
-        name = resource.removeprefix("module ")
-        where = "resources" if name == resource else "modules"
-        _lane(stream, f"{LANES}/{where}/{rerun.escape_entity_path_part(name)}", parts, rate)
+        name = rerun.escape_entity_path_part(resource.replace(" ", "_"))
+        _lane(stream, f"{LANES}/resources/{name}", parts, rate)
 
 
 def _is_origin(node: TaskNode) -> bool:

@@ -51,8 +51,7 @@ def stream_to(path: Path, title: str, blueprint: Any) -> rerun.RecordingStream:
     stream = rerun.RecordingStream("planlang", recording_id=title, send_properties=False)
     stream.save(path, default_blueprint=blueprint)
     stream.log("/", rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    for root in (TRUTH, BELIEF, CANDIDATES):
-        stream.log(root, rerun.CoordinateFrame(MAP), static=True)
+    stream.log(TRUTH, rerun.CoordinateFrame(MAP), static=True)
     return stream
 
 

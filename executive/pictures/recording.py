@@ -117,7 +117,7 @@ class Recording:
         """Write the recording."""
         rate, end = self._world.rate, self._world.steps
         tree = RunTree(self._records)
-        stream = stream_to(path, self._title, _blueprint(self._recipe is not None, self._view()))
+        stream = stream_to(path, self._title, _blueprint(self._recipe is not None, self._view(), end / rate))
         record_truth(stream, tuple(self._drawn.values()), self._tracks, rate)
         for wall in low_walls(self._world):
             draw(stream, entity_of(TRUTH, wall.path), frame_of(wall.path), wall.shapes)
@@ -162,8 +162,8 @@ class Recording:
         stream.send_columns(TEXT, indexes=[times(steps, self._world.rate)], columns=columns)
 
 
-def _blueprint(has_recipe: bool, view: archetypes.EyeControls3D) -> Any:
-    """The scene, large, beside graph and text; below the lanes, on one axis with each other."""
+def _blueprint(has_recipe: bool, view: archetypes.EyeControls3D, end: float) -> Any:
+    """The scene, large, beside graph and text; below all lanes on one axis, which ends at ``end`` [s]."""
     graphs = [blueprint.GraphView(origin=TREE, name="Plan")]
     if has_recipe:
         graphs.append(blueprint.GraphView(origin=RECIPE, name="Recipe"))
@@ -182,20 +182,15 @@ def _blueprint(has_recipe: bool, view: archetypes.EyeControls3D) -> Any:
     above = blueprint.Horizontal(
         scene, blueprint.Vertical(blueprint.Tabs(*graphs), text, row_shares=[3, 2]), column_shares=[3, 2]
     )
-    lanes = blueprint.Horizontal(
-        _lanes("Tasks", f"/{LANES}/tasks/**", f"/{LANES}/failures"),
-        _lanes("Resources", f"/{LANES}/resources/**", f"/{LANES}/modules/**"),
-    )
+    known = inspect.signature(blueprint.StateTimelineView.__init__).parameters
+    ends = (rerun.TimeRangeBoundary.absolute(seconds=moment) for moment in (0.0, end))
+    whole = rerun.TimeRange(*ends)
+    # a viewer of 0.32 shows all of the time by itself
+    axis = {"time_view": archetypes.TimeAxis(view_range=whole)} if "time_view" in known else {}
+    lanes = blueprint.StateTimelineView(origin=LANES, name="Lanes", **axis)
     return blueprint.Blueprint(
         blueprint.Vertical(above, lanes, row_shares=[3, 2]),
         blueprint.TimePanel(timeline=TIME_LINE, state="collapsed"),
         blueprint.SelectionPanel(state="hidden"),
         blueprint.BlueprintPanel(state="hidden"),
     )
-
-
-def _lanes(name: str, *contents: str) -> Any:
-    """A view of lanes; its axis goes with those of others where the viewer can do that, which those of 0.32 cannot."""
-    known = inspect.signature(blueprint.StateTimelineView.__init__).parameters
-    linked = {"time_view": archetypes.TimeAxis(link="LinkToGlobal")} if "time_view" in known else {}
-    return blueprint.StateTimelineView(origin="/", name=name, contents=list(contents), **linked)
