@@ -31,6 +31,8 @@ TRUTH, BELIEF, CANDIDATES = "truth", "belief", "candidates"
 """The roots: what is, what the robot believes, and where it has looked for base poses and grasps."""
 GHOST = 90
 """Opacity of what is believed, 0..255."""
+GONE = 1e-6
+"""Scale of what is nowhere: too small to be seen. The viewer reports a scale of 0 as an error."""
 LOW = 0.4
 """Height of walls [m]: one looks over them."""
 CREASE = math.cos(math.radians(40.0))
@@ -85,10 +87,9 @@ def place(stream: rerun.RecordingStream, entity: str, frame: str, stands: Sequen
         "parent_frame": [stand.frame for stand in stands],
     }
     if not all(stand.pose for stand in stands):
-        columns["scale"] = np.array([[1.0 if stand.pose else 0.0] * 3 for stand in stands])
+        columns["scale"] = np.array([[1.0 if stand.pose else GONE] * 3 for stand in stands])
     if len(stands) == 1 and stands[0].pose is not None:
-        (column,) = ({name: values[0] for name, values in columns.items()},)
-        stream.log(entity, rerun.Transform3D(**column), static=True)
+        stream.log(entity, rerun.Transform3D(**{name: of[0] for name, of in columns.items()}), static=True)
         return
     steps = [stand.step for stand in stands]
     stream.send_columns(entity, indexes=[times(steps, rate)], columns=rerun.Transform3D.columns(**columns))
