@@ -181,8 +181,10 @@ def _lane(stream: rerun.RecordingStream, entity: str, parts: Iterable[tuple[int,
         looks.setdefault(state, (words, FAILED if failed else SHADES[len(looks) % 2]))
         states[begin] = last = state
         states[max(end, begin + 1)] = ""  # what takes no time would not be seen
+    looks[""] = ("", WAITING)
     labels, colours = zip(*looks.values(), strict=True)
-    look = rerun.StateConfiguration(values=list(looks), labels=labels, colors=colours)
+    seen = [state != "" for state in looks]  # a viewer of 0.32 takes no state for one like any other
+    look = rerun.StateConfiguration(values=list(looks), labels=labels, colors=colours, visible=seen)
     stream.log(entity, look, static=True)
     steps = sorted(states)
     column = rerun.StateChange.columns(state=[states[step] for step in steps])

@@ -23,8 +23,9 @@ ROOM = Scene(
 
 
 AMIGO = bundled("ontologies") / "robots" / "amigo.urdf"
-LINK = '<link name="{}"><inertial><origin xyz="0.1 0 0" rpy="0.3 0.2 1"/><mass value="1"/><inertia ixx="1" \
-ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial><collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision></link>'
+LINK = """<link name="{}"><inertial><origin xyz="0.1 0 0" rpy="0.3 0.2 1"/><mass value="1"/>
+<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>
+<collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision></link>"""
 JOINT = """<joint name="{1}_joint" type="{2}"><parent link="{0}"/><child link="{1}"/><axis xyz="{3}"/>
 <origin xyz="0.1 0.2 0.3" rpy="0.4 0.5 0.6"/><limit lower="-1" upper="1" effort="1" velocity="1"/>{4}</joint>"""
 GRIPPER = (
