@@ -178,7 +178,8 @@ def _lane(stream: rerun.RecordingStream, entity: str, parts: Iterable[tuple[int,
     for begin, end, words, failed in parts:
         state = f"{words} failed" if failed else words
         state = f"{state} again" if last == state else state  # equal states would be one
-        looks.setdefault(state, (words, FAILED if failed else SHADES[len(looks) % 2]))
+        shade = SHADES[looks.get(last, ("", WAITING))[1] == SHADES[0]]
+        looks.setdefault(state, (words, FAILED if failed else shade))
         states[begin] = last = state
         states[max(end, begin + 1)] = ""  # what takes no time would not be seen
     looks[""] = ("", WAITING)
