@@ -3,7 +3,8 @@
     python tests/benchmarks/recording.py              5 pairs of a short and of a long run
     python tests/benchmarks/recording.py --pairs 3
 
-Without the extra [record] only --poses is measured. Pairs take turns in who is first; what a line shows is the median of their differences.
+Without the extra [record] only --poses is measured. Pairs take turns in who is first; a line shows the median of their
+differences.
 """
 
 from __future__ import annotations
