@@ -30,6 +30,8 @@ from planlang.records import dataclass
 
 MARK = "written by planlang"
 _TRACE = b'{"step": 0, "event": "header", "schema": '
+_RECORDING, _APPLICATION = b"RRF", 200
+"""How a recording begins, and in how many bytes the name of what wrote it comes."""
 _PNG = b"\x89PNG\r\n\x1a\n"
 _RIFF, _WEBP = b"RIFF", b"WEBP"
 PNG, PNG_OR_SVG, WEBP = (".png",), (".png", ".svg"), (".webp",)
@@ -110,6 +112,8 @@ def is_replaceable(path: Path) -> bool:
         return False
     if not start.strip() or start.startswith(_TRACE):
         return True
+    if start.startswith(_RECORDING):
+        return b"planlang" in start[:_APPLICATION]
     if start.startswith(_PNG):
         return MARK.encode() in start[_AFTER_IHDR : _AFTER_IHDR + 100]
     text = start.decode("utf-8", errors="replace")

@@ -163,6 +163,11 @@ class KinematicScene:
         self.scene.body(name)
         return self._bodies.poses[name]
 
+    def poses(self) -> Mapping[str, Pose]:
+        """Return body -> pose in the map, for all bodies; that of what has not been placed anew is the same object."""
+        self._here()
+        return {name: self._bodies.poses[name] for name in self.names()}
+
     def size(self, name: str) -> tuple[float, float, float]:
         """Return the extents of the body's box along its own axes [m]."""
         return self.scene.body(name).size

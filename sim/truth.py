@@ -43,9 +43,6 @@ class Truth(Protocol):
     def configuration(self) -> Configuration:
         """Return where the robot is."""
 
-    def links(self) -> Mapping[str, str | None]:
-        """Return link of the robot -> the link that it hangs on, None for the root."""
-
     def link_pose(self, link: str) -> Pose:
         """Return the pose of a link frame of the robot."""
 
@@ -54,6 +51,9 @@ class Truth(Protocol):
 
     def pose(self, name: str) -> Pose:
         """Return the pose of the centre of a body's box."""
+
+    def poses(self) -> Mapping[str, Pose]:
+        """Return the poses of all bodies that are there."""
 
     def pieces(self, name: str) -> tuple[tuple[Part, Pose], ...]:
         """Return the primitives of a body, each with its pose in the body's frame; those of limbs change."""

@@ -338,11 +338,6 @@ class PyBulletWorld(KinematicScene):
 
     # What is so: implements sim.truth.Truth
 
-    def links(self) -> Mapping[str, str | None]:
-        """Return link of the robot -> the link that it hangs on, None for the root."""
-        names = {index: name for name, index in self.robot.links.items()}
-        return {name: names.get(self.robot.parent[index]) for name, index in self.robot.links.items()}
-
     def contents(self, name: str) -> Mapping[str, float]:
         """Return class of substance -> amount of it in a body [ml]."""
         return {one.type: one.amount for one in self._matter.contents.get(name, {}).values()}

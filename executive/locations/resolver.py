@@ -57,13 +57,13 @@ class Resolver:
     def __init__(self, scene: PlanningScene, say: Callable[[str], None] = lambda line: None) -> None:
         """``say`` is told of reachability maps that have to be built."""
         self.scene = scene
-        self.witness: Callable[[Location], Rejections] = lambda location: Rejections()
-        """Gives the log of a search for base poses; whoever looks on gives one that remembers places."""
         self.maps = InverseMaps(scene.robot.name, say)
         self._validator = BaseValidator(scene, self.maps)
         self._answers: Answers[Solution] = Answers()
         self._viewers: dict[Location, tuple[float, float]] = {}
         self._here: dict[Location, tuple[object, bool]] = {}
+        self.watchers: list[Callable[[Location, Rejections], object]] = []
+        """Given the log of each search for base poses as it begins: what is looked at is remembered in there then."""
 
     # Base poses
 
@@ -78,7 +78,7 @@ class Resolver:
             return self._bases(location, Question(log))
         state = (self.scene.revision(), self.scene.posture())
         question = location, tuple(actions_around())  # what they are about decides about grips
-        return self._answers.of(question, state, lambda: self._bases(location, Question(self.witness(location))))
+        return self._answers.of(question, state, lambda: self._bases(location, self._question(location)))
 
     def look_at_unseen(self, location: Location) -> Solution | None:
         """Return a look at what is out of reach where the map alone has it, as it may stand elsewhere; None without.
@@ -115,13 +115,20 @@ class Resolver:
         found: list[BasePose] = []
         served = replace(demand, reaches=tuple(self._with_uses(reach, look=True) for reach in demand.reaches))
         if served != demand:
-            yield from self._found(served, Question(), found)
+            yield from self._found(served, self._question(location), found)
         yield from self._found(demand, question, found)
         if not found:
             validator.check_doors(validator.wanted(demand), location, question.log)
         would_do = None if found else partial(self._would_do, location)
         explain_bases(validator.wanted(demand), validator.arms(demand), scene, self.maps, question, would_do)
         raise question.log.failure(location, after=len(found))
+
+    def _question(self, location: Location) -> Question:
+        """Return a new question about a location."""
+        log = Rejections(remembers=bool(self.watchers))
+        for watcher in self.watchers:
+            watcher(location, log)
+        return Question(log)
 
     def _would_do(self, location: Location, log: Rejections) -> bool:
         """Return whether a location has a base pose, as the scene is supposed to be, without looking for it hard."""

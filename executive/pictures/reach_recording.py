@@ -13,7 +13,7 @@ from executive.locations.reachability import CELL, YAWS, GraspClass, Reachabilit
 from executive.pictures.drawing import blended
 from executive.pictures.drawn import Drawn
 from executive.pictures.reach_picture import SCALE
-from executive.pictures.recording import placed, stream_to
+from executive.pictures.recorded_world import MAP, TRUTH, record_robot, stream_to
 from executive.robots.arms import ArmModel
 
 Maps = Mapping[GraspClass, ReachabilityMap]
@@ -30,13 +30,13 @@ def save_reach_recording(
     A cloud for each arm and class of grasp; its colours show how many headings of the hand are reached, as in the
     picture.
     """
-    view = blueprint.Spatial3DView(origin="world", name="Reach")
+    view = blueprint.Spatial3DView(origin=TRUTH, name="Reach")
     stream = stream_to(path, "planlang robot inspect", blueprint.Blueprint(view))
-    for thing in drawn:
-        placed(stream, thing)
+    record_robot(stream, drawn)
     for model in models:
         for grasp, found in maps[model.name].items():
-            stream.log(f"world/reach/{model.name}/{grasp.value}", _cloud(found), static=True)
+            entity = f"{TRUTH}/reach/{model.name}/{grasp.value}"
+            stream.log(entity, rerun.CoordinateFrame(MAP), _cloud(found), static=True)
     stream.flush()
     stream.disconnect()
 

@@ -29,18 +29,16 @@ class Asked:
 
 
 class Questions:
-    """The searches of a run, while it goes on: ``log`` gives each a log that remembers places."""
+    """The searches of a run, while it goes on."""
 
     def __init__(self) -> None:
         self.asked: list[Asked] = []
         self.step = 0
 
-    def log(self, location: Location) -> Rejections:
-        """Return the log of the next search; later ones only count."""
-        log = Rejections(remembers=len(self.asked) < MOST_QUESTIONS)
-        if log.remembers:
+    def watch(self, location: Location, log: Rejections) -> None:
+        """Take the log of the next search, into which it writes what it looks at."""
+        if len(self.asked) < MOST_QUESTIONS:
             self.asked.append(Asked(self.step, location, log))
-        return log
 
     def model(self, tree: RunTree) -> list[dict[str, Any]]:
         """Return those in which anything was looked at, with the constructs of the plan that they were for."""

@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 
 from executive.belief import Belief
-from executive.pictures.movement import RATE, Movement, is_due
+from executive.pictures.pose_track import RATE, Placed
 from planlang.geometry import Array, Pose
 from planlang.records import dataclass
-from sim.truth import Truth
 
 FINEST = 1e-4
 """Smallest unit of positions [m]."""
@@ -46,49 +45,54 @@ class Track:
 
 
 class Tracks:
-    """Called with the true world after each of its steps: keeps where everything is, and where it is believed to be."""
+    """Keeps where everything is, and where it is believed to be."""
 
-    def __init__(self, world: Truth, belief: Belief) -> None:
-        self._movement, self._belief = Movement(world), belief
+    def __init__(self, rate: int, belief: Belief) -> None:
+        self._belief = belief
         self._revision = -1
-        self._changed = -1
         self._believed: dict[str, Pose] = {}
-        self.rate = world.rate
+        self.rate = rate
         self.all: dict[tuple[str, str], Track] = {}
         """By kind and name, in the order in which they came."""
 
-    def __call__(self, world: Truth) -> None:
-        """Look at the world, if it is time to."""
-        if not is_due(world):
-            return
-        for one in self._movement.moved(world):
-            self._track(one.kind, one.name, one.frame).add(world.steps, one.pose)
-        if self._changed != world.changed:
-            self._changed, names = world.changed, set(world.names())
-            for (kind, name), track in self.all.items():
-                if kind == "body":
-                    track.is_there(world.steps, name in names)
-        if self._revision != self._belief.revision:
-            self._revision = self._belief.revision
-            self._believe(world)
+    def move(self, step: int, found: Sequence[Placed]) -> None:
+        """Keep what has moved, as :class:`~executive.pictures.pose_track.PoseTrack` notes it."""
+        for one in found:
+            (kind, name), (_, frame) = _called(one.path), _called(one.frame)
+            track = self._track(kind, name, frame)
+            track.is_there(step, one.pose is not None)
+            if one.pose is not None:
+                track.add(step, one.pose)
 
-    def _believe(self, world: Truth) -> None:
-        """Keep what is believed to be elsewhere by now; what a hand holds goes with it, and is not told."""
+    def believe(self, step: int) -> None:
+        """Keep what is believed to be elsewhere since this was called last; what a hand holds goes with it."""
+        if self._revision == self._belief.revision:
+            return
+        self._revision = self._belief.revision
         belief, names = self._belief, set(self._belief.names())
         held = belief.carried()
         for name in names & {name for kind, name in self.all if kind == "body"}:
             pose = belief.pose(name)
             if name not in held and self._believed.get(name) != pose:
                 self._believed[name] = pose
-                self._track(BELIEVED, name, "").add(world.steps, pose)
+                self._track(BELIEVED, name, "").add(step, pose)
         for (kind, name), track in self.all.items():
             if kind == BELIEVED:
-                track.is_there(world.steps, name in names and name not in held)
+                track.is_there(step, name in names and name not in held)
 
     def _track(self, kind: str, name: str, frame: str) -> Track:
         if (kind, name) not in self.all:
             self.all[kind, name] = Track(kind, name, frame)
         return self.all[kind, name]
+
+
+_KINDS = {"bodies": "body", "robot": "link"}
+
+
+def _called(path: tuple[str, ...]) -> tuple[str, str]:
+    """Return kind and name of what a path of :class:`~executive.pictures.drawn.Drawn` means; both empty for the map."""
+    kind = "limb" if len(path) > 2 else _KINDS.get(path[0], "") if path else ""
+    return kind, "/".join(path[1:])
 
 
 def packed(tracks: Sequence[Track], rate: float, shapes: Mapping[tuple[str, str], Any]) -> tuple[dict[str, Any], bytes]:
@@ -137,4 +141,13 @@ def _differences(numbers: Any) -> Any:
 def ordered(tracks: Iterable[Track]) -> list[Track]:
     """Return tracks with frames before what stands in them: bodies, limbs, links by their depth, what is believed."""
     kinds = {"body": 0, "limb": 1, "link": 2, BELIEVED: 3}
-    return sorted(tracks, key=lambda one: kinds[one.kind])
+    every = list(tracks)
+    above = {one.name: one.frame for one in every if one.kind == "link"}
+
+    def depth(one: Track) -> int:
+        count, frame = 0, one.frame if one.kind == "link" else ""
+        while frame:
+            count, frame = count + 1, above.get(frame, "")
+        return count
+
+    return sorted(every, key=lambda one: (kinds[one.kind], depth(one)))

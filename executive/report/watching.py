@@ -28,11 +28,14 @@ class Watching:
     def __init__(self, platform: Platform, truth: Truth) -> None:
         self.told = Told()
         self._truth, self._platform = truth, platform
-        self._tracks, self._shapes, self._questions = Tracks(truth, platform.belief), Shapes(), Questions()
+        self._tracks, self._shapes, self._questions = Tracks(truth.rate, platform.belief), Shapes(), Questions()
         self._start = truth.configuration().base
         self._outlines = [_local(one, platform.scene.world.pose(one.name)) for one in outlines(platform.scene)]
         self._count = -1
-        platform.resolver.witness = self._questions.log
+        platform.resolver.watchers.append(self._questions.watch)
+
+        self.move = self._tracks.move
+        """Takes what has moved."""
 
     def listen(self, record: Mapping[str, Any], node: object) -> None:
         """Read a record of the trace."""
@@ -41,7 +44,7 @@ class Watching:
     def look(self, world: Truth) -> None:
         """Look at the true world after one of its steps."""
         self._questions.step = world.steps
-        self._tracks(world)
+        self._tracks.believe(world.steps)
         if self._count != world.changed:  # what is new has its shapes from now on
             self._count = world.changed
             self._shapes.add(drawn_in(world))

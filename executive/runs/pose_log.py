@@ -5,24 +5,23 @@ It is written as the run goes on.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from executive.pictures.movement import Movement, is_due
+from executive.pictures.pose_track import Placed
 from planlang.diagnostics import BadInput, error
-from planlang.experience.poses import IDENTITY, Transform, pose_lines, transform_lines
+from planlang.experience.poses import IDENTITY, MAP, Transform, pose_lines, transform_lines
 from planlang.outputs import write_text
-from sim.truth import Truth
 
 
 class PoseLog:
-    """Called with the true world after each of its steps; ``header`` is that of the run's trace.
+    """A watcher of a :class:`PoseTrack`; ``header`` is that of the run's trace.
 
     It is a hidden file until :meth:`begin`: a run that repeats another one destroys nothing if it does something else.
     """
 
-    def __init__(self, world: Truth, path: Path, header: Mapping[str, object]) -> None:
-        self._rate, self._movement, self._count = world.rate, Movement(world), 0
+    def __init__(self, rate: int, path: Path, header: Mapping[str, object]) -> None:
+        self._rate, self._count = rate, 0
         known = {key: header.get(key) for key in IDENTITY}
         self._path = path
         self._coming = path.with_name(f".{path.name}.new") if path.is_file() or not path.exists() else path
@@ -35,17 +34,15 @@ class PoseLog:
             self._coming.replace(self._path)
             self._coming = self._path
 
-    def __call__(self, world: Truth) -> None:
+    def __call__(self, step: int, found: Sequence[Placed]) -> None:
         """Write what has moved; raises BadInput if that cannot be written."""
-        if not is_due(world):
-            return
-        found = [
-            Transform(world.steps, one.frame, one.name, one.pose.position, one.pose.orientation, "log")
-            for one in self._movement.moved(world)
+        moved = [
+            Transform(step, _name(one.frame), _name(one.path), one.pose.position, one.pose.orientation, "log")
+            for one in found
+            if one.pose is not None
         ]
-        if found:
-            self._write("".join(transform_lines(found, self._rate, None, self._count)))
-            self._count += len(found)
+        self._write("".join(transform_lines(moved, self._rate, None, self._count)))
+        self._count += len(moved)
 
     def _write(self, lines: str) -> None:
         try:
@@ -58,3 +55,8 @@ class PoseLog:
         self._file.close()
         if self._coming is not self._path:
             self._coming.unlink()
+
+
+def _name(path: tuple[str, ...]) -> str:
+    """The frame of a path: limbs of people are named after their bodies."""
+    return "/".join(path[1:]) or MAP

@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from executive.pictures.pose_track import PoseTrack, Watcher
 from executive.runs.final_state import Tilts
 from executive.runs.options import RunOptions
 from executive.runs.parameters import Bound, things_of
@@ -39,6 +40,9 @@ class Written:
         self._poses: PoseLog | None = None
         self._shown = ExitStack()
         """What shows the run to people while it goes on."""
+        self._noted: list[Watcher] = []
+        self._track = PoseTrack(self._noted)
+        """Notes poses, for all files that need them."""
         self._is_new = False
         """True once what happens was not written before."""
         self._failure: PlanFailure | None = None
@@ -77,12 +81,12 @@ class Written:
                 (options.video, lambda path: video.save(path, tuple(bodies_of(bound, self._belief, truth))))
             )
         if options.record is not None:
-            from executive.pictures.drawn import drawn_in
             from executive.pictures.recording import Recording  # needs an extra
 
-            film = Recording(truth.rate, drawn_in(truth), title=title)
-            self.listeners.append(lines_of(film.event))
-            self.watchers.append(lambda world: film.frame(world.steps))
+            film = Recording(truth, self._belief, recipe=context().graph, title=title)
+            self._platform.resolver.watchers.append(film.search)
+            self.listeners += (film.hear, lines_of(film.event))
+            self._noted.append(film.move)
             self._files.append((options.record, film.save))
         if options.report is not None or options.watch:
             watching, beside = self._watch(), context()
@@ -100,14 +104,16 @@ class Written:
             from executive.runs.pose_log import PoseLog
 
             known = {**header, "seed": options.seed, "schedule": options.schedule, "rate": truth.rate}
-            self._poses = PoseLog(truth, options.poses, known)
-            self.watchers.append(self._poses)
+            self._poses = PoseLog(truth.rate, options.poses, known)
+            self._noted.append(self._poses)
         if options.update_map is not None:
             from executive.belief.map_updating import MapUpdate
 
-            update = MapUpdate(self._belief, {options.environment, *options.additions}, found)
+            update = MapUpdate(self._platform.belief, {options.environment, *options.additions}, found)
             self.listeners.append(update)
             self._files.append((options.update_map, update.save))
+        if self._noted:
+            self.watchers.insert(0, self._track)  # the others see what it has noted
 
     def _watch(self) -> Watching:
         """Look on for a page."""
@@ -121,6 +127,7 @@ class Written:
             watching.told = Told.of(line.record for line in options.resume.lines)
         else:
             self.listeners.append(watching.listen)
+        self._noted.append(watching.move)
         self.watchers.append(watching.look)
         return watching
 
@@ -153,6 +160,8 @@ class Written:
         ``failure`` is how the plan ended, if it failed.
         """
         self._failure = failure
+        if self._noted:
+            self._track.note(self._truth)
         self._shown.close()
         if self._poses is not None:
             self._poses.close()

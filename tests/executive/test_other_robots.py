@@ -238,7 +238,7 @@ def test_a_recording_has_the_robot_and_a_cloud_for_each_arm_and_class_of_grasp(t
     printed = subprocess.run(
         [command, "rrd", "print", "-vv", str(tmp_path / "reach.rrd")], capture_output=True, text=True, check=True
     ).stdout
-    for entity in ("reach/left/side", "reach/right/top", "world/robot/base_plate"):
+    for entity in ("reach/left/side", "reach/right/top", "truth/robot/base_plate"):
         assert entity in printed
 
 

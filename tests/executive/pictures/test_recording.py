@@ -7,13 +7,23 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from executive.cli import app as cli
 from executive.pictures import drawn
-from executive.pictures.drawn import drawn_in, missing
-from planlang.files import bundled
-from planlang.geometry import Pose
-from sim import Body, CameraModel, PyBulletWorld, RobotBody, Scene
+from executive.pictures.drawn import Mesh, drawn_in, missing
+from planlang.outputs import is_replaceable
+from sim import CameraModel, PyBulletWorld, RobotBody, Scene
+
+PLAN = """from planlang import action, perform, plan
+
+
+@plan("http://example.org/park#Park")
+async def park() -> None:
+    await perform(action("MoveBaseToGraspPose", below="Translation-LocationChange", x=0.5, y=0.0, yaw=0.0))
+"""
 
 
 def test_without_the_package_a_recording_is_bad_input_that_says_what_to_install(
@@ -29,39 +39,92 @@ def test_what_is_drawn_is_known_without_the_viewer() -> None:
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
-def test_a_saved_recording_passes_the_viewers_verification(tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the recording and the trace of a run in which a first base pose does not do."""
     pytest.importorskip("rerun", reason="the extra [record] is not installed")
-    from executive.pictures import recording
+    folder = tmp_path_factory.mktemp("recorded")
+    words = ("run", "serve_a_drink", "--seed", "3", "--trace", folder / "run.jsonl", "--record", folder / "run.rrd")
+    result = CliRunner().invoke(cli.app, [str(word) for word in words], prog_name="planlang")
+    assert result.exit_code == 0, result.output
+    return folder
 
-    room = Scene(
-        (
-            Body("bottle 1", Pose((0.0, 0.0, 1.0)), (0.07, 0.07, 0.25), "cylinder", movable=True),
-            Body("bed1", Pose((2.0, 0.0, 0.3)), (2.0, 1.0, 0.6)),
-            Body("patient1", Pose((2.0, 0.0, 0.75)), (1.8, 0.6, 0.3), "person"),
-        )
-    )
-    urdf = bundled("ontologies") / "robots" / "amigo.urdf"
-    world = PyBulletWorld(room, RobotBody(urdf, CameraModel("base_link")))
-    kept = recording.Recording(world.rate, drawn_in(world))
-    for step in range(60):
-        world.set_pose("bottle 1", Pose((0.01 * step, 0.0, 1.0)))
-        kept.frame(step)
-    link = next(iter(world.robot.looks()))
-    world.close()
-    kept.event(0, "serve_a_drink started")
-    path = tmp_path / "run.rrd"
-    kept.save(path)
-    assert [p.name for p in tmp_path.iterdir()] == ["run.rrd"]
 
-    rerun = shutil.which("rerun", path=str(Path(sys.executable).parent))
-    assert rerun, "the package brings its command"
-    verified = subprocess.run([rerun, "rrd", "verify", str(path)], capture_output=True, text=True, check=False)
+def viewer(*words: str | Path) -> subprocess.CompletedProcess[str]:
+    """What the viewer's own command answers."""
+    command = shutil.which("rerun", path=str(Path(sys.executable).parent))
+    assert command, "the package brings its command"
+    return subprocess.run([command, "rrd", *map(str, words)], capture_output=True, text=True, check=False)
+
+
+def test_a_recording_passes_the_viewers_verification_and_is_small(recorded: Path) -> None:
+    verified = viewer("verify", recorded / "run.rrd")
     assert verified.returncode == 0, verified.stderr
-    printed = subprocess.run([rerun, "rrd", "print", "-vvv", str(path)], capture_output=True, text=True, check=False)
-    for entity in ("bodies/bottle\\ 1", "bodies/patient1/limb", f"robot/{link}/", "plan"):
-        assert entity in printed.stdout
-    assert recording.TIME_LINE in printed.stdout
-    assert "serve_a_drink started" in printed.stdout
+    assert (recorded / "run.rrd").stat().st_size < 2_000_000
+
+
+def test_a_recording_has_lanes_graphs_truth_belief_and_candidates(recorded: Path) -> None:
+    printed = viewer("print", "-vvv", recorded / "run.rrd").stdout
+    entities = {line.split(" - ")[1].strip() for line in printed.splitlines() if line.startswith("Chunk(")}
+    assert {
+        *(
+            "/truth/bodies/bottle1",
+            "/truth/bodies/patient1\\ limb4",
+            "/truth/robot/grippoint_right",
+            "/truth/walls/room1",
+        ),
+        *("/belief/bodies/bottle1", "/belief/bodies/bedside_table1"),
+        *("/candidates/base\\ poses/accepted", "/candidates/base\\ poses/out\\ of\\ reach"),
+        *("/lanes/plan/00", "/lanes/failures", "/lanes/resources/base", "/lanes/resources/module_arm"),
+        *("/plan", "/recipe", "/events"),
+    } <= entities
+    assert "ApproachBottle: ManipulationGoalInCollision" in printed
+    assert "plan time" in printed
+
+
+def test_a_recorded_run_has_the_trace_of_one_that_is_not(recorded: Path, tmp_path: Path) -> None:
+    words = ("run", "serve_a_drink", "--seed", "3", "--trace", tmp_path / "run.jsonl")
+    assert CliRunner().invoke(cli.app, [str(word) for word in words], prog_name="planlang").exit_code == 0
+    assert (tmp_path / "run.jsonl").read_bytes() == (recorded / "run.jsonl").read_bytes()
+
+
+def test_a_recording_of_an_earlier_run_is_overwritten_and_other_files_are_not(recorded: Path, tmp_path: Path) -> None:
+    assert is_replaceable(recorded / "run.rrd")
+    (tmp_path / "other.rrd").write_bytes(b"RRF2" + bytes(400))
+    assert not is_replaceable(tmp_path / "other.rrd")
+
+
+def test_a_plan_that_is_a_file_is_recorded_without_a_recipe(tmp_path: Path) -> None:
+    pytest.importorskip("rerun", reason="the extra [record] is not installed")
+    plan = tmp_path / "plan.py"
+    plan.write_text(PLAN)
+    words = ("run", plan, "--robot", "amigo", "--environment", "hospital_room", "--record", tmp_path / "run.rrd")
+    result = CliRunner().invoke(cli.app, [str(word) for word in words], prog_name="planlang")
+    assert result.exit_code == 0, result.output
+    printed = viewer("print", tmp_path / "run.rrd").stdout
+    assert "/lanes/plan/01" in printed
+    assert " - /recipe" not in printed
+
+
+def test_a_mesh_is_divided_at_its_edges_and_round_elsewhere() -> None:
+    pytest.importorskip("rerun", reason="the extra [record] is not installed")
+    from executive.pictures.recorded_world import shaded
+
+    corners = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)], np.float32)
+    faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    triangles = np.array([t for a, b, c, d in faces for t in ((a, b, c), (a, c, d))], np.int32)
+    points, normals, indices = shaded(Mesh(corners, triangles))
+    assert (points.shape, indices.shape) == ((24, 3), (12, 3))
+    assert np.abs(normals).max(axis=1) == pytest.approx(1.0), "each along an axis"
+    turns = np.linspace(0, 2 * np.pi, 32, endpoint=False)
+    ring = np.column_stack([np.cos(turns), np.sin(turns), np.zeros(32)])
+    after = (np.arange(32) + 1) % 32
+    below, above = np.arange(32), np.arange(32) + 32
+    sides = [*zip(below, after, after + 32, strict=True), *zip(below, after + 32, above, strict=True)]
+    tube = Mesh(np.vstack([ring, ring + np.array([0, 0, 1])]).astype(np.float32), np.array(sides, np.int32))
+    points, normals, _ = shaded(tube)
+    assert len(points) == 64
+    assert (normals * points)[:, :2].sum(axis=1) == pytest.approx(1.0, abs=0.01)
 
 
 def test_primitives_of_links_are_drawn_with_their_place_and_colour(tmp_path: Path) -> None:

@@ -1,0 +1,203 @@
+"""The world in a recording for the rerun viewer: shapes once, poses over time in named frames.
+
+Importing it needs the package rerun-sdk.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import rerun
+from numpy.typing import NDArray
+
+from executive.pictures.drawn import Drawn, Mesh, Shape
+from executive.pictures.pose_track import Tracks
+from planlang.geometry import Pose
+from planlang.geometry.matrices import moved, rotated
+from planlang.geometry.shapes import SolidKind
+from planlang.records import dataclass
+
+TIME_LINE = "plan time"
+"""Name of the only time line; seconds of plan time."""
+MAP = "map"
+"""The frame in which a scene is looked at."""
+TRUTH, BELIEF, CANDIDATES = "truth", "belief", "candidates"
+"""The roots: what is, what the robot believes, and where it has looked for base poses and grasps."""
+GHOST = 90
+"""Opacity of what is believed, 0..255."""
+GONE = 1e-6
+"""Scale of what is nowhere: too small to be seen. The viewer reports a scale of 0 as an error."""
+LOW = 0.4
+"""Height of walls [m]: one looks over them."""
+CREASE = math.cos(math.radians(40.0))
+"""Faces of a mesh that meet at a smaller angle are shaded as one round surface."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stand:
+    """Where something is from a world step on, in a frame; nowhere if there is no pose."""
+
+    step: int
+    frame: str
+    pose: Pose | None
+
+
+def stream_to(path: Path, title: str, blueprint: Any) -> rerun.RecordingStream:
+    """A recording into a file, of a world with z up."""
+    stream = rerun.RecordingStream("planlang", recording_id=title, send_properties=False)
+    stream.save(path, default_blueprint=blueprint)
+    stream.log("/", rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    stream.log(TRUTH, rerun.CoordinateFrame(MAP), static=True)
+    return stream
+
+
+def times(steps: Sequence[int] | NDArray[np.int64], rate: int) -> rerun.TimeColumn:
+    """World steps as a column of plan time."""
+    return rerun.TimeColumn(TIME_LINE, duration=np.asarray(steps, float) / rate)
+
+
+def frame_of(path: Sequence[str]) -> str:
+    """The name of the frame of a path; that of no path is the map."""
+    return "/".join(path) or MAP
+
+
+def entity_of(root: str, path: Sequence[str]) -> str:
+    """The entity of a path. It has no entities inside: frames say what moves with what."""
+    return "/".join(rerun.escape_entity_path_part(part) for part in (root, path[0], " ".join(path[1:])))
+
+
+def draw(stream: rerun.RecordingStream, entity: str, frame: str, shapes: Sequence[Shape]) -> None:
+    """Draw shapes in a frame, once and for all times."""
+    stream.log(entity, rerun.CoordinateFrame(frame), *_drawings(shapes), static=True)
+
+
+def place(stream: rerun.RecordingStream, entity: str, frame: str, stands: Sequence[Stand], rate: int) -> None:
+    """Put a frame where it is over time; one that never moves costs one row."""
+    there = [stand.pose or _HERE for stand in stands]
+    columns: dict[str, Any] = {
+        "translation": np.array([pose.position for pose in there]),
+        "quaternion": np.array([pose.orientation for pose in there]),
+        "child_frame": [frame] * len(stands),
+        "parent_frame": [stand.frame for stand in stands],
+    }
+    if not all(stand.pose for stand in stands):
+        columns["scale"] = np.array([[1.0 if stand.pose else GONE] * 3 for stand in stands])
+    if len(stands) == 1 and stands[0].pose is not None:
+        stream.log(entity, rerun.Transform3D(**{name: of[0] for name, of in columns.items()}), static=True)
+        return
+    steps = [stand.step for stand in stands]
+    stream.send_columns(entity, indexes=[times(steps, rate)], columns=rerun.Transform3D.columns(**columns))
+
+
+_HERE = Pose((0.0, 0.0, 0.0))
+
+
+def record_truth(stream: rerun.RecordingStream, drawn: Sequence[Drawn], tracks: Tracks, rate: int) -> None:
+    """Write what there is, and where it is over time; frames without shapes, too, as others hang on them."""
+    shapes = {thing.path: thing.shapes for thing in drawn}
+    for path, track in tracks.items():
+        entity, frame = entity_of(TRUTH, path), frame_of(path)
+        above = frame_of(track.frame)
+        stands = [Stand(step, above, pose) for step, pose in zip(track.steps, track.poses, strict=True)]
+        if path in shapes:
+            draw(stream, entity, frame, shapes[path])
+        place(stream, entity, frame, stands, rate)
+
+
+def record_belief(
+    stream: rerun.RecordingStream, shapes: Sequence[Shape], name: str, stands: Sequence[Stand], rate: int
+) -> None:
+    """Write where the robot believes a thing to be, as a ghost of it."""
+    ghosts = [replace(shape, colour=(*shape.colour[:3], GHOST)) for shape in shapes]
+    entity, frame = entity_of(BELIEF, ("bodies", name)), frame_of((BELIEF, name))
+    draw(stream, entity, frame, ghosts)
+    place(stream, entity, frame, stands, rate)
+
+
+def record_robot(stream: rerun.RecordingStream, drawn: Sequence[Drawn]) -> None:
+    """Write links where they are, in the map, once."""
+    for thing in drawn:
+        entity, frame = entity_of(TRUTH, thing.path), frame_of(thing.path)
+        draw(stream, entity, frame, thing.shapes)
+        place(stream, entity, frame, [Stand(0, MAP, thing.pose())], 1)
+
+
+def _drawings(shapes: Sequence[Shape]) -> list[Any]:
+    """One drawing per kind of shape."""
+    drawings: list[Any] = []
+    for kind in ("box", "cylinder", "sphere"):
+        chosen = [shape for shape in shapes if shape.kind == kind]
+        if not chosen:
+            continue
+        sizes = np.array([shape.size for shape in chosen])
+        placed = {
+            "centers": np.array([shape.pose.position for shape in chosen]),
+            "quaternions": np.array([shape.pose.orientation for shape in chosen]),
+            "colors": np.array([shape.colour for shape in chosen], dtype=np.uint8),
+            "fill_mode": "solid",
+        }
+        match kind:
+            case SolidKind.BOX:
+                drawing: Any = rerun.Boxes3D(sizes=sizes, **placed)
+            case SolidKind.CYLINDER:
+                drawing = rerun.Cylinders3D(lengths=sizes[:, 2], radii=sizes[:, 0] / 2, **placed)
+            case _:
+                drawing = rerun.Ellipsoids3D(half_sizes=sizes / 2, **placed)
+        drawings.append(drawing)
+    meshes = [(shape, shape.mesh) for shape in shapes if shape.mesh is not None]
+    if meshes:
+        drawings.append(_mesh(meshes))
+    return drawings
+
+
+def _mesh(meshes: Sequence[tuple[Shape, Mesh]]) -> rerun.Mesh3D:
+    """One mesh of several, in the frame of what they belong to."""
+    points, normals, triangles, colours, count = [], [], [], [], 0
+    for shape, mesh in meshes:
+        there, outward, corners = shaded(mesh)
+        points.append(moved(shape.pose.matrix(), there))
+        normals.append(rotated(shape.pose.rotation, outward))
+        triangles.append(corners + count)
+        colours.append(np.tile(np.array(shape.colour, np.uint8), (len(there), 1)))
+        count += len(there)
+    every = np.concatenate(colours)
+    is_plain = bool((every == every[0]).all())
+    return rerun.Mesh3D(
+        vertex_positions=np.concatenate(points).astype(np.float32),
+        vertex_normals=np.concatenate(normals).astype(np.float32),
+        triangle_indices=np.concatenate(triangles).astype(np.uint32),
+        vertex_colors=None if is_plain else every,
+        albedo_factor=every[0] if is_plain else None,
+    )
+
+
+def shaded(mesh: Mesh) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
+    """Vertices (k, 3), their normals (k, 3) and the triangles (m, 3) of a mesh, divided where its surface has edges.
+
+    A corner of a triangle gets the mean normal of those around its vertex that make less than :data:`CREASE` with its
+    own; corners of one vertex with one normal stay one.
+    """
+    points, triangles = mesh.vertices.astype(float), mesh.triangles.astype(np.int64)
+    first, second, third = (points[triangles[:, k]] for k in range(3))
+    across = np.cross(second - first, third - first)
+    length = np.linalg.norm(across, axis=1, keepdims=True)
+    own = across / np.maximum(length, 1e-12)
+    corner, face = triangles.reshape(-1), np.repeat(np.arange(len(triangles)), 3)
+    order = np.argsort(corner, kind="stable")
+    begin = np.searchsorted(corner[order], corner, "left")
+    number = np.searchsorted(corner[order], corner, "right") - begin
+    total = np.zeros((len(corner), 3))
+    for turn in range(int(number.max(initial=0))):  # few triangles meet in a vertex
+        rows = np.flatnonzero(number > turn)
+        other = face[order[begin[rows] + turn]]
+        alike = np.einsum("ij,ij->i", own[face[rows]], own[other]) > CREASE
+        total[rows[alike]] += across[other[alike]]
+    total /= np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-12)
+    keys = np.column_stack([corner, np.round(total * 100)])
+    _, chosen, corners = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    return points[corner[chosen]], total[chosen], corners.reshape(-1, 3)
