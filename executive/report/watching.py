@@ -13,7 +13,8 @@ from executive.report.places import Questions
 from executive.report.shapes import Shapes
 from executive.report.tracks import Tracks, ordered, packed
 from planlang.geometry import Pose
-from planlang.report import Told, model_of, page
+from planlang.report import Told as Told
+from planlang.report import model_of, page
 from planlang.report.model import Context
 from planlang.report.tree import shown
 from sim.truth import Truth

@@ -117,15 +117,15 @@ class Written:
 
     def _watch(self) -> Watching:
         """Look on for a page."""
-        from executive.report.watching import Watching  # most runs write no page
+        from executive.report.watching import Told, Watching  # most runs write no page
 
         options = self._options
         watching = Watching(self._platform, self._truth)
         if options.repeats and options.resume is not None:  # all that is told is in the trace
-            from planlang.report import Told
-
             watching.told = Told.of(line.record for line in options.resume.lines)
         else:
+            if options.resume is not None:  # a run that is repeated writes no header
+                watching.told.add(options.resume.header)
             self.listeners.append(watching.listen)
         self._noted.append(watching.move)
         self.watchers.append(watching.look)

@@ -35,7 +35,8 @@ class Failures:
     def _entry(self, failure: Mapping[str, Any]) -> dict[str, Any]:
         chain = [self._link(link) for link in _chain(failure)]
         advice = [link["advice"] for link in chain if "advice" in link]
-        plain = [link for link in chain if "counts" not in link] or chain
+        # counts of candidates say less than what they were counted for
+        plain = [link for link in chain if link["type"] != LocationUnresolvable.__name__] or chain
         return {"headline": advice[0] if advice else plain[-1]["message"] or plain[-1]["type"], "chain": chain}
 
     def _link(self, failure: Mapping[str, Any]) -> dict[str, Any]:

@@ -97,7 +97,7 @@ def model_of(told: Told, context: Context | None = None, **parts: Any) -> dict[s
         "cards": cards_of(tree, failures),
         "lanes": lanes_of(tree),
         "marks": marks_of(tree),
-        "story": story_of(tree, context.labels, end),
+        "story": story_of(tree, context.labels, failures, end),
         "sources": [{"name": one.name, "text": one.text} for one in sources],
         "graph": None if context.graph is None else _graph(context.graph),
         "missing": list(context.missing),

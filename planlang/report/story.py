@@ -6,23 +6,24 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from planlang.report.failures import Failures
 from planlang.report.tree import belief_text, class_of, is_origin, pose_text, shown
 from planlang.runs.run_tree import Happened, RunTree, TaskNode
 
 _WORDS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z0-9]+|[^\sA-Za-z0-9_-]+")
 
 
-def story_of(tree: RunTree, labels: Mapping[str, str], end: float) -> list[list[Any]]:
+def story_of(tree: RunTree, labels: Mapping[str, str], failures: Failures, end: float) -> list[list[Any]]:
     """Return the sentences in order of time: [time s, node or None, words, kind].
 
     ``labels`` has the words of a recipe for a class of actions. What process modules do inside of an action is left
     out, unless it fails.
     """
-    found = [one for root in tree.roots for one in _ends(root, end)]
+    found = [one for root in tree.roots for one in _ends(root, failures, end)]
     for node in tree.numbered.values():
         found += _happened(node, tree.rate)
         if not node.inner and node.start is not None:
-            found += _steps(node, labels)
+            found += _steps(node, labels, failures)
     for one in tree.belief:
         if one.details.get("change") in _LEARNT:
             time = round(one.step / tree.rate, 4)
@@ -37,22 +38,22 @@ _RANKS = {"opening": 0, "cause": 1, "recovery": 2, "closing": 4}
 _LEARNT = frozenset({"seen", "found", "felt", "not there", "grasped", "released", "slipped", "dropped"})
 
 
-def _ends(root: TaskNode, end: float) -> Iterator[list[Any]]:
+def _ends(root: TaskNode, failures: Failures, end: float) -> Iterator[list[Any]]:
     name = root.name.partition("#")[0]
     yield [root.start or 0.0, root.number, f"The plan {shown(name, 80)} begins.", "opening"]
-    time = end if root.end is None else root.end
+    time = end if root.end is None else round(root.end, 4)
     match root.status:
         case "succeeded":
             yield [time, root.number, f"The plan is done after {time:.1f} s.", "closing"]
         case "failed":
-            yield [time, root.number, f"The plan fails after {time:.1f} s: {shown(root.reason)}.", "closing"]
+            yield [time, root.number, f"The plan fails after {time:.1f} s: {_lowered(failures, root)}.", "closing"]
         case "running":
             yield [time, root.number, "The trace ends here, before the plan does.", "closing"]
         case _:
             yield [time, root.number, f"The plan is ended from outside after {time:.1f} s.", "closing"]
 
 
-def _steps(node: TaskNode, labels: Mapping[str, str]) -> Iterator[list[Any]]:
+def _steps(node: TaskNode, labels: Mapping[str, str], failures: Failures) -> Iterator[list[Any]]:
     if node.kind == "perform":
         what = labels.get(class_of(node) or "") or words(node.name)
         where = _target(node)
@@ -63,9 +64,10 @@ def _steps(node: TaskNode, labels: Mapping[str, str]) -> Iterator[list[Any]]:
             "failed": f"fails after {_duration(node)}",
         }.get(node.status, node.status)
         mood = "failed" if node.status == "failed" else "done" if node.status == "succeeded" else "begin"
-        yield [node.start, node.number, _sentence(f"{shown(what, 160)}{where}: {how}"), mood]
+        yield [round(node.start or 0.0, 4), node.number, _sentence(f"{shown(what, 160)}{where}: {how}"), mood]
     if is_origin(node) and node.parent is not None:
-        yield [node.end, node.number, _sentence(f"It fails because {_lowered(node.failure)}"), "cause"]
+        why = _sentence(f"It fails because {_lowered(failures, node)}")
+        yield [round(node.end or 0.0, 4), node.number, why, "cause"]
 
 
 def _target(node: TaskNode) -> str:
@@ -84,7 +86,7 @@ def _event(one: Happened) -> tuple[str, str] | None:
     match one.event, one.details:
         case "attempt", {"attempt": int(number)} if number > 1:
             return f"The plan tries again: attempt {number}", "recovery"
-        case "recovery", {"decision": str(decision)} if decision != "none":
+        case "recovery", {"decision": str(decision)} if decision not in ("none", "propagate"):
             return f"A recovery decides: {shown(decision)}", "recovery"
         case "solution", {"base": list(base), "attempt": int(number)}:
             ordinal = "a" if number == 1 else "another"
@@ -93,7 +95,7 @@ def _event(one: Happened) -> tuple[str, str] | None:
                 "recovery" if number > 1 else "begin",
             )
         case "no more poses", _:
-            return "There is no other place to stand", "failed"
+            return "There is no other place to stand", "cause"
     return None
 
 
@@ -101,8 +103,8 @@ def _duration(node: TaskNode) -> str:
     return f"{(node.end or 0.0) - (node.start or 0.0):.1f} s"
 
 
-def _lowered(failure: Mapping[str, Any] | None) -> str:
-    message = shown((failure or {}).get("message") or (failure or {}).get("type", "something failed"))
+def _lowered(failures: Failures, node: TaskNode) -> str:
+    message = str(failures.table[failures.index[node.number]]["headline"])
     return message[:1].lower() + message[1:] if message[1:2].islower() else message
 
 

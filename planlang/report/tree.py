@@ -106,6 +106,8 @@ def event_text(one: Happened) -> str | None:
     match one.event, one.details:
         case "attempt", {"attempt": int(number)}:
             return f"attempt {number}" if number > 1 else None
+        case "recovery", {"decision": "propagate"}:
+            return shown(f"the recovery gives up{because}")
         case "recovery", {"decision": str(decision)}:
             return shown(f"recovery: {decision}{because}") if decision != "none" else None
         case "solution", {"base": list(base), "attempt": int(number), **more}:

@@ -60,6 +60,14 @@ def test_a_run_that_was_cut_off_is_shown_up_to_there(served: Path, tmp_path: Pat
     assert keys < every / 2, "the world goes no further than the trace"
 
 
+def test_a_resumed_run_has_the_page_of_one_that_was_never_cut_off(served: Path, tmp_path: Path) -> None:
+    trace, page = tmp_path / "run.jsonl", tmp_path / "run.html"
+    lines = (served / "run.jsonl").read_text(encoding="utf-8").splitlines(keepends=True)
+    trace.write_text("".join(lines[:100]), encoding="utf-8")
+    called("run", "--resume", trace, "--report", page)
+    assert model_in(page) == model_in(served / "first.html")
+
+
 def test_another_map_is_not_shown_and_the_page_says_why(served: Path, tmp_path: Path) -> None:
     room = tmp_path / "room.omn"
     room.write_text(Bundled.ENVIRONMENT.find("hospital_room").read_text() + "\n# changed\n")

@@ -147,7 +147,7 @@ def test_a_run_is_searched_and_told_by_the_keyboard_alone(browser: Any, pages: d
     page.keyboard.press("ArrowDown")
     assert "ReachToHandoverPose" in page.locator("#details h2").inner_text()
     page.keyboard.press("5")
-    story = page.locator("#story").inner_text()
+    story = page.locator("#story").text_content()
     assert "It fails because the arm has no room at its goal" in story
     assert story.index("It fails because") < story.index("The robot chooses another place to stand")
     page.keyboard.press("?")
@@ -168,7 +168,7 @@ def test_markup_in_a_map_and_in_labels_of_a_recipe_is_text(browser: Any, tmp_pat
     assert result.outcome is Outcome.DONE
     watched = opened(browser, page)
     watched.page.keyboard.press("5")
-    assert f"the bottle is in reach {HOSTILE}" in watched.page.locator("#story").inner_text()
+    assert f"the bottle is in reach {HOSTILE}" in watched.page.locator("#story").text_content()
     watched.page.keyboard.press("2")
     assert "<!--<script>" in watched.page.locator("#map").inner_text()
     assert watched.page.locator("img").count() == 0
