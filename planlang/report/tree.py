@@ -13,6 +13,7 @@ PLUMBING = frozenset({"branch", "budget", "with_failure_handling", "using", "at_
 """Kinds of constructs that a reader rarely asks about: shown with all nodes only, unless a failure arose in them."""
 MOST_TEXT = 400
 """Characters of a text about a node; the middle of a longer one is left out."""
+_KEYS = re.compile(r"(?<![^ ])([a-z_]+)=")
 _FOLDERS = re.compile(r"(?<![\w:/.<])(?:[A-Za-z]:)?(?:[/\\][^\s/\\:'\"<>|]+)+[/\\](?=[^\s/\\:'\"<>|])")
 
 
@@ -92,11 +93,21 @@ def _is_named(node: TaskNode) -> bool:
 def text_of(node: TaskNode) -> str:
     """Return what a node does: the action, the goal, the location, or the parameters of a plan."""
     match node.parameters:
-        case {"action": str(text)} | {"goal": str(text)} | {"location": str(text)} | {"policy": str(text)}:
+        case {"action": str(text)}:
+            return shown(_parameters(node.name, text))
+        case {"goal": str(text)} | {"location": str(text)} | {"policy": str(text)}:
             return shown(text)
         case {"parameters": dict(values)} if values:
             return shown(", ".join(f"{name} = {value}" for name, value in values.items()))
     return ""
+
+
+def _parameters(name: str, action: str) -> str:
+    """Return an action without its class where the node is called like that, its parameters in words."""
+    cls, opened, inside = action.partition("(")
+    if cls != name.partition("#")[0] or not opened or not inside.endswith(")"):
+        return action
+    return _KEYS.sub(lambda found: found[1].replace("_", " ") + " ", inside.removesuffix(")"))
 
 
 def event_text(one: Happened) -> str | None:
