@@ -69,7 +69,7 @@ $(VENV)/.dev-stamp: pyproject.toml planlang_command.py | $(BIN)/python
 demo: $(VENV)/.run-stamp
 	$(BIN)/planlang compile serve_a_drink --output plan.py --force
 	@echo; cat plan.py; echo
-	$(BIN)/planlang run plan.py --robot amigo --environment hospital_room --trace run.jsonl --picture scene.png \
+	$(BIN)/planlang run plan.py --robot amigo --environment hospital_room --trace run.jsonl --report run.html --picture scene.png \
 	    | tee $(VENV)/demo.txt
 	@grep -q '^bottle1: held by patient1$$' $(VENV)/demo.txt
 
