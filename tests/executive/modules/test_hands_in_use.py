@@ -61,8 +61,8 @@ def test_places_at_which_the_robot_would_touch_itself_are_counted_by_this_reason
     paths = PairPaths(platform, ArmPair((one, other), platform.world.configuration().joints))
     nearer = Pose((-0.1, 0.0, 0.0)) @ stage.truth.pose("tray")
     assert list(paths.places("tray", [nearer], lambda pose: [platform.base()])) == [None]
-    assert paths.counts["touches itself"] > 0
-    assert not paths.blocking
+    assert paths.log.counts["touches itself"] > 0
+    assert not paths.log.blocking
 
 
 @pytest.mark.parametrize("kind", ["OpeningAContainerArtifact", "ClosingAContainerArtifact", "PushingMotion"])

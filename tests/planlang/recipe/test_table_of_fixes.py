@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from planlang.diagnostics import CODES
 from planlang.recipe.fixes import ACCEPTABLE, SAFE, WITHOUT
 from planlang.recipe.fixes.fixing import fix_recipe
+from tests.support.codes import CODES
 from tests.support.examples import some
 
 DIAGNOSTICS = Path(__file__).parents[2] / "diagnostics"
