@@ -46,7 +46,7 @@ def test_a_picture_is_not_written_under_the_name_of_another_format(tmp_path: Pat
     found = [
         (d.code, d.help)
         for d in check_outputs(
-            {"--trace": tmp_path / "a.txt", "--picture": tmp_path / name}, {}, pictures=["--picture"]
+            {"--trace": tmp_path / "a.txt", "--picture": tmp_path / name}, {}, formats={"--picture": [".png"]}
         )
     ]
     assert found == ([("C004", "name it a.png")] if refused else [])
