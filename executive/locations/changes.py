@@ -162,7 +162,9 @@ class Changes:
         rises = TABLE - thing.low
         edge = max((way for way in self._ways_to_edges(support) if way[1]), key=lambda way: way[1][-1], default=None)
         ways = [(np.zeros(2), 0.0), *([] if edge is None else [(edge[0], edge[1][-1])])]
-        for rise in (share * rises for share in HEIGHTS):
+        onto = bodies.block(support).high - thing.low  # what hangs above its support in the map is meant to stand on it
+        shares = (share * rises for share in HEIGHTS)
+        for rise in (onto, *shares) if abs(onto) >= STEP else shares:
             above = replace(thing, low=thing.low + rise, high=thing.high + rise)
             for side, step in ways if abs(rise) >= STEP else ():
                 x, y, z = self._moved(side, step).position

@@ -60,6 +60,13 @@ def test_a_thing_on_the_floor_of_a_deep_shelf_is_reached_at_the_height_that_is_t
     )
 
 
+def test_a_thing_that_hangs_above_its_furniture_is_told_to_stand_on_it(make_stage: MakeStage) -> None:
+    stand = Body("stand", Pose((1.5, 0.0, 0.4)), (0.3, 0.3, 0.8), type="KitchenTable")
+    why = said(make_stage(stand, replace(BOTTLE, pose=Pose((1.5, 0.0, 2.3)))))
+    assert why.endswith("0.80 m above the floor instead of 2.20 m, bottle could be reached"), why
+    assert next(make_stage(stand, replace(BOTTLE, pose=Pose((1.5, 0.0, 0.9)))).resolver.bases(TO_GRASP)) is not None
+
+
 def test_supposing_leaves_the_belief_as_it_was(make_stage: MakeStage) -> None:
     stage = make_stage(TABLE, FAR_BACK)
     first = said(stage)
