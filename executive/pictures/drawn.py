@@ -37,7 +37,10 @@ _LOW = 0.12
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mesh:
-    """Triangles in the frame of their shape [m], in plain numbers that pictures, pages and recordings all take."""
+    """Triangles in the frame of their shape [m], in plain numbers that pictures, pages and recordings all take.
+
+    Vertices are repeated where faces meet in an edge: the mean of the faces around one is the normal of the surface.
+    """
 
     vertices: NDArray[np.float32]
     """(n, 3)"""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.pictures.drawn import Shape
-from executive.pictures.solids import Solid, ball, box, lathe, normals_of, shaded
+from executive.pictures.solids import Solid, ball, box, lathe, shaded, vertex_normals
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import moved, rotated
 from planlang.geometry.shapes import SolidKind
@@ -74,7 +74,13 @@ def model_of(shapes: Iterable[Shape], first: int = 0) -> Model:
         solid = _divided(solid)
         count = len(solid.faces)
         colours = np.tile(_calm(shape.colour), (count, 1))
-        model = Model(solid.vertices, _normals(solid), solid.faces, colours, np.full(count, number, np.int64))
+        model = Model(
+            solid.vertices,
+            vertex_normals(solid.vertices, solid.faces),
+            solid.faces,
+            colours,
+            np.full(count, number, np.int64),
+        )
         found.append(model.at(shape.pose))
     return joined(found)
 
@@ -94,17 +100,6 @@ def _primitive(kind: str, size: tuple[float, float, float]) -> Solid:
     if kind == SolidKind.SPHERE:
         return shaded([ball().moved((x / 2, y / 2, z / 2), (0, 0, 0))])
     return shaded([box(size)])
-
-
-def _normals(solid: Solid) -> Array:
-    """Return the normals of vertices: those of the faces around them, by their areas."""
-    normals, twice = normals_of(solid.vertices, solid.faces)
-    found = np.zeros_like(solid.vertices)
-    for k in range(3):
-        for axis in range(3):
-            found[:, axis] += np.bincount(solid.faces[:, k], normals[:, axis] * twice, len(found))
-    lengths = np.linalg.norm(found, axis=1, keepdims=True)
-    return np.asarray(found / np.maximum(lengths, 1e-12))
 
 
 def _divided(solid: Solid) -> Solid:

@@ -5,7 +5,6 @@ Importing it needs the package rerun-sdk.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 
 from executive.pictures.drawn import Drawn, Mesh, Shape
 from executive.pictures.pose_track import Tracks
+from executive.pictures.solids import vertex_normals
 from planlang.geometry import Pose
 from planlang.geometry.matrices import moved, rotated
 from planlang.geometry.shapes import SolidKind
@@ -32,10 +32,6 @@ GHOST = 90
 """Opacity of what is believed, 0..255."""
 GONE = 1e-6
 """Scale of what is nowhere: too small to be seen. The viewer reports a scale of 0 as an error."""
-LOW = 0.4
-"""Height of walls [m]: one looks over them."""
-CREASE = math.cos(math.radians(40.0))
-"""Faces of a mesh that meet at a smaller angle are shaded as one round surface."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,12 +155,12 @@ def _mesh(meshes: Sequence[tuple[Shape, Mesh]]) -> rerun.Mesh3D:
     """One mesh of several, in the frame of what they belong to."""
     points, normals, triangles, colours, count = [], [], [], [], 0
     for shape, mesh in meshes:
-        there, outward, corners = shaded(mesh)
-        points.append(moved(shape.pose.matrix(), there))
-        normals.append(rotated(shape.pose.rotation, outward))
-        triangles.append(corners + count)
-        colours.append(np.tile(np.array(shape.colour, np.uint8), (len(there), 1)))
-        count += len(there)
+        vertices = mesh.vertices.astype(float)
+        points.append(moved(shape.pose.matrix(), vertices))
+        normals.append(rotated(shape.pose.rotation, vertex_normals(vertices, mesh.triangles.astype(np.int64))))
+        triangles.append(mesh.triangles + count)
+        colours.append(np.tile(np.array(shape.colour, np.uint8), (len(mesh.vertices), 1)))
+        count += len(mesh.vertices)
     every = np.concatenate(colours)
     is_plain = bool((every == every[0]).all())
     return rerun.Mesh3D(
@@ -174,30 +170,3 @@ def _mesh(meshes: Sequence[tuple[Shape, Mesh]]) -> rerun.Mesh3D:
         vertex_colors=None if is_plain else every,
         albedo_factor=every[0] if is_plain else None,
     )
-
-
-def shaded(mesh: Mesh) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
-    """Vertices (k, 3), their normals (k, 3) and the triangles (m, 3) of a mesh, divided where its surface has edges.
-
-    A corner of a triangle gets the mean normal of those around its vertex that make less than :data:`CREASE` with its
-    own; corners of one vertex with one normal stay one.
-    """
-    points, triangles = mesh.vertices.astype(float), mesh.triangles.astype(np.int64)
-    first, second, third = (points[triangles[:, k]] for k in range(3))
-    across = np.cross(second - first, third - first)
-    length = np.linalg.norm(across, axis=1, keepdims=True)
-    own = across / np.maximum(length, 1e-12)
-    corner, face = triangles.reshape(-1), np.repeat(np.arange(len(triangles)), 3)
-    order = np.argsort(corner, kind="stable")
-    begin = np.searchsorted(corner[order], corner, "left")
-    number = np.searchsorted(corner[order], corner, "right") - begin
-    total = np.zeros((len(corner), 3))
-    for turn in range(int(number.max(initial=0))):  # few triangles meet in a vertex
-        rows = np.flatnonzero(number > turn)
-        other = face[order[begin[rows] + turn]]
-        alike = np.einsum("ij,ij->i", own[face[rows]], own[other]) > CREASE
-        total[rows[alike]] += across[other[alike]]
-    total /= np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-12)
-    keys = np.column_stack([corner, np.round(total * 100)])
-    _, chosen, corners = np.unique(keys, axis=0, return_index=True, return_inverse=True)
-    return points[corner[chosen]], total[chosen], corners.reshape(-1, 3)

@@ -208,6 +208,17 @@ def normals_of(vertices: Array, faces: Faces) -> tuple[Array, Array]:
     return across / np.maximum(twice, 1e-30)[:, None], twice
 
 
+def vertex_normals(vertices: Array, faces: Faces) -> Array:
+    """Return the normals (n, 3) of vertices: those of the faces around them, by their areas."""
+    normals, twice = normals_of(vertices, faces)
+    found = np.zeros_like(vertices)
+    for k in range(3):
+        for axis in range(3):
+            found[:, axis] += np.bincount(faces[:, k], normals[:, axis] * twice, len(found))
+    lengths = np.linalg.norm(found, axis=1, keepdims=True)
+    return np.asarray(found / np.maximum(lengths, 1e-12))
+
+
 def shaded(solids: Sequence[Solid]) -> Solid:
     """Return solids as one, with vertices repeated where faces meet in an edge."""
     vertices, faces, first = [np.zeros((0, 3))], [np.zeros((0, 3), np.int64)], 0

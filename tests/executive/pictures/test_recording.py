@@ -7,13 +7,12 @@ import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from executive.cli import app as cli
 from executive.pictures import drawn
-from executive.pictures.drawn import Mesh, drawn_in, missing
+from executive.pictures.drawn import drawn_in, missing
 from planlang.outputs import is_replaceable
 from sim import CameraModel, PyBulletWorld, RobotBody, Scene
 
@@ -71,7 +70,7 @@ def test_a_recording_has_lanes_graphs_truth_belief_and_candidates(recorded: Path
             "/truth/bodies/bottle1",
             "/truth/bodies/patient1\\ limb4",
             "/truth/robot/grippoint_right",
-            "/truth/walls/room1",
+            "/truth/bodies/room1",
         ),
         *("/belief/bodies/bottle1", "/belief/bodies/bedside_table1"),
         *("/candidates/base\\ poses/accepted", "/candidates/base\\ poses/out\\ of\\ reach"),
@@ -104,27 +103,6 @@ def test_a_plan_that_is_a_file_is_recorded_without_a_recipe(tmp_path: Path) -> N
     printed = viewer("print", tmp_path / "run.rrd").stdout
     assert "/lanes/plan/01" in printed
     assert " - /recipe" not in printed
-
-
-def test_a_mesh_is_divided_at_its_edges_and_round_elsewhere() -> None:
-    pytest.importorskip("rerun", reason="the extra [record] is not installed")
-    from executive.pictures.recorded_world import shaded
-
-    corners = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)], np.float32)
-    faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-    triangles = np.array([t for a, b, c, d in faces for t in ((a, b, c), (a, c, d))], np.int32)
-    points, normals, indices = shaded(Mesh(corners, triangles))
-    assert (points.shape, indices.shape) == ((24, 3), (12, 3))
-    assert np.abs(normals).max(axis=1) == pytest.approx(1.0), "each along an axis"
-    turns = np.linspace(0, 2 * np.pi, 32, endpoint=False)
-    ring = np.column_stack([np.cos(turns), np.sin(turns), np.zeros(32)])
-    after = (np.arange(32) + 1) % 32
-    below, above = np.arange(32), np.arange(32) + 32
-    sides = [*zip(below, after, after + 32, strict=True), *zip(below, after + 32, above, strict=True)]
-    tube = Mesh(np.vstack([ring, ring + np.array([0, 0, 1])]).astype(np.float32), np.array(sides, np.int32))
-    points, normals, _ = shaded(tube)
-    assert len(points) == 64
-    assert (normals * points)[:, :2].sum(axis=1) == pytest.approx(1.0, abs=0.01)
 
 
 def test_primitives_of_links_are_drawn_with_their_place_and_colour(tmp_path: Path) -> None:
