@@ -244,7 +244,7 @@ class Run:
         """Return the advice for a robot that lacks what the plan needs and has no camera."""
         if not assessment.missing or robot.camera is not None or self.options.trust_map:
             return []
-        advice = "--trust-map: things count as seen where the map has them"
+        advice = "with --trust-map things count as seen where the map has them"
         return [note("X013", f"{robot.name} has no camera to look for things", help=advice)]
 
     def _assembled(
