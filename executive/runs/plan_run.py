@@ -429,7 +429,9 @@ class Run:
 
         options = self.options
         bindings = stated_bindings(self.plan, asked.bound, asked.map)
-        command = command_of(options, header["start"], bindings, forced=forced)
+        is_only = self._compiled is not None and len(self._compiled.recipes.recipes) == 1
+        stated = replace(options, task=None) if is_only else options
+        command = command_of(stated, header["start"], bindings, forced=forced)
         return replace(
             context_of(self.path, self._compiled, options.recipe, self.registry.actions, options.ontologies),
             facts={**({"world": "repeated"} if options.repeats else {}), "command": command},

@@ -46,7 +46,7 @@ function head() {
   byId("title").textContent = model.title;
   byId("outcome").textContent = model.outcome.text;
   byId("outcome").className = `badge ${model.outcome.status}`;
-  byId("facts").replaceChildren(...Object.entries(model.facts).map(([key, value]) => el("div", { class: key }, el("dt", {}, key), el("dd", {}, String(value)))));
+  byId("facts").replaceChildren(...Object.entries(model.facts).map(([key, value]) => el("div", { class: key === "command" ? key : false }, el("dt", {}, key), el("dd", {}, String(value)))));
 }
 
 function tellMissing(...more) {

@@ -68,7 +68,7 @@ const floorPlan = {
     this.robot = svg("g");
     this.names = svg("g");
     this.places = svg("g", { class: "places" });
-    this.view.append(this.places, this.way, this.ghosts, this.chosen, this.robot, this.names);
+    this.view.append(this.way, this.ghosts, this.chosen, this.robot, this.names, this.places);
     this.move(clock.time);
   },
   closer(event) {

@@ -70,7 +70,7 @@ def test_a_failure_that_passes_through_many_nodes_is_told_once() -> None:
 
 def test_a_story_says_why_before_what_was_done_about_it() -> None:
     told = [text for _, _, text, _ in fetched(1)["story"]]
-    why = told.index("It fails because the gripper closed on nothing.")
+    why = told.index("ClosingAGripper fails: the gripper closed on nothing.")
     assert told[0] == "The plan fetch begins."
     assert told[why + 1].startswith("The plan tries again") or told[why + 1].startswith("A recovery decides")
     assert told[-1] == "The plan is done after 2.5 s."
