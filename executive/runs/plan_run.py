@@ -56,7 +56,7 @@ from executive.runs.settings import stated
 from executive.runs.traces import check_same_run, different, earlier_of, recorded_parameters, sha256
 from executive.runs.written import WatchedWorld, Written, bodies_of
 from planlang import PlanFailure, RunError, SimulationHost, Trace, budget, explain, run
-from planlang.designators import Action
+from planlang.designators import Action, local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
 from planlang.failures import ActionUnresolvable, MissingCapability, ObjectUnresolvable
 from planlang.language.performing import module_for
@@ -429,9 +429,9 @@ class Run:
 
         options = self.options
         bindings = stated_bindings(self.plan, asked.bound, asked.map)
-        is_only = self._compiled is not None and len(self._compiled.recipes.recipes) == 1
-        stated = replace(options, task=None) if is_only else options
-        command = command_of(stated, header["start"], bindings, forced=forced)
+        several = self._compiled is not None and len(self._compiled.recipes.recipes) > 1
+        task = options.task if options.recipe is None else local_name(self.plan.iri or "") if several else None
+        command = command_of(replace(options, task=task), header["start"], bindings, forced=forced)
         return replace(
             context_of(self.path, self._compiled, options.recipe, self.registry.actions, options.ontologies),
             facts={**({"world": "repeated"} if options.repeats else {}), "command": command},
