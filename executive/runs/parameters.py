@@ -110,7 +110,7 @@ def _hints(plan: Plan[Any, Any]) -> dict[str, Any]:
 
 
 def stated_bindings(plan: Plan[Any, Any], bound: Mapping[str, Bound], semantic_map: SemanticMap) -> dict[str, str]:
-    """Return what has to be set for a plan so that its parameters are ``bound``: those that are so by themselves not."""
+    """Return the parameters of ``bound`` that differ from the plan's defaults in this map, as texts to be set."""
     try:
         defaults = bound_parameters(plan, {}, semantic_map, [])
     except BadInput:

@@ -436,7 +436,9 @@ class Run:
             context_of(self.path, self._compiled, options.recipe, self.registry.actions, options.ontologies),
             facts={**({"world": "repeated"} if options.repeats else {}), "command": command},
             notes=[one for one in notes if one not in options.notes],
-            remedies={"Camera": f"{one.message}; {one.help}" for one in blind},
+            remedies=dict.fromkeys(
+                ("Camera",) if blind else (), "; ".join(f"{one.message}; {one.help}" for one in blind)
+            ),
         )
 
     def _users_line(self, problem: Exception) -> str | None:

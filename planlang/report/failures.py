@@ -56,7 +56,8 @@ class Failures:
                 "message": shown(message.partition(f": {reason['advice']}" if "advice" in reason else " (")[0]),
                 **{key: value for key, value in reason.items() if key != "missing"},
             }
-            found |= {"advice": self._remedies[part] for part in reason.get("missing", ()) if part in self._remedies}
+            remedies = [self._remedies[part] for part in reason.get("missing", ()) if part in self._remedies]
+            found |= {"advice": remedies[0]} if remedies else {}
         beside = {"at the same time": "siblings", "branch": "members", "during cleanup": "cleanup"}
         others = [
             [relation, shown(name), shown(text)]

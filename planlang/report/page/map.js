@@ -157,7 +157,8 @@ const floorPlan = {
     for (const [cloud, size] of question ? [[question.bases, 2.6], [question.hands, 4]] : []) {
       for (const [number, x, y] of cloud.points) {
         const [a, b] = this.at(x, y);
-        points.push(markOf(cloud.reasons[number].text, a, b, size));
+        const { text } = cloud.reasons[number];  // what was accepted is smaller: it leaves others at the same place in view
+        points.push(markOf(text, a, b, text ? size : size * 0.6));
       }
     }
     if (question?.chosen) {

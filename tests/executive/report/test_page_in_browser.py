@@ -213,6 +213,21 @@ def test_a_run_that_grows_is_shown_as_it_does(browser: Any, pages: dict[str, Pat
     assert status(page, "Later") == "running"
 
 
+def test_open_cards_leave_room_for_the_scene_and_a_step_fails_only_once_it_has(
+    browser: Any, pages: dict[str, Path]
+) -> None:
+    page = opened(browser, pages["failed"]).page
+    page.set_viewport_size({"width": 1280, "height": 720})
+    assert page.locator("#scene").evaluate("(scene) => scene.clientHeight") >= 250
+    assert "Why it failed" in page.locator("#details").inner_text()
+    assert "--start=0,0,0" in page.locator("#facts").inner_text()
+    seek(page, 2)
+    assert "Why it failed" not in page.locator("#details").inner_text()
+    assert "fails at 5.37 s" in page.locator("#details").inner_text()
+    page.locator("#search").fill("bottle1")
+    assert page.get_by_role("option").first.inner_text().startswith("bottle1, a thing")
+
+
 def test_a_narrow_page_has_everything_below_each_other(browser: Any, pages: dict[str, Path]) -> None:
     watched = opened(browser, pages["failed"])
     watched.page.set_viewport_size({"width": 400, "height": 800})
