@@ -225,7 +225,7 @@ class CandidateSearch:
             missed = np.zeros(len(rows), bool)
             if self._misses is not None and len(rows):
                 missed = self._misses(self._bases[rows])
-                self._sought.log.add(NOT_VISIBLE, int(missed.sum()))
+                self._sought.log.refuse(NOT_VISIBLE, self._bases[rows[missed]])
             for row, unseen in zip(rows.tolist(), missed.tolist(), strict=True):
                 number, candidate = self._key(row)
                 arm, candidates, _ = self._hands[number]
@@ -244,7 +244,7 @@ class CandidateSearch:
             rows = np.arange(first, min(first + size, len(self._found)))
             first, size = first + size, min(2 * size, AT_ONCE)
             roomy = np.array(self._rooms(rows), bool)
-            log.add(NO_ROOM, int((~roomy).sum()))
+            log.refuse(NO_ROOM, self._bases[rows[~roomy]])
             undecided[rows] = roomy
             rows = rows[roomy]
             undecided[rows] = self._have_way(rows)
@@ -268,6 +268,7 @@ class CandidateSearch:
         for body, number in Counter(bodies).items():
             if body is not None:
                 self._sought.log.crowded(body, number)
+        self._sought.log.show(NO_ROOM, self._bases[rows[[body is not None for body in bodies]]])
         return np.array([body is None for body in bodies], bool)
 
     def _solved(self, rows: NDArray[np.intp]) -> tuple[NDArray[np.bool_], dict[int, Array]]:
@@ -287,7 +288,7 @@ class CandidateSearch:
                 seeds[grasps == grasp, 0] = forward.seeds(found.rows[some], found.torsos[some])
             slack = OFF_LATTICE if arm.lift is None else ON_LATTICE
             solved = solve(candidates, index, self._bases[chosen], arm, seeds, check, slack=slack)
-            self._sought.log.count(solved.reasons)
+            self._sought.log.count_at(solved.reasons, self._bases[chosen])
             ok[mine] = [reason is None for reason in solved.reasons]
             joints |= zip(chosen.tolist(), solved.joints, strict=True)
         return ok, joints
@@ -316,7 +317,7 @@ class CandidateSearch:
         if self._clumsy:
             postures = (self._clumsy.get(self._posture(row)) for row in rows.tolist())
             reasons = [clumsy or reason for clumsy, reason in zip(postures, reasons, strict=True)]
-        self._sought.log.count(reasons)
+        self._sought.log.count_at(reasons, self._bases[rows])
         return np.array([reason is not None for reason in reasons], bool)
 
     def _stops(self, key: tuple[int, int]) -> Reason | None:

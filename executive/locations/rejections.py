@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import field, replace
 from typing import Literal
+
+import numpy as np
 
 from executive.belief.scene_collisions import BasePose
 from planlang.failures import LocationUnresolvable
@@ -105,6 +107,14 @@ class Rejections:
                 self.counts[reason.text] += 1
                 if reason.body is not None:
                     self.blocking[reason.body] += 1
+
+    def count_at(self, reasons: Sequence[Reason | None], candidates: Array) -> None:
+        """Count candidates (m, 2 or more), one for each reason that is one, and remember where they are."""
+        self.count(reasons)
+        if self.keeps:
+            texts = np.array(["" if reason is None else reason.text for reason in reasons], object)
+            for text in dict.fromkeys(texts[texts != ""].tolist()):
+                self.show(text, candidates[texts == text])
 
     def crowded(self, body: str, number: int = 1) -> None:
         """Count candidates rejected because a body leaves the robot no room to stand there."""

@@ -172,7 +172,7 @@ class ReachSearch:
             if self.known.walled:
                 drivable = scene.collisions.drivable()
                 conjuncts.append((NO_WAY, lambda bases: drivable(bases).astype(float)))
-            known[key] = Inversion(room, conjuncts, show=log.show if log.explained else None)
+            known[key] = Inversion(room, conjuncts, show=log.show if log.keeps else None)
             known[key].invert(hands, self.inverse, scene.collisions.lifted, least=budget.least, rows=budget.rows)
         inversion = known[key]
         # where all base poses of a candidate are kept sight chooses none of them: it is left for those that are solved

@@ -52,6 +52,10 @@ class Questions:
             before = [node for node in asking.get(texts[id(one)], ()) if (node.begun or 0) <= one.step]
             if (question := _question(one, before[-1] if before else None, tree.rate)) is not None:
                 found.append(question)
+        clouds = [question[of] for question in found for of in ("bases", "hands")]
+        of = colours([reason["text"] for cloud in clouds for reason in cloud["reasons"]])
+        for reason in (reason for cloud in clouds for reason in cloud["reasons"]):
+            reason["colour"] = "#{:02x}{:02x}{:02x}".format(*of[reason["text"]])  # the same in all searches
         return found
 
 
@@ -89,13 +93,9 @@ def _cloud(groups: Mapping[str, list[Array]], counts: Mapping[str, int]) -> dict
     every = {reason: np.unique(np.concatenate(parts).round(3), axis=0) for reason, parts in groups.items()}
     number_of = {**{reason: len(points) for reason, points in every.items()}, **counts}
     known = sorted(number_of, key=lambda reason: (reason == "", -number_of[reason], reason))
-    of, points = colours([*known, ""]), []
+    points = []
     for place, reason in enumerate(known):
         found = every.get(reason, np.zeros((0, 2)))
         rows = np.linspace(0, len(found) - 1, min(MOST_PLACES, len(found))).round().astype(int)
         points += [[place, x, y] for x, y in found[rows].tolist()]
-    reasons = [
-        {"text": shown(reason), "count": number_of[reason], "colour": "#{:02x}{:02x}{:02x}".format(*of[reason])}
-        for reason in known
-    ]
-    return {"reasons": reasons, "points": points}
+    return {"reasons": [{"text": shown(reason), "count": number_of[reason]} for reason in known], "points": points}

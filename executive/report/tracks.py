@@ -71,7 +71,7 @@ class Tracks:
         self._revision = self._belief.revision
         belief, names = self._belief, set(self._belief.names())
         held = belief.carried()
-        for name in names & {name for kind, name in self.all if kind == "body"}:
+        for name in sorted(names & {name for kind, name in self.all if kind == "body"}):
             pose = belief.pose(name)
             if name not in held and self._believed.get(name) != pose:
                 self._believed[name] = pose

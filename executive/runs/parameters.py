@@ -109,6 +109,16 @@ def _hints(plan: Plan[Any, Any]) -> dict[str, Any]:
         return {}
 
 
+def stated_bindings(plan: Plan[Any, Any], bound: Mapping[str, Bound], semantic_map: SemanticMap) -> dict[str, str]:
+    """Return the parameters of ``bound`` that differ from the plan's defaults in this map, as texts to be set."""
+    try:
+        defaults = bound_parameters(plan, {}, semantic_map, [])
+    except BadInput:
+        defaults = {}
+    set_ = {name: value for name, value in bound.items() if value != defaults.get(name)}
+    return {name: local_name(getattr(value, "iri", None) or str(value)) for name, value in set_.items()}
+
+
 def bound_parameters(
     plan: Plan[Any, Any], bindings: Mapping[str, str], semantic_map: SemanticMap, found: list[Diagnostic]
 ) -> dict[str, Bound]:

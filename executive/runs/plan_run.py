@@ -24,7 +24,15 @@ from executive.runs.importing import import_plan, line_in
 from executive.runs.in_hands import InHand, in_hands, take
 from executive.runs.inputs import Inputs
 from executive.runs.options import Outcome, RunOptions, RunResult
-from executive.runs.parameters import Bound, bound_parameters, not_in_map, plan_parameters, things_of, unknown_things
+from executive.runs.parameters import (
+    Bound,
+    bound_parameters,
+    not_in_map,
+    plan_parameters,
+    stated_bindings,
+    things_of,
+    unknown_things,
+)
 from executive.runs.plan_files import (
     Assessment,
     Needs,
@@ -48,7 +56,7 @@ from executive.runs.settings import stated
 from executive.runs.traces import check_same_run, different, earlier_of, recorded_parameters, sha256
 from executive.runs.written import WatchedWorld, Written, bodies_of
 from planlang import PlanFailure, RunError, SimulationHost, Trace, budget, explain, run
-from planlang.designators import Action
+from planlang.designators import Action, local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
 from planlang.failures import ActionUnresolvable, MissingCapability, ObjectUnresolvable
 from planlang.language.performing import module_for
@@ -163,7 +171,10 @@ class Run:
         held = in_hands(robot, asked.map, asked.scene)
         if not assessment.missing or options.force:
             robot = with_carrying(robot, [(one.link, one.body, one.offset) for one in held])
-        found += (*robot.diagnostics, *assessment.notes(options.plan), *self._blind(robot, assessment), *notes)
+        blind = self._blind(robot, assessment)
+        found += (*robot.diagnostics, *assessment.notes(options.plan), *blind)
+        self._shown = partial(self._context, asked, tuple(found), blind, bool(assessment.missing))
+        found += notes
         options.announce(found)
         if self._lacks(assessment):
             return self._refused(assessment.missing)
@@ -233,7 +244,7 @@ class Run:
         """Return the advice for a robot that lacks what the plan needs and has no camera."""
         if not assessment.missing or robot.camera is not None or self.options.trust_map:
             return []
-        advice = "--trust-map: things count as seen where the map has them"
+        advice = "with --trust-map things count as seen where the map has them"
         return [note("X013", f"{robot.name} has no camera to look for things", help=advice)]
 
     def _assembled(
@@ -351,7 +362,7 @@ class Run:
     ) -> RunResult:
         options = self.options
         written = Written(options, executive.platform, executive.tilts, truth)
-        written.ask(self.plan.name, bound, header, self.found, self._context)
+        written.ask(self.plan.name, bound, header, self.found, partial(self._shown, header))
 
         def trace_after(earlier: Earlier | None) -> Trace:
             written.begin()
@@ -405,13 +416,30 @@ class Run:
             return options.resume.last + 1
         return int(2 * self._allowance(bound) * rate)
 
-    def _context(self) -> Context:
-        """Return what a page shows beside trace and world."""
-        from executive.runs.reporting import context_of  # most runs write no page
+    def _context(
+        self,
+        asked: _Asked,
+        notes: Sequence[Diagnostic],
+        blind: Sequence[Diagnostic],
+        forced: bool,
+        header: Mapping[str, Any],
+    ) -> Context:
+        """Return what a page shows beside trace and world; notes are those that a repeated run has, too."""
+        from executive.runs.reporting import command_of, context_of  # most runs write no page
 
         options = self.options
-        found = context_of(self.path, self._compiled, options.recipe, self.registry.actions, options.ontologies)
-        return replace(found, facts={"world": "repeated"}) if options.repeats else found
+        bindings = stated_bindings(self.plan, asked.bound, asked.map)
+        several = self._compiled is not None and len(self._compiled.recipes.recipes) > 1
+        task = options.task if options.recipe is None else local_name(self.plan.iri or "") if several else None
+        command = command_of(replace(options, task=task), header["start"], bindings, forced=forced)
+        return replace(
+            context_of(self.path, self._compiled, options.recipe, self.registry.actions, options.ontologies),
+            facts={**({"world": "repeated"} if options.repeats else {}), "command": command},
+            notes=[one for one in notes if one not in options.notes],
+            remedies=dict.fromkeys(
+                ("Camera",) if blind else (), "; ".join(f"{one.message}; {one.help}" for one in blind)
+            ),
+        )
 
     def _users_line(self, problem: Exception) -> str | None:
         """Return the line of the plan, or of a user's process module, that raised; None if planlang did, below it."""

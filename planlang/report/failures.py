@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from planlang.failures import LocationUnresolvable
+from planlang.failures import LocationUnresolvable, MissingCapability
 from planlang.report.tree import event_text, is_origin, shown
 from planlang.runs.codec import load_failure
 from planlang.runs.run_tree import RunTree, TaskNode
@@ -18,11 +18,16 @@ _LINE = re.compile(r"\(([^():]+):(\d+)\)$")
 class Failures:
     """The table of the failures that nodes ended with; several nodes through which one passes share an entry."""
 
-    def __init__(self, tree: RunTree, reasons: Mapping[str, Mapping[str, Any]]) -> None:
-        """``reasons`` has what failed searches for a place have measured, as :func:`reason_in` reads it."""
+    def __init__(
+        self, tree: RunTree, reasons: Mapping[str, Mapping[str, Any]], remedies: Mapping[str, str] | None = None
+    ) -> None:
+        """``reasons`` has what records say beside messages, as :func:`reason_in` reads it.
+
+        ``remedies`` has a sentence that says what to change for each part (local name) that the robot lacks.
+        """
         self.table: list[dict[str, Any]] = []
         self.index: dict[int, int] = {}
-        self._reasons = reasons
+        self._reasons, self._remedies = reasons, remedies or {}
         known: dict[str, int] = {}
         for number, node in tree.numbered.items():
             if node.failure is not None:
@@ -49,8 +54,10 @@ class Failures:
             # advice and counts have lines of their own
             found |= {
                 "message": shown(message.partition(f": {reason['advice']}" if "advice" in reason else " (")[0]),
-                **reason,
+                **{key: value for key, value in reason.items() if key != "missing"},
             }
+            remedies = [self._remedies[part] for part in reason.get("missing", ()) if part in self._remedies]
+            found |= {"advice": remedies[0]} if remedies else {}
         beside = {"at the same time": "siblings", "branch": "members", "during cleanup": "cleanup"}
         others = [
             [relation, shown(name), shown(text)]
@@ -79,15 +86,17 @@ def _named(others: object) -> list[tuple[str, str]]:
 
 
 def reason_in(record: Mapping[str, Any]) -> tuple[str, dict[str, Any]] | None:
-    """Return a failure's message and what was measured, if a record answers a search for a place that has failed.
+    """Return a failure's message and what else is known, if a record answers a search for a place that has failed.
 
     That is a sentence that says what would do (``advice``), and the numbers of candidates by ``counts`` of reasons and
-    of bodies in the way (``blocking``).
+    of bodies in the way (``blocking``); or the parts that the robot lacks (``missing``).
     """
     try:
         failure = load_failure(record["failure"])
     except (ValueError, KeyError, TypeError, AttributeError):
         return None
+    if isinstance(failure, MissingCapability):
+        return str(failure), {"missing": failure.missing}
     if not isinstance(failure, LocationUnresolvable):
         return None
     said = {"advice": shown(failure.because()), "counts": dict(failure.counts), "blocking": dict(failure.blocking)}
@@ -98,11 +107,32 @@ def cards_of(tree: RunTree, failures: Failures) -> list[dict[str, Any]]:
     """Return a card for each failure where it arose, those that ended the run first, then in order of time.
 
     A card has the node and its moment, the place of the failure in the table, whether something around it went on
-    (``recovered``), and what was tried: [time s, node, words].
+    (``recovered``), and what was tried: [time s, node, words]. Failures that ended the run together share a card, that
+    of the innermost cause.
     """
     origins = sorted((node for node in tree.numbered.values() if is_origin(node)), key=lambda node: node.last)
     cards = [_card(node, failures, tree.rate) for node in origins]
-    return sorted(cards, key=lambda card: card["recovered"])
+    ends: dict[int, list[dict[str, Any]]] = {}
+    for card in cards:
+        if not card["recovered"]:
+            ends.setdefault(card["failure"], []).append(card)
+    fatal = [_together(tree, failures, together) for together in ends.values()]
+    return [*fatal, *(card for card in cards if card["recovered"])]
+
+
+def _together(tree: RunTree, failures: Failures, cards: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return one card for those of failures that ended the run together; the others are among what was tried."""
+
+    def cause(entry: int) -> tuple[str, str]:
+        link = failures.table[entry]["chain"][-1]
+        return link["type"], link["message"]
+
+    wanted = cause(cards[0]["failure"])
+    first = next((one for one in reversed(cards) if cause(failures.index[one["node"]]) == wanted), cards[-1])
+    others = [one for one in cards if one is not first]
+    tried = {(time, number, text) for one in cards for time, number, text in one["tried"]}
+    tried |= {(one["time"], one["node"], shown(tree.numbered[one["node"]].reason)) for one in others}
+    return first | {"tried": [list(one) for one in sorted(tried)]}
 
 
 def _card(node: TaskNode, failures: Failures, rate: float) -> dict[str, Any]:

@@ -7,11 +7,12 @@ from dataclasses import field
 from typing import TYPE_CHECKING, Any
 
 from planlang.designators import local_name
+from planlang.diagnostics import Diagnostic
 from planlang.records import dataclass
 from planlang.report.failures import Failures, cards_of, reason_in
 from planlang.report.sources import Source
 from planlang.report.story import story_of
-from planlang.report.tree import lanes_of, marks_of, nodes_of, shown
+from planlang.report.tree import lanes_of, marks_of, nodes_of, pose_text, shown
 from planlang.runs.run_tree import RunTree
 
 if TYPE_CHECKING:
@@ -60,7 +61,8 @@ class Context:
     """What a page shows beside a trace: texts of plan and recipe, and the recipe's words and graph.
 
     ``labels`` has the recipe's words for classes of actions (local names), ``missing`` says in sentences what the page
-    lacks and why, ``facts`` are shown beside those of the header.
+    lacks and why, ``facts`` are shown beside those of the header. ``notes`` were given before the run, ``remedies`` say
+    what to change for a part (local name) that the robot lacks.
     """
 
     plan: Source | None = None
@@ -69,6 +71,8 @@ class Context:
     graph: TaskGraph | None = None
     missing: Sequence[str] = ()
     facts: Mapping[str, object] = field(default_factory=dict)
+    notes: Sequence[Diagnostic] = ()
+    remedies: Mapping[str, str] = field(default_factory=dict)
 
 
 def model_of(told: Told, context: Context | None = None, **parts: Any) -> dict[str, Any]:
@@ -76,7 +80,7 @@ def model_of(told: Told, context: Context | None = None, **parts: Any) -> dict[s
     context = context or Context()
     tree, rate = told.tree, told.tree.rate
     end = round(told.last / rate, 4)
-    failures = Failures(tree, told.reasons)
+    failures = Failures(tree, told.reasons, context.remedies)
     nodes = nodes_of(tree, context.labels, failures.index)
     sources = [source for source in (context.plan, context.recipe) if source is not None]
     places = _places(tree, context.plan)
@@ -101,8 +105,14 @@ def model_of(told: Told, context: Context | None = None, **parts: Any) -> dict[s
         "sources": [{"name": one.name, "text": one.text} for one in sources],
         "graph": None if context.graph is None else _graph(context.graph),
         "missing": list(context.missing),
+        "notes": [_note(one) for one in context.notes],
         **parts,
     }
+
+
+def _note(one: Diagnostic) -> dict[str, str]:
+    found = {"severity": one.severity.value, "code": one.code, "message": shown(one.message)}
+    return found | ({"help": shown(one.help)} if one.help else {})
 
 
 def _graph(graph: TaskGraph) -> dict[str, Any]:
@@ -146,6 +156,8 @@ def _outcome(told: Told, failures: Failures) -> dict[str, Any]:
 def _facts(told: Told, end: float) -> dict[str, object]:
     header = told.header
     known: dict[str, object] = {"plan time": f"{end:.1f} s"}
+    if isinstance(start := header.get("start"), list):
+        known["start"] = pose_text(start)
     for key, called in (("robot", "robot"), ("map", "environment"), ("seed", "seed"), ("schedule", "schedule")):
         value = header.get(key)
         if value is not None:

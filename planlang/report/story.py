@@ -14,10 +14,10 @@ _WORDS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z0-9]+|[^\sA-Za-z0-9_-]+")
 
 
 def story_of(tree: RunTree, labels: Mapping[str, str], failures: Failures, end: float) -> list[list[Any]]:
-    """Return the sentences in order of time: [time s, node or None, words, kind].
+    """Return the sentences in the order of the trace: [time s, node or None, words, kind].
 
     ``labels`` has the words of a recipe for a class of actions. What process modules do inside of an action is left
-    out, unless it fails.
+    out. A step that fails has a sentence where it begins, and one with its cause where it ends.
     """
     found = [one for root in tree.roots for one in _ends(root, failures, end)]
     for node in tree.numbered.values():
@@ -27,33 +27,33 @@ def story_of(tree: RunTree, labels: Mapping[str, str], failures: Failures, end: 
     for one in tree.belief:
         if one.details.get("change") in _LEARNT:
             time = round(one.step / tree.rate, 4)
-            found.append([time, None, f"Belief: {belief_text(one.details)}.", "belief"])
-    return sorted(found, key=lambda one: (one[0], _RANKS.get(one[3], 3)))
+            found.append((one.place, [time, None, f"Belief: {belief_text(one.details)}.", "belief"]))
+    return [sentence for _, sentence in sorted(found, key=lambda one: one[0])]
 
 
-_RANKS = {"opening": 0, "cause": 1, "recovery": 2, "closing": 4}
-"""The order of what happens at one moment: why something failed comes before what is done about it."""
-
+_Placed = tuple[float, list[Any]]
+"""A sentence, and the place in the trace of the record that it is about."""
 
 _LEARNT = frozenset({"seen", "found", "felt", "not there", "grasped", "released", "slipped", "dropped"})
 
 
-def _ends(root: TaskNode, failures: Failures, end: float) -> Iterator[list[Any]]:
+def _ends(root: TaskNode, failures: Failures, end: float) -> Iterator[_Placed]:
     name = root.name.partition("#")[0]
-    yield [root.start or 0.0, root.number, f"The plan {shown(name, 80)} begins.", "opening"]
+    yield root.first, [root.start or 0.0, root.number, f"The plan {shown(name, 80)} begins.", "opening"]
     time = end if root.end is None else round(root.end, 4)
     match root.status:
         case "succeeded":
-            yield [time, root.number, f"The plan is done after {time:.1f} s.", "closing"]
+            text = f"The plan is done after {time:.1f} s."
         case "failed":
-            yield [time, root.number, f"The plan fails after {time:.1f} s: {_lowered(failures, root)}.", "closing"]
+            text = f"The plan fails after {time:.1f} s: {_lowered(failures, root)}."
         case "running":
-            yield [time, root.number, "The trace ends here, before the plan does.", "closing"]
+            text = "The trace ends here, before the plan does."
         case _:
-            yield [time, root.number, f"The plan is ended from outside after {time:.1f} s.", "closing"]
+            text = f"The plan is ended from outside after {time:.1f} s."
+    yield root.last, [time, root.number, text, "closing"]
 
 
-def _steps(node: TaskNode, labels: Mapping[str, str], failures: Failures) -> Iterator[list[Any]]:
+def _steps(node: TaskNode, labels: Mapping[str, str], failures: Failures) -> Iterator[_Placed]:
     if node.kind == "perform":
         what = labels.get(class_of(node) or "") or words(node.name)
         where = _target(node)
@@ -61,13 +61,24 @@ def _steps(node: TaskNode, labels: Mapping[str, str], failures: Failures) -> Ite
             "succeeded": f"done in {_duration(node)}",
             "running": "not ended when the trace does",
             "evaporated": f"stopped after {_duration(node)}",
-            "failed": f"fails after {_duration(node)}",
+            "failed": f"begins, and fails after {_duration(node)}",
         }.get(node.status, node.status)
-        mood = "failed" if node.status == "failed" else "done" if node.status == "succeeded" else "begin"
-        yield [round(node.start or 0.0, 4), node.number, _sentence(f"{shown(what, 160)}{where}: {how}"), mood]
-    if is_origin(node) and node.parent is not None:
-        why = _sentence(f"It fails because {_lowered(failures, node)}")
-        yield [round(node.end or 0.0, 4), node.number, why, "cause"]
+        mood = "done" if node.status == "succeeded" else "begin"
+        if node.status != "failed" or node.end != node.start:
+            text = _sentence(f"{shown(what, 160)}{where}: {how}")
+            yield node.first, [round(node.start or 0.0, 4), node.number, text, mood]
+    if node.failure is not None and node.parent is not None and (node.kind == "perform" or _is_bare(node)):
+        name = "the search for a place" if node.kind == "at_location" else shown(node.name.partition("#")[0], 80)
+        why = _sentence(f"{name} fails: {_lowered(failures, node)}")
+        yield node.last, [round(node.end or 0.0, 4), node.number, why, "cause"]
+
+
+def _is_bare(node: TaskNode) -> bool:
+    """Return whether a failure arose in a node of which no step has a sentence."""
+    around = node.parent
+    while around is not None and around.kind != "perform" and around.ended == node.ended:
+        around = around.parent
+    return is_origin(node) and not (around is not None and around.kind == "perform" and around.ended == node.ended)
 
 
 def _target(node: TaskNode) -> str:
@@ -75,11 +86,11 @@ def _target(node: TaskNode) -> str:
     return f" (to {pose_text([float(one) for one in match.groups()])})" if match else ""
 
 
-def _happened(node: TaskNode, rate: float) -> Iterator[list[Any]]:
+def _happened(node: TaskNode, rate: float) -> Iterator[_Placed]:
     for one in node.happened:
         text = _event(one)
         if text is not None:
-            yield [round(one.step / rate, 4), node.number, _sentence(text[0]), text[1]]
+            yield one.place, [round(one.step / rate, 4), node.number, _sentence(text[0]), text[1]]
 
 
 def _event(one: Happened) -> tuple[str, str] | None:

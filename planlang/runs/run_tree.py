@@ -20,6 +20,8 @@ class Happened:
     """Plan time in world steps."""
     event: str
     details: dict[str, Any]
+    place: int = -1
+    """Place of the record in the trace."""
 
 
 @dataclass(eq=False)
@@ -169,7 +171,7 @@ class RunTree:
         if number is None:
             if event == "belief":
                 told = {key: value for key, value in record.items() if key not in ("step", "event")}
-                self.belief.append(Happened(record["step"], event, told))
+                self.belief.append(Happened(record["step"], event, told, place))
             return None
         node, time = self.numbered.get(number) or self._new(number, record), record["step"] / self.rate
         if event == "started":
@@ -180,7 +182,7 @@ class RunTree:
             node.result, node.failure = record.get("result"), record.get("failure")
             node.first = place if node.start is None else node.first
         elif event not in BOOKKEEPING:
-            node.happened.append(Happened(record["step"], event, details(record)))
+            node.happened.append(Happened(record["step"], event, details(record), place))
             if event == "plan":
                 node.kind = "plan"
                 node.parameters.update(details(record))

@@ -10,9 +10,9 @@ function excerpt(source, line, isBad = false) {
   const lines = source.text.split("\n"), first = Math.max(0, line - 1 - AROUND);
   const rows = lines.slice(first, line + AROUND).map((text, k) => el("div",
     { class: `row${first + k + 1 === line ? ` at${isBad ? " bad" : ""}` : ""}` },
-    el("span", { class: "number" }, String(first + k + 1)), text || " "));
+    el("span", { class: "number" }, String(first + k + 1)), el("span", { class: "text", title: text }, text || " ")));
   return el("figure", { class: "source" },
-    el("figcaption", { class: "said" }, `${source.name}, line ${line}`),
+    el("figcaption", { class: "said" }, ...broken(`${source.name}, line ${line}`)),
     el("div", { class: "excerpt mono", tabindex: "0", role: "group", "aria-label": `${source.name}, line ${line}` }, ...rows));
 }
 
@@ -32,7 +32,7 @@ function excerptsOf(node, failure) {
 function chainOf(failure) {
   return el("ol", { class: "chain" }, ...failure.chain.map((link, k) => el("li", {},
     k ? "because of " : "", el("span", { class: "type" }, link.type), `: ${link.message}`,
-    link.where ? el("div", { class: "where" }, `in ${link.where}${link.file ? ` (${link.file}:${link.line})` : ""}`) : null,
+    link.where ? el("div", { class: "where" }, ...broken(`in ${link.where}${link.file ? ` (${link.file}:${link.line})` : ""}`)) : null,
     ...(link.others ?? []).map(([relation, name, text]) => el("div", { class: "where" }, `${relation} ${name}: ${text}`)))));
 }
 
@@ -42,9 +42,10 @@ function countsOf(failure) {
   const table = (title, counts) => {
     const most = Math.max(...Object.values(counts));
     return [el("h3", {}, title), el("div", { class: "counts" }, ...Object.entries(counts).flatMap(([name, number]) => {
-      const bar = el("span", { class: "bar", "aria-hidden": "true" });
+      const bar = el("span", { class: "bar", "aria-hidden": "true" }), reason = reasons.get(name);
       bar.style.width = `${(100 * number) / most}%`;
-      return [el("span", {}, `${name}: ${number}`), bar];
+      if (reason) bar.style.background = reason.colour;
+      return [el("span", {}, reason ? reasonKey(name) : "", `${name}: ${number}`), bar];
     }))];
   };
   return [...table("Candidates, by why they were rejected", link.counts),
@@ -52,7 +53,9 @@ function countsOf(failure) {
 }
 
 const details = byId("details");
+let detailed = null;
 function showDetails(node) {
+  detailed = node ? statusAt(node, clock.time) : null;
   if (!node) {
     details.replaceChildren(el("p", { class: "said" }, "Select a step to see what it did, and its lines in plan and recipe."));
     return;
@@ -61,19 +64,18 @@ function showDetails(node) {
   const when = node.start === null ? "never began" : node.end === null ? `from ${seconds(node.start)} on`
     : `${seconds(node.start)} to ${seconds(node.end)}`;
   details.replaceChildren(
-    el("h2", {}, node.name, el("span", { class: `badge ${at}`, id: "details-status" }, CALLED[at])),
+    el("h2", {}, node.name, el("span", { class: `badge ${at}` }, CALLED[at])),
     el("p", { class: "said" }, moment(momentOf(node), node.id, when), ` · ${node.kind}${node.label ? ` · ${node.label}` : ""}`),
     node.text ? el("p", { class: "mono" }, node.text) : "",
-    ...(failure ? [el("h3", {}, "Why it failed"), el("p", {}, failure.headline), chainOf(failure), ...countsOf(failure)] : []),
+    ...(failure && at !== "failed" ? [el("p", {}, "fails at ", moment(node.end, node.id))] : []),
+    ...(failure && at === "failed" ? [el("h3", {}, "Why it failed"), el("p", { class: "headline" }, sentence(headlineOf(node))),
+      chainOf(failure), ...countsOf(failure)] : []),
     ...(node.events ? [el("h3", {}, "What happened"), el("ul", { class: "events" },
       ...node.events.map(([time, , text]) => el("li", {}, moment(time, node.id), el("span", {}, text))))] : []),
-    ...excerptsOf(node, failure));
+    ...excerptsOf(node, at === "failed" ? failure : undefined));
 }
 clock.onSelect(showDetails);
 clock.onTime((time) => {
-  const badge = byId("details-status"), node = nodes.get(clock.node);
-  if (!badge || !node) return;
-  const at = statusAt(node, time);
-  badge.className = `badge ${at}`;
-  badge.textContent = CALLED[at];
+  const node = nodes.get(clock.node);
+  if (node && statusAt(node, time) !== detailed) showDetails(node);
 });

@@ -15,7 +15,7 @@ function card(one, isFirst) {
       el("div", {}, el("h3", {}, "Why"), chainOf(failure), ...countsOf(failure),
         ...(one.tried.length ? [el("h3", {}, "What was tried"), el("ul", { class: "events" },
           ...one.tried.map(([time, id, text]) => el("li", {}, moment(time, id), el("span", {}, text))))] : [])),
-      el("div", {}, el("p", {}, el("button", { type: "button", class: "show", onclick: () => clock.goTo(one.time ?? 0, one.node) },
+      el("div", {}, el("p", {}, el("button", { type: "button", class: "show", onclick: () => { clock.goTo(one.time ?? 0, one.node); tree.flash(one.node); } },
         "Show the moment")), ...excerptsOf(node, failure)));
   };
   whole.addEventListener("toggle", fill);
@@ -28,12 +28,17 @@ const sentence = (text) => `${text[0]?.toUpperCase() ?? ""}${text.slice(1)}${/[.
 const cards = byId("cards");
 function showCards() {
   const fatal = model.cards.filter((one) => !one.recovered), others = model.cards.filter((one) => one.recovered);
-  cards.hidden = fatal.length + others.length === 0;
+  const notes = model.notes.map((one) => el("li", {}, el("span", { class: "type" }, `${one.severity} ${one.code}`),
+    ` ${one.message}`, one.help ? el("div", { class: "where" }, `help: ${one.help}`) : null));
+  cards.hidden = fatal.length + others.length + notes.length === 0;
   const more = others.length === 0 ? [] : [el("details", { class: "card recovered", id: "recovered" },
     el("summary", {}, el("h2", { class: "advice" },
       `${others.length} failure${others.length > 1 ? "s" : ""} from which the plan recovered${fatal.length ? " before" : ""}`)),
     el("div", { class: "cards nested" }))];
-  cards.replaceChildren(...fatal.map((one, k) => card(one, k === 0)), ...more);
+  const before = notes.length === 0 ? [] : [el("details", { class: "card noted", id: "notes" },
+    el("summary", {}, el("h2", { class: "advice" }, `${notes.length} note${notes.length > 1 ? "s" : ""} from before the run`)),
+    el("ul", { class: "chain inside" }, ...notes))];
+  cards.replaceChildren(...fatal.map((one, k) => card(one, k === 0)), ...more, ...before);
   more[0]?.addEventListener("toggle", () => {
     const nested = more[0].querySelector(".nested");
     if (!nested.childElementCount) nested.append(...others.slice(0, 200).map((one) => card(one, false)));

@@ -2,11 +2,12 @@
 
 class VirtualList {
   constructor(box, height, make) {
-    this.box = box; this.height = height; this.make = make; this.rows = []; this.first = -1; this.last = -1;
+    this.box = box; this.height = height; this.make = make; this.rows = []; this.first = -1; this.last = -1; this.kept = -1;
     this.spacer = el("div", { class: "spacer", role: "none" });
     box.append(this.spacer);
     box.addEventListener("scroll", () => this.draw());
-    new ResizeObserver(() => this.draw()).observe(box);
+    box.addEventListener("wheel", () => { this.kept = -1; }, { passive: true });
+    new ResizeObserver(() => { this.draw(); this.reveal(this.kept); }).observe(box);
   }
   show(rows) {
     this.rows = rows;
@@ -28,6 +29,7 @@ class VirtualList {
   }
   // Scrolls a row into view, if it is not there, to about a third of the height.
   reveal(place) {
+    this.kept = place;
     const top = place * this.height, { scrollTop, clientHeight } = this.box;
     if (place < 0 || (top >= scrollTop && top + this.height <= scrollTop + clientHeight)) return;
     this.box.scrollTop = Math.max(0, top - clientHeight / 3);

@@ -46,7 +46,7 @@ function head() {
   byId("title").textContent = model.title;
   byId("outcome").textContent = model.outcome.text;
   byId("outcome").className = `badge ${model.outcome.status}`;
-  byId("facts").replaceChildren(...Object.entries(model.facts).map(([key, value]) => el("div", {}, el("dt", {}, key), el("dd", {}, String(value)))));
+  byId("facts").replaceChildren(...Object.entries(model.facts).map(([key, value]) => el("div", { class: key === "command" ? key : false }, el("dt", {}, key), el("dd", {}, String(value)))));
 }
 
 function tellMissing(...more) {
@@ -69,7 +69,7 @@ byId("theme").addEventListener("click", () => {
 });
 
 function print() {
-  for (const whole of cards.querySelectorAll(":scope > details")) whole.open = true;
+  for (const whole of cards.querySelectorAll(":scope > details:not(#recovered)")) whole.open = true;
   byId("printed").replaceChildren(el("h2", {}, "What happened"), story.list());
   lanes.paint();
 }
@@ -81,6 +81,7 @@ function grow(more) {
   index(more.nodes ?? []);
   const { nodes: ignored, end = model.end, ...rest } = more;
   Object.assign(model, rest, { end });
+  findReasons();
   clock.end = Math.max(end, 0.01);
   slider.max = clock.end;
   lanes.to = clock.end;
@@ -124,7 +125,7 @@ async function begin() {
     try {
       if (world.ready) await scene.build();
     } catch (problem) {
-      tellMissing(`The scene is not shown in three dimensions: ${problem.message || "WebGL is missing"}. The map shows the same from above.`);
+      tellMissing(`The scene is not shown in three dimensions: ${problem.message || "WebGL is missing"}. The map shows the room from above, without heights.`);
       byId("tab-scene").disabled = true;
       if (!byId("scene").hidden) worldTabs.choose("map");
     }

@@ -1,5 +1,12 @@
 // The room from above at the moment of the clock: bodies, the robot and its way, what it believes, places it looked at.
 
+// The colour and the mark of each reason for which candidates are rejected, the same in cards, map and scene.
+const reasons = new Map();
+function findReasons() {
+  for (const question of model.questions ?? []) for (const { text, colour: shade } of [...question.bases.reasons, ...question.hands.reasons]) {
+    if (!reasons.has(text)) reasons.set(text, { colour: shade, shape: text ? MARKERS[1 + (reasons.size % (MARKERS.length - 1))] : MARKERS[0] });
+  }
+}
 const MARKERS = ["circle", "square", "triangle", "diamond", "cross", "plus"];
 function marker(shape, x, y, r, attributes) {
   const points = {
@@ -12,14 +19,21 @@ function marker(shape, x, y, r, attributes) {
   return svg("path", { d, stroke: attributes.fill, "stroke-width": 1.8, fill: "none" });
 }
 
+function markOf(text, x, y, r) {
+  const { shape, colour: shade } = reasons.get(text);
+  return marker(shape, x, y, r, { fill: shade });
+}
+const reasonKey = (text) => svg("svg", { class: "reason", width: 14, height: 14, "aria-hidden": "true" }, markOf(text, 7, 7, 4));
+findReasons();
+
 const floorPlan = {
   box: byId("map"), parts: new Map(), zoom: 1, middle: null,
   build() {
-    this.view = svg("svg", { class: "map-view", role: "img", "aria-label": "The room from above" });
+    this.view = svg("svg", { class: "map-view", role: "img", tabindex: "0", "aria-label": "The room from above" });
     this.legend = el("div", { class: "map-legend", tabindex: "0", role: "region", "aria-label": "Places that were looked at" });
     this.box.append(this.view, this.legend);
     new ResizeObserver(() => this.draw()).observe(this.view);
-    this.view.addEventListener("wheel", (event) => { event.preventDefault(); this.closer(event); }, { passive: false });
+    this.view.addEventListener("wheel", (event) => { if (mayZoom(event, this.view)) { event.preventDefault(); this.closer(event); } }, { passive: false });
     this.view.addEventListener("pointermove", (event) => { if (event.buttons & 1) this.shift(-event.movementX, event.movementY); });
     this.view.addEventListener("dblclick", () => { Object.assign(this, { zoom: 1, middle: null }); this.draw(); });
     this.question = undefined;
@@ -41,8 +55,6 @@ const floorPlan = {
     this.view.append(svg("rect", { class: "floor", x: left, y: top, width: (x1 - x0) * s, height: (y1 - y0) * s }));
     for (let x = Math.ceil(x0); x <= x1; x++) this.view.append(this.line(x, y0, x, y1));
     for (let y = Math.ceil(y0); y <= y1; y++) this.view.append(this.line(x0, y, x1, y));
-    this.places = svg("g", { class: "places" });
-    this.view.append(this.places);
     for (const one of outlines) {
       const shape = svg("polygon", { class: `body ${one.kind}` }), hover = svg("title");
       hover.textContent = one.name;
@@ -55,7 +67,8 @@ const floorPlan = {
     this.chosen = svg("g");
     this.robot = svg("g");
     this.names = svg("g");
-    this.view.append(this.way, this.ghosts, this.chosen, this.robot, this.names);
+    this.places = svg("g", { class: "places" });
+    this.view.append(this.way, this.ghosts, this.chosen, this.robot, this.names, this.places);
     this.move(clock.time);
   },
   closer(event) {
@@ -141,10 +154,11 @@ const floorPlan = {
     if (question === this.question) return;
     this.question = question;
     const points = [], chosen = [];
-    for (const [cloud, size] of question ? [[question.hands, 1.5], [question.bases, 2.6]] : []) {
+    for (const [cloud, size] of question ? [[question.bases, 2.6], [question.hands, 4]] : []) {
       for (const [number, x, y] of cloud.points) {
         const [a, b] = this.at(x, y);
-        points.push(marker(MARKERS[number % MARKERS.length], a, b, size, { fill: cloud.reasons[number].colour }));
+        const { text } = cloud.reasons[number];  // what was accepted is smaller: it leaves others at the same place in view
+        points.push(markOf(text, a, b, text ? size : size * 0.6));
       }
     }
     if (question?.chosen) {
@@ -163,15 +177,16 @@ const floorPlan = {
     const other = (step) => model.questions[number + step];
     const go = (step, text, called) => el("button", { type: "button", "aria-label": called, disabled: !other(step),
       onclick: () => clock.goTo(other(step).time, other(step).node) }, text);
-    const key = (k, reason) => svg("svg", { width: 14, height: 14, "aria-hidden": "true" }, marker(MARKERS[k % MARKERS.length], 7, 7, 4, { fill: reason.colour }));
-    const kinds = (cloud, none) => cloud.reasons.map((reason, k) => el("li", {}, key(k, reason), `${reason.text || none}: ${reason.count}`));
+    const isDrawn = (cloud, k) => cloud.points.some(([number]) => number === k);
+    const kinds = (cloud, none) => cloud.reasons.map((reason, k) => el("li", {}, reasonKey(reason.text),
+      `${reason.text || none}: ${reason.count}${isDrawn(cloud, k) ? "" : ", before any place was looked at"}`));
     this.legend.replaceChildren(
       el("h2", {}, go(-1, "‹", "Previous search"), go(1, "›", "Next search"),
         `Where to stand, search ${number + 1} of ${model.questions.length}`, moment(question.time, question.node)),
       el("p", { class: "said" }, question.location),
       el("ul", {}, ...(question.chosen ? [el("li", {}, `○ chosen: x ${question.chosen[0].toFixed(2)}, y ${question.chosen[1].toFixed(2)}`)] : [el("li", {}, "no place was found")]),
         ...kinds(question.bases, "accepted")),
-      ...(question.hands.reasons.length ? [el("h3", {}, "Grasp candidates (small marks)"), el("ul", {}, ...kinds(question.hands, "free"))] : []),
+      ...(question.hands.reasons.length ? [el("h3", {}, "Grasp candidates (large marks)"), el("ul", {}, ...kinds(question.hands, "free"))] : []),
       question.blocking.length ? el("p", { class: "said" }, `In the way: ${question.blocking.map(([name, count]) => `${name} ${count}`).join(", ")}`) : "");
   },
 };

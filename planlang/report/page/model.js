@@ -63,6 +63,15 @@ function spanOf(node) {
 const titleOf = (node) => node.label ?? "";
 const failureOf = (node) => (node.failure === undefined ? undefined : model.failures[node.failure]);
 
+// The headline of a node's failure: that of its card, where it has one, so that card and panel say the same first.
+function headlineOf(node) {
+  const card = model.cards.find((one) => one.node === node.id);
+  return (card ? model.failures[card.failure] : failureOf(node)).headline;
+}
+
+// A text whose paths break at slashes alone.
+const broken = (text) => text.split(/(?<=\/)/).flatMap((part) => [part, document.createElement("wbr")]);
+
 // The moment at which a node is best looked at: where it failed, else where it began.
 const momentOf = (node) => (node.status === "failed" ? node.end : node.start) ?? node.end ?? 0;
 

@@ -22,6 +22,8 @@ const scene = {
     await this.fill(three);
     this.aim(three);
     new ResizeObserver(() => this.resize()).observe(this.box);
+    this.box.addEventListener("wheel", (event) => { this.controls.enableZoom = mayZoom(event, this.canvas); }, { capture: true, passive: true });
+    this.canvas.addEventListener("pointerdown", () => this.canvas.focus({ preventScroll: true }));
     this.canvas.addEventListener("pointermove", (event) => this.point(event));
     this.canvas.addEventListener("pointerleave", () => showTip(""));
     this.canvas.addEventListener("dblclick", (event) => {
@@ -213,9 +215,10 @@ const scene = {
     if (this.discs) { this.root.remove(this.discs); this.discs = null; }
     if (!question) return;
     const { three } = this, group = new three.Group();
-    const disc = new three.CircleGeometry(0.035, 12), r = model.map.radius, ring = new three.RingGeometry(r + 0.03, r + 0.07, 48);
+    const sides = { square: 4, triangle: 3, diamond: 4, cross: 5, plus: 6 }, r = model.map.radius, ring = new three.RingGeometry(r + 0.03, r + 0.07, 48);
     question.bases.reasons.forEach((reason, number) => {
       const points = question.bases.points.filter((point) => point[0] === number);
+      const disc = new three.CircleGeometry(0.04, sides[reasons.get(reason.text).shape] ?? 16);
       const discs = new three.InstancedMesh(disc, new three.MeshBasicMaterial({ color: reason.colour }), points.length);
       points.forEach(([, x, y], k) => discs.setMatrixAt(k, new three.Matrix4().makeTranslation(x, y, 0.012)));
       discs.name = reason.text || "accepted";

@@ -1,21 +1,24 @@
-// The search box: steps by name, label or text, sentences of the story, things of the world.
+// The search box: things of the world by name, steps by name, label or text, sentences of the story; each hit once.
 
 const search = {
   input: byId("search"), box: byId("found"), found: [], at: -1,
   look(words) {
     const wanted = words.toLowerCase().split(/\s+/).filter(Boolean), most = 60;
     const fits = (text) => { const low = text.toLowerCase(); return wanted.every((word) => low.includes(word)); };
-    const found = [];
+    const found = (model.map?.outlines ?? []).filter((one) => fits(one.name)).slice(0, most)
+      .map(({ name }) => ({ what: `${name}, a thing`, thing: name })), known = new Set();
     for (const node of nodes.values()) {
       if (found.length >= most) break;
+      if (node.minor) continue;
       const failure = failureOf(node);
       if (fits(`${node.name} ${node.label ?? ""} ${node.text} ${node.kind} ${node.status} ${failure?.headline ?? ""}`)) {
+        known.add(node.id);
         found.push({ what: `${node.name}${node.label ? `, ${node.label}` : ""}`, time: momentOf(node), id: node.id, status: node.status });
       }
     }
     for (const [time, id, text] of model.story) {
       if (found.length >= most) break;
-      if (fits(text)) found.push({ what: text, time, id });
+      if (fits(text) && !known.has(id)) found.push({ what: text, time, id });
     }
     return found;
   },
@@ -26,7 +29,7 @@ const search = {
     this.input.setAttribute("aria-expanded", String(!this.box.hidden));
     this.box.replaceChildren(...(this.found.length ? this.found.map((one, k) => el("li", {
       role: "option", id: `found-${k}`, "aria-selected": String(k === this.at), onmousedown: (event) => { event.preventDefault(); this.go(k); },
-    }, el("span", { class: "what" }, one.what), el("span", { class: "when" }, seconds(one.time))))
+    }, el("span", { class: "what" }, one.what), el("span", { class: "when" }, one.thing ? "" : seconds(one.time))))
       : [el("li", { role: "option", "aria-selected": "false", "aria-disabled": "true" }, "nothing of that name")]));
     this.point();
   },
@@ -41,7 +44,11 @@ const search = {
     const one = this.found[k];
     if (!one) return;
     this.hide();
-    clock.goTo(one.time, one.id);
+    world.wanted = one.thing;
+    if (one.thing) {
+      if (byId("scene").hidden && byId("map").hidden) worldTabs.choose(byId("tab-scene").disabled ? "map" : "scene");
+      clock.seek(clock.time);
+    } else clock.goTo(one.time, one.id);
   },
   hide() { this.box.hidden = true; this.input.setAttribute("aria-expanded", "false"); this.input.removeAttribute("aria-activedescendant"); },
 };

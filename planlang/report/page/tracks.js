@@ -75,10 +75,18 @@ function ghostAt(belief, time) {
   return away > 0.015 || turn < 0.9986 ? believed : null;
 }
 
-// Names of the things that a failure at this moment is about: its messages name them, or they were in the way.
+// The wheel zooms a view that has the focus, or with Ctrl; else it scrolls the page.
+const mayZoom = (event, view) => event.ctrlKey || event.metaKey || document.activeElement === view;
+
+// Names of the things that a failure at this moment names as out of reach or most in the way, and what was searched for.
+// What follows a semicolon is advice and lists of other things.
 function aboutAt(time) {
-  const found = new Set(), at = model.cards.filter((one) => Math.abs((one.time ?? -1) - time) < 0.05);
-  const texts = at.flatMap((one) => model.failures[one.failure].chain.flatMap((link) => [link.message, link.advice ?? "", ...Object.keys(link.blocking ?? {})]));
+  const found = new Set(world.wanted ? [world.wanted] : []), at = model.cards.filter((one) => Math.abs((one.time ?? -1) - time) < 0.05);
+  const texts = at.flatMap((one) => model.failures[one.failure].chain.flatMap((link) => {
+    const most = Math.max(...Object.values(link.blocking ?? {}));
+    return [link.message.split(";")[0], (link.advice ?? "").split(";")[0],
+      ...Object.entries(link.blocking ?? {}).filter(([, number]) => 4 * number >= most).map(([name]) => name)];
+  }));
   const words = new Set(texts.flatMap((text) => text.split(/[^\p{L}\p{N}_-]+/u)));
   for (const { name } of at.length ? model.map?.outlines ?? [] : []) if (words.has(name)) found.add(name);
   return found;

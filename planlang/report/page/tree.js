@@ -33,7 +33,7 @@ const tree = {
     const fold = el("span", { class: "fold", "aria-hidden": "true" }, hasChildren ? (isClosed ? "▸" : "▾") : "");
     if (hasChildren) fold.addEventListener("click", (event) => { event.stopPropagation(); tree.fold(node, !isClosed); });
     const row = el("div", {
-      class: `row-line is-${status}${node.id === clock.node ? " selected" : ""}${status === "running" ? " now" : ""}`,
+      class: `row-line is-${status}${node.id === clock.node ? " selected" : ""}${status === "running" ? " now" : ""}${node.id === tree.flashed ? " flash" : ""}`,
       role: "treeitem", id: `row-${node.id}`, "aria-level": depth + 1,
       "aria-expanded": hasChildren ? String(!isClosed) : undefined, "aria-selected": String(node.id === clock.node),
       "aria-label": `${node.name}, ${CALLED[status]}${node.label ? `, ${node.label}` : ""}`, "data-status": status,
@@ -45,6 +45,15 @@ const tree = {
     el("span", { class: "when" }, spanOf(node)));
     row.style.paddingLeft = `${6 + depth * 15}px`;
     return row;
+  },
+  // Lets the row of a node flash, so that the eye finds it.
+  flash(id) {
+    planTabs.choose("tree-view");
+    let shown = nodes.get(id);
+    while (shown && !this.place.has(shown.id)) shown = shown.above;
+    this.flashed = shown?.id;
+    this.list.draw(true);
+    setTimeout(() => { this.flashed = null; }, 900);
   },
   fold(node, isClosed) {
     if (isClosed) this.closed.add(node.id); else this.closed.delete(node.id);

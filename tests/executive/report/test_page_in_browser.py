@@ -113,7 +113,7 @@ def test_without_webgl_the_map_takes_the_place_of_the_scene_and_says_so(
     with another_browser(browser, WITHOUT_WEBGL) as plain:
         watched = opened(plain, pages["recovered"], color_scheme=scheme)
         page = watched.page
-        page.get_by_text("The map shows the same from above").wait_for()
+        page.get_by_text("The map shows the room from above, without heights").wait_for()
         assert page.get_by_role("tab", name="Scene").is_disabled()
         robot = page.locator("#map .robot")
         before = robot.get_attribute("cx")
@@ -148,8 +148,8 @@ def test_a_run_is_searched_and_told_by_the_keyboard_alone(browser: Any, pages: d
     assert "ReachToHandoverPose" in page.locator("#details h2").inner_text()
     page.keyboard.press("5")
     story = page.locator("#story").text_content()
-    assert "It fails because the arm has no room at its goal" in story
-    assert story.index("It fails because") < story.index("The robot chooses another place to stand")
+    assert "fails: the arm has no room at its goal" in story
+    assert story.index("fails: the arm has no room") < story.index("The robot chooses another place to stand")
     page.keyboard.press("?")
     page.get_by_role("heading", name="Keys").wait_for()
     assert watched.findings() == []
@@ -211,6 +211,21 @@ def test_a_run_that_grows_is_shown_as_it_does(browser: Any, pages: dict[str, Pat
     )
     seek(page, 66.5)
     assert status(page, "Later") == "running"
+
+
+def test_open_cards_leave_room_for_the_scene_and_a_step_fails_only_once_it_has(
+    browser: Any, pages: dict[str, Path]
+) -> None:
+    page = opened(browser, pages["failed"]).page
+    page.set_viewport_size({"width": 1280, "height": 720})
+    assert page.locator("#scene").evaluate("(scene) => scene.clientHeight") >= 250
+    assert "Why it failed" in page.locator("#details").inner_text()
+    assert "--start=0,0,0" in page.locator("#facts").inner_text()
+    seek(page, 2)
+    assert "Why it failed" not in page.locator("#details").inner_text()
+    assert "fails at 5.37 s" in page.locator("#details").inner_text()
+    page.locator("#search").fill("bottle1")
+    assert page.get_by_role("option").first.inner_text().startswith("bottle1, a thing")
 
 
 def test_a_narrow_page_has_everything_below_each_other(browser: Any, pages: dict[str, Path]) -> None:

@@ -91,6 +91,10 @@ def test_places_have_the_reasons_for_which_they_were_rejected(run: tuple[RunResu
     assert second["chosen"] == pytest.approx([-2.0436, -0.8343, -1.2545], abs=1e-3)
     reasons = {one["text"]: one["count"] for one in second["bases"]["reasons"]}
     assert {"no room for the base", "in collision", "out of reach", ""} <= set(reasons)
+    drawn = {second["bases"]["reasons"][number]["text"] for number, _, _ in second["bases"]["points"]}
+    assert drawn == set(reasons), "each reason is on the map"
+    colours = {(one["text"], one["colour"]) for q in model["questions"] for one in q["bases"]["reasons"]}
+    assert len(colours) == len({text for text, _ in colours}), "one colour for a reason"
     assert len(second["bases"]["points"]) <= 200 * len(reasons)
     nodes = {node["id"]: node for node in model["nodes"]}
     assert {nodes[one["node"]]["kind"] for one in model["questions"]} == {"at_location"}

@@ -16,7 +16,8 @@ import pytest
 
 from planlang import Recovery, par, perform, plan, sleep
 from planlang.designators import action
-from planlang.failures import GraspMissed, HandoverNotTaken
+from planlang.diagnostics import note
+from planlang.failures import GraspMissed, HandoverNotTaken, MissingCapability, ObjectNotFound
 from planlang.report import Context, Told, model_of, page
 from planlang.report.sources import plan_source
 from planlang.report.story import words
@@ -68,9 +69,46 @@ def test_a_failure_that_passes_through_many_nodes_is_told_once() -> None:
     assert model["failures"][fatal["failure"]]["headline"] == "the gripper closed on nothing"
 
 
+def test_failures_that_end_a_run_together_share_the_card_of_the_innermost_cause() -> None:
+    async def search() -> None:
+        raise ObjectNotFound(what="cup1")
+
+    async def fetch_in_vain() -> None:
+        try:
+            await par(search)
+        except ObjectNotFound as failure:
+            raise GraspMissed(what="cup1") from failure
+
+    model = model_of(Told.of(run_plan(fetch_in_vain).events))
+    (card,) = model["cards"]
+    assert not card["recovered"]
+    assert model["failures"][card["failure"]]["headline"] == "object not found: cup1"
+
+
+def test_a_story_goes_by_the_trace_and_ends_with_the_plan() -> None:
+    story = fetched(3)["story"]
+    assert [time for time, *_ in story] == sorted(time for time, *_ in story)
+    assert story[-1][3] == "closing"
+    failed = [(time, text) for time, _, text, kind in story if kind == "cause"]
+    assert failed[0] == (1.5, "ClosingAGripper fails: the gripper closed on nothing.")
+
+
+def test_notes_of_a_run_and_the_remedy_for_a_missing_part_are_in_the_page() -> None:
+    async def look() -> None:
+        raise MissingCapability("no camera", missing=("Camera",))
+
+    said = note("X013", "no camera", help="trust the map")
+    reasons = {"no camera": {"missing": ("Camera",)}}
+    told = Told.of(run_plan(look).events)
+    told.reasons.update(reasons)
+    model = model_of(told, Context(notes=[said], remedies={"Camera": "trust the map"}))
+    assert model["notes"] == [{"severity": "note", "code": "X013", "message": "no camera", "help": "trust the map"}]
+    assert model["failures"][0]["headline"] == "trust the map"
+
+
 def test_a_story_says_why_before_what_was_done_about_it() -> None:
     told = [text for _, _, text, _ in fetched(1)["story"]]
-    why = told.index("It fails because the gripper closed on nothing.")
+    why = told.index("ClosingAGripper fails: the gripper closed on nothing.")
     assert told[0] == "The plan fetch begins."
     assert told[why + 1].startswith("The plan tries again") or told[why + 1].startswith("A recovery decides")
     assert told[-1] == "The plan is done after 2.5 s."
