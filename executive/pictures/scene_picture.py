@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path as File
 from typing import TYPE_CHECKING
 
@@ -13,6 +13,7 @@ from executive.pictures import rendering
 from executive.pictures.modelling import Model
 from executive.pictures.rendering import View, rendered
 from executive.pictures.stage import Path, Stage
+from executive.pictures.steps import captioned
 from executive.pictures.viewpoints import overview, subjects, view_of
 from planlang.geometry import Array, Pose
 
@@ -31,12 +32,16 @@ def save_picture(
     names: Collection[str] = (),
     view: str | None = None,
     always: Collection[str] = (),
+    title: str = "",
+    ending: Sequence[str] = (),
 ) -> None:
     """Write a PNG of a world: of its robot, of bodies near it, and of some wherever they are.
 
-    Or as ``view`` asks (:func:`stated_view`). Raises OSError as writing does.
+    Or as ``view`` asks (:func:`stated_view`). How a run has ended, if that is given, stands below with its title.
+    Raises OSError as writing does.
     """
-    Image.fromarray(picture(world, names, view, always=always)).save(path, format="PNG")
+    image = Image.fromarray(picture(world, names, view, always=always))
+    (captioned(image, title, ending) if ending else image).save(path, format="PNG")
 
 
 def picture(
