@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import json
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
 from executive.cli.arguments import ReportArguments, RunArguments, SituationArguments
-from executive.cli.console import Answer, silent
+from executive.cli.console import Answer, say, silent
 from executive.cli.inputs import RecipeFile, read, refuse
 from executive.cli.run import options_of
 from executive.runs.plan_run import run_plan_file
@@ -20,6 +22,9 @@ from planlang.outputs import check_outputs, write_text
 from planlang.report import Context, Told, model_of, page
 from planlang.runs import DamagedTrace, RecordedRun
 
+_MODEL = re.compile(r'id="model">(.*?)</script>')
+"""The model of a run in its page."""
+
 
 def command(arguments: ReportArguments) -> Answer:
     """Write the page; raises BadInput."""
@@ -28,16 +33,51 @@ def command(arguments: ReportArguments) -> Answer:
     recorded = _recorded(arguments.trace)
     missing = _repeated(arguments, recorded, output)
     if missing:
-        context = replace(_context(arguments, recorded.header), missing=missing)
+        context = _context(arguments, recorded.header)
+        missing = (*missing, *(_without_texts(context) if "robot" in recorded.header else ()))
         told = Told.of(line.record for line in recorded.lines)
-        write_text(output, page(model_of(told, context)))
-    text = "\n".join([f"{output}: {'the run was repeated' if not missing else 'without the world'}", *missing])
+        model = model_of(told, replace(context, missing=missing))
+        _keep_fuller_page(output, model, missing, force=arguments.force)
+        for line in missing if not arguments.json else ():
+            say(line)
+        write_text(output, page(model))
+    text = f"{output}: {'the run was repeated' if not missing else 'without the world'}"
     torn: list[Diagnostic] = []
     if recorded.torn:
         span = Span(recorded.name, len(recorded.lines) + 1)
         torn.append(warning("X026", "the last line is incomplete and left out", span))
     data = {"report": str(output), "repeated": not missing, "missing": list(missing)}
     return Answer(diagnostics=tuple(torn), text=text, data=data)
+
+
+def _without_texts(context: Context) -> Iterator[str]:
+    if context.plan is None:
+        yield "The plan is not shown, as it is not here, or is not that of the trace."
+    if context.recipe is None:
+        yield "The recipe is not shown, as it is not here."
+
+
+def _keep_fuller_page(output: Path, model: Mapping[str, Any], missing: Sequence[str], *, force: bool) -> None:
+    """Raise BadInput if a page would be replaced by one that lacks some of its views; with ``force`` it may be."""
+    lost = () if force else sorted(_views(_model_in(output)) - _views(model))
+    if lost:
+        message = f"{output} shows {', '.join(lost)}, the new page would not: {' '.join(missing)}"
+        advice = "-o FILE writes the new page beside it; --force replaces the old one"
+        raise BadInput([error("C005", message, help=advice)])
+
+
+def _model_in(file: Path) -> Mapping[str, Any]:
+    """Return the model of a page that was written before, empty if the file has none."""
+    with suppress(OSError, ValueError):
+        found = _MODEL.search(file.read_text(encoding="utf-8")) if file.is_file() else None
+        model = json.loads(found[1]) if found is not None else None
+        return model if isinstance(model, dict) else {}
+    return {}
+
+
+def _views(model: Mapping[str, Any]) -> set[str]:
+    sources = [str(one.get("name")) for one in model.get("sources") or () if isinstance(one, dict)]
+    return {name for name in ("scene", "map", "graph") if model.get(name)} | set(sources)
 
 
 def _recorded(path: Path) -> RecordedRun:

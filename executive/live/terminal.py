@@ -12,6 +12,7 @@ from rich.text import Text
 from rich.tree import Tree
 
 from planlang.kernel.tree import Node
+from planlang.report.tree import PLUMBING, is_minor
 from planlang.runs.run_tree import RunTree, TaskNode
 
 PERIOD = 0.125
@@ -73,12 +74,12 @@ class TerminalTree:
         return max(ends, default=0.0)
 
     def _rows(self, nodes: Iterable[TaskNode], depth: int) -> Iterable[tuple[int, TaskNode]]:
-        """Yield the nodes to draw with their depths: actions and plans, and what runs or failed below them."""
+        """Yield the nodes that the page shows with their depths, of ended ones what is inside only if they failed."""
         for node in list(nodes):
-            is_drawn = node.kind in ("perform", "plan") and (self._inner or not node.inner)
+            is_drawn = not (is_minor(node) and (not self._inner or node.kind in PLUMBING))
             if is_drawn:
                 yield depth, node
-            if node.status in ("running", "failed") or depth + is_drawn < OPEN:
+            if not is_drawn or node.status in ("running", "failed") or depth < OPEN:
                 yield from self._rows(node.children, depth + is_drawn)
 
 

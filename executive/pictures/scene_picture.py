@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path as File
 from typing import TYPE_CHECKING
 
@@ -10,8 +10,10 @@ import numpy as np
 from PIL import Image
 
 from executive.pictures import rendering
+from executive.pictures.modelling import Model
 from executive.pictures.rendering import View, rendered
 from executive.pictures.stage import Path, Stage
+from executive.pictures.steps import captioned
 from executive.pictures.viewpoints import overview, subjects, view_of
 from planlang.geometry import Array, Pose
 
@@ -30,12 +32,16 @@ def save_picture(
     names: Collection[str] = (),
     view: str | None = None,
     always: Collection[str] = (),
+    title: str = "",
+    ending: Sequence[str] = (),
 ) -> None:
     """Write a PNG of a world: of its robot, of bodies near it, and of some wherever they are.
 
-    Or as ``view`` asks (:func:`stated_view`). Raises OSError as writing does.
+    Or as ``view`` asks (:func:`stated_view`). How a run has ended, if that is given, stands below with its title.
+    Raises OSError as writing does.
     """
-    Image.fromarray(picture(world, names, view, always=always)).save(path, format="PNG")
+    image = Image.fromarray(picture(world, names, view, always=always))
+    (captioned(image, title, ending) if ending else image).save(path, format="PNG")
 
 
 def picture(
@@ -52,12 +58,14 @@ def picture(
     aspect = size[0] / size[1]
     about = subjects(stage, poses, names, always)
     shown = view_of(stage, poses, about, aspect) if view is None else stated_view(view, stage, poses, about, aspect)
-    return taken(stage, poses, shown, size)
+    return taken(stage, poses, shown, size, stage.plumb_lines())
 
 
-def taken(stage: Stage, poses: Mapping[Path, Pose], view: View, size: tuple[int, int]) -> rendering.Image:
-    """Return the picture (height, width, 3) of a moment."""
-    return rendered(list(stage.scene(poses)), view, size, shaded_ball(view), list(stage.walls(poses, view)))
+def taken(
+    stage: Stage, poses: Mapping[Path, Pose], view: View, size: tuple[int, int], more: Iterable[Model] = ()
+) -> rendering.Image:
+    """Return the picture (height, width, 3) of a moment, with ``more`` models that are in the map."""
+    return rendered([*stage.scene(poses), *more], view, size, shaded_ball(view), list(stage.walls(poses, view)))
 
 
 def shaded_ball(view: View) -> tuple[Array, float]:

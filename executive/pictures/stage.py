@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterator, Mapping
 from typing import TYPE_CHECKING
 
@@ -14,6 +15,8 @@ from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import moved, rotated
 from planlang.geometry.shapes import SolidKind
 from planlang.records import dataclass
+from sim.scene import BodyShape
+from sim.truth import held_by
 
 if TYPE_CHECKING:
     from sim.truth import Truth
@@ -22,6 +25,10 @@ Path = tuple[str, ...]
 MARGIN = 3.0
 """Ground around everything in a world without a room [m]."""
 GROUND = (196, 194, 188, 255)
+HANGING = 0.03
+"""Height above what is below it from which on a body is shown to hang in the air [m]."""
+THIN, PLUMB = 0.012, (196, 52, 44, 255)
+"""Width [m] and colour of the vertical below it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,6 +119,34 @@ class Stage:
     def of(self, name: str, poses: Mapping[Path, Pose]) -> list[Path]:
         """Return the paths of a body, its limbs included."""
         return [path for path in poses if path[:2] == ("bodies", name)]
+
+    def below(self, name: str) -> str | None:
+        """Return what a body stands on or hangs above; None for a floor, and for what is held or fixed."""
+        if not self._is_loose(name):
+            return None
+        found = self.world.support(name)
+        return None if found is None or self.world.scene.body(found).shape == BodyShape.ROOM else found
+
+    def drops(self) -> dict[str, Array]:
+        """Return the bodies that hang in the air now, each with the ends (2, 3) of the vertical below it in the map."""
+        poses, found = self.poses(), dict[str, Array]()
+        for name in filter(self._is_loose, self.world.names()):
+            height, paths = self.world.height_above_support(name), self.of(name, poses)
+            if paths and HANGING < height < math.inf:
+                low, high = self.bounds(poses, paths)
+                x, y, _ = (low + high) / 2
+                found[name] = np.array([(x, y, low[2] - height), (x, y, low[2])])
+        return found
+
+    def plumb_lines(self) -> Iterator[Model]:
+        """Yield a thin vertical and a mark at its lower end for each body that hangs in the air now."""
+        for (x, y, low), (_, _, high) in self.drops().values():
+            line = Shape(SolidKind.CYLINDER, (THIN, THIN, high - low), Pose((x, y, (low + high) / 2)), PLUMB)
+            mark = Shape(SolidKind.CYLINDER, (10 * THIN, 10 * THIN, THIN), Pose((x, y, low + THIN / 2)), PLUMB)
+            yield model_of([line, mark], self._owners + 1)
+
+    def _is_loose(self, name: str) -> bool:
+        return self.world.scene.body(name).graspable and held_by(self.world, name) is None
 
     def robot(self, poses: Mapping[Path, Pose]) -> list[Path]:
         """Return the paths of the robot's links."""

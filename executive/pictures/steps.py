@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
-from executive.pictures.drawing import FAINT, FINE, INK, Colour, Sheet, font
+from PIL import Image
+
+from executive.pictures.drawing import FAINT, FINE, INK, Colour, Sheet, wrapped
 from planlang.designators import snake_case
 from planlang.records import dataclass
 
 DONE: Colour = (40, 140, 80)
 FAILED: Colour = (196, 52, 44)
 RUNNING: Colour = (36, 92, 180)
+RULE: Colour = (214, 214, 214)
 _BACK: Colour = (226, 236, 250)
 ROW, TEXT, INDENT = 21, 12, 11
 """Height of a row, of its text, and how far a step is indented in another one [pixels]."""
+LINE, CAPTION = 17, 14
+"""Height of a line of the ending, and of the text below a picture [pixels]."""
 DEEPEST = 4
 """Levels that are indented."""
 
@@ -51,7 +56,7 @@ class Steps:
             case {"event": "started", "node": int(node), "step": int(step)}:
                 self._above[node] = record.get("parent")
                 if record.get("kind") == "perform":
-                    found = Step(_in_words(str(record["name"])), self._depth(node), step)
+                    found = Step(in_words(str(record["name"])), self._depth(node), step)
                     self._by_node[node] = found
                     self.all.append(found)
             case {"event": "ended", "node": int(node), "step": int(step)} if node in self._by_node:
@@ -67,35 +72,81 @@ class Steps:
         return min(depth, DEEPEST)
 
 
-def _in_words(name: str) -> str:
+def in_words(name: str) -> str:
     """Return ``MoveBaseToGraspPose`` as words."""
     words = snake_case(name.partition("#")[0]).replace("_", " ").strip()
     return words[:1].upper() + words[1:]
 
 
-def column(steps: list[Step], now: int, size: tuple[int, int], title: str, time: str) -> Sheet:
-    """Return the steps as they are after ``now`` steps of the world; if not all fit, those around the running ones."""
+def column(
+    steps: list[Step], now: int, size: tuple[int, int], title: str, time: str, ending: Sequence[str] = ()
+) -> Sheet:
+    """Return the steps as they are after ``now`` steps of the world; if not all fit, those around the running ones.
+
+    Below them stands the ``ending`` of the run.
+    """
     width, height = size
     sheet = Sheet(width, height)
-    sheet.text((12 * FINE, 12 * FINE), _in_words(title), 15)
+    sheet.text((12 * FINE, 12 * FINE), in_words(title), 15)
     sheet.text(((width - 12) * FINE, 15 * FINE), time, 12, FAINT, "ra")
-    sheet.pen.line((12 * FINE, 36 * FINE, (width - 12) * FINE, 36 * FINE), fill=(214, 214, 214), width=FINE)
-    rows = (height - 48) // ROW
-    running = [number for number, step in enumerate(steps) if step.begin <= now]
-    last = running[-1] if running else 0
-    first = max(0, min(last - rows // 2, len(steps) - rows))
-    for place, step in enumerate(steps[first : first + rows]):
-        _row(sheet, (44 + place * ROW) * FINE, width, step, now)
+    sheet.pen.line((12 * FINE, 36 * FINE, (width - 12) * FINE, 36 * FINE), fill=RULE, width=FINE)
+    below = list(_lines(ending, (width - 24) * FINE))
+    height -= len(below) * LINE + 12 if below else 0
+    rows = [(step, k, line) for step in steps for k, line in enumerate(_words(step, now, width))]
+    most = (height - 48) // ROW
+    begun = [number for number, (step, _, _) in enumerate(rows) if step.begin <= now]
+    first = max(0, min((begun[-1] if begun else 0) - most // 2, len(rows) - most))
+    for place, (step, k, line) in enumerate(rows[first : first + most]):
+        _row(sheet, (44 + place * ROW) * FINE, width, step.state(now), _left(step), line, is_first=k == 0)
+    if below:
+        sheet.pen.line((12 * FINE, height * FINE, (width - 12) * FINE, height * FINE), fill=RULE, width=FINE)
+    for place, line in enumerate(below):
+        colour = FAILED if ending[0].startswith("failed") else INK
+        sheet.text((12 * FINE, (height + 6 + place * LINE) * FINE), line, TEXT, colour)
     return sheet
 
 
-def _row(sheet: Sheet, top: float, width: int, step: Step, now: int) -> None:
-    state = step.state(now)
+def captioned(picture: Image.Image, title: str, ending: Sequence[str]) -> Image.Image:
+    """Return a picture with the title of a run and how it has ended below it."""
+    lines = list(_lines([f"{in_words(title)}: {ending[0]}", *ending[1:]], (picture.width - 24) * FINE, CAPTION))
+    strip = Sheet(picture.width, 14 + len(lines) * (LINE + 3))
+    for place, line in enumerate(lines):
+        strip.text((12 * FINE, (7 + place * (LINE + 3)) * FINE), line, CAPTION)
+    whole = Image.new("RGB", (picture.width, picture.height + strip.image.height // FINE), "white")
+    whole.paste(picture, (0, 0))
+    whole.paste(strip.finished(), (0, picture.height))
+    return whole
+
+
+def _lines(texts: Iterable[str], width: float, size: int = TEXT) -> Iterator[str]:
+    for text in texts:
+        yield from wrapped(text, size, width)
+
+
+def _left(step: Step) -> int:
+    return (14 + step.depth * INDENT) * FINE
+
+
+def _words(step: Step, now: int, width: int) -> list[str]:
+    """Return the lines about a step: its name, and how it failed."""
+    is_failed = step.state(now) == "failed" and step.failure
+    text = f"{step.name}: {in_words(step.failure).lower()}" if is_failed else step.name
+    return wrapped(text, TEXT, width * FINE - _left(step) - 24 - 10 * FINE)
+
+
+def _row(sheet: Sheet, top: float, width: int, state: str, left: int, text: str, *, is_first: bool) -> None:
     colour = {"coming": (176, 176, 176), "running": RUNNING, "failed": FAILED}.get(state, INK)
-    middle, left = top + ROW * FINE / 2, (14 + step.depth * INDENT) * FINE
+    middle = top + ROW * FINE / 2
     if state == "running":
         box = (6 * FINE, top + FINE, (width - 6) * FINE, top + (ROW - 1) * FINE)
         sheet.pen.rectangle(box, fill=_BACK, radius=4 * FINE)
+    if is_first:
+        _mark(sheet, state, left, middle)
+    sheet.text((left + 24, middle), text, TEXT, colour, "lm")
+
+
+def _mark(sheet: Sheet, state: str, left: float, middle: float) -> None:
+    if state == "running":
         sheet.pen.polygon([(left, middle - 9), (left, middle + 9), (left + 15, middle)], fill=RUNNING)
     elif state == "failed":
         for down in (-1, 1):
@@ -106,12 +157,3 @@ def _row(sheet: Sheet, top: float, width: int, step: Step, now: int) -> None:
         sheet.ring((left + 7, middle), 5, (200, 200, 200))
     else:
         sheet.pen.line((left, middle, left + 14, middle), fill=FAINT, width=2 * FINE)
-    text = f"{step.name}: {_in_words(step.failure).lower()}" if state == "failed" and step.failure else step.name
-    sheet.text((left + 24, middle), _cut(text, width * FINE - left - 24 - 10 * FINE), TEXT, colour, "lm")
-
-
-def _cut(text: str, width: float) -> str:
-    """Return a text that is no wider than so many pixels of the sheet."""
-    while font(TEXT).getlength(text) > width and len(text) > 4:
-        text = text[:-2].rstrip(" …") + "…"
-    return text

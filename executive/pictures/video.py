@@ -26,7 +26,7 @@ KEPT = 5
 """Moments that are kept of a second of plan time."""
 MOST = 110
 """Frames of a video; a longer run is played faster."""
-FRAME, LAST = 120, 2500
+FRAME, LAST = 120, 4000
 """Time for which a frame is shown, and the last one [ms]."""
 SHORTEST = 2
 """Moments for which the base stands at least where the camera stops."""
@@ -60,13 +60,17 @@ class Video:
         if len(self._kept) >= 4 * MOST:  # a long run is played faster
             self._kept, self._every = self._kept[::2], 2 * self._every
 
-    def save(self, path: File, names: Collection[str]) -> None:
-        """Write an animated WebP; ``names`` are the bodies that the plan is about. The last frame stays for a while."""
+    def save(self, path: File, names: Collection[str], ending: Sequence[str] = ()) -> None:
+        """Write an animated WebP; ``names`` are the bodies that the plan is about.
+
+        The last frame stays for a while, with lines about the ``ending``.
+        """
         self._kept.append((self._last + 1, self._stage.poses()))  # when every step has ended
         chosen = np.unique(np.linspace(0, len(self._kept) - 1, min(MOST, len(self._kept))).round().astype(int))
         kept = [self._kept[number] for number in chosen.tolist()]
         views = self._views([poses for _, poses in kept], names)
-        frames = [self._frame(step, poses, view) for (step, poses), view in zip(kept, views, strict=True)]
+        endings = [()] * (len(kept) - 1) + [ending]
+        frames = [self._frame(*one, *more) for one, *more in zip(kept, views, endings, strict=True)]
         frames[0].save(
             path,
             format="WEBP",
@@ -78,11 +82,11 @@ class Video:
             xmp=MARK.encode(),
         )
 
-    def _frame(self, step: int, poses: Mapping[Path, Pose], view: View) -> Image.Image:
+    def _frame(self, step: int, poses: Mapping[Path, Pose], view: View, ending: Sequence[str]) -> Image.Image:
         image = Image.new("RGB", (SIZE[0] + COLUMN, SIZE[1]), "white")
         image.paste(Image.fromarray(taken(self._stage, poses, view, SIZE)), (0, 0))
         size, time = (COLUMN, SIZE[1]), f"{step / self._rate:.1f} s"
-        image.paste(column(self.steps.all, step, size, self._title, time).finished(), (SIZE[0], 0))
+        image.paste(column(self.steps.all, step, size, self._title, time, ending).finished(), (SIZE[0], 0))
         return image
 
     def _views(self, moments: Sequence[Mapping[Path, Pose]], names: Collection[str]) -> list[View]:

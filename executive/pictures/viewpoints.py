@@ -15,6 +15,10 @@ from planlang.records import dataclass
 
 AROUND, TILTS = 12, (22.0, 36.0, 52.0)
 """Directions that are tried: around the vertical, and above the horizon [deg]."""
+SIDEWAYS = (8.0, 14.0)
+"""The same, if something hangs in the air: from above its height is not seen."""
+CALM = 2.6
+"""Distance of the eye, in radii of the ball around what a picture is about: what is near looks not much larger."""
 SMALL = (120, 80)
 """Pixels of the pictures by which they are compared."""
 BORDER = 0.9
@@ -32,17 +36,23 @@ LEVEL = 0.25
 def subjects(
     stage: Stage, poses: Mapping[Path, Pose], names: Collection[str], always: Collection[str] = ()
 ) -> list[list[Path]]:
-    """Return what a picture is about: the robot, things and persons of the plan that are near it, and some anyhow."""
+    """Return what a picture is about: the robot, things and persons of the plan that are near it, and some anyhow.
+
+    What is shown anyhow, or hangs in the air, comes with what is below it.
+    """
     robot = stage.robot(poses)
-    found = [robot] if robot else []
+    found: dict[str, list[Path]] = {}
     low, high = stage.bounds(poses, robot)
     for name in dict.fromkeys((*always, *names)):
         paths = stage.of(name, poses)
         lower, upper = stage.bounds(poses, paths)
         apart = np.maximum(np.maximum(lower - high, low - upper), 0.0)
         if paths and (not robot or name in always or float(np.linalg.norm(apart)) <= NEAR):
-            found.append(paths)
-    return found
+            found[name] = paths
+    for name in [name for name in found if name in always or name in stage.drops()]:
+        if (below := stage.below(name)) is not None:
+            found.setdefault(below, stage.of(below, poses))
+    return [robot, *found.values()] if robot else list(found.values())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,14 +75,17 @@ def view_of(stage: Stage, poses: Mapping[Path, Pose], about: Sequence[Sequence[P
     if not about:
         return overview(stage, poses, aspect)
     moment = moment_of(stage, poses, about)
-    return fitting(moment.points, best_direction(stage, [moment], aspect), aspect)
+    drops = [ends for name, ends in stage.drops().items() if [("bodies", name)] in about]
+    tilts = SIDEWAYS if drops else TILTS
+    points = np.concatenate([moment.points, *drops])
+    return fitting(points, best_direction(stage, [moment], aspect, tilts), aspect)
 
 
-def best_direction(stage: Stage, moments: Sequence[Moment], aspect: float) -> Array:
+def best_direction(stage: Stage, moments: Sequence[Moment], aspect: float, tilts: Sequence[float] = TILTS) -> Array:
     """Return the direction of view (3,) from which, in several moments, what they are about is hidden least."""
     proxies = [_proxies(stage, moment.poses) for moment in moments]
     best: tuple[float, Array] | None = None
-    for steepness, ahead in _directions():
+    for steepness, ahead in _directions(tilts):
         worth = -LEVEL * steepness * len(moments)
         for moment, models in zip(moments, proxies, strict=True):
             worth += _worth(stage, moment, models, fitting(moment.points, ahead, aspect))
@@ -83,12 +96,16 @@ def best_direction(stage: Stage, moments: Sequence[Moment], aspect: float) -> Ar
 
 
 def overview(stage: Stage, poses: Mapping[Path, Pose], aspect: float, *, top: bool = False) -> View:
-    """Return a view of everything from above a corner, or straight from above."""
+    """Return a view of everything from above a corner, or straight from above, with everything above where it is."""
     low, high = stage.bounds(poses, poses)
-    high[2] = min(high[2], HIGH)
-    corners = ends_of(low, high)
-    ahead = np.array([0.0, 1e-3, -1.0]) if top else np.array([0.55, 0.65, -0.62])
-    return fitting(corners, ahead / np.linalg.norm(ahead), aspect)
+    if top:
+        (x, y, z), (wide, deep, _) = (low + high) / 2, (high - low) / BORDER
+        return View(
+            (float(x), float(y), float(high[2]) + 1.0), (float(x), float(y), float(z)), max(wide, deep * aspect)
+        )
+    high[2] = max([min(high[2], HIGH), *(float(ends[1, 2]) for ends in stage.drops().values())])
+    ahead = np.array([0.55, 0.65, -0.62])
+    return fitting(ends_of(low, high), ahead / np.linalg.norm(ahead), aspect)
 
 
 def fitting(points: Array, ahead: Array, aspect: float, *, least: float = LEAST_RADIUS) -> View:
@@ -99,6 +116,7 @@ def fitting(points: Array, ahead: Array, aspect: float, *, least: float = LEAST_
     right /= np.linalg.norm(right)
     up = np.cross(right, ahead)
     tall = math.tan(FIELD / 2) * BORDER
+    least = max(least, CALM * tall * float(np.linalg.norm(high - low)) / 2)
     for _ in range(3):  # the middle of the picture moves to where the points are seen
         offsets = points - middle
         across, above, beyond = offsets @ right, offsets @ up, offsets @ ahead
@@ -112,9 +130,9 @@ def fitting(points: Array, ahead: Array, aspect: float, *, least: float = LEAST_
     return View((float(eye[0]), float(eye[1]), float(eye[2])), (float(middle[0]), float(middle[1]), float(middle[2])))
 
 
-def _directions() -> Iterator[tuple[int, Array]]:
+def _directions(tilts: Sequence[float]) -> Iterator[tuple[int, Array]]:
     """Yield how steep they are, and directions from the eye to the middle."""
-    for steepness, tilt in enumerate(np.radians(TILTS)):
+    for steepness, tilt in enumerate(np.radians(tilts)):
         for turn in (np.arange(AROUND) + 0.5) * 2 * math.pi / AROUND:
             level = math.cos(tilt)
             yield steepness, np.array([math.cos(turn) * level, math.sin(turn) * level, -math.sin(tilt)])

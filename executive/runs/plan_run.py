@@ -370,7 +370,7 @@ class Run:
 
         trace = RepeatedTrace(earlier, trace_after) if isinstance(earlier, Repetition) else trace_after(earlier)
         trace.listeners = tuple(written.listeners)
-        outcome, message, failures = Outcome.DONE, "done", tuple[str, ...]()
+        outcome, message, failures = Outcome.FAILED, "broken off", tuple[str, ...]()
         failed: PlanFailure | None = None
         try:
             run(
@@ -384,6 +384,7 @@ class Run:
                 resumable=True,
                 resume=earlier if isinstance(earlier, Past) else None,
             )
+            outcome, message = Outcome.DONE, "done"
         except PlanFailure as failure:
             outcome, message, failed = Outcome.FAILED, explain(failure), failure
             failures = tuple(type(link).__name__ for link in failure.chain())
@@ -403,7 +404,7 @@ class Run:
             failures = (type(problem).__name__,)
         finally:
             trace.close()
-            written.save(failed)
+            written.save(outcome.value, message, failed)
         state = tuple(state_lines(truth, bodies_of(bound, executive.platform.belief, truth)))
         return RunResult(
             outcome, message, state, tuple(self.found), truth.steps / truth.rate, failures, executive.tilts

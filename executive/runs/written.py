@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from executive.pictures.pose_track import PoseTrack, Watcher
-from executive.runs.final_state import Tilts
+from executive.runs.final_state import Tilts, state_lines
 from executive.runs.options import RunOptions
 from executive.runs.parameters import Bound, things_of
 from executive.runs.traces import lines_of, steps_of
@@ -24,9 +24,10 @@ from sim.truth import Truth
 if TYPE_CHECKING:
     from executive.belief import Belief
     from executive.modules.platform import Platform
+    from executive.pictures.video import Video
     from executive.report.watching import Watching
     from executive.runs.pose_log import PoseLog
-    from planlang.report import Context
+    from planlang.report import Context, Told
 
 
 class Written:
@@ -46,6 +47,9 @@ class Written:
         self._is_new = False
         """True once what happens was not written before."""
         self._failure: PlanFailure | None = None
+        self._ended = "", ""
+        self._told: Told | None = None
+        """What pictures and videos say about the run."""
         self.watchers: list[Callable[[Truth], None]] = [tilts, *options.watchers]
         self.listeners: list[Listener] = [
             lines_of(self._progress, inner=options.inner_actions),
@@ -69,17 +73,20 @@ class Written:
         ``context`` gives what a page shows beside trace and world.
         """
         options, truth = self._options, self._truth
+        if options.picture is not None or options.video is not None:
+            from planlang.report import Told
+
+            self._told = told = Told()
+            self.listeners.append(lambda record, node: told.add(record))
         if options.picture is not None:
-            self._files.append((options.picture, partial(self._save_picture, bound)))
+            self._files.append((options.picture, partial(self._save_picture, bound, title)))
         if options.video is not None:
             from executive.pictures.video import Video
 
             video = Video(truth, truth.rate, title, options.view)
             self.listeners.append(steps_of(video.steps.hear))
             self.watchers.append(lambda world: video.frame(world.steps))
-            self._files.append(
-                (options.video, lambda path: video.save(path, tuple(bodies_of(bound, self._belief, truth))))
-            )
+            self._files.append((options.video, partial(self._save_video, bound, video)))
         if options.record is not None:
             from executive.pictures.recording import Recording  # needs an extra
 
@@ -145,21 +152,32 @@ class Written:
         if self._poses is not None:
             self._poses.begin()
 
-    def _save_picture(self, bound: Mapping[str, Bound], path: Path) -> None:
+    def _save_picture(self, bound: Mapping[str, Bound], title: str, path: Path) -> None:
         """Write a picture of the plan's bodies, and of those that its failure names: what was in the way."""
         from executive.pictures.scene_picture import save_picture  # Pillow is slow to import
 
         named = () if self._failure is None else names_in(self._failure)
         always = [name for name in dict.fromkeys(named) if name in self._truth.names()]
         names = tuple(bodies_of(bound, self._belief, self._truth))
-        save_picture(path, self._truth, names, self._options.view, always)
+        save_picture(path, self._truth, names, self._options.view, always, title, self._ending(names))
 
-    def save(self, failure: PlanFailure | None = None) -> None:
+    def _save_video(self, bound: Mapping[str, Bound], video: Video, path: Path) -> None:
+        names = tuple(bodies_of(bound, self._belief, self._truth))
+        video.save(path, names, self._ending(names))
+
+    def _ending(self, names: Sequence[str]) -> tuple[str, ...]:
+        from executive.runs.ending import ending_of  # most runs write no picture
+
+        assert self._told is not None
+        seconds = self._truth.steps / self._truth.rate
+        return ending_of(self._told, *self._ended, seconds, state_lines(self._truth, names))
+
+    def save(self, outcome: str, message: str, failure: PlanFailure | None = None) -> None:
         """Write the files, each whole or not at all; the log of poses is written already. The run has ended.
 
-        ``failure`` is how the plan ended, if it failed.
+        ``outcome`` and ``message`` are those of its result, ``failure`` is how the plan ended, if it failed.
         """
-        self._failure = failure
+        self._failure, self._ended = failure, (outcome, message)
         if self._noted:
             self._track.note(self._truth)
         self._shown.close()

@@ -72,6 +72,11 @@ def _node(
     return found | {key: value for key, value in optional.items() if value or (value == 0 and value is not False)}
 
 
+def is_minor(node: TaskNode) -> bool:
+    """Return whether a node is shown with all nodes only: a construct, or what a process module does by itself."""
+    return node.inner or _is_plumbing(node)
+
+
 def _is_plumbing(node: TaskNode) -> bool:
     """Return whether a construct is shown with all nodes only: also a root whose only plan is called like it."""
     if node.parent is None:

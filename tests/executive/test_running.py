@@ -23,6 +23,7 @@ from PIL import Image
 
 from executive.maps import read_map, scene_of
 from executive.pictures.scene_picture import picture
+from executive.runs.ending import ending_of
 from executive.runs.final_state import Tilts
 from executive.runs.options import Outcome, RunOptions, RunResult
 from executive.runs.plan_run import run_plan_file
@@ -34,8 +35,9 @@ from planlang.diagnostics import BadInput
 from planlang.failures import NavigationGoalNotReached, ObjectUnreachable
 from planlang.files import bundled
 from planlang.ontology import load
+from planlang.report import Told
 from planlang.testing import Script, ScriptedExecutive
-from sim import PlanningWorld, PyBulletWorld
+from sim import PyBulletWorld
 from tests.support.examples import some
 
 CHECKOUT = Path(__file__).resolve().parents[2]
@@ -118,7 +120,8 @@ def test_progress_tells_people_what_is_done_in_order(served: tuple[RunResult, Pa
 
 
 def test_the_picture_of_the_end_is_left(served: tuple[RunResult, Path, list[str]]) -> None:
-    assert (served[1] / "scene.png").read_bytes().startswith(b"\x89PNG")
+    with Image.open(served[1] / "scene.png") as image:
+        assert (image.format, image.width, image.height > 640) == ("PNG", 960, True), "what was done stands below it"
     assert sorted(path.name for path in served[1].iterdir()) == ["run.jsonl", "scene.png"]
 
 
@@ -161,7 +164,7 @@ def test_a_kitchen_without_a_bottle_says_so_and_lists_what_there_is(corpus: Path
     ],
 )
 def test_every_real_room_is_drawn(name: str, corpus: Path) -> None:
-    world = PlanningWorld(scene_of(read_map(load(corpus / "environments" / name))))
+    world = PyBulletWorld(scene_of(read_map(load(corpus / "environments" / name))))
     pixels = picture(world, view="overview", size=(120, 90))
     world.close()
     assert pixels.shape == (90, 120, 3)
@@ -241,6 +244,23 @@ def test_a_bottle_outside_the_room_cannot_be_reached(tmp_path: Path) -> None:
     pixels = np.asarray(Image.open(tmp_path / "failed.png").convert("RGB")).astype(int)
     fingers = (pixels[:, :, 0] > 150) & (pixels[:, :, 2] < 90) & (pixels[:, :, 1] > 80)
     assert fingers.sum() > 10, "the robot is in the picture"
+
+
+def test_the_ending_of_a_run_has_the_reason_of_the_page_or_the_steps_and_the_state(
+    served: tuple[RunResult, Path, list[str]],
+) -> None:
+    lines = (served[1] / "run.jsonl").read_text(encoding="utf-8").splitlines()
+    told = Told.of(map(json.loads, lines))
+    first, steps, state = ending_of(told, "done", "done", 31.5, ["bottle1: held by patient1", "door1: closed"])
+    assert (first, state) == ("done after 31.50 s", "bottle1: held by patient1; door1: closed")
+    assert steps.endswith("Hand over bottle")
+    assert ending_of(told, "failed", "RunError: no\n  more", 1.0, []) == ("failed after 1.00 s", "RunError: no")
+    told.tree.roots[0].failure = {
+        "type": "ObjectUnreachable",
+        "message": "the object cannot be reached",
+        "cause": {"type": "MissingCapability", "message": "the robot has no camera", "cause": None},
+    }
+    assert ending_of(told, "failed", "", 1.0, [])[1] == "the robot has no camera"
 
 
 def test_a_picture_of_a_failure_is_about_what_was_in_the_way() -> None:

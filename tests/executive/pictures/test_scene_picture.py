@@ -95,3 +95,27 @@ def test_colours_of_a_map_win_and_a_world_without_a_room_has_ground() -> None:
     made.close()
     assert (pixels[:, :, 2] > 1.5 * pixels[:, :, 0]).sum() > 1000
     assert pixels[-1].mean() < 240, "ground"
+
+
+def test_what_hangs_in_the_air_is_shown_from_the_side_with_a_vertical_to_what_is_below_it() -> None:
+    bodies = (
+        Body("shelf", Pose((1.5, 0.0, 0.4)), (0.5, 0.5, 0.8)),
+        Body(
+            "bottle", Pose((1.5, 0.0, 2.3)), (0.08, 0.08, 0.2), "cylinder", color=RED, kinds=("Bottle",), movable=True
+        ),
+    )
+    world = PyBulletWorld(Scene(bodies), AMIGO)
+    try:
+        stage = Stage(world)
+        poses = stage.poses()
+        np.testing.assert_allclose(stage.drops()["bottle"], [(1.5, 0.0, 0.8), (1.5, 0.0, 2.2)], atol=0.01)
+        about = subjects(stage, poses, ["bottle"])
+        assert about[1:] == [[("bodies", "bottle")], [("bodies", "shelf")]], "with what is below it"
+        view = view_of(stage, poses, about, 1.5)
+        seen = np.concatenate([view.seen(stage.corners(path, poses[path]), SMALL) for paths in about for path in paths])
+        assert ((seen[:, :2] > 0) & (seen[:, :2] < SMALL)).all(), "all of it is in the picture"
+        assert seen[:, 2].max() < 2.5 * seen[:, 2].min(), "nothing is so near that it looks much larger"
+        assert view.eye[2] - view.target[2] < 0.3 * np.linalg.norm(np.subtract(view.eye, view.target))
+        assert _red(picture(world, ["bottle"], size=SMALL)) > 15
+    finally:
+        world.close()

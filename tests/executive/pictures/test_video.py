@@ -67,6 +67,15 @@ def test_a_long_plan_scrolls_to_what_runs() -> None:
     assert (np.asarray(column(heard.all, 50, (260, 200), "x", "").image) == RUNNING).all(axis=2).any()
 
 
+def test_the_ending_stands_below_the_steps(steps: Steps) -> None:
+    def red(ending: tuple[str, ...]) -> int:
+        pixels = np.asarray(column(steps.all, 50, (260, 200), "fetch", "1.0 s", ending).image)[280:]
+        return int((pixels == FAILED).all(axis=2).sum())
+
+    shorter, longer = red(("failed after 1.00 s", "too high")), red(("failed after 1.00 s", "too high " * 12))
+    assert red(()) == 0 < shorter < longer, "it is wrapped, not cut"
+
+
 def test_a_video_has_frames_of_the_run_and_is_the_same_each_time(
     steps: Steps, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -81,6 +81,21 @@ def test_another_map_is_not_shown_and_the_page_says_why(served: Path, tmp_path: 
     assert model["graph"]["title"] == "ServeADrink"
 
 
+def test_a_page_that_shows_more_is_kept_unless_forced(served: Path, tmp_path: Path) -> None:
+    trace, page = tmp_path / "run.jsonl", tmp_path / "run.html"
+    header, rest = (served / "run.jsonl").read_text(encoding="utf-8").split("\n", 1)
+    trace.write_text(header.replace('"plan_sha256": "', '"plan_sha256": "0') + "\n" + rest, encoding="utf-8")
+    page.write_bytes(before := (served / "first.html").read_bytes())
+    refused = called("report", trace)
+    assert [one["code"] for one in refused["diagnostics"]] == ["C005"]
+    assert "shows map, scene, serve_a_drink.py" in refused["diagnostics"][0]["message"]
+    assert "The plan is not shown" in refused["diagnostics"][0]["message"]
+    assert page.read_bytes() == before
+    assert called("report", trace, "--force")["repeated"] is False
+    assert "scene" not in model_in(page)
+    assert called("report", trace)["repeated"] is False, "a page that shows as much is replaced"
+
+
 def test_a_scripted_run_has_no_world(tmp_path: Path) -> None:
     async def wait() -> None:
         await sleep(2)
