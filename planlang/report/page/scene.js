@@ -116,9 +116,8 @@ const scene = {
       const made = new three.BufferGeometry();
       made.setAttribute("position", new three.BufferAttribute(points, 3));
       made.setIndex(new three.BufferAttribute(corners, 1));
-      const flat = made.toNonIndexed();
-      flat.computeVertexNormals();
-      return flat;
+      made.computeVertexNormals();  // vertices are repeated where faces meet in an edge
+      return made;
     });
   },
   aim(three) {
