@@ -68,7 +68,8 @@ const floorPlan = {
     this.robot = svg("g");
     this.names = svg("g");
     this.places = svg("g", { class: "places" });
-    this.view.append(this.way, this.ghosts, this.chosen, this.robot, this.names, this.places);
+    this.tips = svg("g");  // over names, for grasp candidates are where a name is
+    this.view.append(this.places, this.way, this.ghosts, this.chosen, this.robot, this.names, this.tips);
     this.move(clock.time);
   },
   closer(event) {
@@ -153,8 +154,8 @@ const floorPlan = {
   show(question) {
     if (question === this.question) return;
     this.question = question;
-    const points = [], chosen = [];
-    for (const [cloud, size] of question ? [[question.bases, 2.6], [question.hands, 4]] : []) {
+    const bases = [], tips = [], chosen = [];
+    for (const [cloud, size, points] of question ? [[question.bases, 2.6, bases], [question.hands, 4, tips]] : []) {
       for (const [number, x, y] of cloud.points) {
         const [a, b] = this.at(x, y);
         const { text } = cloud.reasons[number];  // what was accepted is smaller: it leaves others at the same place in view
@@ -166,7 +167,8 @@ const floorPlan = {
       chosen.push(svg("circle", { class: "chosen", cx: x, cy: y, r }),
         svg("line", { class: "chosen", x1: x, y1: y, x2: x + r * Math.cos(yaw), y2: y - r * Math.sin(yaw) }));
     }
-    this.places.replaceChildren(...points);
+    this.places.replaceChildren(...bases);
+    this.tips.replaceChildren(...tips);
     this.chosen.replaceChildren(...chosen);
     this.explain(question);
   },
