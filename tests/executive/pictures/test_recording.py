@@ -71,7 +71,7 @@ def test_a_recording_has_lanes_graphs_truth_belief_and_candidates(recorded: Path
             "/truth/bodies/bottle1",
             "/truth/bodies/patient1\\ limb4",
             "/truth/robot/grippoint_right",
-            "/truth/walls/room1",
+            "/truth/bodies/room1",
         ),
         *("/belief/bodies/bottle1", "/belief/bodies/bedside_table1"),
         *("/candidates/base\\ poses/accepted", "/candidates/base\\ poses/out\\ of\\ reach"),
