@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from executive.pictures.drawn import Drawn, Mesh, Shape
 from executive.pictures.pose_track import Tracks
 from executive.pictures.solids import vertex_normals
-from planlang.geometry import Pose
+from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import moved, rotated
 from planlang.geometry.shapes import SolidKind
 from planlang.records import dataclass
@@ -164,9 +164,14 @@ def _mesh(meshes: Sequence[tuple[Shape, Mesh]]) -> rerun.Mesh3D:
     every = np.concatenate(colours)
     is_plain = bool((every == every[0]).all())
     return rerun.Mesh3D(
-        vertex_positions=np.concatenate(points).astype(np.float32),
-        vertex_normals=np.concatenate(normals).astype(np.float32),
+        vertex_positions=_rounded(np.concatenate(points), 12),
+        vertex_normals=_rounded(np.concatenate(normals), 5),
         triangle_indices=np.concatenate(triangles).astype(np.uint32),
         vertex_colors=None if is_plain else every,
         albedo_factor=every[0] if is_plain else None,
     )
+
+
+def _rounded(values: Array, bits: int) -> NDArray[np.float32]:
+    """Return values to so many binary places: zeros at the ends of numbers are what compression finds most of."""
+    return np.ldexp(np.round(np.ldexp(values, bits)), -bits).astype(np.float32)
