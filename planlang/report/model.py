@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import field
 from typing import TYPE_CHECKING, Any
@@ -18,6 +19,9 @@ from planlang.runs.run_tree import RunTree
 if TYPE_CHECKING:
     from planlang.compiler.drawing.task_graph import TaskGraph
 
+NEAR = 5
+"""Lines of a plan, from the one that names ``at_location`` on, in which its location stands."""
+_RELATION = re.compile(r"([a-z_]+)\(")
 SCHEMA = 1
 """Version of the model."""
 
@@ -122,9 +126,14 @@ def _graph(graph: TaskGraph) -> dict[str, Any]:
 
 
 def _places(tree: RunTree, plan: Source | None) -> dict[int, int]:
-    """Return the line of the plan for constructs at a location: a function comes to its places in their order."""
+    """Return the line of the plan for constructs at a location: a function comes to its places in their order.
+
+    Recoveries and process modules come to places, too, of which the plan says nothing: a line has to name a relation
+    of the location close behind it.
+    """
     found: dict[int, int] = {}
     known: dict[int, list[object]] = {}
+    rows = [] if plan is None else plan.text.splitlines()
     for number, node in tree.numbered.items():
         around = node.parent
         while around is not None and not any(one.event == "plan" for one in around.happened) and around.kind != "plan":
@@ -132,10 +141,17 @@ def _places(tree: RunTree, plan: Source | None) -> dict[int, int]:
         lines = plan.places.get(around.name.partition("#")[0], ()) if plan is not None and around is not None else ()
         if node.kind != "at_location" or around is None or not lines:
             continue
+        text = str(node.parameters.get("location"))
+        relations = _RELATION.findall(text)
+        fitting = [
+            line for line in lines if any(f"{one}=" in row for row in rows[line - 1 :][:NEAR] for one in relations)
+        ]
+        if not fitting:
+            continue
         seen = known.setdefault(around.number, [])
-        if (text := node.parameters.get("location")) not in seen:
+        if text not in seen:
             seen.append(text)
-        found[number] = lines[min(seen.index(text), len(lines) - 1)]
+        found[number] = fitting[min(seen.index(text), len(fitting) - 1)]
     return found
 
 
