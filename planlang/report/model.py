@@ -143,8 +143,11 @@ def _places(tree: RunTree, plan: Source | None) -> dict[int, int]:
             continue
         text = str(node.parameters.get("location"))
         relations = _RELATION.findall(text)
+        ends = [min(line + NEAR, after) for line, after in zip(lines, [*lines[1:], len(rows) + 1], strict=True)]
         fitting = [
-            line for line in lines if any(f"{one}=" in row for row in rows[line - 1 :][:NEAR] for one in relations)
+            line
+            for line, end in zip(lines, ends, strict=True)
+            if any(f"{one}=" in row for row in rows[line - 1 : end - 1] for one in relations)
         ]
         if not fitting:
             continue

@@ -8,14 +8,15 @@ import json
 import re
 import time
 from collections.abc import Iterator
+from functools import partial
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from planlang import Recovery, par, perform, plan, sleep
-from planlang.designators import action
+from planlang import Recovery, at_location, par, perform, plan, sleep
+from planlang.designators import a_location, action, an_object
 from planlang.diagnostics import note
 from planlang.failures import GraspMissed, HandoverNotTaken, MissingCapability, ObjectNotFound
 from planlang.report import Context, Told, model_of, page
@@ -128,6 +129,25 @@ def test_a_step_has_its_lines_in_plan_and_words_of_names() -> None:
     assert plan_source("p.py", "no python (").lines == {}
     assert words("MoveBaseToGraspPose#2") == "move base to grasp pose"
     assert words("OpenTVSet") == "open TV set"
+
+
+VISIT = """
+async def visit():
+    await at_location(a_location(visible_from=CUP), sleep_there)
+    await at_location(a_location(in_reach_of=CUP), sleep_there)
+"""
+
+
+@plan
+async def visit() -> None:
+    for relation in ("in_reach_of", "on"):
+        await at_location(a_location(**{relation: an_object("Cup")}), partial(sleep, 1))
+
+
+def test_a_place_has_the_line_that_names_its_relation_and_none_where_no_line_does() -> None:
+    model = model_of(Told.of(run_plan(visit).events), Context(plan_source("p.py", VISIT)))
+    places = {node["text"].partition("(")[0]: node.get("lines") for node in named(model, "at_location")}
+    assert places == {"in_reach_of": [[0, 4]], "on": None}
 
 
 @pytest.mark.parametrize(
