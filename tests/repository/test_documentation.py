@@ -79,7 +79,7 @@ def fitted(shown: str, real: str) -> str:
 
 def prepare(command: str, folder: Path, corpus: Path) -> bool:
     """Put what a command reads into its folder: a trace, real OWL files; False when these are not at hand."""
-    if command.startswith("replay") and not (folder / "run.jsonl").exists():
+    if command.startswith(("replay", "report")) and not (folder / "run.jsonl").exists():
         output("run serve_a_drink --trace run.jsonl", folder)
     if command.startswith("sweep-merge") and not (folder / "first.jsonl").exists():
         output("sweep serve_a_drink --worlds 2 --shard 1/2 --out first.jsonl", folder)
