@@ -5,7 +5,7 @@ Kinematic: nothing has mass, nothing is pushed.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -23,7 +23,7 @@ from sim.falling import Falling
 from sim.leaves import Leaves, Led
 from sim.matter import ON, Matter
 from sim.people import ComfortZone, People, parts_of
-from sim.robot import Look, Robot
+from sim.robot import Robot
 from sim.scene import Body, BodyShape, CameraModel, RobotBody, Scene
 
 NEAR_BY = 0.01
@@ -114,10 +114,6 @@ class KinematicScene:
         """Return the pose of a link frame in the map; ``KeyError`` for an unknown link."""
         self._here()
         return self.robot.link_pose(link)
-
-    def looks(self) -> Mapping[str, Sequence[Look]]:
-        """Return link of the robot -> the primitives that it is seen as."""
-        return self.robot.looks()
 
     def _here(self) -> None:
         if self._bodies.hidden:  # a query was interrupted

@@ -29,11 +29,7 @@ _BALL = np.array([[math.cos(k * math.pi / 8), math.sin(k * math.pi / 8), 0.0] fo
 """Points on a level circle of radius 1."""
 Shape = tuple[str, tuple[float, float, float], Pose]
 """Kind, extents [m] and pose of a primitive."""
-Look = tuple[str, tuple[float, float, float], Pose, tuple[float, float, float, float] | None]
-"""The same with its colour, if it has one."""
 
-_WHITE = (1.0, 1.0, 1.0, 1.0)
-"""PyBullet's colour of links without one."""
 
 Numbers = slice | Sequence[int] | NDArray[np.intp]
 """Numbers of solid links, as a row index."""
@@ -358,21 +354,6 @@ class Robot:
             return ((SolidKind.MESH, (x, y, z), Pose.from_matrix(matrix)),)
         kinds = [SolidKind.CYLINDER if one.kind == SolidKind.CAPSULE else one.kind for one in found]
         return tuple((kind, one.size, one.pose) for kind, one in zip(kinds, found, strict=True))
-
-    def looks(self) -> dict[str, list[Look]]:
-        """Return what is seen of each link: its primitives, or, where it is seen as a mesh, its :meth:`shapes`."""
-        found: dict[str, list[Look]] = {}
-        for _, index, kind, dimensions, _, at, turn, color in bullet.getVisualShapeData(
-            self.uid, physicsClientId=self.client
-        ):
-            primitive = _primitive(kind, dimensions)
-            if primitive is not None:
-                look = (*primitive, Pose(at, turn), None if color == _WHITE else color)
-                found.setdefault(self.link_names[index], []).append(look)
-        for number, name in enumerate(self.solid_names):
-            if name not in found:
-                found[name] = [(*shape, None) for shape in self.shapes(number)]
-        return found
 
     def hulls(self, number: int) -> list[ConvexSolid]:
         """Return the convex shapes of a solid link, in the link's frame."""
