@@ -3,10 +3,11 @@
 # make test-long   tests that take long, up to minutes, beside shorter ones of the same; all random examples
 # make mutants the kernel broken on purpose, and what notices            make coverage   branches that no test takes
 # make bench   measurements            make seeds   the bundled recipe in 30 worlds that are not as the map says
-# make homes   everyday tasks in homes drawn at random, by four robots, with the table of docs/homes.md: three hours
+# make homes   everyday tasks in homes drawn at random, by four robots, with the table of docs/reference/homes.md: three hours
 #              SERIES=acceptance for the homes that follow from the commit; a series that was stopped goes on
 # make maps    the reachability maps of the bundled robots, after a change of their URDF or of how maps are made
 # make processors   the bundled recipe as other processors would run it, ten seeds: the same decisions
+# make docs    the documentation as pages in build/docs/VERSION; fails on a link that leads nowhere
 # make counts  lines, files, modules of a run, import circles, names that exist twice
 # make fuzz    broken files; FUZZ_SECONDS=1800 for half an hour, FUZZ_SEED=7 for other cases
 # make bench-locations   how places are found, beside samplers and other inverse kinematics, judged by PyBullet;
@@ -31,7 +32,7 @@ PYTEST_ARGS ?=
 # Tests and measurements start hundreds of processes; each would compile all modules anew where the variable is set.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help demo test test-long lint counts bench bench-locations coverage mutants seeds homes processors fuzz maps clean
+.PHONY: help demo test test-long lint docs docs-links counts bench bench-locations coverage mutants seeds homes processors fuzz maps clean
 
 help:
 	@sed -n 's/^# //p' Makefile
@@ -89,6 +90,21 @@ lint: $(VENV)/.dev-stamp
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
+$(VENV)/.docs-stamp: $(VENV)/.run-stamp
+	@echo "installing what builds the documentation into $(VENV)"
+	@$(INSTALL) '.[docs]'
+	@touch $@
+
+# A folder for each version, so that pages of earlier ones stay where links lead.
+DOCS = build/docs/$(shell $(BIN)/python -c 'import tomllib; print(tomllib.load(open("pyproject.toml", "rb"))["project"]["version"])')
+docs: $(VENV)/.docs-stamp
+	$(BIN)/sphinx-build -n -W --keep-going -q --builder html docs $(DOCS)
+	@echo "open $(DOCS)/index.html"
+
+# Links to other sites; needs a network.
+docs-links: $(VENV)/.docs-stamp
+	$(BIN)/sphinx-build -n -W --keep-going -q --builder linkcheck docs build/linkcheck
+
 counts: $(VENV)/.dev-stamp
 	@$(BIN)/python tests/counts.py
 
@@ -136,7 +152,7 @@ processors: $(VENV)/.dev-stamp
 
 SERIES ?= development
 homes: $(VENV)/.pr2-stamp
-	$(BIN)/python -m tests.benchmarks.homes series $(SERIES) --jobs $(JOBS) --docs docs/homes.md
+	$(BIN)/python -m tests.benchmarks.homes series $(SERIES) --jobs $(JOBS) --docs docs/reference/homes.md
 
 fuzz: $(VENV)/.dev-stamp
 	$(BIN)/python tests/fuzz/run.py --seconds $(FUZZ_SECONDS) --seed $(FUZZ_SEED) --jobs $(JOBS)

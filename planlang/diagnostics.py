@@ -71,7 +71,7 @@ Suggestion = Rename | Order | Declaration
 
 @dataclass(frozen=True, slots=True)
 class Diagnostic:
-    """One message about the user's input. ``code`` stands in docs/codes.md.
+    """One message about the user's input. ``code`` stands in docs/reference/codes.md.
 
     ``suggestion`` is what the help says as a change of the file, where that can be said so.
     """

@@ -52,7 +52,7 @@ class Meaning:
 
     sense: Sense
     text: str
-    """The same for people, as docs/locations.md shows it."""
+    """The same for people, as docs/guides/locations.md shows it."""
     bounds: Bounds | None = None
     """Distances unless the location states others; None for what has no distance."""
 

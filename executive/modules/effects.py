@@ -327,7 +327,7 @@ class ModuleWithEffects(WrappedModule):
         if not self._effects.untouched():
             raise PlanStructureError(
                 f"process module {self.name} has changed what there is, which only declared effects do: state an "
-                "ObjectChange by the class of its actions (docs/modules.md)"
+                "ObjectChange by the class of its actions (docs/guides/modules.md)"
             )
         there = self._effects.lying(action)
         self._effects.apply(action, physical=self.physical, by_hand=self.by_hand)

@@ -8,9 +8,9 @@ it are taken out of J; the step is clipped, then the joints.
 A function is applied to many rows at once on casadi's virtual machine (:class:`RowFunction`): nothing is compiled. That
 machine takes about 8 ns for an instruction on numbers, and about 80 ns and 1 ns a row for one on vectors. So for many
 rows the same instructions are written down once more, on vectors: a step of inverse kinematics of an arm of 8 joints
-(1,238 instructions) then takes 1.2 us a row instead of 10 us, little more than compiled C (docs/benchmarks.md). Each
-row passes through the same operations in the same order in both, so that its result does not depend on how many rows
-there are.
+(1,238 instructions) then takes 1.2 us a row instead of 10 us, little more than compiled C
+(docs/reference/benchmarks.md). Each row passes through the same operations in the same order in both, so that its
+result does not depend on how many rows there are.
 """
 
 from __future__ import annotations

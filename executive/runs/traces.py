@@ -231,7 +231,7 @@ def _repeatable(repetition: Repetition, span: Span, *, looks_on: bool) -> Repeti
         raise BadInput([error("X023", message, Span(recorded.name, line.number), advice)])
     if (line := repetition.lost) is not None:
         message = f"a result from outside does not survive JSON, and must not be asked for again: {line.record['lost']}"
-        advice = "let calls in threads and modules that work once return what JSON can hold (docs/resuming.md)"
+        advice = "let calls in threads and modules that work once return what JSON can hold (docs/guides/resuming.md)"
         raise BadInput([error("X024", message, Span(recorded.name, line.number), advice)])
     return repetition
 

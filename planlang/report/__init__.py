@@ -2,8 +2,8 @@
 
 General layout: ``tree`` (nodes and lanes of a run), ``failures`` (why something failed, and what was tried), ``story``
 (the run in sentences), ``sources`` (lines of plan and recipe), ``graph`` (the recipe's steps), ``model`` (all of it as
-one JSON object, docs/report.md), ``html`` (the file, from ``page/``). Whoever has a world adds scene, map and poses:
-``executive.report``.
+one JSON object, docs/guides/report.md), ``html`` (the file, from ``page/``). Whoever has a world adds scene, map and
+poses: ``executive.report``.
 """
 
 from planlang.report.html import page

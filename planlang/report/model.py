@@ -1,4 +1,4 @@
-"""All that a page shows of a run, as one JSON object: docs/report.md says what its keys mean."""
+"""All that a page shows of a run, as one JSON object: docs/guides/report.md says what its keys mean."""
 
 from __future__ import annotations
 

@@ -7,7 +7,8 @@ import re
 from typing import Any
 
 SAME = 1e-9
-"""Difference up to which numbers are equal: processors differ by 1e-14 (docs/trace.md), decisions by 1e-6 or more."""
+"""Difference up to which numbers are equal: processors differ by 1e-14, decisions by 1e-6 or more
+(docs/reference/trace.md)."""
 _DECIMAL = re.compile(r"-?\d+\.\d+(?:e-?\d+)?")
 
 

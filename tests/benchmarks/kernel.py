@@ -4,7 +4,7 @@ Repetitions of all libraries take turns, so that a slow moment of the machine hi
 run with the collector's threshold that the kernel sets for itself. A library that has no such thing gets a dash.
 
     python tests/benchmarks/kernel.py              the table on the terminal
-    python tests/benchmarks/kernel.py --markdown   the table as it stands in docs/benchmarks.md
+    python tests/benchmarks/kernel.py --markdown   the table as it stands in docs/reference/benchmarks.md
     python tests/benchmarks/kernel.py --check      exit 1 where a bound is missed (generous: for continuous integration)
 """
 

@@ -1,4 +1,4 @@
-"""A real recipe for pancakes with the module of docs/cooking.md: run, replayed and resumed by the command."""
+"""A real recipe for pancakes with the module of docs/guides/cooking.md: run, replayed and resumed by the command."""
 
 from __future__ import annotations
 

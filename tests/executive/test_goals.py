@@ -20,7 +20,7 @@ from tests.repository.test_documentation import shown_outputs
 from tests.support.extras import skip_without_pr2
 from tests.support.scenarios import CORPUS, Scenario, judged, scenarios
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "recipes.md"
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "guides" / "recipes.md"
 SHOWN = [shlex.split(command) for command in shown_outputs()]
 OTHERS = [one for one in scenarios().values() if not any(map(one.is_run_by, SHOWN))]
 MARKED = [pytest.param(one, id=one.name, marks=() if one.is_quick else pytest.mark.long) for one in OTHERS]

@@ -1,4 +1,4 @@
-"""The example of docs/modules.md works as the page says."""
+"""The example of docs/guides/modules.md works as the page says."""
 
 import re
 import subprocess
@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from executive.cli.app import app
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "modules.md"
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "guides" / "modules.md"
 WHERE = ("--robot", "amigo", "--environment", "hospital_room")
 
 

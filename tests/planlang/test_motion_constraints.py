@@ -31,7 +31,7 @@ BLADE = a_feature("LINE", of=SPATULA, position=(0.0, 0.0, 0.0475), direction=(0.
 CENTRE = a_feature("POINT", of=PAN, position=(0.0, 0.0, 0.0))
 DESCRIBED = a_feature(of=SPATULA, path=("SpatulaBlade", "FrontSide"), held_by=a_device("LeftArm"))
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "constraints.md"
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "constraints.md"
 
 limits = st.none() | st.floats(-3, 3)
 features = st.sampled_from([TOP, BLADE, DESCRIBED])

@@ -20,7 +20,7 @@ from executive.runs.options import RunOptions, RunResult
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 README = CHECKOUT / "README.md"
-PAGES = {page.name: page.read_text(encoding="utf-8") for page in (README, *sorted(CHECKOUT.glob("docs/*.md")))}
+PAGES = {page.name: page.read_text(encoding="utf-8") for page in (README, *sorted(CHECKOUT.glob("docs/**/*.md")))}
 OF_THEIR_OWN = ("knowledge.md", "locations.md")
 """Pages whose outputs another test compares."""
 PACKAGES = ("planlang", "executive", "sim")
@@ -204,12 +204,12 @@ def test_every_code_that_the_program_says_is_explained_and_every_explained_code_
     for package in PACKAGES:
         for path in sorted((CHECKOUT / package).rglob("*.py")):
             said.update(re.findall(r'"([A-Z]\d{3})"', path.read_text("utf-8")))
-    assert sorted(said - set(CODES)) == [], "said, not explained in docs/codes.md"
+    assert sorted(said - set(CODES)) == [], "said, not explained in docs/reference/codes.md"
     assert sorted(set(CODES) - said) == [], "explained, never said"
 
 
 def test_every_file_and_folder_that_a_page_names_is_there() -> None:
-    for page in (README, CHECKOUT / "CONTRIBUTING.md", CHECKOUT / "SECURITY.md", *CHECKOUT.glob("docs/*.md")):
+    for page in (README, CHECKOUT / "CONTRIBUTING.md", CHECKOUT / "SECURITY.md", *CHECKOUT.glob("docs/**/*.md")):
         text = page.read_text(encoding="utf-8")
         links = {link.partition("#")[0] for link in re.findall(r"\]\(([^)\s]+)\)", text) if "://" not in link}
         assert [link for link in sorted(links) if link and not (page.parent / link).exists()] == [], page.name
@@ -247,7 +247,7 @@ def rewrite() -> None:
             real = output(command, Path(folder))
         return block.group() if agrees(shown, real) else f"```console\n$ planlang {command}\n{fitted(shown, real)}```"
 
-    for page in (README, *CHECKOUT.glob("docs/*.md")):
+    for page in (README, *CHECKOUT.glob("docs/**/*.md")):
         if page.name not in OF_THEIR_OWN:
             page.write_text(BLOCK.sub(renewed, PAGES[page.name]), encoding="utf-8")
 

@@ -1,4 +1,4 @@
-"""Writes the pictures of docs/report.md anew: ``python tests/support/report_pictures.py``; needs Chromium."""
+"""Writes the pictures of docs/guides/report.md anew: ``python tests/support/report_pictures.py``; needs Chromium."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def main() -> None:
             ("report_failed.png", "failed.html", "light", ()),
             ("report_failed_dark.png", "failed.html", "dark", ("Map",)),
         ):
-            picture(browser, folder / page, scheme, *actions).save(CHECKOUT / "docs" / file, optimize=True)
+            picture(browser, folder / page, scheme, *actions).save(CHECKOUT / "docs" / "images" / file, optimize=True)
 
 
 if __name__ == "__main__":

@@ -186,7 +186,7 @@ def _performers_to_add(checked: CheckedRecipe, cls: str) -> str:
     for known in map(local_name, checked.ontology.ancestors(cls)):
         if not actions.is_any(expand(known)) and (misspelt := similar(known, sorted(actions.performed()), least=SURE)):
             return f"a process module performs `{misspelt[0]}`: did you mean `{known}` in its actions?"
-    return f"register a process module for {module} (docs/modules.md), or add sub-actions{below}"
+    return f"register a process module for {module} (docs/guides/modules.md), or add sub-actions{below}"
 
 
 def _without_number(iri: str) -> str:

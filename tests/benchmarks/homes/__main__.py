@@ -1,8 +1,8 @@
 """Everyday tasks in homes that are drawn at random: how many reach their goal, by template and robot.
 
 python -m tests.benchmarks.homes run --robots amigo,pr2 --seeds 0:3 [--templates fetch,beside] [--out ROWS]
-python -m tests.benchmarks.homes series acceptance [--docs docs/homes.md]
-python -m tests.benchmarks.homes table ROWS... [--docs docs/homes.md]
+python -m tests.benchmarks.homes series acceptance [--docs docs/reference/homes.md]
+python -m tests.benchmarks.homes table ROWS... [--docs docs/reference/homes.md]
 python -m tests.benchmarks.homes write FOLDER --robots pr2 --seeds 0:1 --templates fetch
 python -m tests.benchmarks.homes witness --robots pr2 --seeds 0:1 --templates fetch
 """

@@ -347,7 +347,7 @@ def test_a_thing_keeps_the_relation_and_then_it_holds(location: Location, room: 
 
 
 CHECKOUT = Path(__file__).resolve().parents[3]
-FILE = CHECKOUT / "docs" / "locations.md"
+FILE = CHECKOUT / "docs" / "guides" / "locations.md"
 PAGE = FILE.read_text(encoding="utf-8")
 BLOCK = re.compile(r"```console\n\$ planlang (.+)\n((?:(?!```).*\n)*)```")
 FOUND = [match.groups() for match in BLOCK.finditer(PAGE)]
@@ -379,7 +379,7 @@ TABLES = {"table of relations": relations, "table of forms": forms}
 def shown(title: str) -> str:
     """Return what stands between the marks of a table."""
     found = re.search(rf"<!-- {title} -->\n(.*?)<!-- end -->", PAGE, re.DOTALL)
-    assert found, f"docs/locations.md has no {title}"
+    assert found, f"docs/guides/locations.md has no {title}"
     return found[1].strip()
 
 

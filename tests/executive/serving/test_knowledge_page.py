@@ -14,7 +14,7 @@ import pytest
 from tests.repository.test_documentation import BLOCK, CHECKOUT, agrees, fitted, output, prepare, shape
 from tests.support.servers import running_server
 
-PAGE = CHECKOUT / "docs" / "knowledge.md"
+PAGE = CHECKOUT / "docs" / "guides" / "knowledge.md"
 SHOWN_URL = "https://knowledge.example.org"
 """The server's address in outputs on the page."""
 WITHOUT_END = "serve "

@@ -37,7 +37,7 @@ def test_the_warning_names_the_module_the_recipe_and_the_class_nearby(compiled: 
     found = [one for one in plan.diagnostics if one.code == "R021"]
     assert {one.severity for one in found} == {Severity.WARNING}
     said = {one.message.split("`")[1]: one.help for one in found}
-    assert said["StirSoup"] == "register a process module for `StirSoup` (docs/modules.md), or add sub-actions"
+    assert said["StirSoup"] == "register a process module for `StirSoup` (docs/guides/modules.md), or add sub-actions"
     assert "a process module for `Mixing2` or `Mixing` or" in said["Mixing2"]
     assert said["Reaching2"].endswith("or add sub-actions, or place it below `Reaching`")
 

@@ -1,4 +1,4 @@
-"""The examples of docs/language.md and docs/resuming.md run as they are written there."""
+"""The examples of docs/reference/language.md and docs/guides/resuming.md run as they are written there."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from planlang import failures
 from planlang.runs.recorded_run import BOOKKEEPING
 from tests.support.codes import CODES
 
-PAGE = Path(__file__).resolve().parents[3] / "docs" / "language.md"
+PAGE = Path(__file__).resolve().parents[3] / "docs" / "reference" / "language.md"
 
 
 def test_the_examples_of_the_page_hold() -> None:
@@ -67,11 +67,11 @@ def test_every_function_of_the_language_stands_in_the_page() -> None:
     page = PAGE.read_text(encoding="utf-8")
     names = [name for name in planlang.__all__ if name.islower()]
     missing = [name for name in [*names, "changed", "pulsed", "post"] if not re.search(rf"\b{name}\b", page)]
-    # descriptions are in docs/locations.md and in compiled plans, the others in docs/modules.md and docs/sweeping.md
+    # descriptions are in docs/guides/locations.md and in compiled plans, the others in modules.md and sweeping.md there
     assert sorted(missing) == ["a_device", "a_person", "process_module", "sweep"]
 
 
-RESUMING = (Path(__file__).resolve().parents[3] / "docs" / "resuming.md").read_text(encoding="utf-8")
+RESUMING = (Path(__file__).resolve().parents[3] / "docs" / "guides" / "resuming.md").read_text(encoding="utf-8")
 
 
 def test_the_examples_of_resuming_hold() -> None:

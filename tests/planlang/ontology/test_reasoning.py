@@ -146,7 +146,7 @@ def test_owlready_has_what_was_loaded_and_repaired(tmp_path: Path) -> None:
 @pytest.mark.long
 @needs_reasoner
 def test_the_page_shows_what_the_reasoner_finds() -> None:
-    page = (CHECKOUT / "docs" / "knowledge.md").read_text(encoding="utf-8")
+    page = (CHECKOUT / "docs" / "guides" / "knowledge.md").read_text(encoding="utf-8")
     (shown,) = re.findall(r"```text\n\$ planlang (check .* --reason)\n(.+?)```", page, flags=re.DOTALL)
     assert agrees(shape(shown[1]), shape(output(shown[0], CHECKOUT)))
 
@@ -154,7 +154,7 @@ def test_the_page_shows_what_the_reasoner_finds() -> None:
 def test_the_example_for_owlready_runs(capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("owlready2")
     example = CHECKOUT / "docs" / "examples" / "in_owlready.py"
-    page = (CHECKOUT / "docs" / "knowledge.md").read_text(encoding="utf-8")
+    page = (CHECKOUT / "docs" / "guides" / "knowledge.md").read_text(encoding="utf-8")
     (shown,) = re.findall(r"```text\n(from planlang.+?)```", page, flags=re.DOTALL)
     assert shown in example.read_text(encoding="utf-8")
     runpy.run_path(str(example))

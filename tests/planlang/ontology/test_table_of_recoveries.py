@@ -1,4 +1,4 @@
-"""The tables of docs/recoveries.md are those of ontologies/recovery.omn: running this file writes them."""
+"""The tables of docs/guides/recoveries.md are those of ontologies/recovery.omn: running this file writes them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 from planlang.files import bundled
 from planlang.ontology import Ontology, load, shorten
 
-PAGE = Path(__file__).resolve().parents[3] / "docs" / "recoveries.md"
+PAGE = Path(__file__).resolve().parents[3] / "docs" / "guides" / "recoveries.md"
 
 
 def words(ontology: Ontology, individual: str, fact: str) -> str:

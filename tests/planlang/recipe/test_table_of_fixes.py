@@ -1,4 +1,4 @@
-"""The codes that have fixes, and their table in docs/fixes.md."""
+"""The codes that have fixes, and their table in docs/reference/fixes.md."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def test_fixes_are_of_the_codes_that_say_so(path: Path) -> None:
     assert {fix.code for fix in found.unaccepted} <= {*ACCEPTABLE}
 
 
-FILE = Path(__file__).resolve().parents[3] / "docs" / "fixes.md"
+FILE = Path(__file__).resolve().parents[3] / "docs" / "reference" / "fixes.md"
 
 
 PAGE = FILE.read_text(encoding="utf-8")

@@ -54,7 +54,7 @@ def test_the_extra_test_brings_the_plugins_that_a_checkout_loads_and_the_pages_n
     assert loaded == ["xdist", "_hypothesis_pytestplugin", "planlang.testing.plugin", "pytester"]
     brought = {name.partition(">")[0] for name in project["project"]["optional-dependencies"]["test"]}
     assert brought == {"pytest", "pytest-xdist", "hypothesis"}
-    for page in ("README.md", "docs/testing.md"):
+    for page in ("README.md", "docs/guides/testing.md"):
         assert ".venv/bin/pip install --editable '.[test]'" in (CHECKOUT / page).read_text(encoding="utf-8")
 
 
@@ -203,7 +203,7 @@ def test_an_error_of_planlang_itself_is_shown_with_all_its_frames(
 
 def test_the_example_of_the_documentation_is_the_file_that_runs_and_short() -> None:
     example = (CHECKOUT / "tests" / "examples" / "test_serving.py").read_text(encoding="utf-8")
-    assert f"```python\n{example}```" in (CHECKOUT / "docs" / "testing.md").read_text(encoding="utf-8")
+    assert f"```python\n{example}```" in (CHECKOUT / "docs" / "guides" / "testing.md").read_text(encoding="utf-8")
     assert len(example.splitlines()) < 60
 
 
