@@ -205,8 +205,8 @@ def read_transform(ontology: Ontology, iri: str, found: list[Diagnostic]) -> Arr
     """Return the homogeneous (4, 4) matrix that an individual states, repaired to a rigid one; lengths in metres.
 
     Understands RotationMatrix3D with m00..m23 (the last row is not needed), and ``translation "x y z"`` with
-    ``heading`` (degrees about the z axis) or ``quaternion "x y z w"``. None, with a warning in ``found``, if numbers are
-    missing or not finite.
+    ``heading`` (degrees about the z axis) or ``quaternion "x y z w"``. None, with a warning in ``found``, if numbers
+    are missing or not finite.
     """
     if stated(ontology, iri, "m00") or stated(ontology, iri, "m03"):
         return _from_entries(ontology, iri, found)
