@@ -52,7 +52,7 @@ from executive.runs.plan_files import (
     stated_waiting,
     without_module,
 )
-from executive.runs.remedies import absent, command_of
+from executive.runs.remedies import able_robots, absent_things, command_of
 from executive.runs.settings import stated
 from executive.runs.traces import check_same_run, different, earlier_of, recorded_parameters, sha256
 from executive.runs.written import WatchedWorld, Written, bodies_of
@@ -176,6 +176,8 @@ class Run:
         found += (*robot.diagnostics, *assessment.notes(options.plan), *blind)
         self._shown = partial(self._context, asked, tuple(found), blind, bool(assessment.missing))
         found += notes
+        if self._lacks(assessment):
+            found += able_robots(options, lambda one: not self._assessed(asked, one).missing)
         options.announce(found)
         if self._lacks(assessment):
             return self._refused(assessment.missing)
@@ -321,7 +323,7 @@ class Run:
                     failures.setdefault(name, failure)
         if failures:
             parameters = plan_parameters(self.plan)
-            raise BadInput([*absent(failures, asked.bound, parameters, asked.map, self.options)])
+            raise BadInput([*absent_things(failures, asked.bound, parameters, asked.map, self.options)])
 
     def _read(self, executive: RobotExecutive) -> frozenset[str]:
         """Return the parameters that the plan reads with the modules of this run."""

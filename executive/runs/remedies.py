@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from executive.maps import MapObject, SemanticMap
 from executive.maps.class_names import is_kind
 from executive.maps.environments import environments_for
+from executive.robots import Robot, bind_robot
 from executive.runs.options import RunOptions
 from executive.runs.parameters import Bound, PlanParameter, things_of
 from executive.runs.settings import in_header
 from planlang.designators import Object, local_name
-from planlang.diagnostics import Diagnostic, error
+from planlang.diagnostics import BadInput, Diagnostic, error, note
 from planlang.failures import AmbiguousPerception, PlanFailure
 from planlang.files import Bundled
 from planlang.ontology import expand
@@ -67,7 +68,7 @@ def _named(path: Path, kind: Bundled, folders: bool) -> str:
     return str(path) if folders else path.name
 
 
-def absent(
+def absent_things(
     failures: Mapping[str, PlanFailure],
     bound: Mapping[str, Bound],
     parameters: Mapping[str, PlanParameter],
@@ -100,6 +101,22 @@ def absent(
             added = _command(replace(options, additions=(*options.additions, Path("MAP"))), options.bindings or {})
             advice = f"where MAP has a {local_name(cls)} with its pose (docs/formats.md): {added}"
         yield error("X031", str(failure), help=advice)
+
+
+def able_robots(options: RunOptions, can: Callable[[Robot], bool]) -> Iterator[Diagnostic]:
+    """Yield a note with the command for another robot of those that are bundled, if there are some that can."""
+    able = []
+    for name in Bundled.ROBOT.names():
+        file = Bundled.ROBOT.find(name)
+        try:
+            if file != options.robot and can(bind_robot(file, folders=options.ontologies)):
+                able.append(name)
+        except BadInput:  # the extra with its shape is not installed, for example
+            continue
+    if able:
+        other = replace(options, robot=Bundled.ROBOT.find(able[0]), urdf=None, start=None)
+        command = _command(other, options.bindings or {}) + _others(able)
+        yield note("X032", f"{', '.join(able)} lack{'s' if len(able) == 1 else ''} nothing for the plan", help=command)
 
 
 def _command(options: RunOptions, bindings: Mapping[str, str]) -> str:

@@ -289,6 +289,8 @@ def test_a_robot_without_a_gripper_lacks_a_capability(tmp_path: Path) -> None:
     found = answer("run", "serve_a_drink", "--robot", robot, "--urdf", urdf)
     assert (found["exit_code"], found["failure"]) == (3, ["MissingCapability"])
     assert "MissingCapability: capability GripperMotionCapability: " in found["outcome"]
+    (able,) = (one for one in found["diagnostics"] if one["code"] == "X032")
+    assert able["help"].startswith("planlang run serve_a_drink --robot amigo --environment hospital_room")
 
 
 @pytest.mark.parametrize(
