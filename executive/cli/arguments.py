@@ -134,7 +134,9 @@ class CompileArguments(TaskArguments, VerboseArguments):
     trust: Trust = False
     graph: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Also draw the order of the steps: a .svg, .dot or .mmd (Mermaid) file."),
+        typer.Option(
+            metavar="FILE", help="Also draw the order of the steps: a .svg, .png, .dot or .mmd (Mermaid) file."
+        ),
     ] = None
     scopes: Annotated[bool, typer.Option("--scopes/--no-scopes", help="Open a location scope at each base motion.")] = (
         True

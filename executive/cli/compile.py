@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -14,8 +15,12 @@ from executive.cli.inputs import read_recipe_file, refuse
 from executive.cli.performed import performed_by_modules
 from planlang.compiler import CompiledPlan, compile_recipe
 from planlang.diagnostics import Diagnostic, Span, error
-from planlang.outputs import LONGEST, NO_DATA_FLOW, NO_SCOPES, PlanHeader, check_outputs, header, write_text
+from planlang.outputs import LONGEST, NO_DATA_FLOW, NO_SCOPES, PNG, PlanHeader, check_outputs, header, write_text
+from planlang.outputs import replace as write_complete
 from planlang.plan_versions import backup_path, merge_plan, write_versions
+
+if TYPE_CHECKING:
+    from planlang.compiler.drawing import TaskGraph
 
 
 def command(arguments: CompileArguments) -> Answer:
@@ -45,7 +50,7 @@ def command(arguments: CompileArguments) -> Answer:
     elif output is not None:
         write_versions(output, plan.source, force=force)
     if graph is not None and draw is not None:
-        write_text(graph, draw(plan))
+        draw(plan, graph)
     data: dict[str, Any] = {"task": plan.task, "functions": list(plan.functions)}
     data |= {"graph": str(graph)} if graph is not None else {}
     data |= {"plan": str(output)} if output is not None else {"source": plan.source}
@@ -76,15 +81,30 @@ def _merged_header(arguments: CompileArguments) -> PlanHeader | None:
         return header(file.read(LONGEST))
 
 
-def _drawer(path: Path | None, problems: list[Diagnostic]) -> Callable[[CompiledPlan], str] | None:
+def _drawer(path: Path | None, problems: list[Diagnostic]) -> Callable[[CompiledPlan, Path], None] | None:
     """Return what draws plans in the format of a file; None, with an error in ``problems``, for an unknown format."""
     if path is None:
         return None
     from planlang.compiler import drawing  # most plans are not drawn
 
+    if path.suffix.lower() in PNG:
+        return _draw_picture
     write = drawing.FORMATS.get(path.suffix.lower())
     if write is None:
-        message = f"unknown graph format {path.suffix or path.name}; known: {', '.join(drawing.FORMATS)}"
+        known = ", ".join((*drawing.FORMATS, *PNG))
+        message = f"unknown graph format {path.suffix or path.name}; known: {known}"
         problems.append(error("C014", message, help=f"name a file such as {path.stem or 'graph'}.svg"))
         return None
-    return lambda plan: write(drawing.task_graph(plan.recipes, plan.added, plan.recoveries))
+    return lambda plan, file: write_text(file, write(_graph(plan)))
+
+
+def _draw_picture(plan: CompiledPlan, path: Path) -> None:
+    from executive.pictures.graph_picture import save_graph  # Pillow is slow to import
+
+    write_complete(path, partial(save_graph, _graph(plan)))
+
+
+def _graph(plan: CompiledPlan) -> TaskGraph:
+    from planlang.compiler import drawing
+
+    return drawing.task_graph(plan.recipes, plan.added, plan.recoveries)

@@ -173,7 +173,11 @@ def not_in_map(bound: Mapping[str, Bound], semantic_map: SemanticMap, made: Coll
             continue
         known = _listed([thing.name for thing in fitting])
         names = [name for name, value in bound.items() if value == what]
-        advice = f"--set {names[0]}=NAME says which" if names else "the recipe may name it by its IRI in the map"
+        advice = (
+            f"--set {names[0]}={fitting[0].name} says which"
+            if names
+            else "the recipe may name it by its IRI in the map"
+        )
         yield warning("X029", f"{message}: the nearest {what.type} to the robot is meant, of {known}", help=advice)
 
 
@@ -194,7 +198,7 @@ def _named(
             continue
         known = ", ".join(one.setting for one in parameters.values()) or "none"
         alike = similar(wanted, settings)
-        guess = f"did you mean {alike[0]}? " if alike else ""
+        guess = f"did you mean --set {alike[0]}={text}? " if alike else ""
         problems.append(error("X004", f"the plan has no parameter {wanted!r}", help=f"{guess}its parameters: {known}"))
 
 
@@ -323,7 +327,7 @@ def _fitting(parameter: PlanParameter, semantic_map: SemanticMap, absent: str | 
     alike = similar(short, fitting) or similar(short, placed)
     others = [one for one in placed if one not in fitting]
     if alike:
-        said = f"did you mean {alike[0]}? {said}"
+        said = f"did you mean --set {parameter.setting}={alike[0]}? {said}"
     if fitting and others:
         said += f"; the map also has {_listed(others)}"
     if there := environments_with((absent,)):

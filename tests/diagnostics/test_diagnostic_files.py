@@ -23,7 +23,7 @@ URDF = HERE / "robot.urdf"
 ABOUT_OPTIONS = {"C001", "C004", "C005", "C006", "C008", "C010", "C012", "C013", "C014", "C015", "C016", "C017", "C018",
                  "P008", "P009", "P010", "P011", "X003", "X004", "X005", "X006", "X007", "X009", "X010", "X012", "X013",
                  "C020", "C021", "C030", "C031", "C032", "C033", "X014", "X023", "X024", "X025", "X026", "X027", "X028",
-                 "X029", "X030",
+                 "X029", "X030", "X031", "X032",
                  "C019", "C022", "C023", "C024", "M022", "M023", "M027", "M028", "M032",
                  "O060", "O061", "O062", "O063", "O064"}  # fmt: skip
 """Codes about what was asked for, or about thousands of points; tests/executive triggers them."""

@@ -33,7 +33,7 @@ from planlang import Trace, VirtualHost, a_constraint, a_feature, par, perform, 
 from planlang.designators import action, an_object
 from planlang.diagnostics import BadInput
 from planlang.failures import NavigationGoalNotReached, ObjectUnreachable
-from planlang.files import bundled
+from planlang.files import Bundled, bundled
 from planlang.ontology import load
 from planlang.report import Told
 from planlang.testing import Script, ScriptedExecutive
@@ -149,9 +149,8 @@ def of_corpus(corpus: Path, environment: str) -> RunOptions:
 
 
 def test_a_kitchen_without_a_bottle_says_so_and_lists_what_there_is(corpus: Path) -> None:
-    result = run_plan_file(of_corpus(corpus, "ias_semantic_map@hydro.owl"))
-    assert (result.outcome, result.failure) == (Outcome.FAILED, ("ObjectUnresolvable",))
-    assert "bottle1 (DrinkingBottle) is not in the map; there are" in result.message
+    with pytest.raises(BadInput, match="bottle1 \\(DrinkingBottle\\) is not in the map; there are"):
+        run_plan_file(of_corpus(corpus, "ias_semantic_map@hydro.owl"))
 
 
 @pytest.mark.parametrize(
@@ -227,13 +226,31 @@ def test_a_room_without_free_floor_has_no_place_to_start(tmp_path: Path) -> None
 # Maps that do not fit
 
 
-def test_a_map_without_a_bottle_fails_with_what_there_is(tmp_path: Path) -> None:
+def test_a_map_without_a_bottle_is_refused_with_what_there_is(tmp_path: Path) -> None:
     frames = MAP.split("\n\n")
     path = tmp_path / "map.omn"
     path.write_text("\n\n".join(f for f in frames if "bottle1" not in f.split("\n")[0]), encoding="utf-8")
-    result = run_plan_file(replace(BUNDLED, environment=path))
-    assert (result.outcome, result.failure) == (Outcome.FAILED, ("ObjectUnresolvable",))
-    assert "patient1" in result.message, "it lists what there is"
+    with pytest.raises(BadInput, match=r"X031 bottle1 .* there are .*patient1"):
+        run_plan_file(replace(BUNDLED, environment=path))
+
+
+@pytest.mark.parametrize(
+    ("environment", "changes", "said"),
+    [
+        (None, (("knowrob:Patient", "knowrob:Person"), ("patient1", "guest7")), "--set patient=guest7"),
+        ("day_room", (), "--environment hospital_room (or visiting_hours)"),
+    ],
+    ids=["a person of another class", "a bundled room without persons"],
+)
+def test_what_would_do_is_a_command(
+    tmp_path: Path, environment: str | None, changes: tuple[tuple[str, str], ...], said: str
+) -> None:
+    path = changed_map(tmp_path, *changes) if environment is None else Bundled.ENVIRONMENT.find(environment)
+    with pytest.raises(BadInput) as caught:
+        run_plan_file(replace(BUNDLED, environment=path))
+    (problem,) = caught.value.diagnostics
+    where = f"--environment {path} " if environment is None else ""
+    assert (problem.code, problem.help) == ("X031", f"planlang run serve_a_drink --robot amigo {where}{said}")
 
 
 def test_a_bottle_outside_the_room_cannot_be_reached(tmp_path: Path) -> None:

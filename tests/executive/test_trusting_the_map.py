@@ -41,7 +41,8 @@ def test_a_robot_without_camera_is_refused_with_what_lets_it_work(words: tuple[s
     found = run(*words, "--robot", "panda")
     assert (found["exit_code"], found["failure"]) == (3, ["MissingCapability"])
     (advice,) = (one for one in found["diagnostics"] if one["code"] == "X013")
-    assert "--trust-map" in advice["help"]
+    assert f": planlang run {words[0]} --robot panda " in advice["help"]
+    assert advice["help"].endswith(" --trust-map")
 
 
 @pytest.mark.parametrize(("recipe", "holder"), some([("serve_a_drink", "patient1"), ("pass_a_drink", "guest1")]))
