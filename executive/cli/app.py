@@ -14,6 +14,7 @@ from typing import Annotated, Any, NoReturn, get_type_hints
 import typer
 
 from executive.cli import arguments as local
+from executive.cli import authoring_arguments as authoring
 from executive.cli import server_arguments as server
 from executive.cli.arguments import Arguments
 from executive.cli.console import Answer, ExitCode, answer, give
@@ -82,6 +83,7 @@ def _command(name: str, arguments: type[Arguments]) -> Callable[..., None]:
 
 
 for name, arguments, example in (
+    ("new", authoring.NewArguments, "project my_task"),
     ("compile", local.CompileArguments, "serve_a_drink -o serve_a_drink.py --graph serve_a_drink.svg"),
     ("check", local.CheckArguments, "my_recipe.owl --ontologies ../ontologies --fix"),
     ("convert", local.ConvertArguments, "my_recipe.owl --to manchester -o my_recipe.omn"),

@@ -11,7 +11,7 @@ def test_the_bottle_is_taken(scripted_run):
 
 
 def test_a_missed_grasp_is_tried_again(scripted_run, script):
-    script.on("Take", fails=GraspMissed, times=2, after=1.5)
+    script.on("Close", fails=GraspMissed, times=2, after=1.5)
     run = scripted_run(template_name)
-    assert run.attempts("Take") == 3
+    assert run.attempts("Close") == 3
     assert run.belief.holding == ["DrinkingBottle"]
