@@ -18,7 +18,16 @@ from executive.locations.grasp_candidates import CLASSES, GraspCandidates
 from executive.locations.hand_predicates import Stage, candidates_of, narrowest
 from executive.locations.questions import Question
 from executive.locations.reachability import CELL, GraspClass
-from executive.locations.rejections import COLLISION, NO_HOLD, NO_ROOM, NO_WAY, NOT_VISIBLE, OUT_OF_REACH, Rejections
+from executive.locations.rejections import (
+    COLLISION,
+    NO_HOLD,
+    NO_ROOM,
+    NO_WAY,
+    NOT_LOOKED_AT,
+    NOT_VISIBLE,
+    OUT_OF_REACH,
+    Rejections,
+)
 from executive.motion import clearance_at
 from executive.robots.arms import ArmModel
 from planlang.records import dataclass
@@ -63,6 +72,8 @@ def explain_bases(
     changes = None if would_do is None else Changes(wanted[0].body, scene, log, would_do)
     if changes is not None and (helping := changes.helping()):
         sentences.append(helping)
+    elif excluded := explanation.excluded():
+        sentences = [excluded]
     else:
         slips = log.counts[NO_HOLD.text] or (changes is not None and changes.meanwhile.counts[NO_HOLD.text])
         if slips and (slippery := explanation.no_hold()):
@@ -304,6 +315,14 @@ class _Explanation:
         fixed = {self.reach.body, bodies.support(self.reach.body), *filter(bodies.is_room, bodies.names())}
         for body in [one for one in self.log.ordered_blocking() if one not in fixed][:MOST_TRIED]:
             yield body, self._gap(self.scene.collisions.floor_without(body))
+
+    def excluded(self) -> str:
+        """Return that a relation of the location leaves none of the candidates; "" if others left some out, too."""
+        (reason, number), *others = self.log.counts.items()
+        met = reason.removeprefix("not ")
+        if others or met == reason or reason in (NOT_VISIBLE, NOT_LOOKED_AT):
+            return ""
+        return f"none of the {number} candidates is {met}: another place or relation is needed"
 
     def no_way(self) -> str:
         """Return which body closes the way to where the base would have to stand."""

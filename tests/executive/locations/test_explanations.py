@@ -8,11 +8,11 @@ from dataclasses import replace
 
 import pytest
 
-from planlang.designators import a_location
+from planlang.designators import a_location, an_object
 from planlang.failures import LocationUnresolvable
 from planlang.geometry import Pose
 from sim import Body
-from tests.executive.conftest import BOTTLE, THE_BOTTLE, MakeStage, Stage
+from tests.executive.conftest import BED, BOTTLE, CABINET, PLACE, THE_BOTTLE, MakeStage, Stage
 from tests.support.leaves import Room, room, thing
 
 TO_GRASP = a_location(in_reach_of=THE_BOTTLE)
@@ -123,3 +123,18 @@ def test_a_cupboard_that_is_too_high_is_served_as_much_lower_as_the_failure_says
         assert told is not None, caught.value.figures
         stage = shelved(stack, 1.9 - float(told[1]))
         assert next(stage.platform.resolver.bases(a_location(in_reach_of=stage.designator("cup")))) is not None
+
+
+def test_a_relation_that_no_place_meets_is_named_instead_of_changes_that_are_no_use(make_stage: MakeStage) -> None:
+    stage = make_stage(CABINET, BED, BOTTLE)
+    arm = stage.platform.robot.arms[0]
+    stage.truth.set_pose("bottle", stage.truth.link_pose(arm.tip))
+    stage.truth.attach(arm.tip, "bottle")
+    stage.belief.grasped("bottle", arm.name, arm.tip, Pose((0.0, 0.0, 0.0)))
+    stage.platform.sync()
+    cabinet, bed = (an_object(body.type, PLACE + body.name) for body in (CABINET, BED))
+    with pytest.raises(LocationUnresolvable) as caught:
+        next(stage.resolver.bases(a_location(in_reach_of=a_location(on=cabinet, behind=bed))))
+    assert list(caught.value.counts) == ["not behind bed"]
+    number = caught.value.counts["not behind bed"]
+    assert caught.value.figures == f"none of the {number} candidates is behind bed: another place or relation is needed"
