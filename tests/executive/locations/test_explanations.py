@@ -6,6 +6,7 @@ import re
 from contextlib import ExitStack
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from planlang.designators import a_location, an_object
@@ -138,3 +139,24 @@ def test_a_relation_that_no_place_meets_is_named_instead_of_changes_that_are_no_
     assert list(caught.value.counts) == ["not behind bed"]
     number = caught.value.counts["not behind bed"]
     assert caught.value.figures == f"none of the {number} candidates is behind bed: another place or relation is needed"
+
+
+@pytest.mark.parametrize(
+    ("pose", "why"),
+    [
+        (
+            Pose((2.5, 0.0, 0.9)),
+            r"bottle is 2\.50 m away from the middle of the base; the left arm reaches 0\.\d\d m at",
+        ),
+        (Pose((0.6, 0.2, 2.0)), r"bottle is at \d\.\d\d m, \d\.\d\d m too high; the left arm grasps from"),
+    ],
+)
+def test_a_hand_that_gets_nowhere_near_from_where_the_base_is_states_what_is_missing(
+    make_stage: MakeStage, pose: Pose, why: str
+) -> None:
+    stage = make_stage(replace(BOTTLE, pose=pose))
+    arm = next(arm for arm in stage.platform.scene.arms.all if arm.name == "left")
+    seed = np.zeros(len(arm.joints))
+    with pytest.raises(LocationUnresolvable) as caught:
+        next(stage.resolver.hands(a_location(in_center_of=THE_BOTTLE), arm, seed))
+    assert re.match(why, caught.value.figures), caught.value.figures
