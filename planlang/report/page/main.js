@@ -115,7 +115,7 @@ async function begin() {
   paintTheme();
   if (!clock.recall()) {
     const fatal = model.cards.find((one) => !one.recovered);
-    clock.seek(fatal?.time ?? 0, { quiet: true });
+    clock.seek(fatal?.time ?? (model.outcome.status === "succeeded" ? 0 : clock.end), { quiet: true });
     if (fatal) clock.select(fatal.node, { keep: true });
   }
   document.documentElement.dataset.ready = "page";

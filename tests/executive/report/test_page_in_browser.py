@@ -10,7 +10,9 @@ from typing import Any
 
 import pytest
 from browsers import Watched, another_browser, started_browser
+from typer.testing import CliRunner
 
+from executive.cli.app import app
 from executive.runs.options import Outcome, RunOptions
 from executive.runs.plan_run import run_plan_file
 from planlang import par, sleep
@@ -104,6 +106,23 @@ def test_a_failure_opens_with_what_to_change_its_cause_and_its_line(browser: Any
     page.get_by_text("no place was found").wait_for()
     assert watched.findings() == []
     assert (watched.said, watched.asked) == ([], [])
+
+
+def test_a_run_that_was_cut_off_opens_where_it_stopped(browser: Any, tmp_path: Path) -> None:
+    async def first() -> None:
+        await sleep(2)
+
+    async def then() -> None:
+        await par(first)
+        await sleep(2)
+
+    *lines, _ = run_plan(then).trace.text().splitlines(keepends=True)
+    trace = tmp_path / "cut.jsonl"
+    trace.write_text("".join(lines), encoding="utf-8")
+    CliRunner().invoke(app, ["report", str(trace)])
+    shown = opened(browser, tmp_path / "cut.html").page
+    assert shown.locator("#outcome").inner_text() == "not ended"
+    assert shown.locator("#slider").get_attribute("aria-valuetext") == "2.00 s of 2.00 s"
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
