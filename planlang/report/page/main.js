@@ -38,7 +38,9 @@ const worldTabs = new Tabs(["scene", "map", "graph"], (id) => {
   for (const label of ["ghosts-label", "candidates-label"]) byId(label).hidden = id === "graph";
 });
 const planTabs = new Tabs(["tree-view", "story"], (id) => {
-  if (id === "story" && !story.items.length) story.build();
+  if (id !== "story") return;
+  if (!story.items.length) story.build();
+  story.reveal();
 });
 
 function head() {
