@@ -74,6 +74,7 @@ function showDetails(node) {
       ...node.events.map(([time, , text]) => el("li", {}, moment(time, node.id), el("span", {}, text))))] : []),
     ...excerptsOf(node, at === "failed" ? failure : undefined));
 }
+fading(details);
 clock.onSelect(showDetails);
 clock.onTime((time) => {
   const node = nodes.get(clock.node);

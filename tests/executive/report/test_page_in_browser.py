@@ -228,6 +228,41 @@ def test_open_cards_leave_room_for_the_scene_and_a_step_fails_only_once_it_has(
     assert page.get_by_role("option").first.inner_text().startswith("bottle1, a thing")
 
 
+def test_a_card_that_is_cut_fades_and_grows_to_all_of_it(browser: Any, pages: dict[str, Path]) -> None:
+    page = opened(browser, pages["failed"]).page
+    cards, last = page.locator("#cards"), page.locator("#cards .card").first.locator(".excerpt").last
+    page.wait_for_selector("#cards.fading")
+    page.get_by_role("button", name="all of it").click()
+    page.wait_for_selector("#cards:not(.fading)")
+    assert cards.evaluate("(cards) => cards.clientHeight === cards.scrollHeight")
+    assert last.is_visible()
+    page.get_by_role("button", name="less of it").click()
+    page.wait_for_selector("#cards.fading")
+
+
+def test_showing_a_moment_at_which_the_clock_is_flashes_it(browser: Any, pages: dict[str, Path]) -> None:
+    page = opened(browser, pages["failed"]).page
+    page.get_by_role("button", name="Show the moment").click()
+    page.get_by_role("button", name="Shown: 5.37 s").wait_for()
+    page.wait_for_selector("#now.flash")
+    page.wait_for_selector(".row-line.flash")
+
+
+def test_a_story_opens_at_the_clock_and_keeps_it_in_view(browser: Any, pages: dict[str, Path]) -> None:
+    page = opened(browser, pages["recovered"]).page
+    page.keyboard.press("End")
+    page.get_by_role("tab", name="Story").click()
+    inside = """() => {
+        const box = document.getElementById("story").getBoundingClientRect();
+        const now = document.querySelector("#story .current").getBoundingClientRect();
+        return box.top <= now.top && now.bottom <= box.bottom + 1;
+    }"""
+    assert page.evaluate(inside)
+    for key in ("Home", "End"):
+        page.keyboard.press(key)
+        assert page.evaluate(inside)
+
+
 def test_a_narrow_page_has_everything_below_each_other(browser: Any, pages: dict[str, Path]) -> None:
     watched = opened(browser, pages["failed"])
     watched.page.set_viewport_size({"width": 400, "height": 800})
