@@ -89,8 +89,12 @@ def model_of(told: Told, context: Context | None = None, **parts: Any) -> dict[s
     sources = [source for source in (context.plan, context.recipe) if source is not None]
     places = _places(tree, context.plan)
     for node in nodes:
-        lines = [[k, line] for k, one in enumerate(sources) if (line := _line(one, node)) is not None]
-        lines += [[0, places[node["id"]]]] if node["id"] in places else []
+        lines = [[k, *found] for k, one in enumerate(sources) if (found := _extent(one, node)) is not None]
+        if node["id"] in places and context.plan is not None:
+            line = places[node["id"]]
+            lines += [[0, line, line]]
+            drive = None if context.recipe is None else context.recipe.extent(context.plan.drives.get(line, ""))
+            lines += [] if drive is None else [[1, *drive]]
         node |= {"lines": lines} if lines else {}
     name = str(told.header.get("plan", tree.roots[0].name if tree.roots else "run"))
     return {
@@ -158,10 +162,10 @@ def _places(tree: RunTree, plan: Source | None) -> dict[int, int]:
     return found
 
 
-def _line(source: Source, node: Mapping[str, Any]) -> int | None:
-    if (line := source.lines.get(node.get("class", ""))) is not None:
-        return line
-    return source.lines.get(node["name"].partition("#")[0]) if node["kind"] in ("plan", "branch") else None
+def _extent(source: Source, node: Mapping[str, Any]) -> tuple[int, int] | None:
+    if (found := source.extent(node.get("class", ""))) is not None:
+        return found
+    return source.extent(node["name"].partition("#")[0]) if node["kind"] in ("plan", "branch") else None
 
 
 def _outcome(told: Told, failures: Failures) -> dict[str, Any]:

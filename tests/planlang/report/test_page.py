@@ -16,11 +16,15 @@ from typing import Any
 import pytest
 
 from planlang import Recovery, at_location, par, perform, plan, sleep
+from planlang.compiler.compile import compile_recipe
 from planlang.designators import a_location, action, an_object
 from planlang.diagnostics import note
 from planlang.failures import GraspMissed, HandoverNotTaken, MissingCapability, ObjectNotFound
+from planlang.files import Bundled
+from planlang.ontology import load
+from planlang.ontology.convert import Target, convert
 from planlang.report import Context, Told, model_of, page
-from planlang.report.sources import plan_source
+from planlang.report.sources import plan_source, recipe_source
 from planlang.report.story import words
 from planlang.report.tree import shown
 from planlang.testing import ScheduleDependence, Script, compiled, explore, run_plan
@@ -147,7 +151,26 @@ async def visit() -> None:
 def test_a_place_has_the_line_that_names_its_relation_and_none_where_no_line_does() -> None:
     model = model_of(Told.of(run_plan(visit).events), Context(plan_source("p.py", VISIT)))
     places = {node["text"].partition("(")[0]: node.get("lines") for node in named(model, "at_location")}
-    assert places == {"in_reach_of": [[0, 4]], "on": None}
+    assert places == {"in_reach_of": [[0, 4, 4]], "on": None}
+
+
+@pytest.mark.parametrize(
+    ("target", "ends"),
+    [
+        (Target.MANCHESTER, ("Class: ApproachBottle", "SubClassOf: knowrob:Reaching, knowrob:toLocation value approachPose")),
+        (Target.RDFXML, ("<owl:Class", "</owl:Class>")),
+        (Target.TURTLE, (":ApproachBottle a owl:Class ;", "] .")),
+    ],
+)
+def test_a_step_has_the_lines_of_its_whole_definition(tmp_path: Path, target: Target, ends: tuple[str, str]) -> None:
+    text = convert(Bundled.RECIPE.find("serve_a_drink"), target).text
+    file = tmp_path / "recipe"
+    file.write_text(text, encoding="utf-8")
+    source = recipe_source(compile_recipe(file).recipes, load(file), "recipe", text)
+    rows, extent = text.splitlines(), source.extent("ApproachBottle")
+    assert extent is not None
+    first, last = (rows[line - 1].strip() for line in extent)
+    assert (first.startswith(ends[0]), last) == (True, ends[1])
 
 
 @pytest.mark.parametrize(
