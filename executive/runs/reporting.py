@@ -17,7 +17,7 @@ from planlang.files import Bundled, decode, read_file
 from planlang.ontology import Ontology, load
 from planlang.outputs import LONGEST, header
 from planlang.report import Context
-from planlang.report.sources import labels_of, plan_source, recipe_source
+from planlang.report.sources import labels_of, plan_source, recipe_source, vocabulary_of
 
 if TYPE_CHECKING:
     from planlang.compiler.compile import CompiledPlan
@@ -61,6 +61,7 @@ def context_of(
         if recipe is None or source is None or ontology is None
         else recipe_source(made.recipes, ontology, recipe.name, source),
         labels=labels_of(made.recipes),
+        vocabulary={} if ontology is None else vocabulary_of(ontology),
         graph=task_graph(made.recipes, made.added, made.recoveries),
     )
 

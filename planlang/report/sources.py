@@ -171,6 +171,15 @@ def labels_of(recipes: RecipeSet) -> dict[str, str]:
     return labels
 
 
+def vocabulary_of(ontology: Ontology) -> dict[str, str]:
+    """Return the labels of all classes, by their local names; of several with one name that of the first."""
+    labels: dict[str, str] = {}
+    for iri in ontology.class_names():
+        if (label := ontology.label(iri)) is not None:
+            labels.setdefault(local_name(iri), label)
+    return labels
+
+
 def _described(recipes: RecipeSet) -> Iterator[Recipe | Step]:
     for recipe in recipes.recipes.values():
         yield recipe

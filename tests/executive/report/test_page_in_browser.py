@@ -95,6 +95,9 @@ def test_a_failure_opens_with_what_to_change_its_cause_and_its_line(browser: Any
     assert "out of reach: 320" in first.inner_text()
     lines = first.locator(".excerpt .at")
     assert "at_location" in lines.nth(0).inner_text()
+    tried = first.locator(".events").inner_text()
+    assert "moving to another place (to x -1.52 y -0.50 yaw -2.90): done in 4.2 s" in tried
+    assert "looking for something (bottle1): done in 1.1 s" in tried
     drive = lines.all_inner_texts()[1:]
     assert [text.split(maxsplit=1)[1].strip() for text in (drive[0], drive[-1])] == [
         "Class: MoveBaseToGraspPose",
