@@ -27,6 +27,7 @@ function card(one, isFirst) {
 function show(one, button) {
   clock.goTo(one.time ?? 0, one.node);
   tree.flash(one.node);
+  aim.at(clock.time);
   flash(byId("now"));
   button.textContent = `Shown: ${seconds(clock.time)}`;
   setTimeout(() => { button.textContent = "Show the moment"; }, 1500);

@@ -270,6 +270,58 @@ def test_a_story_opens_at_the_clock_and_keeps_it_in_view(browser: Any, pages: di
         assert page.evaluate(inside)
 
 
+def far(page: Any) -> float:
+    """Return the distance from the eye to the point that the camera is turned to [m]."""
+    return float(page.evaluate("planlang.scene.camera.position.distanceTo(planlang.scene.controls.target)"))
+
+
+def test_the_camera_opens_on_what_happens_and_stays_unless_it_is_to_follow(
+    browser: Any, pages: dict[str, Path]
+) -> None:
+    page = opened(browser, pages["failed"]).page
+    tags = page.locator(".tags span")
+    assert sorted(tags.all_inner_texts()) == ["amigo", "bottle1"]
+    near = far(page)
+    seek(page, 0)
+    assert far(page) == near
+    page.get_by_role("button", name="whole room").click()
+    assert far(page) > near
+    page.locator(".tags").get_by_text("patient1").wait_for()
+    page.get_by_label("follow the steps with the camera").check()
+    first = far(page)
+    seek(page, 4.5)
+    assert far(page) != first
+    page.get_by_role("button", name="whole room").click()
+    page.get_by_role("button", name="Show the moment").click()
+    assert far(page) == pytest.approx(near)
+
+
+def test_marks_of_the_scene_are_explained_and_things_named_where_they_are_clicked(
+    browser: Any, pages: dict[str, Path]
+) -> None:
+    watched = opened(browser, pages["recovered"])
+    page = watched.page
+    page.get_by_text("what marks mean").click()
+    legend = page.locator(".legend li").all_inner_texts()
+    assert {"place to stand, chosen", "believed to be there, and is not"} <= set(legend)
+    assert "place to stand, rejected: out of reach" in legend
+    page.get_by_label("names").uncheck()
+    page.locator(".tags span").first.wait_for(state="detached")
+    spot = page.evaluate(
+        """() => {
+            const { scene } = planlang, box = scene.canvas.getBoundingClientRect();
+            for (let y = 20; y < box.height; y += 8) for (let x = 20; x < box.width; x += 8) {
+                const at = { clientX: box.left + x, clientY: box.top + y };
+                if (scene.under(at)?.object.userData.entity?.kind === "link") return { x, y };
+            }
+        }"""
+    )
+    page.locator("#scene canvas").click(position=spot)
+    page.locator(".tags").get_by_text("amigo").wait_for()
+    assert watched.findings() == []
+    assert watched.said == []
+
+
 def test_a_narrow_page_has_everything_below_each_other(browser: Any, pages: dict[str, Path]) -> None:
     watched = opened(browser, pages["failed"])
     watched.page.set_viewport_size({"width": 400, "height": 800})
