@@ -173,8 +173,9 @@ def _card(node: TaskNode, failures: Failures, wording: Wording, rate: float) -> 
         trying = step if events or (trying is None and (step.kind == "plan" or step.parent is None)) else trying
         step = step.parent
     failure = failures.index[ended_by.number]
-    for one in _actions(trying or node, node.last):
-        tried[one.first, one.number] = [round(one.start or 0.0, 4), one.number, _ended(one, failures, wording, failure)]
+    for made in _actions(trying or node, node.last):
+        text = _ended(made, failures, wording, failure)
+        tried[made.first, made.number] = [round(made.start or 0.0, 4), made.number, text]
     return {
         "node": node.number,
         "time": None if node.end is None else round(node.end, 4),
