@@ -174,7 +174,7 @@ class Changes:
                     place = f" and at x = {x:.2f}, y = {y:.2f}" if step else ""
                     height = f"{above.low:.2f} m above the floor instead of {thing.low:.2f} m"
                     return f"{height}{place}, {self.body} could be reached"
-                way = "raising it" if rises > 0 else "lowering it"
+                way = f"{'raising' if rises > 0 else 'lowering'} {self.body}"
                 self._tried += [] if way in self._tried else [way]
         return ""
 

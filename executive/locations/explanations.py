@@ -10,6 +10,7 @@ import numpy as np
 
 from executive.belief.floor import Floor
 from executive.belief.planning_scene import PlanningScene
+from executive.belief.scene_collisions import BasePose
 from executive.locations.base_candidates import InverseMaps
 from executive.locations.base_poses import AROUND, floor_near
 from executive.locations.changes import MOST_TRIED, Changes, WouldDo
@@ -18,7 +19,16 @@ from executive.locations.grasp_candidates import CLASSES, GraspCandidates
 from executive.locations.hand_predicates import Stage, candidates_of, narrowest
 from executive.locations.questions import Question
 from executive.locations.reachability import CELL, GraspClass
-from executive.locations.rejections import COLLISION, NO_HOLD, NO_ROOM, NO_WAY, NOT_VISIBLE, OUT_OF_REACH, Rejections
+from executive.locations.rejections import (
+    COLLISION,
+    NO_HOLD,
+    NO_ROOM,
+    NO_WAY,
+    NOT_LOOKED_AT,
+    NOT_VISIBLE,
+    OUT_OF_REACH,
+    Rejections,
+)
 from executive.motion import clearance_at
 from executive.robots.arms import ArmModel
 from planlang.records import dataclass
@@ -63,6 +73,8 @@ def explain_bases(
     changes = None if would_do is None else Changes(wanted[0].body, scene, log, would_do)
     if changes is not None and (helping := changes.helping()):
         sentences.append(helping)
+    elif excluded := explanation.excluded():
+        sentences = [excluded]
     else:
         slips = log.counts[NO_HOLD.text] or (changes is not None and changes.meanwhile.counts[NO_HOLD.text])
         if slips and (slippery := explanation.no_hold()):
@@ -71,6 +83,14 @@ def explain_bases(
             sentences += [explanation.nearer(), "" if changes is None else changes.in_vain()]
     if any(sentences):
         log.figures[reason] = "; ".join(filter(None, sentences))
+
+
+def explain_hands(reach: Reach, arm: ArmModel, scene: PlanningScene, inverse: InverseMaps, log: Rejections) -> None:
+    """Add to the figures of the log by how much a thing is too high, too low or too far for an arm from where it is."""
+    if next(iter(log.ordered()), "") == OUT_OF_REACH.text:
+        explanation = _Explanation(reach, (arm,), scene, inverse, Question(log))
+        if measured := explanation.too_high() or explanation.too_far_from(scene.base()):
+            log.figures[OUT_OF_REACH.text] = measured
 
 
 def called(arm: str) -> str:
@@ -139,19 +159,33 @@ class _Explanation:
 
     def out_of_reach(self) -> str:
         """Return by how much the thing is too high or too low; else how near the base gets, and how far arms reach."""
+        if not (said := self.too_high()):
+            return "; ".join(filter(None, (self._too_far(), self.in_collision())))
+        return "; ".join(filter(None, (said, self.in_collision() if self.log.counts[COLLISION] else "")))
+
+    def too_high(self) -> str:
+        """Return by how much the thing is too high or too low for all arms, "" if it is not."""
         nearest = self.height()
         if nearest is None:
-            return "; ".join(filter(None, (self._too_far(), self.in_collision())))
+            return ""
         high = nearest.gap > 0
         at, limit = (nearest.wanted[0], nearest.reached[1]) if high else (nearest.wanted[1], nearest.reached[0])
         does = "grasps" if self.reach.kind is ReachKind.GRASP else "reaches"
         gap, digits = abs(nearest.gap), 2 if abs(nearest.gap) > 2 * LEAST else 3
-        said = (
+        return (
             f"{self._aim()} is at {at:.{digits}f} m, {gap:.{digits}f} m too {'high' if high else 'low'}; "
             f"{called(nearest.arm)} {does} {APPROACHES[nearest.grasp]} "
             f"{'up' if high else 'down'} to {limit:.{digits}f} m"
         )
-        return "; ".join(filter(None, (said, self.in_collision() if self.log.counts[COLLISION] else "")))
+
+    def too_far_from(self, base: BasePose) -> str:
+        """Return how far a thing is from a base pose, and how far arms reach at its height; "" if that is enough."""
+        x, y, _ = self.scene.bodies.pose(self.reach.body).position
+        away, farthest = math.hypot(x - base[0], y - base[1]), max(self.limits, key=lambda one: one.reach, default=None)
+        if self.reach.kind is not ReachKind.GRASP or farthest is None or away <= farthest.reach:
+            return ""
+        said = f"{self.reach.body} is {away:.2f} m away from the middle of the base"
+        return f"{said}; {called(farthest.arm)} reaches {farthest.reach:.2f} m at that height"
 
     def _aim(self) -> str:
         """Return what the hand goes to: a thing, or a place on or at it."""
@@ -304,6 +338,14 @@ class _Explanation:
         fixed = {self.reach.body, bodies.support(self.reach.body), *filter(bodies.is_room, bodies.names())}
         for body in [one for one in self.log.ordered_blocking() if one not in fixed][:MOST_TRIED]:
             yield body, self._gap(self.scene.collisions.floor_without(body))
+
+    def excluded(self) -> str:
+        """Return that a relation of the location leaves none of the candidates; "" if others left some out, too."""
+        (reason, number), *others = self.log.counts.items()
+        met = reason.removeprefix("not ")
+        if others or met == reason or reason in (NOT_VISIBLE, NOT_LOOKED_AT):
+            return ""
+        return f"none of the {number} candidates is {met}: another place or relation is needed"
 
     def no_way(self) -> str:
         """Return which body closes the way to where the base would have to stand."""

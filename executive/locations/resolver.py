@@ -30,7 +30,7 @@ from executive.locations.demands import (
     thing_demand,
     use_at,
 )
-from executive.locations.explanations import explain_bases
+from executive.locations.explanations import explain_bases, explain_hands
 from executive.locations.floor_search import FloorSearch
 from executive.locations.hand_predicates import Stage, hand_holds
 from executive.locations.hand_solutions import HandSolution, from_base
@@ -267,6 +267,8 @@ class Resolver:
                 yield candidate
             if found:
                 break
+        else:
+            explain_hands(reach, arm, self.scene, self.maps, log)
         raise log.failure(location, after=int(found))
 
     # Poses of objects

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 from executive.runs.plan_files import compiled
 from planlang.diagnostics import BadInput
 from planlang.files import decode, read_file
-from planlang.ontology import load
+from planlang.ontology import Ontology, load
 from planlang.outputs import LONGEST, header
 from planlang.report import Context
-from planlang.report.sources import labels_of, plan_source, recipe_source
+from planlang.report.sources import labels_of, plan_source, recipe_source, vocabulary_of
 
 if TYPE_CHECKING:
     from planlang.compiler.compile import CompiledPlan
@@ -51,10 +51,14 @@ def context_of(
     from planlang.compiler.drawing import task_graph  # most runs draw none
 
     source = None if recipe is None else _text(recipe)
+    ontology = None if recipe is None else _ontology(recipe, folders)
     return replace(
         shown,
-        recipe=None if recipe is None or source is None else recipe_source(made.recipes, recipe.name, source),
+        recipe=None
+        if recipe is None or source is None or ontology is None
+        else recipe_source(made.recipes, ontology, recipe.name, source),
         labels=labels_of(made.recipes),
+        vocabulary={} if ontology is None else vocabulary_of(ontology),
         graph=task_graph(made.recipes, made.added, made.recoveries),
     )
 
@@ -62,8 +66,16 @@ def context_of(
 def _compiled(
     recipe: Path, task: str | None, performed: frozenset[str], folders: Sequence[Path]
 ) -> CompiledPlan | None:
+    ontology = _ontology(recipe, folders)
     try:
-        return compiled(load(recipe, folders=folders), task, performed)
+        return None if ontology is None else compiled(ontology, task, performed)
+    except BadInput:
+        return None
+
+
+def _ontology(recipe: Path, folders: Sequence[Path]) -> Ontology | None:
+    try:
+        return load(recipe, folders=folders)
     except BadInput:
         return None
 

@@ -27,13 +27,15 @@ SERVED = RunOptions(
 
 
 def picture(browser: Any, page: Path, scheme: str, *actions: str) -> Image.Image:
-    """Return a picture of a page after some clicks; ``t=SECONDS`` seeks."""
+    """Return a picture of a page after some clicks on tabs and ``#elements`` or ``.elements``; ``t=SECONDS`` seeks."""
     shown = browser.new_context(viewport=SIZE, color_scheme=scheme).new_page()
     shown.goto(page.as_uri())
     shown.wait_for_selector("html[data-ready=all]")
     for action in actions:
         if action.startswith("t="):
             shown.evaluate(f"planlang.clock.seek({float(action[2:])})")
+        elif action.startswith(("#", ".")):
+            shown.locator(action).click()
         else:
             shown.get_by_role("tab", name=action, exact=True).click()
     shown.wait_for_timeout(500)  # until the scene is drawn
@@ -49,7 +51,7 @@ def main() -> None:
         run_plan_file(replace(SERVED, report=folder / "done.html"))
         run_plan_file(replace(SERVED, environment=tower, seed=0, report=folder / "failed.html"))
         for file, page, scheme, actions in (
-            ("report.png", "done.html", "light", ("t=46.5",)),
+            ("report.png", "done.html", "light", ("#aim", "t=30", ".legend")),
             ("report_map.png", "done.html", "dark", ("Map", "Story", "t=10")),
             ("report_failed.png", "failed.html", "light", ()),
             ("report_failed_dark.png", "failed.html", "dark", ("Map",)),
