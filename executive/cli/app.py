@@ -15,7 +15,7 @@ import typer
 
 from executive.cli import arguments as local
 from executive.cli import server_arguments as server
-from executive.cli.arguments import Arguments
+from executive.cli.base_arguments import Arguments
 from executive.cli.console import Answer, ExitCode, answer, give
 from executive.cli.resources import check_memory
 
@@ -73,7 +73,7 @@ def _command(name: str, arguments: type[Arguments]) -> Callable[..., None]:
             reply: Answer = import_module(f"executive.cli.{name.split()[-1].replace('-', '_')}").command(given)
             return reply
 
-        answer(name, work, as_json=given.json, all_notes=getattr(given, "verbose", True))
+        answer(name, work, as_json=given.json, detail=given.detail)
 
     called.__name__, called.__doc__ = name, arguments.__doc__
     called.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from executive.cli.arguments import InspectArguments
-from executive.cli.console import Answer, ExitCode, say, silent
+from executive.cli.console import Answer, ExitCode
 from executive.cli.inputs import check_files, refuse
 from executive.locations.reachability import CELL, YAWS, GraspClass, ReachabilityMap
 from executive.locations.reachability_maps import reachability_map
@@ -41,7 +41,7 @@ def command(arguments: InspectArguments) -> Answer:
     problems += missing() if arguments.record is not None else []
     refuse(problems)
     bare = bind_robot(source, urdf=urdf)
-    robot = with_carrying(bare)
+    robot = with_carrying(bare, report=arguments.progress)
     world = PlanningWorld(Scene(()), robot.body())
     try:
         return _inspected(bare, robot, world, arguments, urdf or source)
@@ -50,14 +50,14 @@ def command(arguments: InspectArguments) -> Answer:
 
 
 def _inspected(bare: Robot, robot: Robot, world: PlanningWorld, arguments: InspectArguments, file: Path) -> Answer:
-    picture, record, progress = arguments.picture, arguments.record, silent if arguments.json else say
+    picture, record = arguments.picture, arguments.record
     models = arm_models(robot, world)
     bounds = dict(world.robot.limits)
     for output in (picture, record):
         if output is not None and not models:
             raise BadInput([error("C004", f"{output}: {robot.name} has no arm whose reach could be drawn")])
     maps = {
-        model.name: {grasp: reachability_map(model, grasp, robot.name, progress) for grasp in GraspClass}
+        model.name: {grasp: reachability_map(model, grasp, robot.name, arguments.progress) for grasp in GraspClass}
         for model in models
     }
     if record is not None:

@@ -38,7 +38,7 @@ def command(arguments: ReportArguments) -> Answer:
         told = Told.of(line.record for line in recorded.lines)
         model = model_of(told, replace(context, missing=missing))
         _keep_fuller_page(output, model, missing, force=arguments.force)
-        for line in missing if not arguments.json else ():
+        for line in missing if not arguments.is_silent else ():
             say(line)
         write_text(output, page(model))
     text = f"{output}: {'the run was repeated' if not missing else 'without the world'}"
