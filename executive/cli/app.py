@@ -16,8 +16,9 @@ import typer
 from executive.cli import arguments as local
 from executive.cli import server_arguments as server
 from executive.cli.base_arguments import Arguments
-from executive.cli.console import Answer, ExitCode, answer, give
+from executive.cli.console import Answer, ExitCode, answer, give, say
 from executive.cli.resources import check_memory
+from executive.cli.usage import guessed_value, understood
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -131,11 +132,12 @@ def main() -> NoReturn:
         code = app(prog_name="planlang", standalone_mode=False)
     except _UsageError as problem:
         if "--json" in sys.argv:
-            name = problem.ctx.command_path.removeprefix("planlang").strip() if problem.ctx is not None else ""
-            message = problem.format_message()
-            give(name, Answer(ExitCode.BAD_INPUT, data={"error": message}), as_json=True)
+            name, message, advice = understood(problem)
+            give(name, Answer(ExitCode.BAD_INPUT, data={"error": message, "help": advice}), as_json=True)
         else:
             problem.show()
+            if guessed := guessed_value(problem.format_message()):
+                say(f"    help: {guessed}")
         code = ExitCode.BAD_INPUT
     except typer.Exit as end:
         code = end.exit_code

@@ -72,13 +72,15 @@ From a shared one inverse kinematics goes on anyway; 1e-5 moves the tip by less 
 """
 WORTH = 0.7
 """A row shares a posture that leads to this share of its own score: with more, files grow, with less, scores fall."""
+USUALLY_SHARED = 0.7
+"""Share of the rows that usually share a posture in one round."""
 SAMPLING = (SAMPLES, RESTARTS, COARSE, FLOOR, USUAL_MANIPULABILITY, SPARE, BLOCK, SHARED, WORTH)
 
 
-LATTICE, COARSELY, SPREAD = 0.7, 0.3, 0.85
+LATTICE, COARSELY, SPREAD = 0.6, 0.3, 0.85
 """Shares of the time: until postures are shared; of a roll's lattice until it is solved coarsely, and completely."""
-COARSE_PARTS = 10
-"""Parts in which the coarse lattice is solved, so that it is known how far that is."""
+PARTS = 10
+"""Parts in which many poses are solved, so that it is known how far that is."""
 
 
 def build_map(arm: ArmModel, grasp: GraspClass, share: Share = uncounted) -> ReachabilityMap:
@@ -128,12 +130,13 @@ def _shared(full: ReachabilityMap, share: Share) -> ReachabilityMap:
         order = left[np.lexsort((left, -alone[left].round(9), block[left]))]
         _, best, group = np.unique(block[order], return_index=True, return_inverse=True)
         own = order[best[group]]
-        tried, solved = solver.solve(poses[order], q[own][:, None])
+        begun = 1 - len(left) / len(rows)
+        usual = part(share, begun, begun + USUALLY_SHARED * (1 - begun))
+        tried, solved = _in_parts(solver, poses[order], q[own][:, None], usual)
         gained = _scores(chain, tried)
         kept = (order == own) | (solved & (gained >= WORTH * alone[order]))
         owner[order[kept]], scores[order[kept]], reached[order[kept]] = own[kept], gained[kept], solved[kept]
         left = np.sort(order[~kept])
-        share(1 - len(left) / max(1, len(rows)))
     owners, posture = np.unique(owner[reached], return_inverse=True)
     shared, scores = rows[reached], scores[reached]
     shared["posture"] = posture
@@ -230,11 +233,10 @@ def _solved(
     coarse = lattice.coarse()
     coarse = coarse[chain.may_reach(lattice.poses(coarse))]
     seeds = np.concatenate([postures, chain.sample(rng, RESTARTS)])
-    for number, some in enumerate(np.array_split(coarse, COARSE_PARTS)):
-        tried, ok = solver.solve(lattice.poses(some), np.broadcast_to(seeds, (len(some), *seeds.shape)))
-        q[some[ok]], solved[some[ok]], score[some[ok]] = tried[ok], True, _scores(chain, tried[ok])
-        share(COARSELY * (number + 1) / COARSE_PARTS)
-    added = coarse[solved[coarse]]
+    starts = np.broadcast_to(seeds, (len(coarse), *seeds.shape))
+    tried, ok = _in_parts(solver, lattice.poses(coarse), starts, part(share, 0, COARSELY))
+    added = coarse[ok]
+    q[added], solved[added], score[added] = tried[ok], True, _scores(chain, tried[ok])
     likely = max(1, len(added) * COARSE**4)
     while len(added):
         fresh = []
@@ -258,6 +260,16 @@ def _solved(
         up = gained > score[goal]
         q[goal[up]], score[goal[up]] = tried[up], gained[up]
     return q, solved
+
+
+def _in_parts(solver: InverseKinematics, poses: Array, seeds: Array, share: Share) -> tuple[Array, NDArray[np.bool_]]:
+    """Solve for many poses (m, 4, 4) from seeds (m, s, d), whose solutions do not depend on each other."""
+    found = []
+    for number, some in enumerate(np.array_split(np.arange(len(poses)), PARTS)):
+        found.append(solver.solve(poses[some], seeds[some]))
+        share((number + 1) / PARTS)
+    tried, solved = zip(*found, strict=True)
+    return np.concatenate(tried), np.concatenate(solved)
 
 
 def _scores(chain: Chain, q: Array) -> Array:
