@@ -87,6 +87,7 @@ for name, arguments, example in (
     ("check", local.CheckArguments, "my_recipe.owl --ontologies ../ontologies --fix"),
     ("convert", local.ConvertArguments, "my_recipe.owl --to manchester -o my_recipe.omn"),
     ("merge", local.MergeArguments, "hospital_room seen_today.omn -o room.omn"),
+    ("list", local.ListArguments, "classes bottle"),
     ("match", local.MatchArguments, "serve_a_drink --robot amigo"),
     ("run", local.RunArguments, "serve_a_drink --seed 3 --trace run.jsonl --picture scene.png"),
     ("sweep", local.SweepArguments, "serve_a_drink --worlds 100 --out drinks.jsonl"),

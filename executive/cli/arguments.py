@@ -76,6 +76,31 @@ class LogicReasoner(Enum):
     PELLET = "pellet"
 
 
+class Listed(Enum):
+    """What is listed."""
+
+    ROBOTS = "robots"
+    ROOMS = "rooms"
+    RECIPES = "recipes"
+    CLASSES = "classes"
+    RELATIONS = "relations"
+    FAILURES = "failures"
+
+
+@dataclass(frozen=True, kw_only=True)
+class ListArguments(Arguments):
+    """List what there is to name: bundled robots, rooms and recipes, classes, relations of locations, failures.
+
+    Exit code 1: nothing has the word in its name, label or description.
+    """
+
+    kind: Annotated[Listed, typer.Argument(help="What is listed.", show_default=False)]
+    word: Annotated[
+        str | None,
+        typer.Argument(metavar="WORD", help="List only what has this in its name, label or description."),
+    ] = None
+
+
 @dataclass(frozen=True, kw_only=True)
 class CompileArguments(TaskArguments):
     """Compile a recipe to a plan in Python.
