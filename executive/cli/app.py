@@ -49,7 +49,7 @@ def robots_command() -> None:
     """Inspect robots, make robot files."""
 
 
-_RUNNING = ("run", "sweep", "replay", "report", "locate", "enable")
+_RUNNING = ("run", "sweep", "replay", "report", "locate", "enable", "show")
 """Commands that build the simulated world."""
 
 
@@ -88,6 +88,7 @@ for name, arguments, example in (
     ("convert", local.ConvertArguments, "my_recipe.owl --to manchester -o my_recipe.omn"),
     ("merge", local.MergeArguments, "hospital_room seen_today.omn -o room.omn"),
     ("list", local.ListArguments, "classes bottle"),
+    ("show", local.ShowArguments, "hospital_room -o room.png --view top"),
     ("match", local.MatchArguments, "serve_a_drink --robot amigo"),
     ("run", local.RunArguments, "serve_a_drink --seed 3 --trace run.jsonl --picture scene.png"),
     ("sweep", local.SweepArguments, "serve_a_drink --worlds 100 --out drinks.jsonl"),

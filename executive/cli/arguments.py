@@ -177,6 +177,25 @@ class CheckArguments(TaskArguments):
 
 
 @dataclass(frozen=True, kw_only=True)
+class ShowArguments(TaskArguments):
+    """Show what is in a file: a recipe, a plan, a trace, a map or a robot.
+
+    As text: steps of a recipe or plan as a tree, what a map or robot has, how a run went. With --output also as a
+    picture (maps and robots: PNG; recipes: SVG, PNG, DOT or Mermaid) or as a page (traces: HTML).
+    """
+
+    file: Annotated[str, typer.Argument(metavar="FILE", help="A file, or the name of a bundled recipe, robot or room.")]
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="FILE", help="Draw it to this file; its suffix says how.")
+    ] = None
+    view: Annotated[
+        str | None,
+        typer.Option(metavar="VIEW", help="From where a map or robot is seen: X,Y,Z or X,Y,Z:X,Y,Z, overview, or top."),
+    ] = None
+    force: Force = False
+
+
+@dataclass(frozen=True, kw_only=True)
 class ConvertArguments(Arguments):
     """Write an ontology, such as a recipe, in another syntax, and list what is lost."""
 

@@ -83,6 +83,20 @@ def _inspected(bare: Robot, robot: Robot, world: PlanningWorld, arguments: Inspe
     return Answer(code, robot.diagnostics, text="\n".join(lines), data=data)
 
 
+def summary(robot: Robot, file: Path) -> Iterator[str]:
+    """Yield what a robot has, in a few lines; nothing is computed for them."""
+    yield from _body_lines(robot, file)
+    for arm in robot.arms:
+        hand = f"opens {arm.gripper.max_opening:g} m" if arm.gripper else "has no gripper"
+        yield f"  {_named(arm)}: {len(arm.joints)} joints from {arm.base_link} to {arm.tip}, {hand}"
+    yield f"  postures: {', '.join(robot.postures) or 'none'}"
+    yield f"  missing: {'; '.join(_lacking(robot)) or 'nothing'}"
+
+
+def _named(arm: Arm) -> str:
+    return arm.name if "arm" in arm.name.split() else f"arm {arm.name}"
+
+
 def _body_lines(robot: Robot, file: Path) -> Iterator[str]:
     base = robot.base
     yield f"{robot.name} ({file})"
@@ -94,8 +108,7 @@ def _body_lines(robot: Robot, file: Path) -> Iterator[str]:
 
 
 def _arm_lines(robot: Robot, arm: Arm, maps: Maps, bounds: Mapping[str, tuple[float, float]]) -> Iterator[str]:
-    named = arm.name if "arm" in arm.name.split() else f"arm {arm.name}"
-    yield f"{named}, from {arm.base_link} to {arm.tip}"
+    yield f"{_named(arm)}, from {arm.base_link} to {arm.tip}"
     approach, closing = (" ".join(f"{value:g}" for value in axis) for axis in (arm.approach, arm.closing))
     opening = f"opens {arm.gripper.max_opening:g} m" if arm.gripper else "has no gripper"
     yield f"  hand: {arm.hand_link}, approaches along {approach}, closes along {closing}, {opening}"

@@ -30,7 +30,7 @@ def command(arguments: ReportArguments) -> Answer:
     """Write the page; raises BadInput."""
     output = arguments.output or arguments.trace.with_suffix(".html")
     refuse(check_outputs({"--output": output}, {"the trace": arguments.trace}, force=arguments.force))
-    recorded = _recorded(arguments.trace)
+    recorded = recorded_run(arguments.trace)
     missing = _repeated(arguments, recorded, output)
     if missing:
         context = _context(arguments, recorded.header)
@@ -80,7 +80,8 @@ def _views(model: Mapping[str, Any]) -> set[str]:
     return {name for name in ("scene", "map", "graph") if model.get(name)} | set(sources)
 
 
-def _recorded(path: Path) -> RecordedRun:
+def recorded_run(path: Path) -> RecordedRun:
+    """Read a trace; raises BadInput."""
     try:
         return RecordedRun.read(path)
     except OSError as problem:
