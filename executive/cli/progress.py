@@ -1,7 +1,7 @@
 """Progress of long work on stderr, with the time left: a line of a terminal that is drawn anew, else one now and then.
 
-What computes reports shares (:mod:`planlang.progress`); a thread shows them, so that one long call keeps nobody in the
-dark. The wall clock is read here only: nothing of it comes into a run.
+Computations report shares (:mod:`planlang.progress`); a thread shows them, so that a long call between two reports is
+shown as well. The wall clock is read here only, and never enters a run.
 """
 
 from __future__ import annotations

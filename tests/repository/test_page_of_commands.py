@@ -35,7 +35,7 @@ def command_of(name: str) -> Any:
 
 
 def parameters(name: str) -> Iterator[tuple[inspect.Parameter, Any, Any, str]]:
-    """Yield the parameters of a command, their types, what typer is told about them, and how they are typed."""
+    """Yield the parameters of a command, their types, their declarations, and how they are written."""
     command = command_of(name)
     typed = {one.name: ", ".join((*one.opts, *one.secondary_opts)) for one in command.params}
     for one in inspect.signature(command.callback).parameters.values():
