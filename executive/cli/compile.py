@@ -29,7 +29,7 @@ def command(arguments: CompileArguments) -> Answer:
     inputs = {"the recipe": file.path}
     problems = check_outputs({"--output": output}, inputs, force=True)  # write_plan looks at an old plan more closely
     problems += check_outputs({"--graph": graph}, {**inputs, "--output": output}, force=force)
-    draw = _drawer(graph, problems)
+    draw = drawer(graph, problems)
     refuse(problems)
     before = _merged_header(arguments)
     found: list[Diagnostic] = []
@@ -81,7 +81,7 @@ def _merged_header(arguments: CompileArguments) -> PlanHeader | None:
         return header(file.read(LONGEST))
 
 
-def _drawer(path: Path | None, problems: list[Diagnostic]) -> Callable[[CompiledPlan, Path], None] | None:
+def drawer(path: Path | None, problems: list[Diagnostic]) -> Callable[[CompiledPlan, Path], None] | None:
     """Return what draws plans in the format of a file; None, with an error in ``problems``, for an unknown format."""
     if path is None:
         return None

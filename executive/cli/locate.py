@@ -11,7 +11,7 @@ from typing import Any
 
 from executive.belief.scene_collisions import BasePose
 from executive.cli.arguments import LocateArguments
-from executive.cli.console import Answer, ExitCode, say, silent
+from executive.cli.console import Answer, ExitCode
 from executive.cli.inputs import check_files, chosen, environments, planar, refuse
 from executive.locations import Rejections
 from executive.locations.consistency import LocationMeaningless
@@ -59,7 +59,9 @@ def command(arguments: LocateArguments) -> Answer:
         lexicon = lexicon_of(semantic_map)
         location = read_location(arguments.phrase, lexicon)
         what = None if arguments.of is None else read_thing(arguments.of, lexicon, file="--of")
-        robot = with_carrying(bind_robot(robot_file, urdf=arguments.urdf, folders=arguments.folders))
+        robot = with_carrying(
+            bind_robot(robot_file, urdf=arguments.urdf, folders=arguments.folders), report=arguments.progress
+        )
         found.extend((*ontology.diagnostics, *semantic_map.diagnostics, *robot.diagnostics))
         if location.device is not None and not robot.arms_of(location.device):
             arms = ", ".join(arm.name for arm in robot.arms) or "none"
@@ -68,7 +70,7 @@ def command(arguments: LocateArguments) -> Answer:
         world = world_at_start(scene_of(semantic_map, found), robot, start, stack)
         truth = PyBulletWorld(world.scene, robot.body())  # which is as believed: nothing moves
         stack.callback(truth.close)
-        platform = platform_of(robot, semantic_map, truth, world, 0, silent if arguments.json else say)
+        platform = platform_of(robot, semantic_map, truth, world, 0, arguments.progress)
         meant = _meant([*location.things(), *([] if what is None else [what])], lexicon, platform, found)
         found.extend(_choices(meant, lexicon, platform))
         try:
@@ -255,9 +257,11 @@ def _resolved(
         found.extend(_idle(location, used))
         location, frame = used, _frame(used, None if what is None else meant[what], platform)
         if what is None:
-            places.extend(_bases(location, platform, arguments.count, log, shown))
+            solutions = _bases(location, platform, arguments.count, log, shown)
         else:
-            places.extend(_things(location, what, frame, platform, arguments.count, log, shown))
+            solutions = _things(location, what, frame, platform, arguments.count, log, shown)
+        with arguments.waiting(lambda: f"searching for poses, {log.counts.total()} candidates rejected"):
+            places.extend(solutions)
     except LocationMeaningless:
         raise
     except LocationUnresolvable as problem:

@@ -26,6 +26,7 @@ from executive.locations.reachability_maps import reachability_map
 from executive.locations.rejections import NO_ROOM
 from executive.robots.arms import ArmModel
 from planlang.geometry import Array
+from planlang.progress import Report
 from planlang.records import dataclass
 
 SPREAD = 0.1
@@ -185,9 +186,9 @@ def inverse_map(facts: tuple[object, ...], prepared: Callable[[], InverseMap]) -
 class InverseMaps:
     """The maps of the arms of one robot, prepared when they are first asked for."""
 
-    def __init__(self, robot: str, say: Callable[[str], None]) -> None:
-        """Prepare none yet; ``say`` is told of maps of the ``robot`` that have to be built, which takes seconds."""
-        self._robot, self._say = robot, say
+    def __init__(self, robot: str, report: Report) -> None:
+        """Prepare none yet; ``report`` gets the progress of maps of the ``robot`` that have to be built."""
+        self._robot, self._report = robot, report
         self._known: dict[tuple[str, GraspClass], InverseMap] = {}
 
     def __call__(self, arm: ArmModel, grasp: GraspClass) -> InverseMap:
@@ -199,7 +200,7 @@ class InverseMaps:
         return self._known[key]
 
     def _prepare(self, arm: ArmModel, grasp: GraspClass) -> InverseMap:
-        forward = reachability_map(arm, grasp, self._robot, self._say)
+        forward = reachability_map(arm, grasp, self._robot, self._report)
         if not is_bound(arm):
             return InverseMap(forward)
         q, roll = forward.postures[forward.rows["posture"]], forward.rows["roll"].astype(int)

@@ -44,6 +44,7 @@ from planlang.designators import Action, Device, Location, Object, action
 from planlang.failures import DesignatorFailure, LocationUnresolvable, MissingCapability, PlanFailure
 from planlang.geometry import Array, Pose
 from planlang.language.performing import actions_around
+from planlang.progress import Report, unreported
 from planlang.protocols import Solution
 from planlang.relations import RELATIONS
 
@@ -54,10 +55,10 @@ MOST_VIEWERS = 256
 class Resolver:
     """Turns locations into base poses, hand solutions and poses of objects."""
 
-    def __init__(self, scene: PlanningScene, say: Callable[[str], None] = lambda line: None) -> None:
-        """``say`` is told of reachability maps that have to be built."""
+    def __init__(self, scene: PlanningScene, report: Report = unreported) -> None:
+        """``report`` gets the progress of reachability maps that have to be built."""
         self.scene = scene
-        self.maps = InverseMaps(scene.robot.name, say)
+        self.maps = InverseMaps(scene.robot.name, report)
         self._validator = BaseValidator(scene, self.maps)
         self._answers: Answers[Solution] = Answers()
         self._viewers: dict[Location, tuple[float, float]] = {}

@@ -18,7 +18,7 @@ from planlang.diagnostics import BadInput, Diagnostic, error, note, warning
 from planlang.language.plans import Plan
 from planlang.ontology import expand, shorten
 from planlang.records import dataclass
-from planlang.spelling import similar
+from planlang.spelling import guess, similar
 
 ON_WHAT_STAYS = ("OpeningSomething", "ClosingSomething", "TurningOnPoweredDevice", "TurningOffPoweredDevice")
 """Classes of actions on furniture and devices."""
@@ -275,8 +275,11 @@ def unknown_things(semantic_map: SemanticMap, words: Sequence[str]) -> tuple[str
     for word in words:
         meant = [one.name for one in things if word in (ALL, one.name, one.iri) or semantic_map.is_a(one, word)]
         if not meant:
-            known = _listed([one.name for one in things])
-            raise BadInput([error("X005", f"{word!r} is not in the map", help=f"--unknown may be all, or {known}")])
+            names = [one.name for one in things]
+            types = dict.fromkeys(cls for one in things for cls in one.types)
+            classes = (local_name(above) for cls in types for above in semantic_map.ontology.ancestors(cls))
+            advice = f"{guess(word, (*names, *classes))}--unknown may be all, or {_listed(names)}"
+            raise BadInput([error("X005", f"{word!r} is not in the map", help=advice)])
         found.update(dict.fromkeys(meant))
     return tuple(found)
 

@@ -171,7 +171,7 @@ class Run:
         earlier, notes = earlier_of(options.resume, world_as_left=options.world_as_left, looks_on=options.repeats)
         held = in_hands(robot, asked.map, asked.scene)
         if not assessment.missing or options.force:
-            robot = with_carrying(robot, [(one.link, one.body, one.offset) for one in held])
+            robot = with_carrying(robot, [(one.link, one.body, one.offset) for one in held], options.long_work)
         blind = self._blind(robot, assessment)
         found += (*robot.diagnostics, *assessment.notes(options.plan), *blind)
         self._shown = partial(self._context, asked, tuple(found), blind, bool(assessment.missing))
@@ -272,7 +272,7 @@ class Run:
             truth,
             believed,
             options.seed,
-            options.progress,
+            options.long_work,
             trusts_map=options.trust_map,
             unknown=unknown_things(asked.map, options.unknown or ()),
             models=None if given is None else [cls for one in given for cls in one.recognises],

@@ -16,8 +16,6 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from executive.cli.app import app
-from executive.cli.console import show
-from planlang.diagnostics import note, warning
 from planlang.files import Bundled, bundled
 
 CHECKOUT = Path(__file__).resolve().parents[2]
@@ -178,18 +176,6 @@ def test_a_usage_error_is_a_json_object_too(tmp_path: Path) -> None:
     assert (result.returncode, found["command"], found["exit_code"]) == (2, "run", 2)
     assert "--seed" in found["error"]
     assert result.stderr == ""
-
-
-def test_many_notes_before_a_result_are_counted_by_code(capsys: pytest.CaptureFixture[str]) -> None:
-    notes = [*(note("M005", f"size {number}") for number in range(9)), note("B010", "assumed"), note("B010", "too")]
-    show([*notes, warning("M014", "inside")], all_notes=False)
-    assert capsys.readouterr().err.splitlines() == [
-        "warning M014 inside",
-        "11 notes: 9 M005, 2 B010 (--verbose lists them)",
-        "1 warning, 11 notes",
-    ]
-    show(notes[:10], all_notes=False)
-    assert len(capsys.readouterr().err.splitlines()) == 10, "few are listed"
 
 
 def test_summaries_of_commands_are_whole_sentences() -> None:
