@@ -22,6 +22,7 @@ from executive.pictures.pose_track import Placed, Tracks
 from executive.pictures.recorded_candidates import record_candidates
 from executive.pictures.recorded_plan import (
     FAILED,
+    FLASH,
     LANES,
     RECIPE,
     TREE,
@@ -114,7 +115,7 @@ class Recording:
         """Write the recording."""
         rate, end = self._world.rate, self._world.steps
         tree = RunTree(self._records)
-        stream = stream_to(path, self._title, _blueprint(self._recipe is not None, self._view()))
+        stream = stream_to(path, self._title, _blueprint(self._recipe is not None, self._view(), end / rate + FLASH))
         record_truth(stream, tuple(self._drawn.values()), self._tracks, rate)
         for name, stands in self._believed.items():
             thing = self._drawn.get(("bodies", name))
@@ -168,12 +169,8 @@ def _reasons(failure: Mapping[str, Any]) -> Iterator[str]:
         lead, link = "  because of ", link.get("cause", {})
 
 
-def _blueprint(has_recipe: bool, view: archetypes.EyeControls3D) -> Any:
-    """The scene, large, beside graph and text; below all lanes, on the axis of time that linked views share.
-
-    That axis is as long as the recording: a failure at the very end is seen, and a plot that is added, or the lanes a
-    second time, zooms and scrolls with the lanes.
-    """
+def _blueprint(has_recipe: bool, view: archetypes.EyeControls3D, end: float) -> Any:
+    """The scene, large, beside graph and text; below all lanes on one axis, which ends at ``end`` [s]."""
     graphs = [blueprint.GraphView(origin=TREE, name="Plan")]
     if has_recipe:
         graphs.append(blueprint.GraphView(origin=RECIPE, name="Recipe"))
@@ -193,8 +190,10 @@ def _blueprint(has_recipe: bool, view: archetypes.EyeControls3D) -> Any:
         scene, blueprint.Vertical(blueprint.Tabs(*graphs), text, row_shares=[3, 2]), column_shares=[3, 2]
     )
     known = inspect.signature(blueprint.StateTimelineView.__init__).parameters
-    # lanes of a viewer of 0.32 show all of the time by themselves
-    axis = {"time_view": archetypes.TimeAxis(link="LinkToGlobal")} if "time_view" in known else {}
+    ends = (rerun.TimeRangeBoundary.absolute(seconds=moment) for moment in (0.0, end))
+    # A viewer of 0.32 shows all of the time by itself. No link: this axis is the only one, and a linked one ignores
+    # its range, and centres on the cursor whenever that is set.
+    axis = {"time_view": archetypes.TimeAxis(view_range=rerun.TimeRange(*ends))} if "time_view" in known else {}
     lanes = blueprint.StateTimelineView(origin=LANES, name="Lanes", **axis)
     return blueprint.Blueprint(
         blueprint.Vertical(above, lanes, row_shares=[3, 2]),
