@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 from executive.cli import app as cli
 from executive.pictures import drawn
 from executive.pictures.drawn import drawn_in, missing
+from planlang.files import Bundled
 from planlang.outputs import is_replaceable
 from sim import CameraModel, PyBulletWorld, RobotBody, Scene
 
@@ -103,6 +104,26 @@ def test_a_plan_that_is_a_file_is_recorded_without_a_recipe(tmp_path: Path) -> N
     printed = viewer("print", tmp_path / "run.rrd").stdout
     assert "/lanes/plan/01" in printed
     assert " - /recipe" not in printed
+
+
+def test_the_events_of_a_failed_run_end_with_the_failure_and_its_causes(tmp_path: Path) -> None:
+    pytest.importorskip("rerun", reason="the extra [record] is not installed")
+    tower, recording = tmp_path / "tower.omn", tmp_path / "run.rrd"
+    tower.write_text(Bundled.ENVIRONMENT.find("hospital_room").read_text().replace("m23 0.9,", "m23 2.3,"))
+    words = ("run", "serve_a_drink", "--robot", "amigo", "--environment", tower, "--record", recording)
+    result = CliRunner().invoke(cli.app, [str(word) for word in words], prog_name="planlang")
+    assert result.exit_code == 1, result.output
+    assert viewer("verify", recording).returncode == 0
+    printed = viewer("print", "-vvv", "--entity", "/events", recording).stdout
+    begins = [
+        printed.index(text)
+        for text in (
+            "recovery: propagate",
+            "ObjectUnreachable: the object",
+            "  because of LocationUnresolvable: no place",
+        )
+    ]
+    assert begins == sorted(begins)
 
 
 def test_primitives_of_links_are_drawn_with_their_place_and_colour(tmp_path: Path) -> None:
