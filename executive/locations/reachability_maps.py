@@ -1,14 +1,13 @@
-"""Makes reachability maps: taken from the files of a robot or the cache, else built by inverse kinematics.
+"""Obtains reachability maps: from the robot's files or the cache, or by building them with inverse kinematics.
 
-To build one, a coarse sub-lattice is solved from postures at random; then solutions spread to neighbours in place and
-heading, each from the joints of its neighbour, until nothing is added; then every pose takes over a neighbour's posture
-if it can be better off with it. So unreachable poses cost something at the rim only. At last the poses of a block, a
-few cells and headings, share postures: of each block the best one, then the best of those that are not solved from it,
-and so on. A map is so small then that it can come with a robot (17 MB of joint values are 2 MB of postures for the
-Panda).
+To build a map, a coarse sub-lattice is solved from random postures. Solutions then spread to neighbours in position and
+heading, each seeded with its neighbour's joints, until nothing is added; finally every pose adopts a neighbour's
+posture if it scores better. Unreachable poses thus cost time at the rim only. The poses of a block of a few cells and
+headings then share postures: the best one of each block, then the best of those that it does not solve, and so on. This
+makes maps small enough to be bundled with a robot (for the Panda, 17 MB of joint values become 2 MB of postures).
 
-A file is sealed with a key made of the chain, the sampling and a version (:func:`map_key`), and named by its beginning.
-So a map is never taken for that of another arm, and what is damaged or stale is built anew.
+A file is sealed with a key derived from the chain, the sampling and a version (:func:`map_key`), and named by the start
+of the key. A map is thus never used for another arm, and damaged or stale maps are rebuilt.
 """
 
 from __future__ import annotations
@@ -48,33 +47,32 @@ from planlang.kernel import unwatched
 from planlang.records import dataclass
 
 SAMPLES = 20_000
-"""Number of random postures that show where the tip can be at all."""
+"""Random postures that bound the workspace."""
 RESTARTS = 6
-"""Random postures from which each pose of the coarse lattice is tried."""
+"""Random seeds per pose of the coarse lattice."""
 COARSE = 2
-"""Cells and headings from one pose of the coarse lattice to the next."""
+"""Cells and headings between poses of the coarse lattice."""
 FLOOR = 0.0
-"""Lowest tip above the floor that is mapped [m]."""
+"""Lowest mapped height of the tip above the floor [m]."""
 USUAL_MANIPULABILITY = 90
-"""Percentile of a map's manipulability that counts as full."""
+"""Percentile of a map's manipulability that gets the full score."""
 SPARE = 0.125
-"""Distance to the nearest joint limit, as a share of the joint's range, that counts as full."""
+"""Distance to the nearest joint limit, as a share of the joint's range, that gets the full score."""
 CHUNK = 5_000
-"""Configurations that are scored at once."""
+"""Configurations scored at once."""
 BLOCK = 2, 3
-"""Cells along each axis, and headings, that share postures: inverse kinematics gets from one to all others."""
+"""Cells along each axis, and headings, that share postures: inverse kinematics converges from one to all others."""
 SHARED, EXACT = 1e-2, 1e-5
-"""Steps of joint values in postures that rows share, and in those that are a row's own [rad, m].
+"""Resolution of joint values in shared postures, and in those of single rows [rad, m].
 
-From a shared one inverse kinematics goes on anyway; 1e-5 moves the tip by less than a tenth of its tolerance.
-"""
+Shared ones are only seeds; 1e-5 moves the tip by less than a tenth of its tolerance."""
 WORTH = 0.7
-"""A row shares a posture that leads to this share of its own score: with more, files grow, with less, scores fall."""
+"""Share of its own score that a row must keep with a shared posture: a larger one makes larger files."""
 SAMPLING = (SAMPLES, RESTARTS, COARSE, FLOOR, USUAL_MANIPULABILITY, SPARE, BLOCK, SHARED, WORTH)
 
 
 def build_map(arm: ArmModel, grasp: GraspClass) -> ReachabilityMap:
-    """Return the map of an arm, built now."""
+    """Build the map of an arm."""
     chain = carried(arm)
     floor = FLOOR - (0.0 if arm.lift is None else float(arm.lift.rise(arm.lift.highest)))
     if is_bound(arm):
@@ -91,12 +89,12 @@ def build_map(arm: ArmModel, grasp: GraspClass) -> ReachabilityMap:
 
 
 def joint_step(arm: ArmModel) -> float:
-    """Return the step of joint values in the postures of an arm's maps [rad, m]."""
+    """Resolution of joint values in the postures of an arm's maps [rad, m]."""
     return EXACT if is_bound(arm) else SHARED
 
 
 def blocks(rows: Rows, arm: ArmModel) -> NDArray[np.int64]:
-    """Return the number of the block of each row: rows of a block may share postures. They grow with z."""
+    """Number the block of each row, increasing with z; rows of a block may share postures."""
     cells, headings = (1, 1) if is_bound(arm) else BLOCK
     coarse = rows.copy()
     for name in ("z", "x", "y"):
@@ -106,22 +104,22 @@ def blocks(rows: Rows, arm: ArmModel) -> NDArray[np.int64]:
 
 
 def _shared(full: ReachabilityMap) -> ReachabilityMap:
-    """Return the same map with as few postures as the rows of a block need."""
+    """Reduce a map to as few postures as the rows of each block need."""
     rows, q, chain = full.rows, full.postures, carried(full.arm)
     solver, block = InverseKinematics(chain), blocks(rows, full.arm)
     poses = full.poses(np.arange(len(rows)), 0.0 if full.lift is None else full.lift.lowest)
     alone = _scores(chain, q)
-    scores, owner, left = alone.copy(), np.arange(len(rows)), np.arange(len(rows))
-    reached = np.ones(len(rows), np.bool_)  # a few at the rim are not any more, from their own posture rounded
-    while len(left):
-        order = left[np.lexsort((left, -alone[left].round(9), block[left]))]
+    scores, owner, remaining = alone.copy(), np.arange(len(rows)), np.arange(len(rows))
+    reached = np.ones(len(rows), np.bool_)  # a few at the rim fail from their own, rounded posture
+    while len(remaining):
+        order = remaining[np.lexsort((remaining, -alone[remaining].round(9), block[remaining]))]
         _, best, group = np.unique(block[order], return_index=True, return_inverse=True)
         own = order[best[group]]
-        tried, solved = solver.solve(poses[order], q[own][:, None])
-        gained = _scores(chain, tried)
+        solutions, solved = solver.solve(poses[order], q[own][:, None])
+        gained = _scores(chain, solutions)
         kept = (order == own) | (solved & (gained >= WORTH * alone[order]))
         owner[order[kept]], scores[order[kept]], reached[order[kept]] = own[kept], gained[kept], solved[kept]
-        left = np.sort(order[~kept])
+        remaining = np.sort(order[~kept])
     owners, posture = np.unique(owner[reached], return_inverse=True)
     shared, scores = rows[reached], scores[reached]
     shared["posture"] = posture
@@ -142,7 +140,7 @@ class _Lattice:
     shape: tuple[int, int, int, int]
 
     def poses(self, index: Index) -> Array:
-        """Return tip poses (m, 4, 4) of flat indices (m,)."""
+        """Compute tip poses (m, 4, 4) of flat indices (m,)."""
         headings = np.tile(np.eye(4), (YAWS, 1, 1))
         headings[:, :3, :3] = self.grasp.rotations(np.arange(YAWS) * (2 * math.pi / YAWS), self.roll, self.frame)
         yaw, *cells = np.unravel_index(index, self.shape)
@@ -152,7 +150,7 @@ class _Lattice:
         return poses
 
     def coarse(self) -> Index:
-        """Return flat indices, in their order, of the poses of the coarse lattice."""
+        """Flat indices of the poses of the coarse lattice, in order."""
         return np.ravel_multi_index(np.ix_(*(np.arange(0, n, COARSE) for n in self.shape)), self.shape).ravel()
 
     def neighbours(self, index: Index) -> Iterator[tuple[Index, Index]]:
@@ -161,7 +159,7 @@ class _Lattice:
         for axis, step in product(range(4), (1, -1)):
             stride, last = math.prod(self.shape[axis + 1 :]), self.shape[axis] - 1
             edge = cells[axis] == (last if step > 0 else 0)
-            if axis == 0:  # headings go around
+            if axis == 0:  # headings are periodic
                 yield np.arange(len(index)), index + step * stride * np.where(edge, -last, 1)
             else:
                 inside = np.flatnonzero(~edge)
@@ -169,7 +167,7 @@ class _Lattice:
 
 
 def _lattice_rows(arm: ArmModel, chain: Chain, grasp: GraspClass, floor: float) -> list[tuple[Rows, Array]]:
-    """Return rows and joint values of each roll."""
+    """Compute rows and joint values of each roll."""
     solver, rng = InverseKinematics(chain), np.random.default_rng(0)
     columns = [arm.solver.chain.names.index(name) for name in chain.names]
     tips = chain.fk(chain.sample(rng, SAMPLES))[:, :3, 3]
@@ -190,7 +188,7 @@ def _lattice_rows(arm: ArmModel, chain: Chain, grasp: GraspClass, floor: float) 
 
 
 def _sampled_rows(chain: Chain, grasp: GraspClass, frame: HandFrame, roll: int, floor: float) -> tuple[Rows, Array]:
-    """Return for each cell of the lattice the best of the postures that are in it."""
+    """Select the best of the sampled postures in each cell of the lattice."""
     q, places, levels = sampled(chain, grasp, frame, roll, floor, np.random.default_rng(0))
     score = _scores(chain, q)
     cells = np.column_stack([levels, cells_of(places)])
@@ -206,7 +204,7 @@ def _sampled_rows(chain: Chain, grasp: GraspClass, frame: HandFrame, roll: int, 
 def _solved(
     lattice: _Lattice, solver: InverseKinematics, postures: Array, rng: np.random.Generator
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Return joint values (all, d) and which poses have some."""
+    """Compute joint values (all, d), and which poses have any."""
     chain = solver.chain
     count = math.prod(lattice.shape)
     q = np.zeros((count, chain.dof), np.float32)
@@ -215,35 +213,35 @@ def _solved(
     coarse = lattice.coarse()
     coarse = coarse[chain.may_reach(lattice.poses(coarse))]
     seeds = np.concatenate([postures, chain.sample(rng, RESTARTS)])
-    tried, ok = solver.solve(lattice.poses(coarse), np.broadcast_to(seeds, (len(coarse), *seeds.shape)))
+    solutions, ok = solver.solve(lattice.poses(coarse), np.broadcast_to(seeds, (len(coarse), *seeds.shape)))
     added = coarse[ok]
-    q[added], solved[added], score[added] = tried[ok], True, _scores(chain, tried[ok])
+    q[added], solved[added], score[added] = solutions[ok], True, _scores(chain, solutions[ok])
     while len(added):
         fresh = []
         for at, other in lattice.neighbours(added):
             open_ = ~solved[other]
             source, goal = added[at[open_]], other[open_]
-            tried, ok = solver.solve(lattice.poses(goal), q[source][:, None].astype(float))
+            solutions, ok = solver.solve(lattice.poses(goal), q[source][:, None].astype(float))
             reached = goal[ok]
-            q[reached], solved[reached], score[reached] = tried[ok], True, _scores(chain, tried[ok])
+            q[reached], solved[reached], score[reached] = solutions[ok], True, _scores(chain, solutions[ok])
             fresh.append(reached)
         added = np.concatenate(fresh)
     done = np.flatnonzero(solved)
     for at, other in lattice.neighbours(done):
         better = solved[other] & (score[other] > 1.2 * score[done[at]])
         goal, source = done[at[better]], other[better]
-        tried, ok = solver.solve(lattice.poses(goal), q[source][:, None].astype(float))
-        goal, tried = goal[ok], tried[ok]
-        gained = _scores(chain, tried)
+        solutions, ok = solver.solve(lattice.poses(goal), q[source][:, None].astype(float))
+        goal, solutions = goal[ok], solutions[ok]
+        gained = _scores(chain, solutions)
         up = gained > score[goal]
-        q[goal[up]], score[goal[up]] = tried[up], gained[up]
+        q[goal[up]], score[goal[up]] = solutions[up], gained[up]
     return q, solved
 
 
 def _scores(chain: Chain, q: Array) -> Array:
-    """Return manipulability (m,) (Yoshikawa 1985) of configurations (m, d), less near limits; not normalised."""
+    """Compute manipulability (m,) (Yoshikawa 1985) of configurations (m, d), reduced near limits; not normalised."""
     scores = np.empty(len(q))
-    for start in range(0, len(q), CHUNK):  # what is between stays in the processor's cache
+    for start in range(0, len(q), CHUNK):  # intermediate arrays stay in the processor's cache
         scores[start : start + CHUNK] = _few_scores(chain, q[start : start + CHUNK])
     return scores
 
@@ -261,7 +259,7 @@ def _few_scores(chain: Chain, q: Array) -> Array:
 
 
 def _normal(score: Array) -> Array:
-    """Return scores in (0, 1]."""
+    """Normalise scores to (0, 1]."""
     if not len(score):
         return score
     full = float(np.percentile(score, USUAL_MANIPULABILITY)) or 1.0
@@ -269,11 +267,11 @@ def _normal(score: Array) -> Array:
 
 
 VERSION = 4
-"""Raised whenever maps come out otherwise for the same arm, or their files."""
+"""Incremented when maps of the same arm, or their files, change."""
 SCORES = 255
-"""A score is a whole number of parts of this, so that it is a byte."""
+"""Scores are integer multiples of 1 / SCORES, stored as bytes."""
 MAPS = Bundled.ROBOT.folder / "maps"
-"""Folder of the bundled robots' maps; ``make maps`` writes them."""
+"""Folder of the bundled robots' maps, written by ``make maps``."""
 _CACHE = Cache("reachability", most=60)
 
 Say = Callable[[str], None]
@@ -282,9 +280,9 @@ Say = Callable[[str], None]
 def reachability_map(
     arm: ArmModel, grasp: GraspClass, robot: str = "", say: Say = lambda line: None
 ) -> ReachabilityMap:
-    """Return the map of an arm and class: the one that came with planlang, from the user's cache, or built now.
+    """Get the map of an arm and class: bundled, from the user's cache, or built now.
 
-    ``say`` is told when it is built, which takes seconds, and if ``robot`` names a bundled robot, why.
+    ``say`` receives a line when it is built, which takes seconds, and, if ``robot`` names a bundled robot, why.
     """
     key = map_key(arm, grasp)
     content, why = _bundled_map(arm, grasp, robot, key)
@@ -293,20 +291,20 @@ def reachability_map(
         content = _CACHE.load(kept)
     if content is None:
         say(f"building the reachability map of arm {arm.name}, {grasp.value} grasps, once for this robot{why}")
-        with unwatched():  # an arm with seven joints takes longer than code of a plan may
+        with unwatched():  # seven joints take longer than the watchdog allows plan code
             content = packed(build_map(arm, grasp))
         _CACHE.keep(kept, content)
     return unpacked(content, arm, grasp)
 
 
 def bundled_file(arm: ArmModel, grasp: GraspClass, robot: str) -> tuple[str, bytes]:
-    """Return the name and the content of the file with the map of a bundled robot's arm, built now."""
+    """Build the map of a bundled robot's arm: name and content of its file."""
     key = map_key(arm, grasp)
     return _file_name(arm, grasp, robot, key), sealed(key, packed(build_map(arm, grasp)))
 
 
 def _bundled_map(arm: ArmModel, grasp: GraspClass, robot: str, key: str) -> tuple[bytes | None, str]:
-    """Return a map that came with planlang, whatever its robot is called; None if there is none, and a reason."""
+    """Load a bundled map, whatever its robot is called; None if there is none, with a reason."""
     for path in MAPS.glob(f"*{_suffix(key)}"):
         return unsealed(key, path.read_bytes()), f": {path} is damaged"
     others = MAPS.glob(f"{robot}-{arm.name}-{grasp.value}-*.map")
@@ -322,10 +320,9 @@ def _suffix(key: str) -> str:
 
 
 def map_key(arm: ArmModel, grasp: GraspClass) -> str:
-    """Return a digest of what a map is of; the same on all processors, so computed numbers are rounded.
+    """Digest of what determines a map; equal on all processors, since computed numbers are rounded.
 
-    The arm's postures, from which building begins, do not count: a map that came with planlang serves all robots with
-    such an arm.
+    The arm's seeds, from which building begins, are excluded: a bundled map serves all robots with such an arm.
     """
     lift = arm.lift
     lifted = None if lift is None else (lift.column, round(lift.per_unit, 9), round(float(lift.rise(lift.highest)), 9))
@@ -344,15 +341,16 @@ def map_key(arm: ArmModel, grasp: GraspClass) -> str:
 
 
 def _cache_key(key: str, arm: ArmModel) -> str:
-    """Return the key in the cache, where the same robot has to find the same map whatever was run before."""
+    """Key in the cache, which includes the seeds: a robot gets the same map whatever was run before."""
     return hashlib.sha256(repr((key, (arm.seeds.round(9) + 0.0).tolist())).encode()).hexdigest()
 
 
 def packed(built: ReachabilityMap) -> bytes:
-    """Return a map as its file keeps it.
+    """Serialise a map.
 
-    Rows as steps from key to key, scores as bytes, and which of the postures of its block a row has; postures in steps
-    of :func:`joint_step`, in the order of blocks. Bytes of equal significance are together, which compresses well.
+    Row keys as differences, scores as bytes, and the index of each row's posture within its block; postures in
+    multiples of :func:`joint_step`, ordered by block. Bytes of equal significance are stored together, which compresses
+    well.
     """
     rows, step = built.rows, joint_step(built.arm)
     count = max(len(built.postures), 1)
@@ -372,7 +370,7 @@ def packed(built: ReachabilityMap) -> bytes:
 
 
 def unpacked(content: bytes, arm: ArmModel, grasp: GraspClass) -> ReachabilityMap:
-    """Return the map of a file; the inverse of :func:`packed`."""
+    """Deserialise a map; the inverse of :func:`packed`."""
     plain, chain = np.frombuffer(zlib.decompress(content), np.uint8), carried(arm)
     begin = 0
 
