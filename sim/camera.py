@@ -138,14 +138,14 @@ class Camera:
         offset = points - axes[0]
         starts = axes[0] + offset / np.linalg.norm(offset, axis=1)[:, None] * _CLIP
         lines: Sequence[str | None] = cast(starts, axes[0] + offset * 1.01)
-        found: dict[str, int] = {}
+        counts: dict[str, int] = {}
         for hit in lines:
             if hit is not None:
-                found[hit] = found.get(hit, 0) + 1
+                counts[hit] = counts.get(hit, 0) + 1
         if not model.near <= self.bodies.poses[name].distance(pose) <= model.far:
-            return 0.0, found
+            return 0.0, counts
         seen = _framed(offset, model, axes) & np.array([hit == name for hit in lines], bool)
-        return round(float(weights[seen].sum() / weights.sum()), 3), found
+        return round(float(weights[seen].sum() / weights.sum()), 3), counts
 
     def _facing(self, name: str, eye: Array) -> tuple[Array, Array]:
         """Sample the surface that faces the eye: points, and their shares of the silhouette."""

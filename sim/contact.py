@@ -128,31 +128,31 @@ class Contacts:
 
     def find(self, query: Query) -> tuple[Contact, ...]:
         """Find all contacts: of links, in the order of the URDF, then of held objects in the order of grasping."""
-        found: dict[tuple[str, str], float] = {}
+        depths: dict[tuple[str, str], float] = {}
         if query.among is not None:
             for part, body in query.among:
-                self._of_pair(part, body, query, found)
-            return tuple(Contact(part, body, depth) for (part, body), depth in found.items())
+                self._of_pair(part, body, query, depths)
+            return tuple(Contact(part, body, depth) for (part, body), depth in depths.items())
         lower, upper = self.robot.boxes()
         if query.others:
-            self._of_links(query, lower, upper, found)
+            self._of_links(query, lower, upper, depths)
         if query.itself:
-            self._of_the_robot_itself(query, lower, upper, found)
+            self._of_the_robot_itself(query, lower, upper, depths)
         for name, held in self.held.items():
             if query.others and (query.links is None or self.carriers(held) & query.links):
-                self._of_held(name, query, found)
+                self._of_held(name, query, depths)
             if query.itself:
-                self._of_held_and_robot(name, query, lower, upper, found)
+                self._of_held_and_robot(name, query, lower, upper, depths)
         for leaf, led in self.leaves.led.items():
             if query.others and (query.links is None or self.robot.carrier(led.link) & query.links):
-                self._of_led(leaf, led, query, lower, upper, found)
-        return tuple(Contact(part, body, depth) for (part, body), depth in found.items())
+                self._of_led(leaf, led, query, lower, upper, depths)
+        return tuple(Contact(part, body, depth) for (part, body), depth in depths.items())
 
     def carriers(self, held: HeldObject) -> frozenset[int]:
         """List the numbers of the links with which a held object moves."""
         return frozenset().union(*map(self.robot.carrier, held.links))
 
-    def _of_pair(self, part: str, body: str, query: Query, found: dict[tuple[str, str], float]) -> None:
+    def _of_pair(self, part: str, body: str, query: Query, depths: dict[tuple[str, str], float]) -> None:
         """Test one pair; support contacts of a held object count only beyond :data:`SUPPORT_DEPTH`."""
         if query.ignores(part, body):
             return
@@ -160,7 +160,7 @@ class Contacts:
             part, body = body, part
         number, other = self.robot.number.get(part), self.robot.number.get(body)
         if number is not None and other is not None:
-            _deepen(found, part, body, self.robot.depth_between(number, other))
+            _deepen(depths, part, body, self.robot.depth_between(number, other))
             return
         for index in () if other is not None else self.bodies.of[body]:
             piece = self.bodies.pieces[index]
@@ -169,22 +169,22 @@ class Contacts:
             if self.leaves.led and number in self.leaves.hands_on(body):
                 continue
             if number is not None:
-                _deepen(found, part, body, self.robot.depth_with(number, piece.uid))
+                _deepen(depths, part, body, self.robot.depth_with(number, piece.uid))
                 continue
             if self._may_touch(part, body):
                 continue
             depth = -self.bodies.gap(self.bodies.of[part], [index], 0.0)
             if body not in self.held[part].touched or depth > SUPPORT_DEPTH:
-                _deepen(found, part, body, depth)
+                _deepen(depths, part, body, depth)
         if number is None and other is not None:
-            depths = (self.robot.depth_with(other, self.bodies.pieces[mine].uid) for mine in self.bodies.of[part])
-            _deepen(found, part, body, max(depths, default=0.0))
+            link_depths = (self.robot.depth_with(other, self.bodies.pieces[mine].uid) for mine in self.bodies.of[part])
+            _deepen(depths, part, body, max(link_depths, default=0.0))
 
     def _may_touch(self, held: str, body: str) -> bool:
         """Check whether a held object may go into or under a body: a blade, or anything in a puddle."""
         return self.bodies.lets_touch(held, body) or self.matter.gives_way(body)
 
-    def _of_links(self, query: Query, lower: Array, upper: Array, found: dict[tuple[str, str], float]) -> None:
+    def _of_links(self, query: Query, lower: Array, upper: Array, depths: dict[tuple[str, str], float]) -> None:
         near = self.bodies.near(lower, upper)
         for number, index in zip(*(axis.tolist() for axis in np.nonzero(near)), strict=True):
             piece = self.bodies.pieces[index]
@@ -203,19 +203,19 @@ class Contacts:
                 continue
             if piece.body in self.held and number not in self.held[piece.body].hand:
                 continue  # reported as a contact of the held object
-            _deepen(found, part, piece.body, self.robot.depth_with(number, piece.uid))
+            _deepen(depths, part, piece.body, self.robot.depth_with(number, piece.uid))
 
     def _of_the_robot_itself(
-        self, query: Query, lower: Array, upper: Array, found: dict[tuple[str, str], float]
+        self, query: Query, lower: Array, upper: Array, depths: dict[tuple[str, str], float]
     ) -> None:
         near = self.watched if query.apart is None else self.watched & query.apart
         near = near & overlaps(lower, upper, lower, upper)
         for a, b in zip(*(axis.tolist() for axis in np.nonzero(near)), strict=True):
             first, second = self.robot.solid_names[a], self.robot.solid_names[b]
             if not query.ignores(first, second):
-                _deepen(found, first, second, self.robot.depth_between(a, b))
+                _deepen(depths, first, second, self.robot.depth_between(a, b))
 
-    def _of_held(self, name: str, query: Query, found: dict[tuple[str, str], float]) -> None:
+    def _of_held(self, name: str, query: Query, depths: dict[tuple[str, str], float]) -> None:
         held = self.held[name]
         for mine in self.bodies.of[name]:
             near = self.bodies.near(self.bodies.lower[mine][None], self.bodies.upper[mine][None])[0]
@@ -227,10 +227,10 @@ class Contacts:
                     continue
                 depth = -self.bodies.gap([mine], [index], 0.0)
                 if piece.body not in held.touched or depth > SUPPORT_DEPTH:
-                    _deepen(found, name, piece.body, depth)
+                    _deepen(depths, name, piece.body, depth)
 
     def _of_led(
-        self, leaf: str, led: LeafGrasp, query: Query, lower: Array, upper: Array, found: dict[tuple[str, str], float]
+        self, leaf: str, led: LeafGrasp, query: Query, lower: Array, upper: Array, depths: dict[tuple[str, str], float]
     ) -> None:
         """Test a leaf that a hand moves against other bodies, and against the robot without that hand."""
         for name in (*self.leaves.joints[leaf].bodies, *led.carried):
@@ -240,14 +240,14 @@ class Contacts:
                     other = self.bodies.pieces[index].body
                     mate = other == name or other in led.touched or other in led.carried or other in self.held
                     if not mate and not query.ignores(name, other):
-                        _deepen(found, name, other, -self.bodies.gap([mine], [index], 0.0))
+                        _deepen(depths, name, other, -self.bodies.gap([mine], [index], 0.0))
                 overlap = np.all((lower <= high) & (upper >= low), axis=1)
                 for number in np.nonzero(overlap)[0].tolist():
                     if number not in led.hand and not query.ignores(self.robot.solid_names[number], name):
-                        _deepen(found, self.robot.solid_names[number], name, self.robot.depth_with(number, piece.uid))
+                        _deepen(depths, self.robot.solid_names[number], name, self.robot.depth_with(number, piece.uid))
 
     def _of_held_and_robot(
-        self, name: str, query: Query, lower: Array, upper: Array, found: dict[tuple[str, str], float]
+        self, name: str, query: Query, lower: Array, upper: Array, depths: dict[tuple[str, str], float]
     ) -> None:
         held = self.held[name]
         every = query.links is None or bool(self.carriers(held) & query.links)
@@ -259,7 +259,7 @@ class Contacts:
                     continue
                 if query.ignores(name, link):
                     continue
-                _deepen(found, name, link, self.robot.depth_with(number, self.bodies.pieces[mine].uid))
+                _deepen(depths, name, link, self.robot.depth_with(number, self.bodies.pieces[mine].uid))
 
     def touching(self, name: str, within: float) -> set[str]:
         """Find the bodies within a distance [m] of a body, not counting the robot."""
@@ -316,10 +316,10 @@ class Contacts:
         """Yield opposite touches for two links close together on something soft: its fold between them."""
         soft = [(name, touch) for name, touch in felt if self.bodies.bodies[name].soft]
         for (name, one), (other, two) in combinations(soft, 2):
-            apart = np.subtract(one.point, two.point)
-            away = float(np.linalg.norm(apart))
-            if name == other and one.link != two.link and 0 < away <= FOLD:
-                x, y, z = (apart / away).tolist()
+            offset = np.subtract(one.point, two.point)
+            distance = float(np.linalg.norm(offset))
+            if name == other and one.link != two.link and 0 < distance <= FOLD:
+                x, y, z = (offset / distance).tolist()
                 yield name, Touch(one.link, one.point, (x, y, z))
                 yield name, Touch(two.link, two.point, (-x, -y, -z))
 
@@ -359,9 +359,9 @@ class Contacts:
         return None if nearest is None else Touch(link, nearest[6], nearest[7])
 
 
-def _deepen(found: dict[tuple[str, str], float], part: str, body: str, depth: float) -> None:
-    if depth > TOLERANCE and depth > found.get((part, body), 0.0):
-        found[part, body] = depth
+def _deepen(depths: dict[tuple[str, str], float], part: str, body: str, depth: float) -> None:
+    if depth > TOLERANCE and depth > depths.get((part, body), 0.0):
+        depths[part, body] = depth
 
 
 def watched_pairs(robot: Robot) -> tuple[tuple[int, int], ...]:

@@ -72,19 +72,19 @@ class Falling:
 
     def standing_on(self, name: str, held: Collection[str]) -> list[str]:
         """List the movable bodies that stand on a body, directly or not; held ones stand on nothing."""
-        found, bodies = [name], self.bodies
-        for support in found:
+        standing, bodies = [name], self.bodies
+        for support in standing:
             low, high = bodies.box_of(support)
             for other, body in bodies.bodies.items():
-                if not body.movable or other in found or other in held or other in bodies.removed:
+                if not body.movable or other in standing or other in held or other in bodies.removed:
                     continue
                 least, most = bodies.box_of(other)
                 if _beside((low, high), (least, most)) or least[2] > high[2] + _NEAR or least[2] < low[2]:
                     continue
                 rest, on = self.rest(other)
                 if on == support and bodies.poses[other].position[2] - rest.position[2] <= _NEAR:
-                    found.append(other)
-        return found[1:]
+                    standing.append(other)
+        return standing[1:]
 
     def stop(self, name: str) -> None:
         """Cancel the fall of a body that was grasped or placed."""
@@ -152,9 +152,9 @@ def resting(pose: Pose, size: Sequence[float], rays: Cast, *, cylinder: bool = F
         if inside(outline_of(bearing), centre):
             best = int(np.argmax(np.where(hits, heights, -np.inf)))
             return Pose((pose.position[0], pose.position[1], level + half), pose.orientation), names[best]
-        away = centre - bearing.mean(axis=0)
-        length = float(np.linalg.norm(away))
-        direction = away / length if length > 1e-6 else np.array([1.0, 0.0])
+        offset = centre - bearing.mean(axis=0)
+        length = float(np.linalg.norm(offset))
+        direction = offset / length if length > 1e-6 else np.array([1.0, 0.0])
         x, y = (centre + direction * _STEP).tolist()
         pose = Pose((x, y, pose.position[2]), pose.orientation)
     return pose, None

@@ -28,10 +28,10 @@ class Meshes:
         name = mesh.get("filename", "")
         if name not in self._names:
             self._names[name] = self._read(name, mesh.line)
-        found = self._names[name]
-        if found is not None:
-            mesh.set("filename", found)
-        return found is not None
+        file_name = self._names[name]
+        if file_name is not None:
+            mesh.set("filename", file_name)
+        return file_name is not None
 
     def _read(self, name: str, line: int) -> str | None:
         reason = ""

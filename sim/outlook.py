@@ -107,11 +107,11 @@ def _near(boxes: _Boxes, others: _Boxes, may: NDArray[np.bool_]) -> Iterator[tup
     rows, pairs = np.nonzero(near)
     first, second = first[pairs], second[pairs]
     mine, its = (rows, first), (rows % len(its_lower), second)
-    away, to_other = others.center[its] - boxes.center[mine], np.swapaxes(boxes.spans[mine], 1, 2)
+    offsets, to_other = others.center[its] - boxes.center[mine], np.swapaxes(boxes.spans[mine], 1, 2)
     turn, half, its_half = product(to_other, others.spans[its]), boxes.half[first], others.half[second]
-    apart = np.abs(rotated(to_other, away)) > half + rotated(np.abs(turn), its_half)
+    apart = np.abs(rotated(to_other, offsets)) > half + rotated(np.abs(turn), its_half)
     from_other, back = np.swapaxes(others.spans[its], 1, 2), np.swapaxes(turn, 1, 2)
-    apart |= np.abs(rotated(from_other, away)) > its_half + rotated(np.abs(back), half)
+    apart |= np.abs(rotated(from_other, offsets)) > its_half + rotated(np.abs(back), half)
     meets = ~apart.any(axis=1)  # no axis of one of the two boxes separates them
     yield from zip(rows[meets].tolist(), first[meets].tolist(), second[meets].tolist(), strict=True)
 

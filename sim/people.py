@@ -89,9 +89,9 @@ class ComfortZone:
         The person may sit slightly differently than believed, so that things at the border may not be taken.
         """
         offsets = points[:, None] - np.array(self.shoulders)
-        away = np.linalg.norm(offsets, axis=2)
+        distances = np.linalg.norm(offsets, axis=2)
         ahead = offsets[..., 0] * math.cos(self.heading) + offsets[..., 1] * math.sin(self.heading)
-        share, cosine = away / self.arm_length, ahead / np.maximum(away, 1e-9)
+        share, cosine = distances / self.arm_length, ahead / np.maximum(distances, 1e-9)
         return np.asarray(np.minimum(np.minimum(1.0 - share, share - NEAREST), cosine - 0.5).max(axis=1))
 
 

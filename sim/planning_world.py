@@ -179,15 +179,15 @@ class PlanningWorld(KinematicScene):
     def solids(self) -> tuple[Solid, ...]:
         """List the convex pieces of all bodies that are not held, without floors."""
         self._here()
-        found = []
+        pieces = []
         for piece, height in zip(self._bodies.pieces, self._bodies.upper[:, 2].tolist(), strict=True):
             if piece.body in self._held or piece.body in self._bodies.removed or height < GROUND:
                 continue
             x, y, z = piece.part.size
             if piece.part.kind != SolidKind.BOX:
                 x = y = max(x, y)
-            found.append(Solid(piece.body, piece.part.kind, (x, y, z), piece.pose, piece.yields))
-        return tuple(found)
+            pieces.append(Solid(piece.body, piece.part.kind, (x, y, z), piece.pose, piece.yields))
+        return tuple(pieces)
 
     def touched_since_grasp(self, name: str) -> frozenset[str]:
         """Bodies in touch with a held one since it was grasped: slight contact with them is allowed."""

@@ -99,8 +99,8 @@ class Processes:
         body, held = self._bodies.bodies[tool], self._changes.held
         half = np.array([blade_extent / 2 for blade_extent in _blade_size(body)])
         for thing, other in self._bodies.bodies.items():
-            gone = thing in self.riding or thing in held or thing in self._bodies.removed
-            if not other.thin or other.blade or gone or thing in self._changes.falling.on_the_way:
+            excluded = thing in self.riding or thing in held or thing in self._bodies.removed
+            if not other.thin or other.blade or excluded or thing in self._changes.falling.on_the_way:
                 continue
             place = self._bodies.poses[thing]
             if self.heights[tool] > place.position[2] + other.size[2] / 2:

@@ -329,7 +329,7 @@ class Robot:
     def spread(self, number: int) -> float:
         """Largest distance of a solid link from the map's z axis, where it is now [m]."""
         frame = self.link_pose(self.solid_names[number])
-        away = 0.0
+        largest = 0.0
         for one in self.hulls(number):
             if one.kind == SolidKind.MESH:
                 return float(np.hypot(*self.points([number])[0].T[:2]).max()) + MESH_MARGIN
@@ -339,8 +339,8 @@ class Robot:
             if one.kind == SolidKind.SPHERE:
                 points = np.zeros((1, 3))
             there = moved((frame @ one.pose).matrix(), points)
-            away = max(away, float(np.hypot(there[:, 0], there[:, 1]).max()) + radius)
-        return away
+            largest = max(largest, float(np.hypot(there[:, 0], there[:, 1]).max()) + radius)
+        return largest
 
     def shapes(self, number: int) -> tuple[Shape, ...]:
         """Primitives of a solid link: kinds, extents [m] and poses in the link's frame.
@@ -401,8 +401,8 @@ class Robot:
         lower, upper = self.boxes_of(sorted(self.hand_of(link)))
         points = np.array([np.where(side, lower, upper) for side in np.ndindex(2, 2, 2)]).reshape(-1, 3)
         pose = self.link_pose(link)
-        away = rotated(pose.rotation.T, points - np.asarray(pose.position))
-        across = away - np.outer(away @ np.asarray(axis), axis)
+        offsets = rotated(pose.rotation.T, points - np.asarray(pose.position))
+        across = offsets - np.outer(offsets @ np.asarray(axis), axis)
         return float(np.linalg.norm(across, axis=1).max())
 
     def hand_corners(self, link: str, without: Collection[str] = ()) -> Array:
@@ -458,14 +458,14 @@ def _primitive(kind: int, dimensions: Sequence[float]) -> tuple[SolidKind, tuple
 def _solids_of(client: int, uid: int, index: int, at: Pose) -> list[ConvexSolid]:
     """List the shapes of a link whose inertial frame is at a pose."""
     shapes = bullet.getCollisionShapeData(uid, index, physicsClientId=client)
-    found = []
+    solids = []
     for shape in shapes:
         primitive = _primitive(shape[2], shape[3])
         if primitive is not None:
-            found.append(convex_solid(*primitive, at @ Pose(shape[5], shape[6])))
+            solids.append(convex_solid(*primitive, at @ Pose(shape[5], shape[6])))
     if any(
         shape[2] == bullet.GEOM_MESH for shape in shapes
     ):  # PyBullet returns the vertices of all meshes of a link together
         points = np.array(bullet.getMeshData(uid, index, physicsClientId=client)[1]).reshape(-1, 3)
-        found.append(ConvexSolid(SolidKind.MESH, (0.0, 0.0, 0.0), at, points))
-    return found
+        solids.append(ConvexSolid(SolidKind.MESH, (0.0, 0.0, 0.0), at, points))
+    return solids

@@ -262,8 +262,8 @@ class _Room:
 
     def _around(self, body: Body, pose: Pose) -> list[Body]:
         """List the bodies that a body at a pose may stand on, stand in or touch, in the order of the scene."""
-        away = np.hypot(*(self._centres - pose.position)[:, :2].T)
-        return [self.scene.bodies[index] for index in np.flatnonzero(away <= self._reach + _reach(body)).tolist()]
+        distances = np.hypot(*(self._centres - pose.position)[:, :2].T)
+        return [self.scene.bodies[index] for index in np.flatnonzero(distances <= self._reach + _reach(body)).tolist()]
 
     def _put(self, poses: Mapping[str, Pose]) -> None:
         self.poses.update(poses)

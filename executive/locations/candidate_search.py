@@ -80,7 +80,7 @@ class CandidateSearch:
     def __init__(
         self,
         spec: SearchSpec,
-        found: BaseCandidates,
+        candidates: BaseCandidates,
         hands: Sequence[Hand],
         middle: Array,
         stance: QuickCheck,
@@ -90,14 +90,16 @@ class CandidateSearch:
         self._spec, self._hands, self._misses = spec, hands, misses
         budget = spec.budget
         x, y, _ = spec.validator.scene.base()
-        order = found.order(lambda bases: np.exp(-np.hypot(bases[:, 0] - x, bases[:, 1] - y) / TRAVEL), budget.most)
-        self._found = found.chosen(order)
-        self._bases = as_reported(self._found.bases)
+        order = candidates.order(
+            lambda bases: np.exp(-np.hypot(bases[:, 0] - x, bases[:, 1] - y) / TRAVEL), budget.most
+        )
+        self._candidates = candidates.chosen(order)
+        self._bases = as_reported(self._candidates.bases)
         each = numbered(self._bases)
         self._poses = spec.poses
         self._rooms = self._poses.rooms(each)
         self._stances = CachedRows(each, spec.known.stances, lambda new: stance.hit(base_matrices(new)))
-        self._undecided = np.ones(len(self._found), bool)
+        self._undecided = np.ones(len(self._candidates), bool)
         self._validated = self._tried_blind = 0
         self._occlusion = SelfOcclusion(middle[:2], strict=budget.fine)
         self._failed_poses = _FailedPoses()
@@ -142,7 +144,7 @@ class CandidateSearch:
         """Validate a candidate exactly (see :meth:`BaseValidator.complete`)."""
         return self._spec.validator.complete(
             self._place(row),
-            float(self._found.scores[row]),
+            float(self._candidates.scores[row]),
             solution,
             self._spec.wanted,
             demand,
@@ -240,8 +242,8 @@ class CandidateSearch:
         budget, log, undecided = self._spec.budget, self._spec.log, self._undecided
         again = bool(self._spec.demand.remembered)  # repeats a search that required more to be visible
         waiting, first, size, block = np.zeros(0, np.intp), 0, budget.block, budget.block
-        while first < len(self._found):
-            rows = np.arange(first, min(first + size, len(self._found)))
+        while first < len(self._candidates):
+            rows = np.arange(first, min(first + size, len(self._candidates)))
             first, size = first + size, min(2 * size, AT_ONCE)
             roomy = np.array(self._rooms(rows), bool)
             log.refuse(NO_ROOM, self._bases[rows[~roomy]])
@@ -255,7 +257,7 @@ class CandidateSearch:
             undecided[rows] = self._arms_have_room(rows)
             self._remember(rows)
             waiting = np.append(waiting, rows[undecided[rows]])
-            while len(waiting) >= block or (len(waiting) and first >= len(self._found)):
+            while len(waiting) >= block or (len(waiting) and first >= len(self._candidates)):
                 yield waiting[:block]
                 waiting, block = waiting[block:], min(2 * block, AT_ONCE)
 
@@ -270,19 +272,19 @@ class CandidateSearch:
 
     def _solved(self, rows: NDArray[np.intp]) -> tuple[NDArray[np.bool_], dict[int, Array]]:
         """Solve candidates: which have joint values without sphere collisions, and these (k, d) by row."""
-        found, ok = self._found, np.zeros(len(rows), bool)
+        table, ok = self._candidates, np.zeros(len(rows), bool)
         joints: dict[int, Array] = {}
         for number, (arm, candidates, check) in enumerate(self._hands):
-            mine = np.flatnonzero(found.arms[rows] == number)
+            mine = np.flatnonzero(table.arms[rows] == number)
             if not len(mine):
                 continue
             chosen = rows[mine]
-            index, seeds = found.candidates[chosen], np.zeros((len(chosen), 1, len(arm.joints)))
+            index, seeds = table.candidates[chosen], np.zeros((len(chosen), 1, len(arm.joints)))
             grasps = candidates.grasps[index]
             for grasp in np.unique(grasps).tolist():
                 same_class = chosen[grasps == grasp]
                 forward = self._spec.validator.inverse(arm, CLASSES[grasp]).forward
-                seeds[grasps == grasp, 0] = forward.seeds(found.rows[same_class], found.torsos[same_class])
+                seeds[grasps == grasp, 0] = forward.seeds(table.rows[same_class], table.torsos[same_class])
             slack = OFF_LATTICE if arm.lift is None else ON_LATTICE
             solved = solve(candidates, index, self._bases[chosen], arm, seeds, check, slack=slack)
             self._spec.log.count_at(solved.reasons, self._bases[chosen])
@@ -296,9 +298,9 @@ class CandidateSearch:
 
     def _known(self, rows: NDArray[np.intp]) -> list[bytes]:
         """Keys by which candidates are recognised in a repeated search."""
-        found = self._found
-        numbers = np.full(len(rows), float(self._spec.budget.stage)), found.arms[rows], found.candidates[rows]
-        return as_keys(np.column_stack([*numbers, found.torsos[rows], self._bases[rows]]))
+        table = self._candidates
+        numbers = np.full(len(rows), float(self._spec.budget.stage)), table.arms[rows], table.candidates[rows]
+        return as_keys(np.column_stack([*numbers, table.torsos[rows], self._bases[rows]]))
 
     def _remember(self, rows: NDArray[np.intp]) -> None:
         """Record those of some candidates that arms cannot perform."""
@@ -307,7 +309,7 @@ class CandidateSearch:
 
     def _are_hopeless(self, rows: NDArray[np.intp]) -> NDArray[np.bool_]:
         """Check which candidates fail at any base pose, or with a posture; count them."""
-        keys = np.column_stack([self._found.arms[rows], self._found.candidates[rows]])
+        keys = np.column_stack([self._candidates.arms[rows], self._candidates.candidates[rows]])
         each, number = np.unique(keys, axis=0, return_inverse=True)
         stopped = [self._stops((arm, candidate)) for arm, candidate in each.tolist()]
         reasons = [stopped[index] for index in number.ravel().tolist()]
@@ -342,11 +344,11 @@ class CandidateSearch:
         number, candidate = self._key(row)
         mine = self._hands[number].candidates
         of_hand = int(mine.grasps[candidate]), int(mine.rolls[candidate]), float(mine.points[candidate, 2])
-        return number, *of_hand, int(self._found.rows[row]), float(self._found.torsos[row])
+        return number, *of_hand, int(self._candidates.rows[row]), float(self._candidates.torsos[row])
 
     def _key(self, row: int) -> tuple[int, int]:
         """Numbers of arm and grasp candidate."""
-        return int(self._found.arms[row]), int(self._found.candidates[row])
+        return int(self._candidates.arms[row]), int(self._candidates.candidates[row])
 
     def _place(self, row: int) -> BasePose:
         x, y, yaw = self._bases[row].tolist()
@@ -378,5 +380,5 @@ class _FailedPoses:
         """Check whether a similar base pose has failed."""
         other, x, y, before = self._places.T
         turned = np.abs(np.remainder(heading - before + math.pi, 2 * math.pi) - math.pi)
-        alike = (other == arm) & (np.abs(x - base[0]) + np.abs(y - base[1]) < ALIKE) & (turned < 0.3)
-        return bool(alike.any())
+        similar = (other == arm) & (np.abs(x - base[0]) + np.abs(y - base[1]) < ALIKE) & (turned < 0.3)
+        return bool(similar.any())

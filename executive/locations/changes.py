@@ -116,9 +116,9 @@ class Changes:
         if not len(points) or (most <= 0).any():
             return
         over = np.clip((points - [block.x, block.y]) @ axes.T, -most, most) @ axes + [block.x, block.y]
-        away = np.linalg.norm(over - points, axis=1)
+        distances = np.linalg.norm(over - points, axis=1)
         moved = over - [thing.x, thing.y]
-        way = moved[np.lexsort((np.linalg.norm(moved, axis=1).round(6), away.round(1)))[0]]
+        way = moved[np.lexsort((np.linalg.norm(moved, axis=1).round(6), distances.round(1)))[0]]
         if (length := float(np.linalg.norm(way))) > STEP:
             yield way / length, length
 

@@ -68,7 +68,7 @@ def check_consistent(location: Location, subject: Subject) -> None:
     for relation in location.relations:
         if ~relation in stated:
             required = ~relation if relation.negated else relation
-            raise contradictory(location, "it asks for ", required, " and excludes it")
+            raise contradictory(location, "it both requires and excludes ", required)
     distances = {relation: limits for relation in location.relations if (limits := _distances(relation, subject))}
     for first, second in permutations(distances, 2):
         if first.reference != second.reference or first.negated:
@@ -82,7 +82,7 @@ def check_consistent(location: Location, subject: Subject) -> None:
             continue
         # distances on a side are measured perpendicular to it, others to the nearest point, so these are never longer
         if least > other_most and (_is_round_about(second, subject) or second.name == first.name):
-            raise contradictory(location, first, " and ", second, " leave no distance")
+            raise contradictory(location, first, " and ", second, " leave no possible distance")
         if RELATIONS[first.name].is_opposite(RELATIONS[second.name]):
             raise contradictory(location, first, " and ", second, " are opposite sides")
 

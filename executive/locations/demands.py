@@ -139,14 +139,14 @@ def base_demand(location: Location, scene: PlanningScene, viewer: Viewer) -> Bas
             case _:
                 raise _without_meaning(relation, "base")
     if not (reaches or unreached or seen or unseen or areas):
-        raise meaningless(location, location, " says from where something is seen, but not what")
+        raise meaningless(location, location, " states a viewpoint, but no relation")
     return BaseDemand(tuple(reaches), tuple(seen), tuple(areas), tuple(unreached), tuple(unseen))
 
 
 def hand_demand(location: Location, scene: PlanningScene, viewer: Viewer) -> Reach:
     """Derive the task of a hand; raises LocationMeaningless for meaningless locations, and for postures."""
     if not location.relations:
-        raise meaningless(location, location, " is no place of a hand")
+        raise meaningless(location, location, " states no place for a hand")
     check_consistent(location, "hand")
     reach_of: dict[HandTerm, Reach] = {}
     terms = hand_terms(location, scene, viewer)
@@ -159,15 +159,14 @@ def hand_demand(location: Location, scene: PlanningScene, viewer: Viewer) -> Rea
     if not reach_of:
         for relation, term in zip(relations, terms, strict=True):
             if RELATIONS[relation.name].sense("hand") is Sense.PRE_GRASP and not relation.negated:
-                said = f" is where a hand waits to take {term.body}, which "
                 why = scene.bodies.ungraspable(term.body)
-                failure = meaningless(relation, relation, f"{said}{why}")
+                failure = meaningless(relation, relation, f" is the pre-grasp pose of {term.body}, which {why}")
                 widest = max((arm.max_opening for arm in scene.arms.all), default=0.0)
                 failure.figures = f"{term.body} {why} (the hands of {scene.robot.name} open to {widest:g} m)"
                 raise failure
         filters = (Sense.AREA, Sense.VIEWPOINT)
         needed = tuple(name for name in meaningful("hand") if RELATIONS[name].sense("hand") not in filters)
-        raise meaningless(location, location, " does not say what the hand is at: it needs one of ", needed)
+        raise meaningless(location, location, " does not state what the hand is at: it needs one of ", needed)
     # a thing put on one body may also be in front of another, or in reach of a person
     first = min(reach_of.values(), key=lambda reach: (reach.kind is not ReachKind.PLACE, ORDER.index(reach.kind)))
     also = tuple(dict.fromkeys(term for term in terms if reach_of.get(term) != first))
@@ -193,7 +192,7 @@ def viewpoint(location: Location, scene: PlanningScene) -> Viewer | None:
     """Find the stated viewpoint of a location for left and right, if there is one."""
     for relation in filter(_is_viewpoint, location.relations):
         if relation.negated or not isinstance(relation.reference, Object):
-            raise meaningless(relation, relation, " is no place from which something is seen")
+            raise meaningless(relation, relation, " is no valid viewpoint")
         block = scene.bodies.block(_body(relation, relation.reference, scene.bodies))
         return block.x, block.y
     return None
@@ -240,10 +239,10 @@ def thing_demand(location: Location, thing: str, scene: PlanningScene, viewer: V
             raise _without_meaning(relation, "thing")
         body = _body(relation, relation.reference, bodies)
         if meaning.sense is Sense.REACH and not bodies.is_person(body):
-            only = (" means nothing for an object: only ", (relation.name,), f" a person does, and {body} is none")
+            only = (" means nothing for an object: it takes a person, and ", f"{body} is not a person")
             raise meaningless(relation, relation, *only)
         if body == thing and not (taken and meaning.sense is Sense.AREA):
-            raise meaningless(relation, relation, f" means nothing for {thing} itself: other things tell a place")
+            raise meaningless(relation, relation, f" relates {thing} to itself: state its place by other things")
         match meaning.sense:
             case Sense.SUPPORT if not relation.negated:
                 on.append(body)
@@ -258,7 +257,9 @@ def thing_demand(location: Location, thing: str, scene: PlanningScene, viewer: V
                 if meaning.bounds is not None and meaning.bounds[1] < float("inf"):
                     near.append(body)
     if len({*on, *inside}) > 1:
-        raise contradictory(location, f"a thing rests in one place, not in {' and '.join(dict.fromkeys(on + inside))}")
+        raise contradictory(
+            location, f"a thing can rest in one place only, not in {' and '.join(dict.fromkeys(on + inside))}"
+        )
     if not on and not inside and not people:  # beside something is on what that stands on
         on.extend(support for body in near if (support := bodies.support(body)) is not None)
     where = on[0] if on else None, inside[0] if inside else None
@@ -424,12 +425,14 @@ def _body(relation: Relation, what: Object, bodies: BelievedBodies) -> str:
     bodies.block(body)  # raises if its pose is impossible
     if bodies.is_room(body):
         if not meant.of_rooms:
-            raise meaningless(relation, f"{body} is a room, and nothing is ", (relation.name,), " a room")
+            raise meaningless(relation, f"{body} is a room: nothing can be ", (relation.name,), " a room")
         others = (name for name in bodies.names() if name != body)
         if meant.from_outside and not any(map(bodies.is_room, others)):
-            raise meaningless(relation, f"{body} is the only room: in it nothing is ", (relation.name,), " it")
+            raise meaningless(relation, f"{body} is the only room: nothing can be ", (relation.name,), " it")
     if meant.of_solids and not bodies.is_solid(body):
-        raise meaningless(relation, f"{body} has no size: it is a place, and nothing is ", (relation.name,), " a place")
+        raise meaningless(
+            relation, f"{body} has no size: it is a place, and nothing can be ", (relation.name,), " a place"
+        )
     senses = {meant.sense("hand"), meant.sense("thing")}
     if Sense.SUPPORT in senses and not relation.negated and bodies.rests_at(body) is None:
         raise meaningless(relation, f"{body} has no level top to rest things on")
@@ -466,7 +469,7 @@ def _clear(relation: Relation, body: str, scene: PlanningScene) -> Clear:
 def _without_meaning(relation: Relation, subject: Subject) -> LocationMeaningless:
     if isinstance(relation.reference, Location) and not RELATIONS[relation.name].of_locations:
         of_locations = tuple(name for name, one in RELATIONS.items() if one.of_locations)
-        only = ((relation.name,), " is a relation to a thing or a person; to a location there is only ", of_locations)
+        only = ((relation.name,), " takes a thing or a person; a location can follow only ", of_locations)
         return meaningless(relation, relation, ": ", *only)
     meant = {"base": "a base", "hand": "a hand", "thing": "an object"}[subject]
-    return meaningless(relation, relation, f" means nothing for {meant}; relations that do: ", meaningful(subject))
+    return meaningless(relation, relation, f" means nothing for {meant}; relations that apply: ", meaningful(subject))

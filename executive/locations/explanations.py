@@ -146,12 +146,12 @@ class _Explanation:
         at, limit = (nearest.wanted[0], nearest.reached[1]) if high else (nearest.wanted[1], nearest.reached[0])
         does = "grasps" if self.reach.kind is ReachKind.GRASP else "reaches"
         gap, digits = abs(nearest.gap), 2 if abs(nearest.gap) > 2 * LEAST else 3
-        said = (
+        sentence = (
             f"{self._aim()} is at {at:.{digits}f} m, {gap:.{digits}f} m too {'high' if high else 'low'}; "
             f"{called(nearest.arm)} {does} {APPROACHES[nearest.grasp]} "
             f"{'up' if high else 'down'} to {limit:.{digits}f} m"
         )
-        return "; ".join(filter(None, (said, self.in_collision() if self.log.counts[COLLISION] else "")))
+        return "; ".join(filter(None, (sentence, self.in_collision() if self.log.counts[COLLISION] else "")))
 
     def _aim(self) -> str:
         """Name what the hand goes to: a thing, or a place on or at it."""
@@ -160,8 +160,8 @@ class _Explanation:
 
     def _tables(self) -> Iterator[tuple[ArmModel, Sequence[GraspCandidates]]]:
         """Yield grasp candidates of arms: those with a collision-free hand, or all if there are none."""
-        found = self.known.hands
-        free = [hand for hand in found[max(found)].hands if len(hand.candidates)] if found else []
+        by_stage = self.known.hands
+        free = [hand for hand in by_stage[max(by_stage)].hands if len(hand.candidates)] if by_stage else []
         for hand in free:
             yield hand.arm, [hand.candidates]
         for arm in () if free else self.arms:
@@ -195,8 +195,8 @@ class _Explanation:
         """Greatest distance from the base that an arm reaches between two heights [m]."""
         rows, half = self.inverse(arm, grasp).forward.rows, _half(arm)
         at = (rows["z"] >= (heights[0] - _rise(arm)) / CELL - half) & (rows["z"] <= heights[1] / CELL + half)
-        away = CELL * np.hypot(rows["x"][at], rows["y"][at], dtype=np.float64)
-        return float(away.max(initial=0.0))
+        distances = CELL * np.hypot(rows["x"][at], rows["y"][at], dtype=np.float64)
+        return float(distances.max(initial=0.0))
 
     def _too_far(self) -> str:
         gap = self._gap(self.scene.collisions.floor())
@@ -204,8 +204,8 @@ class _Explanation:
         if farthest is None or gap <= farthest.reach:
             return ""
         nearest = f"{gap:.2f} m" if math.isfinite(gap) else f"more than {AROUND:g} m"
-        said = f"the middle of the base gets no nearer than {nearest} to that of {self.reach.body}"
-        return f"{said}; {called(farthest.arm)} reaches {farthest.reach:.2f} m at that height"
+        sentence = f"the middle of the base gets no nearer than {nearest} to that of {self.reach.body}"
+        return f"{sentence}; {called(farthest.arm)} reaches {farthest.reach:.2f} m at that height"
 
     def _reach_of(self, arm: ArmModel) -> float:
         return max(self.inverse(arm, grasp).reach for grasp in CLASSES)
@@ -238,11 +238,11 @@ class _Explanation:
             part = "the robot's own parts are"
         elif self.scene.bodies.is_room(body):
             part = f"a wall of {body} is"
-        said = f"{part} in the way of {number} of {sum(self.log.counts.values())} ways to reach {self.reach.body}"
+        sentence = f"{part} in the way of {number} of {sum(self.log.counts.values())} ways to reach {self.reach.body}"
         if self.reach.kind is ReachKind.PLACE and self.reach.inside and (beyond := self._from_the_side()):
-            return f"{said}; {beyond}"
+            return f"{sentence}; {beyond}"
         gap = self._beside(body)
-        return said if gap is None else f"{said}, {gap:.2f} m away from it"
+        return sentence if gap is None else f"{sentence}, {gap:.2f} m away from it"
 
     def _from_the_side(self) -> str:
         """Describe the heights at which arms put something into furniture from the side, if these decide."""
@@ -310,8 +310,8 @@ class _Explanation:
         block = self.scene.bodies.block(self.reach.body)
         near = self.inverse_reach()
         body = self.scene.collisions.closes_way(np.array([block.x, block.y]), near)
-        said = f"the base cannot drive to where it could reach {self.reach.body}"
-        return f"{said}; without {body} it could" if body is not None else said
+        sentence = f"the base cannot drive to where it could reach {self.reach.body}"
+        return f"{sentence}; without {body} it could" if body is not None else sentence
 
     def inverse_reach(self) -> float:
         """Greatest distance from the centre of the base that any of the arms reaches [m]."""

@@ -49,11 +49,11 @@ class FloorSearch:
     def places(self) -> Iterator[Solution]:
         """Yield base poses: around what the location refers to, then anywhere on the map."""
         samples, log = FloorSamples(self.demand, self.scene), self.question.log
-        found, looked_at = yield from self._validated(samples.around(), MOST_AREAS)
+        is_found, looked_at = yield from self._validated(samples.around(), MOST_AREAS)
         if looked_at >= MOST_AREAS:
             return
         counts, blocking = log.counts.copy(), log.blocking.copy()
-        known = found or bool(blocking)  # rejections near the reference explain a failure best
+        known = is_found or bool(blocking)  # rejections near the reference explain a failure best
         yield from self._validated(samples.anywhere(), MOST_AREAS - looked_at, named=known)
         if known:
             log.counts, log.blocking = counts, blocking
@@ -85,7 +85,7 @@ class FloorSearch:
             self.poses.name_crowding()
         log.weigh(bases[good], total[good])
         order = good[np.argsort(-total[good].round(9), kind="stable")]
-        found, hidden = False, 0
+        is_found, hidden = False, 0
         rows = np.fromiter(islice(_spread(squares[order], order), most), np.intp)
         for row, unseen in zip(rows.tolist(), self._surely_unseen(bases[rows]), strict=True):
             if unseen and (hidden := hidden + 1) > MOST_CROWDED:
@@ -101,9 +101,9 @@ class FloorSearch:
             if not validator.sees(*arguments) or not validator.stands(*arguments):
                 continue
             if (answer := validator.answer(base, worth, {}, demand, self.question)) is not None:
-                found = True
+                is_found = True
                 yield answer
-        return found, len(rows)
+        return is_found, len(rows)
 
     def _surely_unseen(self, bases: Array) -> Iterator[bool]:
         """Yield for bases (n, 3) whether the robot itself, or the room, surely hides what has to be visible."""
@@ -244,8 +244,8 @@ class FloorSamples:
                 good[good] = term.nearly(points[good], within)
         for name in self.demand.seen:
             block = self.scene.bodies.block(name)
-            away = np.hypot(points[:, 0] - block.x, points[:, 1] - block.y)
-            good &= away <= self.scene.visibility.camera_range()[1] + within
+            distances = np.hypot(points[:, 0] - block.x, points[:, 1] - block.y)
+            good &= distances <= self.scene.visibility.camera_range()[1] + within
         faced = [term for term in self.demand.areas if isinstance(term, Facing) and not term.negated]
         for one, other in itertools.combinations(faced, 2):
             apart = np.abs(np.angle(np.exp(1j * (one.bearing(points) - other.bearing(points)))))
@@ -275,8 +275,8 @@ class FloorSamples:
 
 def _swing(term: Facing, points: Array, within: float) -> Array:
     """Greatest change of bearings within a distance [m] of points (n, 2), (n,) [rad]."""
-    away = np.hypot(points[:, 0] - term.block.x, points[:, 1] - term.block.y)
-    return np.where(away > within, np.arcsin(np.minimum(within / np.maximum(away, 1e-9), 1.0)), math.pi)
+    distances = np.hypot(points[:, 0] - term.block.x, points[:, 1] - term.block.y)
+    return np.where(distances > within, np.arcsin(np.minimum(within / np.maximum(distances, 1e-9), 1.0)), math.pi)
 
 
 BEST, WIDTH = 1.2, 0.8
@@ -286,8 +286,8 @@ BEST, WIDTH = 1.2, 0.8
 def sight_score(bases: Array, block: Block, limits: tuple[float, float]) -> Array:
     """Estimate how likely a block is visible from bases (n, 3), (n,) in [0, 1]: by distance, and higher if ahead."""
     dx, dy = block.x - bases[:, 0], block.y - bases[:, 1]
-    away = np.hypot(dx, dy)
+    distances = np.hypot(dx, dy)
     miss = np.abs(np.arctan2(np.sin(bases[:, 2] - np.arctan2(dy, dx)), np.cos(bases[:, 2] - np.arctan2(dy, dx))))
     near, far = limits
-    likely = np.exp(-(((away - BEST) / WIDTH) ** 2)) * np.exp(-((miss / 1.5) ** 2))
-    return np.where((away < far) & (away > min(near, 0.2)), likely, 0.0)
+    likely = np.exp(-(((distances - BEST) / WIDTH) ** 2)) * np.exp(-((miss / 1.5) ** 2))
+    return np.where((distances < far) & (distances > min(near, 0.2)), likely, 0.0)

@@ -198,15 +198,15 @@ def grasping(
                 spans.append((across, behind))
     count, approaches = len(yaws), directions(grasps, yaws)
     points, offsets = np.tile(block.centre, (count, 1)), grasp_series(approaches)
-    found = oriented(f"grasp {name}", points, offsets, 1, grasps, yaws, rolls, weights, frame, touches=name)
+    candidates = oriented(f"grasp {name}", points, offsets, 1, grasps, yaws, rolls, weights, frame, touches=name)
     ends = (block.high - block.centre[2]) / 2, (block.low - block.centre[2]) / 2
-    found = replace(found, spans=np.array(spans).reshape(-1, 2), heights=ends)
-    found = replace(found, step=2 * math.pi / headings if block.round else 0.0)
+    candidates = replace(candidates, spans=np.array(spans).reshape(-1, 2), heights=ends)
+    candidates = replace(candidates, step=2 * math.pi / headings if block.round else 0.0)
     if not count or not palm:
-        return found
-    moves, grips = _clear_of(block, found, approaches, np.array(palm))
-    spans = found.spans - np.column_stack([np.zeros(count), np.hypot(*moves[:, :2].T)])
-    return replace(found, points=found.points + moves, spans=spans).chosen(np.flatnonzero(grips))
+        return candidates
+    moves, grips = _clear_of(block, candidates, approaches, np.array(palm))
+    spans = candidates.spans - np.column_stack([np.zeros(count), np.hypot(*moves[:, :2].T)])
+    return replace(candidates, points=candidates.points + moves, spans=spans).chosen(np.flatnonzero(grips))
 
 
 def grasp_series(approaches: Array, lift: float = LIFT) -> Array:

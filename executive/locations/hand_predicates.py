@@ -137,8 +137,8 @@ def _holds(term: HandTerm, points: Array, rotations: Array, arm: ArmModel, scene
 def _is_at_handle(points: Array, body: str, scene: PlanningScene, raised: float = 0.0) -> Mask:
     """Check which grip points (n, 3) are at one of a body's handles, or up to ``raised`` [m] above."""
     _, *handles = scene.bodies.grips(body)
-    away = [[one.away(point) for one in handles] for point in points]
-    return np.array([min(some, default=math.inf) <= FINGERS + raised for some in away], bool)
+    distances = [[one.away(point) for one in handles] for point in points]
+    return np.array([min(row, default=math.inf) <= FINGERS + raised for row in distances], bool)
 
 
 def _is_at(points: Array, block: Block) -> Mask:
@@ -146,16 +146,18 @@ def _is_at(points: Array, block: Block) -> Mask:
 
     Up to its top, down to half its lower part; above a low block as far as fingers reach down.
     """
-    away = points[:, 2] - block.centre[2]
+    height = points[:, 2] - block.centre[2]
     highest = block.high - block.centre[2] + (FINGERS if is_low(block) or block.wall > 0 else 0.0)
     lowest = (block.low - block.centre[2]) / 2
-    return np.asarray(np.hypot(_beside(points, block), away - np.clip(away, lowest, highest)) <= AT_CENTRE)
+    return np.asarray(np.hypot(_beside(points, block), height - np.clip(height, lowest, highest)) <= AT_CENTRE)
 
 
 def _beside(points: Array, block: Block) -> Array:
     """Horizontal distances of points (n, 3) from the nearest grip point of a block (n,) [m]."""
-    aways = points[:, None, :2] - (grips(block) if is_low(block) or block.wall > 0 else block.centre[None])[None, :, :2]
-    return np.asarray(np.linalg.norm(aways, axis=2).min(axis=1))
+    offsets = (
+        points[:, None, :2] - (grips(block) if is_low(block) or block.wall > 0 else block.centre[None])[None, :, :2]
+    )
+    return np.asarray(np.linalg.norm(offsets, axis=2).min(axis=1))
 
 
 def _level(rotations: Array, arm: ArmModel, held: Held | None) -> Mask:
@@ -255,10 +257,10 @@ def _generated(
         case ReachKind.OFFER:
             return [_of_class(delivering(reach, arm, held, scene, rejections, stage), reach, rejections)]
     if held is None:
-        rejections.add("nothing in the hand to put down")
+        rejections.add("the hand holds nothing to put down")
         return []
     if held.name == reach.body:
-        rejections.add("nothing rests on itself")
+        rejections.add("nothing can rest on itself")
         return []
     return [delivering(reach, arm, held, scene, rejections, stage)]
 
@@ -323,7 +325,7 @@ def _grasps(
             handle_tables = _around(one, reach, arm, scene, rejections, stage)
             tables += [beside(table, block, handle, arm.hand_corners) for table in handle_tables]
     if not any(map(len, tables)) and reach.grasp is not None and all(map(is_flat, (block, *handles))):
-        rejections.add("too low for a grasp but from above")
+        rejections.add("too low for a grasp except from above")
     elif not any(map(len, tables)) and not rejections.counts["under something else"]:
         _count_no_grip(reach, (block, *handles), arm, rejections)
     way = way_out(reach.body, scene) if any(map(len, tables)) else ONWARDS

@@ -144,9 +144,9 @@ def solve(
     joints = np.zeros((count, steps, seeds.shape[2]))
     reasons: list[Reason | None] = [None] * count
 
-    def without_reason(rows: NDArray[np.intp], found: Iterable[Reason | None]) -> NDArray[np.intp]:
+    def without_reason(rows: NDArray[np.intp], verdicts: Iterable[Reason | None]) -> NDArray[np.intp]:
         """Record reasons for rows, and return the rows without any."""
-        for row, reason in zip(rows.tolist(), found, strict=True):
+        for row, reason in zip(rows.tolist(), verdicts, strict=True):
             reasons[row] = reason
         return rows[[reasons[row] is None for row in rows.tolist()]]
 
@@ -161,9 +161,9 @@ def solve(
     if others and len(alive):
         goals = targets[alive][:, others].reshape(-1, 4, 4)
         starts = np.repeat(joints[alive, candidates.key], len(others), axis=0)
-        found, good = arm.solver.solve(goals, starts[:, None])
-        good &= np.abs(found - starts).max(axis=1) <= FARTHEST
-        joints[alive[:, None], others] = found.reshape(len(alive), len(others), -1)
+        other_joints, good = arm.solver.solve(goals, starts[:, None])
+        good &= np.abs(other_joints - starts).max(axis=1) <= FARTHEST
+        joints[alive[:, None], others] = other_joints.reshape(len(alive), len(others), -1)
         whole = good.reshape(len(alive), len(others)).all(axis=1)
         alive = without_reason(alive, (None if good else OUT_OF_REACH for good in np.asarray(whole).tolist()))
     postures = joints[alive][:, [candidates.key, *others]]
@@ -279,8 +279,12 @@ class Trial:
         if held is None:
             return None
         fingers = one.arm.openings.beyond(self.scene.world.configuration().joints)
-        found = (self.scene.collisions.contacts(self.base, one.arm, q, held.name, fingers) for q in one.joints[1:])
-        return next((contact.body for some in found for contact in some if contact.part != held.name), None)
+        contacts_of_rows = (
+            self.scene.collisions.contacts(self.base, one.arm, q, held.name, fingers) for q in one.joints[1:]
+        )
+        return next(
+            (contact.body for contacts in contacts_of_rows for contact in contacts if contact.part != held.name), None
+        )
 
     def _slips(self) -> Reason | None:
         """Explain why the closing fingers would not grip the thing; None if they would."""

@@ -199,11 +199,11 @@ class Searches:
 
     def _report(self, search: Search) -> str:
         """Describe where a search has looked and where it could not."""
-        looked = ", ".join(self._called(name) for name in search.visited if name not in search.failed)
-        said = f"{search.what} is at none of the places where it is likely; looked at: {looked or 'none'}"
+        searched = ", ".join(self._called(name) for name in search.visited if name not in search.failed)
+        report = f"{search.what} was not found in any likely place; looked at: {searched or 'none'}"
         for name, problem in search.failed.items():
-            said += f"; not {self._called(name)} ({problem})"
-        return said + "".join(f"; {name} was opened and could not be closed again" for name in search.left_open)
+            report += f"; not {self._called(name)} ({problem})"
+        return report + "".join(f"; {name} was opened and could not be closed again" for name in search.left_open)
 
     def _called(self, name: str) -> str:
         """Describe which part of a place is searched."""

@@ -200,7 +200,7 @@ class Exploration:
     def _unvisited(self, places: Array, seconds: Array) -> list[str]:
         """List usual places of things not inspected closely yet, the nearest first."""
         bodies = self.scene.bodies
-        away: dict[str, float] = {}
+        seconds_to: dict[str, float] = {}
         for thing in self.scene.belief.map.objects:
             name = thing.name
             if name in self.close or name not in self.scene.belief.names() or name not in self.scene.world.names():
@@ -209,8 +209,8 @@ class Exploration:
                 continue
             if self._usual.is_usual((thing.iri, *thing.types)):
                 gaps = bodies.block(name).distance(places)
-                away[name] = float((gaps / self.scene.robot.base.speed + seconds).min(initial=math.inf))
-        return sorted(away, key=lambda name: away[name])
+                seconds_to[name] = float((gaps / self.scene.robot.base.speed + seconds).min(initial=math.inf))
+        return sorted(seconds_to, key=lambda name: seconds_to[name])
 
     def _close_gazes(self) -> Iterator[Array]:
         """Yield points (3,) of the place that the robot has approached."""
@@ -244,9 +244,9 @@ class Exploration:
         """Find the base heading with which the neck can turn to most points (n, 3): their number, and it [rad]."""
         azimuth = np.arctan2(points[:, 1] - eye[1], points[:, 0] - eye[0])
         yaws = np.linspace(-math.pi, math.pi, HEADINGS, endpoint=False)
-        away = np.abs(np.remainder(azimuth[None] - yaws[:, None] + math.pi, 2 * math.pi) - math.pi)
-        counts = (away <= self.neck.pan).sum(axis=1)
-        middle = np.where(away <= self.neck.pan, away, 0.0).sum(axis=1)
+        angles = np.abs(np.remainder(azimuth[None] - yaws[:, None] + math.pi, 2 * math.pi) - math.pi)
+        counts = (angles <= self.neck.pan).sum(axis=1)
+        middle = np.where(angles <= self.neck.pan, angles, 0.0).sum(axis=1)
         best = int(np.lexsort((middle, -counts))[0])
         return int(counts[best]), float(yaws[best])
 
@@ -274,9 +274,9 @@ class Exploration:
         if camera is None or not len(points):
             return shown
         arrows = points[None] - eyes[:, None]
-        away = np.linalg.norm(arrows, axis=2)
+        distances = np.linalg.norm(arrows, axis=2)
         tilt = np.arctan2(arrows[..., 2], np.hypot(arrows[..., 0], arrows[..., 1]))
-        fits = (away <= camera.far) & (tilt >= self.neck.low) & (tilt <= self.neck.high)
+        fits = (distances <= camera.far) & (tilt >= self.neck.low) & (tilt <= self.neck.high)
         if bases is not None:
             turn = np.arctan2(arrows[..., 1], arrows[..., 0]) - bases[:, 2:]
             fits &= np.abs(np.remainder(turn + math.pi, 2 * math.pi) - math.pi) <= self.neck.pan

@@ -250,13 +250,13 @@ class Placement:
         """Name the bodies that occupy some of the places."""
         boxes, bodies = self.scene.collisions.boxes_but((self.name, self.demand.on or ""))
         some = centres[:: max(1, len(centres) // 16)]
-        found: dict[str, None] = {}
+        crowding: dict[str, None] = {}
         for z in dict.fromkeys(some[:, 2].tolist()):
             places, band = some[some[:, 2] == z, :2], self._band(z, max(self._size[:2]) / 2)
             for index, body in enumerate(bodies):
-                if body not in found and clearance_at(places, boxes.only(index), (band,)).min() < FREE:
-                    found[body] = None
-        return list(found)
+                if body not in crowding and clearance_at(places, boxes.only(index), (band,)).min() < FREE:
+                    crowding[body] = None
+        return list(crowding)
 
     def _band(self, z: float, radius: float) -> tuple[float, float, float]:
         """Band that the object occupies with its centre at a height, from just above its support."""

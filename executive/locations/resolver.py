@@ -196,27 +196,27 @@ class Resolver:
     def _after(self, views: Mapping[str, BasePose | None], solution: Solution) -> Solution:
         """Prepend looks at things from base poses to a solution."""
         looks: list[Action] = []
-        away = [view for view in views.values() if view is not None and view != self.scene.base()]
+        distant = [view for view in views.values() if view is not None and view != self.scene.base()]
         for name, view in views.items():
-            if view in away and view is not None:
+            if view in distant and view is not None:
                 looks.append(action("Translation-LocationChange", x=view[0], y=view[1], yaw=view[2]))
             if view is not None:
                 looks.append(action("LookingForSomething", object_acted_on=self.scene.bodies.designator(name)))
-        seen = {"looks": [list(view) for view in away]} if away else {}
+        seen = {"looks": [list(view) for view in distant]} if distant else {}
         return replace(solution, before=tuple(looks), detail={**solution.detail, **seen}) if looks else solution
 
     def _check_parts(self, location: Location, demand: BaseDemand) -> None:
         """Raise MissingCapability if the robot has no part for what is required, wherever it stands."""
         scene, wanted = self.scene, self._validator.wanted(demand)
-        said, part = "", "ArmComponent"
+        problem, part = "", "ArmComponent"
         if demand.seen and not scene.visibility.sighted():
-            said, part = "the robot has no camera", "Camera"
+            problem, part = "the robot has no camera", "Camera"
         elif (wanted or demand.unreached) and not scene.arms.all:
-            said = "the robot has no arm that could reach there"
+            problem = "the robot has no arm that could reach there"
         elif any(reach.arms == () for reach in wanted):
-            said = "the robot has no arm as it is asked for"
-        if said:
-            raise MissingCapability(said, designator=str(location), missing=(part,))
+            problem = "the robot has no such arm"
+        if problem:
+            raise MissingCapability(problem, designator=str(location), missing=(part,))
 
     def reached_from(self, base: BasePose) -> Mapping[tuple[str, BasePose], Mapping[Reach, HandSolution]]:
         """Hand solutions with which the last base pose found was validated."""
@@ -280,13 +280,13 @@ class Resolver:
         demand = thing_demand(location, name, scene, self._viewer(location))
         if demand.on is None and demand.inside is None and not any(inside for _, inside in demand.people):
             needed = (("on", "in_"), " or ", ("in_reach_of",), " a person")
-            raise meaningless(location, location, f" does not say where {name} rests: it needs ", *needed)
-        found, placement = 0, Placement(name, demand, scene)
+            raise meaningless(location, location, f" does not state where {name} rests: it needs ", *needed)
+        number, placement = 0, Placement(name, demand, scene)
         for pose in placement.poses(log):
             if placement.holds(pose):
-                found += 1
+                number += 1
                 yield pose
-        raise log.failure(location, after=found)
+        raise log.failure(location, after=number)
 
     def best_things(self, location: Location, what: Object, most: int) -> Iterator[Pose]:
         """Yield at most ``most`` of :meth:`things`; raises LocationUnresolvable if there are none."""

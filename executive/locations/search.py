@@ -138,17 +138,17 @@ class ReachSearch:
         if self.known.walled and not scene.collisions.drivable().comes_near(middle[:2], within):
             log.add(NO_WAY, sum(len(hand.candidates) for hand in hands))
             return
-        found = self._inverted(hands, middle[:2], within, bands)
-        if len(found):
+        candidates = self._inverted(hands, middle[:2], within, bands)
+        if len(candidates):
             self.inverted = True
             succeeded, stance = False, scene.collisions.stance_check(near)
             unseen = self._unseen() if budget.fine else None
-            for solution in CandidateSearch(self.spec, found, hands, middle, stance, unseen).solutions():
+            for solution in CandidateSearch(self.spec, candidates, hands, middle, stance, unseen).solutions():
                 succeeded = True
                 yield solution
             if budget.then is not None and not succeeded and self.spec.is_taken is None:
-                roomy = self.poses.rooms(numbered(as_reported(found.bases)))(np.arange(len(found)))
-                crowded = found.chosen(~np.array(roomy, bool))
+                roomy = self.poses.rooms(numbered(as_reported(candidates.bases)))(np.arange(len(candidates)))
+                crowded = candidates.chosen(~np.array(roomy, bool))
                 floor, yaw = scene.collisions.floor(), scene.bodies.block(self.wanted[0].body).yaw
                 moved = moved_to_room(crowded, floor, middle[:2], yaw, budget.most)
                 then = replace(self.spec, budget=budget.then, question=self.question.uncounted())
@@ -178,19 +178,19 @@ class ReachSearch:
         inversion = known[key]
         # if all base poses of a candidate are kept, visibility is tested later, on solved ones only
         chooses = budget.fine and budget.each < ALL
-        found, unseen = inversion.best(budget.each, budget.most, self._unseen() if chooses else None)
-        log.weigh(found.bases, found.scores)
+        candidates, unseen = inversion.best(budget.each, budget.most, self._unseen() if chooses else None)
+        log.weigh(candidates.bases, candidates.scores)
         refused = {NO_ROOM: inversion.without_room, **inversion.refused, NOT_VISIBLE: unseen}
         for reason, number in refused.items():
             log.add(reason, number)
-        if not len(found) and not any(refused.values()):
+        if not len(candidates) and not any(refused.values()):
             log.add(OUT_OF_REACH.text, sum(len(hand.candidates) for hand in hands))
             for hand in hands:
                 log.show_hands(OUT_OF_REACH.text, hand.candidates.points)
         self.poses.crowded = inversion.crowded()
         if log.explained:
             self.poses.name_crowding()
-        return found
+        return candidates
 
     def _free_hands(self) -> FreeHands:
         """Find the grasp candidates of the first reach with a collision-free hand; count the others."""
@@ -205,14 +205,16 @@ class ReachSearch:
         counted = Rejections(remembers=self.log.keeps)
         arms = self.validator.arms_for(first, self.arms)
         possible = [(arm, self.validator.candidates(first, arm, counted, stage)) for arm in arms]
-        tables = [(arm, table) for arm, found in possible for table in found]
+        tables = [(arm, table) for arm, arm_tables in possible for table in arm_tables]
         if not tables:
             return FreeHands([], 0.0, (np.zeros(3), 0.0), counted)
         reach = max(self.inverse(arm, CLASSES[g]).reach for arm, table in tables for g in set(table.grasps.tolist()))
         varied = stage is Stage.CLOSEST
         points = [one.points for arm, table in tables for one in (table.variants(arm.openings) if varied else [table])]
         near, hits = _sphere(points, reach), HandHits()
-        each = (unblocked(arm, found, scene, counted, near, varied=varied, hits=hits) for arm, found in possible)
+        each = (
+            unblocked(arm, arm_tables, scene, counted, near, varied=varied, hits=hits) for arm, arm_tables in possible
+        )
         hands = [hand for some in each for hand in some]
         for hand in hands:
             counted.show_hands("", hand.candidates.points)
@@ -233,8 +235,8 @@ class ReachSearch:
 
 def _within(centre: tuple[float, float], least: float, most: float, bases: Array) -> Array:
     """Weigh bases (m, 3): 1 between two distances [m] from a centre, else 0."""
-    away = np.linalg.norm(bases[:, :2] - centre, axis=1)
-    return np.where((away >= least) & (away <= most), 1.0, 0.0)
+    distances = np.linalg.norm(bases[:, :2] - centre, axis=1)
+    return np.where((distances >= least) & (distances <= most), 1.0, 0.0)
 
 
 def _sphere(points: Sequence[Array], reach: float) -> tuple[Array, float]:

@@ -55,10 +55,10 @@ class SelfOcclusion:
 
     def covers(self, base: Array) -> bool:
         """Check whether it is probably hidden from another base pose as well."""
-        away, bearing = self._seen(base)
+        distance, bearing = self._seen(base)
         if self._strict:
-            return any(abs(away - d) < 0.03 and abs(bearing - b) < 0.1 for d, b in self._known)
-        return any(away < d + 0.03 and abs(bearing - b) < 0.25 for d, b in self._known)
+            return any(abs(distance - d) < 0.03 and abs(bearing - b) < 0.1 for d, b in self._known)
+        return any(distance < d + 0.03 and abs(bearing - b) < 0.25 for d, b in self._known)
 
 
 class BaseValidator:
@@ -233,7 +233,7 @@ class BaseValidator:
         scene, log = self.scene, question.log
         for name in demand.seen:
             if any(math.dist(base[:2], other[:2]) < ANOTHER_PLACE for other in scene.visibility.looked_in_vain(name)):
-                return log.reject(base, score, "looked from there in vain")
+                return log.reject(base, score, "looked from there before without success")
         for name in self.to_see(demand):
             occluder = scene.visibility.hidden(base, name)
             if occluder is not None:

@@ -52,13 +52,13 @@ class Views:
         for row, base in enumerate(bases.tolist()):
             frame = Pose.planar(*base).matrix()
             local = matrices.moved(matrices.inverse(frame), points)
-            away = np.hypot(local[:, 0], local[:, 1])
-            near = np.flatnonzero(away <= camera.far)
+            distances = np.hypot(local[:, 0], local[:, 1])
+            near = np.flatnonzero(distances <= camera.far)
             if not len(near):
                 continue
             beyond, eyes = gaze.at_all(local[near])
-            away = np.linalg.norm(local[near] - eyes, axis=1)
-            fits = (beyond <= FRAME * camera.half_angle) & (away >= camera.near) & (away <= camera.far)
+            distances = np.linalg.norm(local[near] - eyes, axis=1)
+            fits = (beyond <= FRAME * camera.half_angle) & (distances >= camera.near) & (distances <= camera.far)
             if size is not None:
                 fits &= _pixels(camera, local[near] - eyes, size) >= PIXELS
             near, eyes = near[fits], matrices.moved(frame, eyes[fits])
@@ -102,16 +102,16 @@ def hiding(eye: Array, points: Array, ends: Array, at_surface: NDArray[np.bool_]
 def _crossed(starts: Array, ends: Array, screens: Array) -> NDArray[np.bool_]:
     """Check which lines from starts (n, 3) to ends (n, 3) pass points (k, 3) that hide what is behind them, (n,)."""
     lines = ends - starts
-    away = screens[None] - starts[:, None]
-    along = np.einsum("nkd,nd->nk", away, lines) / np.maximum(np.einsum("nd,nd->n", lines, lines), 1e-9)[:, None]
-    apart = np.linalg.norm(away - np.clip(along, 0.0, 1.0)[:, :, None] * lines[:, None], axis=2)
+    offsets = screens[None] - starts[:, None]
+    along = np.einsum("nkd,nd->nk", offsets, lines) / np.maximum(np.einsum("nd,nd->n", lines, lines), 1e-9)[:, None]
+    apart = np.linalg.norm(offsets - np.clip(along, 0.0, 1.0)[:, :, None] * lines[:, None], axis=2)
     return np.asarray((apart < SCREEN).any(axis=1))
 
 
 def _pixels(camera: CameraModel, arrows: Array, size: Size) -> Array:
     """Estimate the pixels of an upright box centred at arrows (n, 3) from the eye, (n,)."""
-    away = np.maximum(np.linalg.norm(arrows, axis=1), 1e-9)
+    distances = np.maximum(np.linalg.norm(arrows, axis=1), 1e-9)
     x, y, z = size
-    area = (x * y * np.abs(arrows[:, 2]) + min(x, y) * z * np.hypot(arrows[:, 0], arrows[:, 1])) / away
+    area = (x * y * np.abs(arrows[:, 2]) + min(x, y) * z * np.hypot(arrows[:, 0], arrows[:, 1])) / distances
     focal = camera.width / (2.0 * np.tan(camera.fov / 2))
-    return np.asarray(area * (focal / away) ** 2)
+    return np.asarray(area * (focal / distances) ** 2)

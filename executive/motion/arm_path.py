@@ -229,12 +229,12 @@ class _Search:
     def pairs(self, q: Array, among: Sequence[tuple[str, str]] | None = None) -> Sequence[tuple[str, str]]:
         """Find the pairs in exact collision at a configuration, from the candidates ``among``; results are cached."""
         key = np.rint(q * 1e9).astype(np.int64).tobytes()
-        found = self.known.get(key)
-        if found is None:
+        colliding = self.known.get(key)
+        if colliding is None:
             self.counts["exact checks"] += 1
             self.effort.spend(1)
-            found = self.known[key] = tuple(self.touching(q.copy(), among))
-        return found
+            colliding = self.known[key] = tuple(self.touching(q.copy(), among))
+        return colliding
 
     def hit(self, rows: Array) -> Array | None:
         """Find the first of configurations (n, d) in exact collision; None if all are free."""
@@ -294,9 +294,9 @@ class _Search:
 
     def forbid(self, q: Array, ends: Sequence[Array]) -> None:
         """Record an exact collision; start and goal, if near, stay accessible."""
-        away = min(float(np.abs(self.space.move(q, end) / self.space.resolution).max()) for end in ends)
+        distance = min(float(np.abs(self.space.move(q, end) / self.space.resolution).max()) for end in ends)
         self.forbidden.append(q)
-        self.radii.append(min(FORBIDDEN, away / 2))
+        self.radii.append(min(FORBIDDEN, distance / 2))
         self.counts["exact hits"] += 1
         self.quick.learn(q, self.pairs(q))
 

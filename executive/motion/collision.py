@@ -137,9 +137,9 @@ class QuickCheck:
 
     def _first(self, width: Array, frames: Array, pairs: _Pairs) -> list[str | None]:
         """Find the obstacle of the first pair that is hit in each of frames (f, 3, 4, n), or None."""
-        found = self._near(width, frames, pairs, only_first=True)
+        hits = self._near(width, frames, pairs, only_first=True)
         names: list[str | None] = [None] * frames.shape[3]
-        for pair, row in zip(found[0][::-1].tolist(), found[1][::-1].tolist(), strict=True):
+        for pair, row in zip(hits[0][::-1].tolist(), hits[1][::-1].tolist(), strict=True):
             names[row] = self._obstacles.names[self._obstacle[pair]]
         return names
 
@@ -295,16 +295,16 @@ class QuickCheck:
         order = np.argsort(row, kind="stable")
         rank = np.empty(len(row), np.intp)
         rank[order] = np.arange(len(row)) - np.searchsorted(row[order], row[order])
-        found, untested, bound = [], np.arange(len(row)), 1
+        parts, untested, bound = [], np.arange(len(row)), 1
         while len(untested):
             batch = untested[rank[untested] < bound]
-            found.append(self._near_by_spheres(width, rows, pair[batch], piece[batch], row[batch]))
+            parts.append(self._near_by_spheres(width, rows, pair[batch], piece[batch], row[batch]))
             hit = np.zeros(frames.shape[3], bool)
-            hit[found[-1][1]] = True
+            hit[parts[-1][1]] = True
             untested, bound = untested[(rank[untested] >= bound) & ~hit[row[untested]]], 3 * bound
-        if len(found) < 2:
-            return found[0] if found else (pair, row, np.zeros(0), piece)
-        columns = [np.concatenate(column) for column in zip(*found, strict=True)]
+        if len(parts) < 2:
+            return parts[0] if parts else (pair, row, np.zeros(0), piece)
+        columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
         inside = np.argsort(columns[0], kind="stable")
         return columns[0][inside], columns[1][inside], columns[2][inside], columns[3][inside]
 

@@ -127,8 +127,8 @@ class MotionProblem:
         They are checked in bisection order, the middle of unchecked parts first.
         """
         rows = q if self.obstacles is None else q[~self.obstacles.sure(q)]
-        found = ((row, self.touches(row)) for row in rows[bisection(len(rows) + 1) - 1])
-        return list(islice((hit for hit in found if hit[1]), MOST_HITS))
+        candidates = ((row, self.touches(row)) for row in rows[bisection(len(rows) + 1) - 1])
+        return list(islice((hit for hit in candidates if hit[1]), MOST_HITS))
 
     def touches(self, q: Array) -> Sequence[tuple[str, str]]:
         """Find the pairs in exact collision at a configuration (n,)."""

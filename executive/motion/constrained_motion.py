@@ -152,17 +152,17 @@ class Way:
             problem.obstacles.keep(KEPT, (self.start, self.end))
         objection: Sequence[tuple[str, str]] = ()
         for waypoints in self._guesses():
-            found, objection = self._optimised(waypoints)
-            if found is not None:
-                return found
+            trajectory, objection = self._optimised(waypoints)
+            if trajectory is not None:
+                return trajectory
         if problem.obstacles is not None:
             around = self._around()
             if around is not None:
-                found, objection = self._optimised(_spread(around, MOST))
-                if found is None and not self.kept:
-                    found = self._checked(around, time_path)[0]
-                if found is not None:
-                    return found
+                trajectory, objection = self._optimised(_spread(around, MOST))
+                if trajectory is None and not self.kept:
+                    trajectory = self._checked(around, time_path)[0]
+                if trajectory is not None:
+                    return trajectory
         raise NoConstrainedPath(self.phase, self._of(self.kept), objection)
 
     def through(self, rows: Array) -> Trajectory:
@@ -171,8 +171,8 @@ class Way:
         Raises NoConstrainedPath.
         """
         attempts = [self._checked(rows, timing) for timing in (time_curve, time_path)]
-        if found := [timed for timed, _ in attempts if timed is not None]:
-            return min(found, key=lambda timed: len(timed.positions))
+        if trajectories := [timed for timed, _ in attempts if timed is not None]:
+            return min(trajectories, key=lambda timed: len(timed.positions))
         objection = next((hits[0][1] for _, hits in reversed(attempts) if hits), ())
         raise NoConstrainedPath(self.phase, self._of(self.kept), objection)
 
