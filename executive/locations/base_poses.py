@@ -152,7 +152,9 @@ class BasePoses:
         shoulders = middle - reach * share[:, None] * np.stack([np.cos(turned + aside), np.sin(turned + aside)], axis=1)
         distances = np.linalg.norm(points - shoulders[:, None], axis=2)
         cost = np.abs(distances - BEST * reach).max(axis=1) + FARTHER * np.linalg.norm(bases[:, :2] - now[:2], axis=1)
-        cost = (cost + SIDEWAYS * np.abs(aside) / (np.pi / 2)).round(9)  # noise of the last bits decides nothing
+        cost = (cost + SIDEWAYS * np.abs(aside) / (np.pi / 2)).round(
+            9
+        )  # rounded, so that ties do not depend on the processor
         doubtful = (distances.min(axis=1) < (SHARES[0] - HAIR) * reach) | (
             distances.max(axis=1) > (SHARES[-1] + HAIR) * reach
         )
@@ -186,7 +188,7 @@ class BasePoses:
         )
         turns = np.linspace(-np.pi, np.pi, TURNS, endpoint=False)
         bases = np.stack(np.meshgrid(*spans, turns), axis=-1).reshape(-1, 3)
-        bases = bases[self._driven_to(bases)]  # cheaper than the test for room, of which there are many here
+        bases = bases[self._driven_to(bases)]  # cheaper than the test for room, and there are many
         bases = bases[self.free(bases)]
         c, s = np.cos(bases[:, 2:]), np.sin(bases[:, 2:])
         shoulders = bases[:, :2] + c * shoulder + s * [-shoulder[1], shoulder[0]]

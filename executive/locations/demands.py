@@ -260,7 +260,7 @@ def thing_demand(location: Location, thing: str, scene: PlanningScene, viewer: V
         raise contradictory(
             location, f"a thing can rest in one place only, not in {' and '.join(dict.fromkeys(on + inside))}"
         )
-    if not on and not inside and not people:  # beside something is on what that stands on
+    if not on and not inside and not people:  # a thing beside a body rests on that body's support
         on.extend(support for body in near if (support := bodies.support(body)) is not None)
     where = on[0] if on else None, inside[0] if inside else None
     return ThingDemand(*where, tuple(areas), tuple(people), tuple(neither))

@@ -128,7 +128,7 @@ class _Explanation:
         """
         counts = self.log.ordered()
         bases = sum(counts.get(reason, 0) for reason in BASES)
-        if OUT_OF_REACH.text in counts and (self.height() is not None or bases <= 1):  # one is where the base is
+        if OUT_OF_REACH.text in counts and (self.height() is not None or bases <= 1):  # one: the present base pose
             return OUT_OF_REACH.text
         return next(iter(counts))
 

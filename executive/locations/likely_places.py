@@ -79,7 +79,7 @@ class LikelyPlace:
 
 @dataclass(slots=True)
 class Search:
-    """Search for a thing: where it is to be within, and the places visited so far, in order."""
+    """Search for a thing, perhaps within a place, and the places visited so far, in order."""
 
     what: Object
     within: Object | None = None

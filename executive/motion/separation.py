@@ -18,7 +18,9 @@ def are_apart(first: Array, second: Array, turns: Array, shifts: Array, distance
     J. Control 1966). A point of the hulls' difference descends towards the origin; its direction is a candidate axis,
     and if the projections of the hulls on it are that far apart, so are the hulls. False means unknown.
     """
-    moved = first @ turns.transpose(0, 2, 1) + shifts[:, None]  # rounding cannot matter: the distance has a margin
+    moved = (
+        first @ turns.transpose(0, 2, 1) + shifts[:, None]
+    )  # BLAS rounds differently between processors; doubtful pairs are checked exactly anyway
     between = moved.mean(axis=1) - second.mean(axis=0)
     sides = np.concatenate(
         [between[:, None], np.broadcast_to(np.eye(3), turns.shape), turns.transpose(0, 2, 1)], axis=1
