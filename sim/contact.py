@@ -288,8 +288,7 @@ class Contacts:
     def between(self, link: str) -> tuple[str, ...]:
         """Find the body that two fingers of the hand at a link touch from opposite sides, if any.
 
-        If the fingers touch two different bodies, pressed against each other, both are returned; one body takes
-        precedence.
+        If they touch two different bodies, pressed against each other, both are returned; one body takes precedence.
         """
         fingers = [name for name in self.robot.hand_links(link) if name in self.fingers]
         pairs = [

@@ -96,9 +96,7 @@ def read_description(path: Path) -> Description:
         if child.tag not in _KEPT:
             robot.remove(child)
     for element in robot.iter():
-        element.attrib.pop(
-            "concave", None
-        )  # PyBullet's extension; it gives no vertices, and all meshes here are convex
+        element.attrib.pop("concave", None)  # PyBullet's: such a mesh has no vertices to read, and all here are convex
     _without_empty_shapes(robot)
     meshless = all(shape.tag in _PRIMITIVES for shape in robot.iterfind("link/*/geometry/*"))
     warnings = []

@@ -97,8 +97,7 @@ class _Boxes:
 def _near(boxes: _Boxes, others: _Boxes, may: NDArray[np.bool_]) -> Iterator[tuple[int, int, int]]:
     """Yield the rows at which boxes overlap others, with the numbers of both, among the pairs ``may`` (n, m).
 
-    Map-aligned boxes first, over the whole motion and then per row; then the separating axis test, for face normals
-    only.
+    Map-aligned boxes first, over the whole motion, then per row; then separating axes, face normals only.
     """
     (lower, upper), (its_lower, its_upper) = map(_corners, (boxes, others))
     along = overlaps(lower.min(axis=0), upper.max(axis=0), its_lower.min(axis=0), its_upper.max(axis=0))

@@ -463,9 +463,8 @@ def _solids_of(client: int, uid: int, index: int, at: Pose) -> list[ConvexSolid]
         primitive = _primitive(shape[2], shape[3])
         if primitive is not None:
             solids.append(convex_solid(*primitive, at @ Pose(shape[5], shape[6])))
-    if any(
-        shape[2] == bullet.GEOM_MESH for shape in shapes
-    ):  # PyBullet returns the vertices of all meshes of a link together
+    # PyBullet returns the vertices of all meshes of a link together
+    if any(shape[2] == bullet.GEOM_MESH for shape in shapes):
         points = np.array(bullet.getMeshData(uid, index, physicsClientId=client)[1]).reshape(-1, 3)
         solids.append(ConvexSolid(SolidKind.MESH, (0.0, 0.0, 0.0), at, points))
     return solids

@@ -169,8 +169,7 @@ STRAYED, TWISTED = 0.01, 0.1
 class PyBulletWorld(KinematicScene):
     """Implements :class:`planlang.protocols.RobotInterface` for the robot, :class:`sim.truth.Truth` for all else.
 
-    Motions are played back kinematically (:class:`Playback`): a step that would make the robot touch something is
-    undone.
+    Motions are played back kinematically (:class:`Playback`): a step into something is undone.
     """
 
     def __init__(
@@ -197,7 +196,7 @@ class PyBulletWorld(KinematicScene):
         moving = [playback for playback in self._motions.values() if playback.state().state is MotionState.MOVING]
         for playback in moving:
             free = [strand for strand in playback.strands if strand.blocked_by is None]
-            find = self._contacts_at if len(moving) > 1 else partial(self._contacts_of_only_motion, playback)
+            find = self._contacts_at if len(moving) > 1 else partial(self._contacts_alone, playback)
             self._now = advance(playback, find, self._contacts.felt, self._now)
             self._push(free)
         for group in [one for one in self._pushes if self.motion(one).state is not MotionState.MOVING]:
@@ -217,9 +216,7 @@ class PyBulletWorld(KinematicScene):
         """Find the contacts at a configuration, after things pushed by hands have given way."""
         return self._pushing.contacts_after(lambda: self._find(configuration, query))
 
-    def _contacts_of_only_motion(
-        self, playback: Playback, configuration: Configuration, query: Query
-    ) -> tuple[Contact, ...]:
+    def _contacts_alone(self, playback: Playback, configuration: Configuration, query: Query) -> tuple[Contact, ...]:
         """Find the same for the only motion: its next steps are mostly known to be free (:class:`Outlook`)."""
         is_simple = len(playback.strands) == 1 and not playback.strands[0].before and not query.grip
         if is_simple and not self._leaves.led and not self._pushing.hands:

@@ -152,12 +152,10 @@ class BasePoses:
         shoulders = middle - reach * share[:, None] * np.stack([np.cos(turned + aside), np.sin(turned + aside)], axis=1)
         distances = np.linalg.norm(points - shoulders[:, None], axis=2)
         cost = np.abs(distances - BEST * reach).max(axis=1) + FARTHER * np.linalg.norm(bases[:, :2] - now[:2], axis=1)
-        cost = (cost + SIDEWAYS * np.abs(aside) / (np.pi / 2)).round(
-            9
-        )  # rounded, so that ties do not depend on the processor
-        doubtful = (distances.min(axis=1) < (SHARES[0] - HAIR) * reach) | (
-            distances.max(axis=1) > (SHARES[-1] + HAIR) * reach
-        )
+        # rounded, so that ties do not depend on the processor
+        cost = (cost + SIDEWAYS * np.abs(aside) / (np.pi / 2)).round(9)
+        near, far = distances.min(axis=1), distances.max(axis=1)
+        doubtful = (near < (SHARES[0] - HAIR) * reach) | (far > (SHARES[-1] + HAIR) * reach)
         free = self.free(bases)
         order = np.lexsort((cost, _turn(share, cost, free), doubtful))
         moving = self._parts(arms) if arms_first else frozenset[str]()
@@ -182,10 +180,8 @@ class BasePoses:
         The distance of a row is that of its farthest point from the shoulders, inf without such a base pose.
         """
         shoulder, reach = _shoulder(arms)
-        every, extent = np.concatenate(rows), reach + float(np.linalg.norm(shoulder))
-        spans = (
-            np.arange(low - extent, high + extent, GRID) for low, high in zip(every.min(0), every.max(0), strict=True)
-        )
+        every, span = np.concatenate(rows), reach + float(np.linalg.norm(shoulder))
+        spans = (np.arange(low - span, high + span, GRID) for low, high in zip(every.min(0), every.max(0), strict=True))
         turns = np.linspace(-np.pi, np.pi, TURNS, endpoint=False)
         bases = np.stack(np.meshgrid(*spans, turns), axis=-1).reshape(-1, 3)
         bases = bases[self._driven_to(bases)]  # cheaper than the test for room, and there are many

@@ -257,9 +257,8 @@ def thing_demand(location: Location, thing: str, scene: PlanningScene, viewer: V
                 if meaning.bounds is not None and meaning.bounds[1] < float("inf"):
                     near.append(body)
     if len({*on, *inside}) > 1:
-        raise contradictory(
-            location, f"a thing can rest in one place only, not in {' and '.join(dict.fromkeys(on + inside))}"
-        )
+        supports = " and ".join(dict.fromkeys(on + inside))
+        raise contradictory(location, f"a thing can rest in one place only, not in {supports}")
     if not on and not inside and not people:  # a thing beside a body rests on that body's support
         on.extend(support for body in near if (support := bodies.support(body)) is not None)
     where = on[0] if on else None, inside[0] if inside else None
@@ -430,9 +429,7 @@ def _body(relation: Relation, what: Object, bodies: BelievedBodies) -> str:
         if meant.from_outside and not any(map(bodies.is_room, others)):
             raise meaningless(relation, f"{body} is the only room: nothing can be ", (relation.name,), " it")
     if meant.of_solids and not bodies.is_solid(body):
-        raise meaningless(
-            relation, f"{body} has no size: it is a place, and nothing can be ", (relation.name,), " a place"
-        )
+        raise meaningless(relation, f"{body} is a place and has no size: nothing can be ", (relation.name,), " a place")
     senses = {meant.sense("hand"), meant.sense("thing")}
     if Sense.SUPPORT in senses and not relation.negated and bodies.rests_at(body) is None:
         raise meaningless(relation, f"{body} has no level top to rest things on")

@@ -107,7 +107,7 @@ class HandHits:
 def _hand_collisions(candidates: GraspCandidates, check: QuickCheck, hits: HandHits) -> list[str | None]:
     """Find for each candidate what its hand collides with, or None."""
     poses = _with_between(candidates.poses(np.arange(len(candidates))))
-    return _first_hits(hits(check, poses), len(candidates))
+    return _hits(hits(check, poses), len(candidates))
 
 
 def _is_free(candidates: GraspCandidates, check: QuickCheck, hits: HandHits) -> NDArray[np.bool_]:
@@ -174,12 +174,10 @@ def solve(
 def _blocked(q: Array, bases: Array, check: QuickCheck, deeper: float = 0.0) -> list[str | None]:
     """Find what the arm's spheres hit from each base (n, 3), ``deeper`` [m] than usual, at any of q (n, s, d)."""
     count, steps, size = q.shape
-    return _first_hits(
-        check.hit(np.repeat(base_matrices(bases), steps, axis=0), q.reshape(-1, size), deeper=deeper), count
-    )
+    return _hits(check.hit(np.repeat(base_matrices(bases), steps, axis=0), q.reshape(-1, size), deeper=deeper), count)
 
 
-def _first_hits(bodies: Sequence[str | None], count: int) -> list[str | None]:
+def _hits(bodies: Sequence[str | None], count: int) -> list[str | None]:
     """Find for each of ``count`` places the first body hit in any of its postures, or None."""
     steps = len(bodies) // max(count, 1)
     return [next(filter(None, bodies[k * steps : (k + 1) * steps]), None) for k in range(count)]
@@ -279,12 +277,8 @@ class Trial:
         if held is None:
             return None
         fingers = one.arm.openings.beyond(self.scene.world.configuration().joints)
-        contacts_of_rows = (
-            self.scene.collisions.contacts(self.base, one.arm, q, held.name, fingers) for q in one.joints[1:]
-        )
-        return next(
-            (contact.body for contacts in contacts_of_rows for contact in contacts if contact.part != held.name), None
-        )
+        each = (self.scene.collisions.contacts(self.base, one.arm, q, held.name, fingers) for q in one.joints[1:])
+        return next((contact.body for contacts in each for contact in contacts if contact.part != held.name), None)
 
     def _slips(self) -> Reason | None:
         """Explain why the closing fingers would not grip the thing; None if they would."""

@@ -29,19 +29,17 @@ def headroom(block: Block, places: Array, boxes: Boxes) -> Array:
     rises = np.full(len(places), RISES[-1])
     tops = (places[:, 2] + (block.high - block.low) / 2).round(4)
     for top in np.unique(tops).tolist():
-        pending = np.flatnonzero(tops == top)
+        left = np.flatnonzero(tops == top)
         around = ((top + RESTING, top + RISES[0] + SPARE, float(np.hypot(block.half_x, block.half_y))),)
-        is_open = clearance_at(places[pending, :2], boxes, around) > 0
-        rises[pending[is_open]], pending = RISES[0], pending[~is_open]
+        is_open = clearance_at(places[left, :2], boxes, around) > 0
+        rises[left[is_open]], left = RISES[0], left[~is_open]
         for rise in RISES[-2::-1]:
-            if not len(pending):
+            if not len(left):
                 break
             above = ((top + RESTING, top + rise + SPARE, 0.0),)
-            is_free = (
-                clearance_at(points[pending].reshape(-1, 2), boxes, above).reshape(len(pending), -1).min(axis=1) > 0
-            )
-            pending = pending[is_free]
-            rises[pending] = rise
+            free = clearance_at(points[left].reshape(-1, 2), boxes, above).reshape(len(left), -1).min(axis=1) > 0
+            left = left[free]
+            rises[left] = rise
     return rises
 
 

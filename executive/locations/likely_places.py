@@ -225,9 +225,8 @@ class Searches:
             for one in belief.map.objects
             if one.iri == what.iri or (what.iri is None and belief.is_a(one, what.type))
         ]
-        return min(
-            (one.size for one in matching if one.size is not None), key=lambda size: math.prod(size), default=None
-        )
+        sizes = (one.size for one in matching if one.size is not None)
+        return min(sizes, key=lambda size: math.prod(size), default=None)
 
     # Selection of the place
 

@@ -196,9 +196,7 @@ class Placement:
         bodies = self.scene.bodies
         pose, (x, y, z) = bodies.pose(where), bodies.size(where)
         rooms = []
-        for cavity in self.scene.world.scene.body(
-            where
-        ).cavities:  # cavities may extend beyond the body where it is open
+        for cavity in self.scene.world.scene.body(where).cavities:  # they may extend beyond the body where it is open
             ends = [np.array(cavity.centre) + sign * np.array(cavity.size) / 2 for sign in (-1, 1)]
             low, high = np.clip(ends, (-x / 2, -y / 2, -z / 2), (x / 2, y / 2, z / 2))
             if (high > low).all():

@@ -205,16 +205,14 @@ class ReachSearch:
         counted = Rejections(remembers=self.log.keeps)
         arms = self.validator.arms_for(first, self.arms)
         possible = [(arm, self.validator.candidates(first, arm, counted, stage)) for arm in arms]
-        tables = [(arm, table) for arm, arm_tables in possible for table in arm_tables]
+        tables = [(arm, table) for arm, of_arm in possible for table in of_arm]
         if not tables:
             return FreeHands([], 0.0, (np.zeros(3), 0.0), counted)
         reach = max(self.inverse(arm, CLASSES[g]).reach for arm, table in tables for g in set(table.grasps.tolist()))
         varied = stage is Stage.CLOSEST
         points = [one.points for arm, table in tables for one in (table.variants(arm.openings) if varied else [table])]
         near, hits = _sphere(points, reach), HandHits()
-        each = (
-            unblocked(arm, arm_tables, scene, counted, near, varied=varied, hits=hits) for arm, arm_tables in possible
-        )
+        each = (unblocked(arm, of_arm, scene, counted, near, varied=varied, hits=hits) for arm, of_arm in possible)
         hands = [hand for some in each for hand in some]
         for hand in hands:
             counted.show_hands("", hand.candidates.points)

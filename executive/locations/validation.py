@@ -300,9 +300,8 @@ class BaseValidator:
                     continue
                 candidate = next(from_base(reach, base, arm, tables, self.scene, self.inverse, counted), None)
                 known = self.known(reach, arm, base) if candidate is None else None
-                if known is not None and self.still_reaches(
-                    known, reach, base
-                ):  # an arm that stands there has few alternatives
+                # an arm that stands there has few alternatives
+                if known is not None and self.still_reaches(known, reach, base):
                     candidate = known
                 if candidate is not None:
                     log.include(counted)

@@ -82,13 +82,11 @@ class JointSpace:
 
     def unwound(self, path: Sequence[Array]) -> list[Array]:
         """Shift waypoints by whole turns, each the shorter way around from the one before."""
-        waypoints = [path[0]]
+        rows = [path[0]]
         for q in path[1:]:
-            move = q - waypoints[-1]
-            waypoints.append(
-                q if (np.abs(move[self.continuous]) <= np.pi).all() else waypoints[-1] + self.move(waypoints[-1], q)
-            )
-        return waypoints
+            move = q - rows[-1]
+            rows.append(q if (np.abs(move[self.continuous]) <= np.pi).all() else rows[-1] + self.move(rows[-1], q))
+        return rows
 
     def pieces(self, start: Array, end: Array) -> int:
         """Number of pieces into which an edge is divided for checks."""

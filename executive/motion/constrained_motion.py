@@ -121,12 +121,8 @@ def _phase_motions(
         ]
         way = Way(ends.problem, ends.functions, here, end, kept, numbers, phase)
         given_up = ends.given_up.get(phase, set()) - ends.wished.keys()
-        constraint_of = [bound.constraint for bound in ends.functions.bounds]
-        yield PhaseMotion(
-            way.timed(),
-            tuple(constraint_of[k] for k in kept),
-            tuple(constraint_of[k] for k in numbers if k in given_up),
-        )
+        of = [bound.constraint for bound in ends.functions.bounds]
+        yield PhaseMotion(way.timed(), tuple(of[k] for k in kept), tuple(of[k] for k in numbers if k in given_up))
         here, before = end, constraints
 
 

@@ -280,14 +280,10 @@ class InverseKinematics:
         best, least = np.empty((d, len(poses))), np.full(len(poses), np.inf)
         solved, unsolved = np.zeros(len(poses), np.bool_), np.arange(len(poses))
         for seed in range(starts.shape[1]):
-            q, error, converged = self._descend(rows[:, unsolved], starts[unsolved, seed].T)
-            better = converged | (error < least[unsolved]) | (seed == 0)
-            best[:, unsolved[better]], least[unsolved[better]], solved[unsolved] = (
-                q[:, better],
-                error[better],
-                converged,
-            )
-            unsolved = unsolved[~converged]
+            q, error, ok = self._descend(rows[:, unsolved], starts[unsolved, seed].T)
+            better = ok | (error < least[unsolved]) | (seed == 0)
+            best[:, unsolved[better]], least[unsolved[better]], solved[unsolved] = q[:, better], error[better], ok
+            unsolved = unsolved[~ok]
             if not len(unsolved):
                 break
         return self.chain.near(best.T, starts[:, 0]), solved
@@ -303,21 +299,15 @@ class InverseKinematics:
         slow = np.zeros(q.shape[1], np.intp)
         for step in range(STEPS + 1):
             moved, squares = self.chain.functions.step(q, targets)
-            converged = (squares <= TOLERANCES).all(axis=0)
+            ok = (squares <= TOLERANCES).all(axis=0)
             error = squares[0] + ROTATION_WEIGHT**2 * squares[1]
             improved = error < STALLED * least
             least, slow = np.where(improved, error, least), (slow + 1) * ~improved
-            running = (slow < MOST_SLOW) & ~converged & (step < STEPS)
-            if not running.all():
-                ended = ~running
-                results[:, row[ended]], errors[row[ended]], solved[row] = q[:, ended], error[ended], converged
-                row, moved, targets, least, slow = (
-                    row[running],
-                    moved[:, running],
-                    targets[:, running],
-                    least[running],
-                    slow[running],
-                )
+            on = (slow < MOST_SLOW) & ~ok & (step < STEPS)
+            if not on.all():
+                ended = ~on
+                results[:, row[ended]], errors[row[ended]], solved[row] = q[:, ended], error[ended], ok
+                row, moved, targets, least, slow = row[on], moved[:, on], targets[:, on], least[on], slow[on]
                 if not len(row):
                     break
             q = moved

@@ -18,9 +18,8 @@ def are_apart(first: Array, second: Array, turns: Array, shifts: Array, distance
     J. Control 1966). A point of the hulls' difference descends towards the origin; its direction is a candidate axis,
     and if the projections of the hulls on it are that far apart, so are the hulls. False means unknown.
     """
-    moved = (
-        first @ turns.transpose(0, 2, 1) + shifts[:, None]
-    )  # BLAS rounds differently between processors; doubtful pairs are checked exactly anyway
+    # BLAS rounds differently between processors; doubtful pairs are checked exactly anyway
+    moved = first @ turns.transpose(0, 2, 1) + shifts[:, None]
     between = moved.mean(axis=1) - second.mean(axis=0)
     sides = np.concatenate(
         [between[:, None], np.broadcast_to(np.eye(3), turns.shape), turns.transpose(0, 2, 1)], axis=1
@@ -39,9 +38,7 @@ def are_apart(first: Array, second: Array, turns: Array, shifts: Array, distance
         corner = moved[np.arange(len(left)), nearest] - second[(axis @ second.T).argmax(axis=1)]
         separated = (axis * corner).sum(axis=1) > distance
         apart[left[separated]] = True
-        undecided = ~separated & (
-            length > distance
-        )  # a point of the difference this short proves that they are not apart
+        undecided = ~separated & (length > distance)  # a shorter point of the difference proves that they are not apart
         if not undecided.all():
             left, moved, between, corner = left[undecided], moved[undecided], between[undecided], corner[undecided]
         edge = between - corner
