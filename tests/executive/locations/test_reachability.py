@@ -287,7 +287,7 @@ def test_a_map_that_came_along_is_taken_and_one_that_did_not_is_built_with_the_r
     assert said[-1].endswith(f"side grasps, once for this robot: {tmp_path / name} is damaged")
     (tmp_path / name).rename(tmp_path / name.replace(map_key(arm, GraspClass.SIDE)[:16], "0" * 16))
     assert rows_of_a_new_home("third") == rows
-    assert said[-1].endswith("once for this robot: the URDF is not the one of which planlang has maps")
+    assert said[-1].endswith("once for this robot: the URDF differs from that of the bundled maps")
     assert rows_of_a_new_home("fourth", "another") == rows
     assert said[-1] == "building the reachability map of arm arm, side grasps, once for this robot"
     assert rows_of_a_new_home("fourth", "another") == rows

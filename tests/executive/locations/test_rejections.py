@@ -232,7 +232,7 @@ def test_all_places_that_were_not_looked_at_are_counted(
 def test_a_relation_that_means_nothing_is_refused_with_those_that_do(
     location: Location, said: str, refused: Refused
 ) -> None:
-    assert f"relations that do: {said}" in str(refused(location, CABINET, BOTTLE, BED))
+    assert f"relations that apply: {said}" in str(refused(location, CABINET, BOTTLE, BED))
 
 
 def test_an_object_that_is_not_in_the_map_is_no_matter_of_places(make_stage: MakeStage) -> None:
@@ -252,9 +252,9 @@ def test_conjuncts_of_a_hand_location_that_exclude_each_other_are_named(make_sta
 @pytest.mark.parametrize(
     ("location", "said"),
     [
-        (a_posture("carrying"), "no place of a hand"),
-        (a_location(near=THE_BOTTLE), "does not say what the hand is at"),
-        (a_location(not_=a_location(above=an_object("Bed-PieceOfFurniture"))), "does not say what the hand is at"),
+        (a_posture("carrying"), "no place for a hand"),
+        (a_location(near=THE_BOTTLE), "what the hand is at"),
+        (a_location(not_=a_location(above=an_object("Bed-PieceOfFurniture"))), "what the hand is at"),
     ],
     ids=str,
 )

@@ -147,14 +147,14 @@ def test_constraints_that_contradict_each_other_are_named_and_no_others(name: st
         solve_motion(problem, start, [[UPRIGHT], [UPRIGHT, low, *near(0.0, 0.0), high]])
     assert set(refused.value.constraints) == {low, high}
     assert refused.value.phase == 1
-    assert "phase 2: these contradict each other" in str(refused.value)
+    assert "phase 2" in str(refused.value)
     assert "height of centre and top 0.1 to 0.15 m" in str(refused.value)
 
 
 def test_what_is_out_of_reach_is_named_alone() -> None:
     problem, start = with_cup(arms("amigo"))
     far = above(3.0, 3.1)
-    with pytest.raises(ConstraintsContradict, match="beyond the arm's reach") as refused:
+    with pytest.raises(ConstraintsContradict, match="reach") as refused:
         solve_motion(problem, start, [[UPRIGHT, far]])
     assert refused.value.constraints == (far,)
 
@@ -194,9 +194,9 @@ def test_features_tools_and_frames_that_nothing_is_known_of_are_refused() -> Non
     rim = a_feature(of=CUP, path=("Rim",))
     for constraint, message in (
         (a_constraint("HEIGHT", rim, TOP, lower=0.0), "Cup.Rim is not grounded"),
-        (a_constraint("HEIGHT", TOP, TOP, lower=0.0), "no hand that takes part in the motion holds Table"),
-        (a_constraint("ABOVE_OF", CENTRE, TOP, lower=0.0, frame="/odom"), "no reference frame /odom"),
-        (a_constraint("HEIGHT", CENTRE, CENTRE, lower=0.0), "nothing says where Cup is"),
+        (a_constraint("HEIGHT", TOP, TOP, lower=0.0), "holds Table"),
+        (a_constraint("ABOVE_OF", CENTRE, TOP, lower=0.0, frame="/odom"), "reference frame /odom"),
+        (a_constraint("HEIGHT", CENTRE, CENTRE, lower=0.0), "pose of Cup is unknown"),
     ):
         with pytest.raises(MotionError, match=message):
             solve_motion(problem, start, [[constraint]])
