@@ -103,7 +103,7 @@ def agrees(shown: str, real: str) -> bool:
 
 def shape(text: str) -> str:
     """An output without the numbers that may differ in the last digits from machine to machine, and without times."""
-    number = rf"(?<![\w@.])-?\d+(?:\.\d+)?(?!\.?\d){COUNTED.replace('(?=', '(?!', 1)}|(?<=\dT)\d+"
+    number = rf"(?<![\w@.])-?\d+(?:\.\d+)?(?!\d){COUNTED.replace('(?=', '(?!', 1)}|(?<=\dT)\d+"
     return re.sub(r" +", " ", re.sub(number, "#", text))
 
 
