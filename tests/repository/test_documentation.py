@@ -26,17 +26,12 @@ CODES = re.findall(r"^\| `([A-Z]\d{3})` \| .+? \|$", PAGES["docs/reference/codes
 LONG: tuple[str, ...] = ()
 """Pages that take more than about three seconds; of these the suite only parses commands and programs."""
 WITH_NOTHING: dict[str, tuple[str, ...]] = {
-    "docs/reference/architecture.md": (
-        "recipe.owl | .omn | .ttl                                        robot file, URDF, self-model      semantic map",
-        "planlang/*.py           what its rooms share: designators, failures, effects, relations, protocols, diagnostics, units",
-    ),
-    "docs/reference/formats.md": ('name = "amigo"                  # required',),
-    "docs/guides/knowledge.md": (
-        "robot cannot do it; its alternatives, the nearest to complete first, and what they lack:",
-    ),
+    "docs/reference/architecture.md": ("recipe.owl | .omn | .ttl", "planlang/*.py"),
+    "docs/reference/formats.md": ('name = "amigo"',),
+    "docs/guides/knowledge.md": ("robot cannot do it; its alternatives",),
 }
-"""Blocks, by their first lines, that are no code of the page: a drawing, and folders, whose names another test compares;
-the keys of robot files, with placeholders; an answer of which tests/executive/enabling/test_alternatives.py has the entries.
+"""How blocks begin that are no code of the page: a drawing, and folders, whose names another test compares; the keys of
+robot files, with placeholders; an answer about entries that are in tests/executive/enabling/test_alternatives.py.
 """
 
 
@@ -126,6 +121,15 @@ def test_files_commands_and_programs_of_a_page_see_each_other(tmp_path: Path) ->
     assert renewed(stale, found) == page
 
 
+def test_published_files_are_listed_and_pages_that_use_them_say_where_they_are() -> None:
+    listed = (CHECKOUT / "docs" / "examples" / "published_files.txt").read_text(encoding="utf-8")
+    names = {line.split()[0].rpartition("/")[2] for line in listed.splitlines() if not line.startswith("#")}
+    for page, text in PAGES.items():
+        used = set(re.findall(r"[\w-]+@[\w-]+\.(?!fixed)[\w.]*\w", text))
+        assert sorted(used - names) == [], page
+        assert not used or "published_recipes" in page or "published_recipes.md)" in text, page
+
+
 def test_every_page_is_in_the_table_of_contents() -> None:
     listed = re.findall(r"^[a-z_]+/[a-z_]+$", PAGES["docs/index.md"], flags=re.MULTILINE)
     pages = sorted(name.removeprefix("docs/").removesuffix(".md") for name in PAGES if name.count("/") == 2)
@@ -185,7 +189,7 @@ def rewrite(names: list[str]) -> None:
     for name in names or PAGES:
         with TemporaryDirectory() as folder:
             found = ran(name, Path(folder))
-        print(f"{name}: {dict(found.kinds)}", *found.wrong, sep="\n")
+        sys.stdout.write("\n".join([f"{name}: {dict(found.kinds)}", *found.wrong, ""]))
         (CHECKOUT / name).write_text(renewed(PAGES[name], found), encoding="utf-8")
 
 

@@ -54,7 +54,7 @@ NEEDS: tuple[tuple[str, Callable[[], bool], str], ...] = (
 """What some commands and programs need: a pattern of these, whether it is there, and what to say if not."""
 SHELL = ("cat", "cp", "head", "sed", "ls", "diff")
 """Commands that a shell runs in the page's folder."""
-UNTRIED = ("pip", "source", "git", "curl", "rerun", "make")
+UNTRIED = ("pip", "source", "git", "curl", "rerun", "make", "while")
 """Commands of which only the syntax is checked, and the target of make: they install, download, or take minutes."""
 WITHOUT_END = ("serve",)
 """Subcommands that only a signal ends."""
@@ -79,7 +79,13 @@ class PageRun:
     """
 
     def __init__(
-        self, text: str, folder: Path, *, dry: bool = False, exempt: tuple[str, ...] = (), aliases: Mapping[str, str] = {}
+        self,
+        text: str,
+        folder: Path,
+        *,
+        dry: bool = False,
+        exempt: tuple[str, ...] = (),
+        aliases: Mapping[str, str] = {},
     ) -> None:
         self._blocks = blocks(text)
         self._folder, self._dry, self._exempt, self._aliases = folder, dry, exempt, aliases
@@ -182,6 +188,7 @@ class PageRun:
             printed += f"{status}\n"
         elif status:
             self._wrong(command.line, f"{command.text} ends with exit code {status}:\n{printed}")
+        printed = printed.replace(f"{self._folder}/", "")
         self._texts.append(printed)
         self._compare(command.output_line, command.shown, printed)
 

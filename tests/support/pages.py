@@ -18,7 +18,9 @@ ENDS_WITH_STATUS = "; echo $?"
 """How a command ends whose exit code is shown, as the last line of its output; of all others it is 0."""
 FENCE = re.compile(r"^( *)```+([^\s`]*)(?: +title=\"([^\"]+)\")?[^`]*$")
 CLOSING = re.compile(r"^ *```+$")
-COUNTED = r"(?= (?:of \d+ )?(?:lines?|steps?|entr(?:y|ies)|errors?|warnings?|notes?|worlds?|things|conflicts?|passed)\b)"
+COUNTED = (
+    r"(?= (?:of \d+ )?(?:lines?|steps?|entr(?:y|ies)|errors?|warnings?|notes?|worlds?|things|conflicts?|passed)\b)"
+)
 BUNDLED = ("recipes", "ontologies", "docs/examples")
 
 
@@ -130,6 +132,12 @@ def fitted(shown: str, real: str) -> str:
         parts.append("".join(lines[start:end]))
     parts.append("".join(lines[len(lines) - last.count("\n") :]))
     return ELISION.join(parts)
+
+
+def shown_commands() -> list[str]:
+    """The commands that pages show with their outputs."""
+    found = [block for page in all_pages() for block in blocks(page.read_text(encoding="utf-8"))]
+    return [command.words for block in found if block.language == "console" for command in commands(block)]
 
 
 @cache
