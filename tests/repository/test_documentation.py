@@ -23,8 +23,18 @@ PAGES = {str(page.relative_to(CHECKOUT)): page.read_text(encoding="utf-8") for p
 PACKAGES = ("planlang", "executive", "sim")
 CODES = re.findall(r"^\| `([A-Z]\d{3})` \| .+? \|$", PAGES["docs/reference/codes.md"], flags=re.MULTILINE)
 """The codes of diagnostics that are explained."""
-LONG: tuple[str, ...] = ()
-"""Pages that take more than about three seconds; of these the suite only parses commands and programs."""
+LONG = tuple(
+    f"docs/{name}.md"
+    for name in (
+        *(
+            f"guides/{one}"
+            for one in ("compiling", "cooking", "knowledge", "modules", "published_recipes", "recording")
+        ),
+        *(f"guides/{one}" for one in ("report", "resuming", "running", "searching", "sweeping", "testing")),
+        "reference/formats",
+    )
+)
+"""Pages that take longer; beside ``make test-long`` their commands are only parsed, and their programs compiled."""
 WITH_NOTHING: dict[str, tuple[str, ...]] = {
     "docs/reference/architecture.md": ("recipe.owl | .omn | .ttl", "planlang/*.py"),
     "docs/reference/formats.md": ('name = "amigo"',),

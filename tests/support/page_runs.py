@@ -15,11 +15,13 @@ import sys
 import traceback
 from collections import Counter
 from collections.abc import Callable, Mapping
-from contextlib import chdir, redirect_stdout, suppress
+from contextlib import chdir, nullcontext, redirect_stdout
 from dataclasses import dataclass, field
 from importlib.util import find_spec
 from io import StringIO
+from itertools import pairwise
 from pathlib import Path
+from types import MappingProxyType
 from unittest.mock import patch
 
 import typer
@@ -74,8 +76,8 @@ class Found:
 class PageRun:
     """A page and the folder where it runs.
 
-    ``dry``: nothing is executed; commands are parsed, programs compiled. ``exempt`` are the first lines of blocks that are
-    compared with nothing. ``aliases`` map what the page shows to what stands for it here, as an address.
+    ``dry``: nothing is executed; commands are parsed, programs compiled. ``exempt``: how blocks begin that are compared
+    with nothing. ``aliases`` map what the page shows to what stands for it here, as an address.
     """
 
     def __init__(
@@ -85,7 +87,7 @@ class PageRun:
         *,
         dry: bool = False,
         exempt: tuple[str, ...] = (),
-        aliases: Mapping[str, str] = {},
+        aliases: Mapping[str, str] = MappingProxyType({}),
     ) -> None:
         self._blocks = blocks(text)
         self._folder, self._dry, self._exempt, self._aliases = folder, dry, exempt, aliases
@@ -97,7 +99,7 @@ class PageRun:
     def run(self) -> Found:
         """Run all blocks in their order."""
         with chdir(self._folder), patch.object(sys, "path", [str(self._folder), *sys.path]):
-            for block, following in zip(self._blocks, [*self._blocks[1:], None], strict=True):
+            for block, following in pairwise([*self._blocks, None]):
                 try:
                     if block.line not in self._done:
                         self._block(block, following)
@@ -113,7 +115,7 @@ class PageRun:
                 self._command(command, scenario_only=block.language == "sh")
         elif block.language == "python":
             self._python(block, following if following and following.language == "text" else None)
-        elif block.text.splitlines()[0] in self._exempt:
+        elif block.text.startswith(self._exempt):
             self.found.kinds["compared with nothing, for a reason"] += 1
         elif is_excerpt(block.text, self._texts):
             self.found.kinds["excerpts found"] += 1
@@ -201,7 +203,7 @@ class PageRun:
             ended.append(judged_run(scenario, options))
             return ended[0].result
 
-        with patch("executive.cli.run.run_plan_file", judged) if scenario else suppress():
+        with patch("executive.cli.run.run_plan_file", judged) if scenario else nullcontext():
             result = CliRunner().invoke(app, words, prog_name="planlang")
         if scenario is not None and [one.reached for one in ended] != [True]:
             self._wrong(command.line, f"the goal of {scenario.name} is not reached: {[one.unmet for one in ended]}")
