@@ -58,6 +58,8 @@ SHELL = ("cat", "cp", "head", "sed", "ls", "diff")
 """Commands that a shell runs in the page's folder."""
 UNTRIED = ("pip", "source", "git", "curl", "rerun", "make", "while")
 """Commands of which only the syntax is checked, and the target of make: they install, download, or take minutes."""
+CLOCK = re.compile(r"(?<= in )\d+\.\d+s|\d{4}-\d\d-\d\dT[\d:]+Z")
+"""Times of the clock on the wall in outputs: they alone are no reason to write an output anew."""
 WITHOUT_END = ("serve",)
 """Subcommands that only a signal ends."""
 
@@ -292,7 +294,7 @@ def renewed(text: str, found: Found) -> str:
     """A page with the outputs that were printed, where they differ from what it shows."""
     lines = text.splitlines(keepends=True)
     for line, (shown, printed) in sorted(found.outputs.items(), reverse=True):
-        if not agrees(shown, printed):
+        if not agrees(CLOCK.sub("#", shown), CLOCK.sub("#", printed)):
             before = lines[line - 2]
             indent = before[: len(before) - len(before.lstrip())]
             new = [f"{indent}{one}" for one in fitted(shown, printed).splitlines(keepends=True)]
