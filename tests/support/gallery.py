@@ -18,7 +18,7 @@ CHECKOUT = Path(__file__).resolve().parents[2]
 PAGE = CHECKOUT / "docs" / "reference" / "gallery.md"
 PICTURES = CHECKOUT / "docs" / "images" / "gallery"
 WIDTH = 640
-"""Width of a picture [px]: that of the page's column on a narrow screen, at two pixels per point."""
+"""Width of a picture [px], about that of the column of a page."""
 MOST_BYTES = 60_000
 
 
