@@ -15,6 +15,10 @@ from pathlib import Path
 from PIL import Image
 
 CHECKOUT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(CHECKOUT))
+
+from tests.support.scenarios import CORPUS  # noqa: E402
+
 PAGE = CHECKOUT / "docs" / "reference" / "gallery.md"
 PICTURES = CHECKOUT / "docs" / "images" / "gallery"
 WIDTH = 640
@@ -31,10 +35,11 @@ def commands() -> dict[str, str]:
 def take(name: str, command: str) -> None:
     """Run a command in a folder of its own, and write its picture in the size of the page.
 
-    Raises CalledProcessError if the run fails.
+    Published files are those beside this checkout. Raises CalledProcessError if the run fails.
     """
     with tempfile.TemporaryDirectory() as folder:
-        (Path(folder) / "docs").symlink_to(CHECKOUT / "docs")
+        for there in (CHECKOUT / "docs", CORPUS):
+            (Path(folder) / there.name).symlink_to(there)
         program = Path(sys.executable).with_name("planlang")
         subprocess.run([program, *shlex.split(command)[1:]], cwd=folder, check=True)
         with Image.open(Path(folder) / f"{name}.png") as scene:
