@@ -135,6 +135,7 @@ def test_a_button_that_is_seen_elsewhere_is_pushed_there(stack: ExitStack) -> No
     assert stage.truth.changes.matter.is_on("maker")
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not HAS_PR2, reason="the PR2's URDF is in the extra pr2")
 def test_a_knob_is_turned_and_turned_back(stack: ExitStack) -> None:
     oven = thing("oven", "Oven", Pose((0.9, 0.0, 0.5)) @ BACK, (0.6, 0.6, 1.0), "knob")
