@@ -20,6 +20,7 @@ from executive.cli.app import app
 from executive.pictures.floor_plan import OTHERS
 from planlang.files import bundled
 from planlang.outputs import is_replaceable
+from tests.support.examples import some
 
 WARD = ("--robot", "amigo", "--environment", "hospital_room")
 
@@ -232,16 +233,19 @@ def of_no_place(phrase: str, of: str | None = None) -> dict[str, Any]:
 
 @pytest.mark.parametrize(
     ("phrase", "said"),
-    [
-        ("near the bed and not near the bed", "it asks for 'near the bed' and excludes it"),
-        (
-            "within 30 cm of the bed and not within 50 cm of the bed",
-            "'within 50 cm of the bed' holds wherever 'within 30 cm of the bed' does",
-        ),
-        ("within 30 cm of the bed and beyond 1 m of the bed", "leave no distance"),
-        ("left of the bed and right of the bed", "'left of the bed' and 'right of the bed' are opposite sides"),
-        ("in reach of a place (above the bed and not above the bed)", "excludes it"),
-    ],
+    some(
+        [
+            ("near the bed and not near the bed", "it asks for 'near the bed' and excludes it"),
+            (
+                "within 30 cm of the bed and not within 50 cm of the bed",
+                "'within 50 cm of the bed' holds wherever 'within 30 cm of the bed' does",
+            ),
+            ("within 30 cm of the bed and beyond 1 m of the bed", "leave no distance"),
+            ("left of the bed and right of the bed", "'left of the bed' and 'right of the bed' are opposite sides"),
+            ("in reach of a place (above the bed and not above the bed)", "excludes it"),
+        ],
+        every=3,
+    ),
 )
 def test_a_conjunction_that_contradicts_itself_cannot_be_used_and_is_told_so(phrase: str, said: str) -> None:
     message = of_no_place(phrase)["message"]
@@ -251,6 +255,7 @@ def test_a_conjunction_that_contradicts_itself_cannot_be_used_and_is_told_so(phr
 
 @pytest.mark.parametrize(
     ("phrase", "of", "said", "help"),
+    some(
     [
         ("on the patient", "the bottle", "patient1 has no level top", None),
         ("above the bed", None, "means nothing for a base; relations that do: in reach of, visible", None),
@@ -269,6 +274,8 @@ def test_a_conjunction_that_contradicts_itself_cannot_be_used_and_is_told_so(phr
         ("in reach of the patient", "patient1", "means nothing for patient1 itself", None),
         ("in reach of the bottle", "bottle1", "only in reach of a person does, and bottle1 is none", None),
     ],
+    every=4,
+    ),
 )  # fmt: skip
 def test_a_phrase_that_is_of_no_place_cannot_be_used_and_is_told_why(
     phrase: str, of: str | None, said: str, help: str | None
@@ -294,18 +301,21 @@ def test_what_cannot_be_in_this_room_is_told_with_the_reason(phrase: str, of: st
 
 @pytest.mark.parametrize(
     ("phrase", "of", "idle", "used"),
-    [
-        ("near the bed with the left arm", None, "with the left arm", "near the bed"),
-        ("near the bed from the top", None, "from the top", "near the bed"),
-        ("on the bed with the left arm from the top", "bottle1", "with the left arm from the top", "on the bed"),
-        ("in reach of patient1 from the top", None, "from the top", "in reach of patient1"),
-        (
-            "in reach of a place (above the bed with the left arm) with the right arm",
-            None,
-            "with the right arm",
-            "in reach of a place (above the bed with the left arm)",
-        ),
-    ],
+    some(
+        [
+            ("near the bed with the left arm", None, "with the left arm", "near the bed"),
+            ("near the bed from the top", None, "from the top", "near the bed"),
+            ("on the bed with the left arm from the top", "bottle1", "with the left arm from the top", "on the bed"),
+            ("in reach of patient1 from the top", None, "from the top", "in reach of patient1"),
+            (
+                "in reach of a place (above the bed with the left arm) with the right arm",
+                None,
+                "with the right arm",
+                "in reach of a place (above the bed with the left arm)",
+            ),
+        ],
+        every=3,
+    ),
 )
 def test_an_arm_or_a_grasp_that_nothing_uses_is_left_out_with_a_warning(
     phrase: str, of: str | None, idle: str, used: str
@@ -336,14 +346,21 @@ SEEN = "as seen from the robot at x 0.100  y 0.200"
 
 @pytest.mark.parametrize(
     ("phrase", "of", "frame"),
-    [
-        ("left of the bottle", None, {"left of bottle1": SEEN}),
-        ("next to the bed, not behind bottle1", None, {"next to bed1": "in its own frame", "not behind bottle1": SEEN}),
-        ("right of the bed", "bottle1", {"right of bed1": "in its own frame"}),
-        ("in reach of a place (above cabinet1 and left of the bottle)", None, {"left of bottle1": SEEN}),
-        ("in reach of a place in front of the bottle", None, {}),
-        ("near the bed", "bottle1", {}),
-    ],
+    some(
+        [
+            ("left of the bottle", None, {"left of bottle1": SEEN}),
+            (
+                "next to the bed, not behind bottle1",
+                None,
+                {"next to bed1": "in its own frame", "not behind bottle1": SEEN},
+            ),
+            ("right of the bed", "bottle1", {"right of bed1": "in its own frame"}),
+            ("in reach of a place (above cabinet1 and left of the bottle)", None, {"left of bottle1": SEEN}),
+            ("in reach of a place in front of the bottle", None, {}),
+            ("near the bed", "bottle1", {}),
+        ],
+        every=3,
+    ),
 )
 def test_whose_left_and_right_is_meant_is_stated(phrase: str, of: str | None, frame: dict[str, str]) -> None:
     options = ("--count", "1", "--start=0.1,0.2,0", *(() if of is None else ("--of", of)))

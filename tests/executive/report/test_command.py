@@ -60,6 +60,7 @@ def test_a_run_that_was_cut_off_is_shown_up_to_there(served: Path, tmp_path: Pat
     assert keys < every / 2, "the world goes no further than the trace"
 
 
+@pytest.mark.long
 def test_a_resumed_run_has_the_page_of_one_that_was_never_cut_off(served: Path, tmp_path: Path) -> None:
     trace, page = tmp_path / "run.jsonl", tmp_path / "run.html"
     lines = (served / "run.jsonl").read_text(encoding="utf-8").splitlines(keepends=True)
@@ -114,6 +115,7 @@ def test_a_file_that_is_no_trace_is_bad_input(tmp_path: Path) -> None:
     assert not (tmp_path / "run.html").exists()
 
 
+@pytest.mark.long
 def test_a_failing_world_of_a_sweep_leaves_a_page(tmp_path: Path) -> None:
     room = tmp_path / "tower.omn"
     text = Bundled.ENVIRONMENT.find("hospital_room").read_text()

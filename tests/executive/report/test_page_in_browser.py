@@ -17,6 +17,7 @@ from planlang import par, sleep
 from planlang.files import Bundled
 from planlang.ontology.convert import Target, convert
 from planlang.testing import run_plan
+from tests.support.examples import some
 
 RECIPE, AMIGO = Bundled.RECIPE.find("serve_a_drink"), Bundled.ROBOT.find("amigo")
 ROOM = Bundled.ENVIRONMENT.find("hospital_room")
@@ -65,7 +66,7 @@ def status(page: Any, name: str) -> str:
     return str(page.get_by_role("treeitem", name=name).first.get_attribute("data-status"))
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("scheme", some(["light", "dark"]))
 def test_scene_tree_and_lanes_move_with_one_clock(browser: Any, pages: dict[str, Path], scheme: str) -> None:
     watched = opened(browser, pages["recovered"], color_scheme=scheme)
     page = watched.page
@@ -156,6 +157,7 @@ def test_a_run_is_searched_and_told_by_the_keyboard_alone(browser: Any, pages: d
     assert watched.said == []
 
 
+@pytest.mark.long
 def test_markup_in_a_map_and_in_labels_of_a_recipe_is_text(browser: Any, tmp_path: Path) -> None:
     room, recipe, page = tmp_path / "room.owl", tmp_path / "serve_a_drink.omn", tmp_path / "run.html"
     written = convert(ROOM, Target.RDFXML).text

@@ -14,18 +14,12 @@ import numpy as np
 import pytest
 
 from executive.report import tracks
-from executive.runs.options import Outcome, RunOptions, RunResult
+from executive.runs.options import Outcome, RunResult
 from executive.runs.plan_run import run_plan_file
-from planlang.files import Bundled
 from planlang.geometry import Pose
 from sim import PyBulletWorld
+from tests.executive.conftest import BUNDLED, Served
 
-SERVED = RunOptions(
-    recipe=Bundled.RECIPE.find("serve_a_drink"),
-    robot=Bundled.ROBOT.find("amigo"),
-    environment=Bundled.ENVIRONMENT.find("hospital_room"),
-    seed=3,
-)
 WATCHED = 900
 """A step of the world at which an arm moves while it holds the bottle."""
 
@@ -47,7 +41,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[RunResult, Path, Eye]
     """Return a run with its page and trace, and where everything was at one step."""
     folder, eye = tmp_path_factory.mktemp("run"), Eye()
     files = {"report": folder / "run.html", "trace": folder / "run.jsonl"}
-    return run_plan_file(replace(SERVED, **files, watchers=(eye,))), folder, eye
+    return run_plan_file(replace(BUNDLED, seed=3, **files, watchers=(eye,))), folder, eye
 
 
 def read(page: Path) -> tuple[dict[str, Any], bytes]:
@@ -100,11 +94,10 @@ def test_places_have_the_reasons_for_which_they_were_rejected(run: tuple[RunResu
     assert {nodes[one["node"]]["kind"] for one in model["questions"]} == {"at_location"}
 
 
-def test_a_page_changes_nothing_in_the_run(run: tuple[RunResult, Path, Eye], tmp_path: Path) -> None:
+def test_a_page_changes_nothing_in_the_run(run: tuple[RunResult, Path, Eye], served: Served) -> None:
     result, folder, _ = run
-    alone = run_plan_file(replace(SERVED, trace=tmp_path / "run.jsonl"))
-    assert (tmp_path / "run.jsonl").read_bytes() == (folder / "run.jsonl").read_bytes()
-    assert result.final_state == alone.final_state
+    assert served.trace.read_bytes() == (folder / "run.jsonl").read_bytes()
+    assert served.result.final_state == result.final_state
 
 
 def test_what_is_believed_beside_the_truth_is_in_the_page(run: tuple[RunResult, Path, Eye]) -> None:
