@@ -47,6 +47,7 @@ def test_its_plan_is_the_one_that_the_page_shows(kitchen: Path) -> None:
     assert line in source
 
 
+@pytest.mark.long
 def test_its_scripted_tests_pass(kitchen: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_soup.py"], capture_output=True, text=True

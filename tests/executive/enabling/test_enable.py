@@ -46,6 +46,7 @@ TAKEN = {
 }
 
 
+@pytest.mark.long
 def test_a_robot_that_has_nothing_takes_exactly_what_it_needs_and_serves_the_drink(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

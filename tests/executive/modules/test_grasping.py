@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from executive.belief.scene_collisions import BasePose
 from executive.modules.platform import ITERATIONS
 from executive.motion import NoPath
 from executive.robots.arms import ArmModel
@@ -68,11 +69,18 @@ def do(stage: Stage, *actions: Action) -> None:
     stage.run(plan)
 
 
+@pytest.fixture(scope="module")
+def base_before_bottle(furnish: MakeStage) -> BasePose:
+    """Where the robot can grasp the bottle."""
+    stage = furnish(CABINET, BOTTLE, BED)
+    return next(stage.resolver.bases(a_location(in_reach_of=(THE_BOTTLE, BEFORE, AROUND)))).base
+
+
 @pytest.fixture
-def before_bottle(make_stage: MakeStage) -> Stage:
+def before_bottle(base_before_bottle: BasePose, make_stage: MakeStage) -> Stage:
     """The robot stands where it can grasp the bottle; nobody lies in the bed."""
     stage = make_stage(CABINET, BOTTLE, BED)
-    stand(stage, next(stage.resolver.bases(a_location(in_reach_of=(THE_BOTTLE, BEFORE, AROUND)))).base)
+    stand(stage, base_before_bottle)
     return stage
 
 

@@ -67,13 +67,13 @@ def assert_within_limits(rows: Array) -> None:
         assert (np.abs(found) <= limit * (1 + 1e-4) + 1e-6).all()
 
 
-@settings(max_examples=60, deadline=None)
+@settings(deadline=None)
 @given(polylines)
 def test_trajectory_keeps_limits_of_velocity_acceleration_and_jerk(waypoints: Array) -> None:
     assert_within_limits(timed(waypoints))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(deadline=None)
 @given(polylines)
 def test_curve_keeps_limits_of_velocity_acceleration_and_jerk(waypoints: Array) -> None:
     assert_within_limits(curved(waypoints))
