@@ -27,6 +27,7 @@ def said(stage: Stage) -> str:
     return caught.value.figures
 
 
+@pytest.mark.long
 def test_a_thing_far_back_on_a_table_is_reached_as_much_nearer_to_its_edge_as_the_failure_says(
     make_stage: MakeStage,
 ) -> None:

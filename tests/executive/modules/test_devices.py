@@ -74,6 +74,7 @@ def test_what_cuts_has_no_button_unless_the_map_states_one(cls: str) -> None:
     assert (control.device, control.body) == ("blade", "button")
 
 
+@pytest.mark.long
 def test_of_a_button_that_is_too_far_from_the_edge_is_reported_where_it_would_be_reached(stack: ExitStack) -> None:
     """Constraints of the stroke, which "contradict each other" there, tell nobody what to change."""
     wide = thing("table", "KitchenTable", Pose((1.4, 0.0, 0.375)), (2.0, 4.0, 0.75))

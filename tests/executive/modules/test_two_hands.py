@@ -121,6 +121,7 @@ def test_one_hand_alone_is_not_sent_to_what_takes_two(stage_of: MakeStage) -> No
         next(stage.resolver.bases(a_location(in_reach_of=THE_TRAY)))
 
 
+@pytest.mark.long
 def test_the_tray_falls_with_what_is_on_it_when_one_hand_opens(stage_of: MakeStage) -> None:
     stage = stage_of(TABLE, OTHER, TRAYS["turned"], CUP)
     taken(stage)
