@@ -81,6 +81,7 @@ def test_a_bottle_that_is_not_there_is_not_found(make_stage: MakeStage) -> None:
         stage.run(take)
 
 
+@pytest.mark.long
 def test_a_hand_is_where_the_bottle_is_although_it_is_looked_at_from_elsewhere_before(low: Stage) -> None:
     solution = first_of(low)
     assert classes(solution.before) == ["Translation-LocationChange", "LookingForSomething"]

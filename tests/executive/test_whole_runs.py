@@ -96,7 +96,7 @@ def test_a_signal_ends_a_run_with_cleanup_a_complete_trace_and_valid_files(
     ) as process:
         assert process.stderr is not None
         for line in process.stderr:
-            if "ApproachBottle" in line:
+            if "MoveBaseToGraspPose" in line:
                 process.send_signal(number)
                 break
         _, rest = process.communicate()

@@ -60,7 +60,7 @@ WIDE = {
 THINGS |= WIDE
 
 
-@pytest.mark.parametrize("name", WIDE)
+@pytest.mark.parametrize("name", some(WIDE))
 def test_what_is_too_wide_is_gripped_at_its_handle_with_the_hand_off_the_rest(make_stage: MakeStage, name: str) -> None:
     stage = make_stage(CABINET, WIDE[name], BED)
     what, handle = an_object(WIDE[name].type, PLACE + name), WIDE[name].handles[0]

@@ -11,34 +11,33 @@ from typing import Any
 import pytest
 from browsers import Watched, another_browser, started_browser
 
-from executive.runs.options import Outcome, RunOptions
+from executive.runs.options import Outcome
 from executive.runs.plan_run import run_plan_file
 from planlang import par, sleep
 from planlang.files import Bundled
 from planlang.ontology.convert import Target, convert
 from planlang.testing import run_plan
+from tests.executive.conftest import BUNDLED
+from tests.executive.report.conftest import Reported
 from tests.support.examples import some
 
-RECIPE, AMIGO = Bundled.RECIPE.find("serve_a_drink"), Bundled.ROBOT.find("amigo")
+RECIPE = Bundled.RECIPE.find("serve_a_drink")
 ROOM = Bundled.ENVIRONMENT.find("hospital_room")
-SERVED = RunOptions(recipe=RECIPE, robot=AMIGO, environment=ROOM)
 HOSTILE = "</script><img src=x onerror=\"document.title = 'run'\"><!--<script>"
 WITHOUT_WEBGL = "--disable-3d-apis"
 
 
 @pytest.fixture(scope="module")
-def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """Return pages of a run that recovers."""
+def pages(reported: Reported, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Pages of a run that recovers and of one that fails."""
     folder = tmp_path_factory.mktemp("pages")
     tower = folder / "tower.omn"
     text = ROOM.read_text().replace("knowrob:m23 0.9,", "knowrob:m23 2.3,")
     assert "bottle1" in text
     tower.write_text(text)
-    found = {name: folder / f"{name}.html" for name in ("recovered", "failed")}
-    done = run_plan_file(replace(SERVED, seed=3, report=found["recovered"]))
-    failed = run_plan_file(replace(SERVED, environment=tower, report=found["failed"]))
-    assert (done.outcome, failed.outcome) == (Outcome.DONE, Outcome.FAILED)
-    return found
+    failed = run_plan_file(replace(BUNDLED, environment=tower, report=folder / "failed.html"))
+    assert (reported.result.outcome, failed.outcome) == (Outcome.DONE, Outcome.FAILED)
+    return {"recovered": reported.page, "failed": folder / "failed.html"}
 
 
 @pytest.fixture(scope="module")
@@ -107,7 +106,7 @@ def test_a_failure_opens_with_what_to_change_its_cause_and_its_line(browser: Any
     assert (watched.said, watched.asked) == ([], [])
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("scheme", some(["light", "dark"], every=2))
 def test_without_webgl_the_map_takes_the_place_of_the_scene_and_says_so(
     browser: Any, pages: dict[str, Path], scheme: str
 ) -> None:
@@ -166,7 +165,7 @@ def test_markup_in_a_map_and_in_labels_of_a_recipe_is_text(browser: Any, tmp_pat
     label = "drive to where the bottle is in reach"
     quoted = HOSTILE.replace('"', '\\"')
     recipe.write_text(RECIPE.read_text().replace(f'"{label}"', f'"{label} {quoted}"'), encoding="utf-8")
-    result = run_plan_file(replace(SERVED, recipe=recipe, environment=room, report=page))
+    result = run_plan_file(replace(BUNDLED, recipe=recipe, environment=room, report=page))
     assert result.outcome is Outcome.DONE
     watched = opened(browser, page)
     watched.page.keyboard.press("5")

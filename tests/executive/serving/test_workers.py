@@ -129,6 +129,7 @@ def test_who_would_wait_for_long_is_told_when_to_come_back(source: Source) -> No
     workers.close()
 
 
+@pytest.mark.long
 def test_nobody_waits_for_long_behind_what_takes_longer_than_expected(source: Source) -> None:
     workers = Workers(source, 1, SMALL_LIMITS, longest_wait=0.1)
     busy = threading.Thread(target=refused_at, args=(workers,))
