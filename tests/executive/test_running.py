@@ -284,7 +284,7 @@ class _After:
             raise KeyboardInterrupt
 
 
-@pytest.mark.parametrize("step", [pytest.param(one, marks=pytest.mark.long) for one in (425, 1)])
+@pytest.mark.parametrize("step", some([1, 425]))
 def test_an_interrupt_in_any_step_of_the_world_ends_the_run_with_a_complete_trace(
     step: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -28,7 +28,6 @@ from planlang.protocols import Detection, Solution
 from sim import Body, Scene
 from tests.executive.conftest import BUNDLED, THE_BOTTLE, WARD, MakeStage, Stage, stand
 from tests.executive.modules.test_navigation import to
-from tests.support.examples import some
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 
@@ -71,18 +70,16 @@ IN_THE_BACKGROUND = ("sh", "-c", 'trap "" INT; exec "$@"', "sh")
 """Starts a command as a shell script does that puts it into the background: SIGINT is ignored."""
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("number", "code", "started_by"),
-    some(
-        [
-            (signal.SIGTERM, 143, IN_THE_BACKGROUND),
-            (signal.SIGTERM, 143, ()),
-            (signal.SIGINT, 130, ()),
-            (signal.SIGHUP, 129, IN_THE_BACKGROUND),
-            (signal.SIGHUP, 129, ()),
-        ],
-        every=5,
-    ),
+    [
+        (signal.SIGTERM, 143, IN_THE_BACKGROUND),
+        (signal.SIGTERM, 143, ()),
+        (signal.SIGINT, 130, ()),
+        (signal.SIGHUP, 129, IN_THE_BACKGROUND),
+        (signal.SIGHUP, 129, ()),
+    ],
 )
 def test_a_signal_ends_a_run_with_cleanup_a_complete_trace_and_valid_files(
     number: int, code: int, started_by: tuple[str, ...], tmp_path: Path

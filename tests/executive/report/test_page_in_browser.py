@@ -106,6 +106,7 @@ def test_a_failure_opens_with_what_to_change_its_cause_and_its_line(browser: Any
     assert (watched.said, watched.asked) == ([], [])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("scheme", some(["light", "dark"], every=2))
 def test_without_webgl_the_map_takes_the_place_of_the_scene_and_says_so(
     browser: Any, pages: dict[str, Path], scheme: str
@@ -124,6 +125,7 @@ def test_without_webgl_the_map_takes_the_place_of_the_scene_and_says_so(
         assert watched.said == []
 
 
+@pytest.mark.long
 def test_an_address_leads_to_a_moment_and_a_step(browser: Any, pages: dict[str, Path]) -> None:
     watched = opened(browser, pages["recovered"])
     page = watched.page
@@ -229,6 +231,7 @@ def test_open_cards_leave_room_for_the_scene_and_a_step_fails_only_once_it_has(
     assert page.get_by_role("option").first.inner_text().startswith("bottle1, a thing")
 
 
+@pytest.mark.long
 def test_a_narrow_page_has_everything_below_each_other(browser: Any, pages: dict[str, Path]) -> None:
     watched = opened(browser, pages["failed"])
     watched.page.set_viewport_size({"width": 400, "height": 800})
@@ -236,6 +239,7 @@ def test_a_narrow_page_has_everything_below_each_other(browser: Any, pages: dict
     assert watched.findings() == []
 
 
+@pytest.mark.long
 def test_paper_has_causes_and_story(browser: Any, pages: dict[str, Path]) -> None:
     page = opened(browser, pages["failed"]).page
     page.emulate_media(media="print")
