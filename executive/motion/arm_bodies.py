@@ -215,13 +215,9 @@ class ArmShapes:
         hands = frozenset[int]().union(*(robot.hand_of(link) for link in robot.body.hands))
         self._hands = np.isin(self._of_mover, sorted(hands))
         self._grounded = np.isin(self._of_mover, sorted(robot.grounded))
+        parts = {number: self._part(number) for number in numbers}
         self._watched = Pairs.of(
-            [
-                pair
-                for a, b in world.self_pairs
-                if a in self._obstacle_of and b in self._obstacle_of
-                for pair in self._pairs(self._part(a), self._part(b))
-            ]
+            [pair for a, b in world.self_pairs if a in parts and b in parts for pair in self._pairs(parts[a], parts[b])]
         )
         self._centre, self._along = _extent(chain)
         q = (np.clip(chain.lower, -np.pi, np.pi) + np.clip(chain.upper, -np.pi, np.pi)) / 2

@@ -115,6 +115,7 @@ def test_the_last_of_many_recipes_is_found_unless_a_limit_is_set_which_is_said(
     assert list(found.verdict())[-1].startswith("that is not sure: of what could be had 2 were not looked at")
 
 
+@pytest.mark.long
 def test_what_is_missing_on_both_sides_is_said_of_both(tmp_path: Path, store: SqliteStore) -> None:
     """In the paper's experiment that was the map, of which the server had none either."""
     put_task(store, "GoToTheLab", "comp:EnvironmentMap")

@@ -28,6 +28,7 @@ def said(stage: Stage) -> str:
     return caught.value.figures
 
 
+@pytest.mark.long
 def test_a_thing_far_back_on_a_table_is_reached_as_much_nearer_to_its_edge_as_the_failure_says(
     make_stage: MakeStage,
 ) -> None:
@@ -52,6 +53,7 @@ def test_a_body_around_a_thing_is_named_if_without_it_the_thing_is_reached(make_
     assert next(make_stage(stand, BOTTLE).resolver.bases(TO_GRASP)) is not None
 
 
+@pytest.mark.long
 def test_a_thing_on_the_floor_of_a_deep_shelf_is_reached_at_the_height_that_is_told(make_stage: MakeStage) -> None:
     low = Body("low", Pose((2.0, 0.0, 0.05)), (1.2, 1.2, 0.1), type="KitchenTable")
     lid = Body("lid", Pose((2.0, 0.0, 0.4)), (1.2, 1.2, 0.02), type="KitchenTable")
@@ -115,6 +117,7 @@ def shelved(stack: ExitStack, height: float) -> Room:
     return stage
 
 
+@pytest.mark.long
 def test_a_cupboard_that_is_too_high_is_served_as_much_lower_as_the_failure_says() -> None:
     with ExitStack() as stack:
         stage = shelved(stack, 1.9)

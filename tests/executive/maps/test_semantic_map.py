@@ -18,6 +18,7 @@ from planlang.diagnostics import BadInput, Diagnostic, Severity
 from planlang.geometry import Pose
 from planlang.ontology import expand, load
 from sim import PlanningWorld
+from tests.support.examples import some
 
 Read = Callable[..., SemanticMap]
 Write = Callable[..., str]
@@ -329,7 +330,7 @@ def test_rotations_that_were_read_are_rigid(corpus: Path, name: str) -> None:
         assert np.linalg.det(pose.matrix()[:3, :3]) == pytest.approx(1.0)
 
 
-@pytest.mark.parametrize("name", MAPS)
+@pytest.mark.parametrize("name", some(MAPS, every=3))
 def test_a_world_can_be_made_of_a_real_map_and_a_robot_finds_a_place_in_it(corpus: Path, name: str) -> None:
     semantic_map, _ = read(corpus, name)
     scene = scene_of(semantic_map)

@@ -49,7 +49,7 @@ def test_functions_and_gradients_are_those_of_plain_formulas(name: str, count: i
         np.testing.assert_allclose(gradients, moved.T / (2 * step), atol=1e-5)
 
 
-@pytest.mark.parametrize(("name", "count"), some(ROBOTS, 2))
+@pytest.mark.parametrize(("name", "count"), some(ROBOTS, 4))
 def test_random_feasible_problems_are_solved_without_a_violation(name: str, count: int) -> None:
     # 200 of them: python tests/benchmarks/constraints.py
     robot = arms(name, count)
@@ -139,7 +139,7 @@ def test_phases_that_ask_for_nothing_move_nothing() -> None:
     assert [motion.trajectory.positions.tolist() for motion in motions] == [[start.tolist()]] * 2
 
 
-@pytest.mark.parametrize("name", ["amigo", "panda"])
+@pytest.mark.parametrize("name", some(["amigo", "panda"], every=2))
 def test_constraints_that_contradict_each_other_are_named_and_no_others(name: str) -> None:
     problem, start = with_cup(arms(name))
     low, high = above(0.1, 0.15), a_constraint("ABOVE_OF", CENTRE, TOP, lower=0.3, upper=0.4, name="high")

@@ -68,6 +68,7 @@ def test_two_arms_keep_clear_of_each_other() -> None:
         assert not any(problem.touching(row) for row in motion.trajectory.positions[::4])
 
 
+@pytest.mark.long
 def test_what_is_in_the_way_is_named() -> None:
     robot = arms_of("amigo")
     block = Body("block", Pose((0.6, -0.1, 0.8)), (0.3, 0.5, 0.6))

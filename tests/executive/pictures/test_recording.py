@@ -16,6 +16,7 @@ from executive.pictures.drawn import drawn_in, missing
 from planlang.files import Bundled
 from planlang.outputs import is_replaceable
 from sim import CameraModel, PyBulletWorld, RobotBody, Scene
+from tests.executive.conftest import Served
 
 PLAN = """from planlang import action, perform, plan
 
@@ -82,10 +83,8 @@ def test_a_recording_has_lanes_graphs_truth_belief_and_candidates(recorded: Path
     assert "plan time" in printed
 
 
-def test_a_recorded_run_has_the_trace_of_one_that_is_not(recorded: Path, tmp_path: Path) -> None:
-    words = ("run", "serve_a_drink", "--seed", "3", "--trace", tmp_path / "run.jsonl")
-    assert CliRunner().invoke(cli.app, [str(word) for word in words], prog_name="planlang").exit_code == 0
-    assert (tmp_path / "run.jsonl").read_bytes() == (recorded / "run.jsonl").read_bytes()
+def test_a_recorded_run_has_the_trace_of_one_that_is_not(recorded: Path, served: Served) -> None:
+    assert served.trace.read_bytes() == (recorded / "run.jsonl").read_bytes()
 
 
 def test_a_recording_of_an_earlier_run_is_overwritten_and_other_files_are_not(recorded: Path, tmp_path: Path) -> None:

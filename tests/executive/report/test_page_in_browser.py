@@ -13,33 +13,33 @@ from browsers import Watched, another_browser, started_browser
 from typer.testing import CliRunner
 
 from executive.cli.app import app
-from executive.runs.options import Outcome, RunOptions
+from executive.runs.options import Outcome
 from executive.runs.plan_run import run_plan_file
 from planlang import par, sleep
 from planlang.files import Bundled
 from planlang.ontology.convert import Target, convert
 from planlang.testing import run_plan
+from tests.executive.conftest import BUNDLED
+from tests.executive.report.conftest import Reported
+from tests.support.examples import some
 
-RECIPE, AMIGO = Bundled.RECIPE.find("serve_a_drink"), Bundled.ROBOT.find("amigo")
+RECIPE = Bundled.RECIPE.find("serve_a_drink")
 ROOM = Bundled.ENVIRONMENT.find("hospital_room")
-SERVED = RunOptions(recipe=RECIPE, robot=AMIGO, environment=ROOM)
 HOSTILE = "</script><img src=x onerror=\"document.title = 'run'\"><!--<script>"
 WITHOUT_WEBGL = "--disable-3d-apis"
 
 
 @pytest.fixture(scope="module")
-def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """Return pages of a run that recovers."""
+def pages(reported: Reported, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Pages of a run that recovers and of one that fails."""
     folder = tmp_path_factory.mktemp("pages")
     tower = folder / "tower.omn"
     text = ROOM.read_text().replace("knowrob:m23 0.9,", "knowrob:m23 2.3,")
     assert "bottle1" in text
     tower.write_text(text)
-    found = {name: folder / f"{name}.html" for name in ("recovered", "failed")}
-    done = run_plan_file(replace(SERVED, seed=3, report=found["recovered"]))
-    failed = run_plan_file(replace(SERVED, environment=tower, report=found["failed"]))
-    assert (done.outcome, failed.outcome) == (Outcome.DONE, Outcome.FAILED)
-    return found
+    failed = run_plan_file(replace(BUNDLED, environment=tower, report=folder / "failed.html"))
+    assert (reported.result.outcome, failed.outcome) == (Outcome.DONE, Outcome.FAILED)
+    return {"recovered": reported.page, "failed": folder / "failed.html"}
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +67,7 @@ def status(page: Any, name: str) -> str:
     return str(page.get_by_role("treeitem", name=name).first.get_attribute("data-status"))
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("scheme", some(["light", "dark"]))
 def test_scene_tree_and_lanes_move_with_one_clock(browser: Any, pages: dict[str, Path], scheme: str) -> None:
     watched = opened(browser, pages["recovered"], color_scheme=scheme)
     page = watched.page
@@ -150,6 +150,7 @@ def test_without_webgl_the_map_takes_the_place_of_the_scene_and_says_so(
         assert watched.said == []
 
 
+@pytest.mark.long
 def test_an_address_leads_to_a_moment_and_a_step(browser: Any, pages: dict[str, Path]) -> None:
     watched = opened(browser, pages["recovered"])
     page = watched.page
@@ -182,6 +183,7 @@ def test_a_run_is_searched_and_told_by_the_keyboard_alone(browser: Any, pages: d
     assert watched.said == []
 
 
+@pytest.mark.long
 def test_markup_in_a_map_and_in_labels_of_a_recipe_is_text(browser: Any, tmp_path: Path) -> None:
     room, recipe, page = tmp_path / "room.owl", tmp_path / "serve_a_drink.omn", tmp_path / "run.html"
     written = convert(ROOM, Target.RDFXML).text
@@ -190,7 +192,7 @@ def test_markup_in_a_map_and_in_labels_of_a_recipe_is_text(browser: Any, tmp_pat
     label = "drive to where the bottle is in reach"
     quoted = HOSTILE.replace('"', '\\"')
     recipe.write_text(RECIPE.read_text().replace(f'"{label}"', f'"{label} {quoted}"'), encoding="utf-8")
-    result = run_plan_file(replace(SERVED, recipe=recipe, environment=room, report=page))
+    result = run_plan_file(replace(BUNDLED, recipe=recipe, environment=room, report=page))
     assert result.outcome is Outcome.DONE
     watched = opened(browser, page)
     watched.page.keyboard.press("5")
@@ -348,6 +350,7 @@ def test_a_narrow_page_has_everything_below_each_other(browser: Any, pages: dict
     assert watched.findings() == []
 
 
+@pytest.mark.long
 def test_paper_has_causes_and_story(browser: Any, pages: dict[str, Path]) -> None:
     page = opened(browser, pages["failed"]).page
     page.emulate_media(media="print")
