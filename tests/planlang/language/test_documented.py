@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import re
+import sys
+from contextlib import redirect_stdout
+from io import StringIO
+from itertools import pairwise
 from pathlib import Path
 
 import planlang
@@ -10,7 +14,25 @@ from planlang import failures
 from planlang.runs.recorded_run import BOOKKEEPING
 from tests.support.codes import CODES
 
-PAGE = Path(__file__).resolve().parents[3] / "docs" / "reference" / "language.md"
+DOCS = Path(__file__).resolve().parents[3] / "docs"
+REFERENCE = [
+    DOCS / "reference" / f"{name}.md"
+    for name in (
+        "language",
+        "control_flow",
+        "failure_handling",
+        "failures",
+        "fluents",
+        "tasks_and_time",
+        "designators",
+        "performing",
+        "hosts",
+        "planlang_testing",
+    )
+]
+"""The pages that are about names."""
+RUN = [*REFERENCE, DOCS / "guides" / "asyncio_threads_ros.md", *sorted((DOCS / "concepts").glob("*.md"))]
+BLOCK = re.compile(r'^```(\w+)(?: title="(.+?)")?\n(.*?)^```$', re.M | re.S)
 
 
 def test_every_name_in_the_page_that_looks_like_one_of_ours_exists() -> None:
@@ -36,15 +58,31 @@ def test_every_name_in_the_page_that_looks_like_one_of_ours_exists() -> None:
     assert sorted(word for word in words - others if not any(hasattr(home, word) for home in homes)) == []
 
 
-def test_every_function_of_the_language_stands_in_the_page() -> None:
-    page = PAGE.read_text(encoding="utf-8")
-    names = [name for name in planlang.__all__ if name.islower()]
-    missing = [name for name in [*names, "changed", "pulsed", "post"] if not re.search(rf"\b{name}\b", page)]
-    # descriptions are in docs/guides/locations.md and in compiled plans, the others in modules.md and sweeping.md there
-    assert sorted(missing) == ["a_device", "a_person", "process_module", "sweep"]
+def test_every_public_name_is_used_in_an_example() -> None:
+    classes = {name for name, value in vars(failures).items() if isinstance(value, type)}
+    of_failures = {name for name in classes if issubclass(getattr(failures, name), (PlanFailure, failures.Where))}
+    public = {*planlang.__all__, *testing.__all__, *of_failures}
+    assert sorted(public - names_used()) == []
 
 
-RESUMING = (Path(__file__).resolve().parents[3] / "docs" / "guides" / "resuming.md").read_text(encoding="utf-8")
+def test_the_table_of_the_language_names_every_public_name_once() -> None:
+    table = REFERENCE[0].read_text(encoding="utf-8").partition("## ")[0]
+    named = re.findall(r"`([A-Za-z_]+)`", "\n".join(line for line in table.splitlines() if line.startswith("| [")))
+    strategies = {name for name in planlang.__all__ if getattr(planlang, name).__module__ == "planlang.recoveries"}
+    assert sorted(set(planlang.__all__) - set(named) - strategies - {"PlanStructureError"}) == []
+    assert sorted(name for name in set(named) if named.count(name) > 1) == []
+
+
+@pytest.mark.parametrize("page", REFERENCE, ids=lambda page: page.stem)
+def test_every_function_that_a_page_mentions_exists(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    homes = (planlang, failures, testing, planlang.Handle, planlang.Plan, planlang.TaskTree, planlang.Trace)
+    known = {name for home in homes for name in dir(home)} | names_used()
+    words = set(re.findall(r"`([A-Za-z_]+)\(", text))
+    assert sorted(words - known) == []
+
+
+RESUMING = (DOCS / "guides" / "resuming.md").read_text(encoding="utf-8")
 
 
 def test_the_page_tells_of_codes_that_exist_and_of_all_records() -> None:
