@@ -84,7 +84,7 @@ def assert_reaches(stage: Stage, judge_of: MakeJudge, solutions: list[Solution],
             a_location(visible_from=THE_BOTTLE),
             a_location(in_front_of=an_object("Cabinet-PieceOfFurniture")),
         ],
-        2,
+        every=6,
     ),
     ids=str,
 )

@@ -46,7 +46,7 @@ def snapshot(stage: Stage) -> tuple[object, ...]:
     )
 
 
-@pytest.mark.parametrize("location", LOCATIONS, ids=str)
+@pytest.mark.parametrize("location", some(LOCATIONS, every=2), ids=str)
 def test_asking_for_places_changes_neither_truth_nor_belief_nor_the_planning_world(
     location: Location, ward: Stage
 ) -> None:

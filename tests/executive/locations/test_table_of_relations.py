@@ -233,7 +233,7 @@ def hand_keeps(stage: Stage, relation: Relation, tip: Array, held: Array | None,
     return keeps(relation, BOTTLE, 0.0, place, asked_from, OF_A_THING)
 
 
-@pytest.mark.parametrize("name", some(sorted(HANDS), 2))
+@pytest.mark.parametrize("name", some(sorted(HANDS), every=4))
 def test_a_hand_keeps_the_relation_and_then_it_holds(name: str, make_stage: MakeStage, judge_of: MakeJudge) -> None:
     stage, location = make_stage(*ALL), HANDS[name]
     carries = name in ("on", "in_", "in_reach_of")
