@@ -17,7 +17,6 @@ from typer.testing import CliRunner, Result
 
 from executive.cli.app import app
 from planlang.files import Bundled, bundled
-from tests.support.examples import some
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 ROOM = Bundled.ENVIRONMENT.find("hospital_room")

@@ -3,10 +3,6 @@
 from __future__ import annotations
 
 import re
-import sys
-from contextlib import redirect_stdout
-from io import StringIO
-from itertools import pairwise
 from pathlib import Path
 
 import planlang
