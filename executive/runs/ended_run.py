@@ -56,7 +56,11 @@ class EndedRun:
         return path
 
     @cached_property
-    def page(self) -> str:
-        """The page of the run, made once. Raises BadInput if the run cannot be repeated."""
+    def _page(self) -> str:
         with tempfile.TemporaryDirectory(prefix="planlang-") as folder:
             return self.write("report", Path(folder) / "run.html").read_text(encoding="utf-8")
+
+    @property
+    def page(self) -> str:
+        """The page of the run, made once. Raises BadInput if the run cannot be repeated."""
+        return self._page

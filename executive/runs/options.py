@@ -8,7 +8,7 @@ from dataclasses import field
 from enum import Enum
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from executive.runs.failure import Failure
 from executive.runs.final_state import Tilts
@@ -22,7 +22,6 @@ from sim.truth import Truth
 
 if TYPE_CHECKING:
     from executive.runs.assembly import RobotExecutive
-    from executive.runs.ended_run import EndedRun
 
 
 class Outcome(Enum):
@@ -72,6 +71,20 @@ class RunOptions(RunSettings):
     """Given the executive before the plan runs: it may wrap its process modules, to let requests fail, for example."""
 
 
+class Ended(Protocol):
+    """A run that has ended, and is repeated for what it was not asked for; see :mod:`executive.runs.ended_run`."""
+
+    @property
+    def page(self) -> str:
+        """The page of the run."""
+
+    def records(self) -> Sequence[Mapping[str, Any]]:
+        """Return the records of the trace."""
+
+    def write(self, what: str, path: Path, *, force: bool = False, view: str | None = None) -> Path:
+        """Write a file of the run."""
+
+
 @dataclass(frozen=True, slots=True)
 class RunResult:
     """Result of a run, which shows itself in a notebook. Equal inputs and seeds give equal results."""
@@ -89,7 +102,7 @@ class RunResult:
     tilts: Tilts = field(default_factory=Tilts)
     """The angles by which what was carried leaned from upright, in the simulator's truth."""
     seed: int = 0
-    ended: EndedRun | None = field(default=None, repr=False, compare=False)
+    ended: Ended | None = field(default=None, repr=False, compare=False)
     """What can still be shown of the run; None if it did not begin."""
 
     @property
@@ -150,7 +163,7 @@ class RunResult:
         """
         return self._shown().write("picture", Path(path), force=force, view=view)
 
-    def _shown(self) -> EndedRun:
+    def _shown(self) -> Ended:
         if self.ended is None:
             raise BadInput([error("C041", "the run did not begin: there is nothing to show", help=self.message)])
         return self.ended

@@ -51,14 +51,12 @@ def context_of(
     shown = Context(None if text is None else plan_source(name, text))
     if made is None:
         return shown
-    from planlang.compiler.drawing import task_graph  # most runs draw none
-
     source = None if recipe is None else _text(recipe)
     return replace(
         shown,
         recipe=None if recipe is None or source is None else recipe_source(made.recipes, recipe.name, source),
         labels=labels_of(made.recipes),
-        graph=task_graph(made.recipes, made.added, made.recoveries),
+        graph=made.graph.graph,
     )
 
 
